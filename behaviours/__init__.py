@@ -2,8 +2,8 @@
 
 import sys
 
-from behaviours.deferred import DEFERRED, DeferredFinder
+from behaviours.deferred import LAZY_MODULES, LazyModuleFinder
 
 __project__ = "missiontree"
 
-sys.meta_path.insert(0, DeferredFinder(DEFERRED))
+sys.meta_path.insert(0, LazyModuleFinder(LAZY_MODULES))

@@ -16,7 +16,7 @@ class Notify(Leaf):
     Succeeds at once; the notice is delivered later, as often as that must be tried.
     """
 
-    word = "notify"
+    tag = "notify"
     ends = frozenset({"success"})
     instant = True
     text: str = argument("text", "what to tell", principal=True)
@@ -33,7 +33,7 @@ class Wait(Leaf):
     Running until the time is over, then succeeds.
     """
 
-    word = "wait"
+    tag = "wait"
     ends = frozenset({"success"})
     duration: float = argument("duration", "how long", principal=True, low=0.0)
 
@@ -47,7 +47,7 @@ class Log(Leaf):
     Succeeds at once.
     """
 
-    word = "log"
+    tag = "log"
     instant = True
     text: str = argument("text", "what to write", principal=True)
 
@@ -63,20 +63,20 @@ class Set(Leaf):
     Succeeds at once.
     """
 
-    word = "set"
+    tag = "set"
     instant = True
     open_ended = True
 
     def update(self) -> Status:
         self.scope.update(self.values)
-        self.run.stored = True
+        self.run.variables_changed = True
         return SUCCESS
 
 
 class Succeed(Leaf):
     """Succeed at once."""
 
-    word = "succeed"
+    tag = "succeed"
 
     def update(self) -> Status:
         return SUCCESS
@@ -85,7 +85,7 @@ class Succeed(Leaf):
 class Fail(Leaf):
     """Fail at once, for a reason of your own."""
 
-    word = "fail"
+    tag = "fail"
     because: str = argument("text", "the reason to give", default="told to fail", principal=True)
 
     def update(self) -> Status:
@@ -98,7 +98,7 @@ class Pretend(Leaf):
     A halt or a restart does not rewind it.
     """
 
-    word = "pretend"
+    tag = "pretend"
     outcomes: Sequence[Status] = argument("outcomes", "running, success and failure, in turn", principal=True)
     _next = 0
 

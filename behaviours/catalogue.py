@@ -7,15 +7,15 @@ from types import MappingProxyType
 
 from behaviours.leaf import Leaf
 
-PLACES: Mapping[str, str] = {
-    "face_seen": "sight:FaceSeen",
+LEAF_PATHS: Mapping[str, str] = {
+    "face_seen": "sight:FaceSeenLeaf",
     "face_centred": "sight:FaceCentred",
     "faces_at_least": "sight:FacesAtLeast",
     "find_face": "sight:FindFace",
     "identify": "sight:Identify",
-    "object_seen": "search:ObjectSeen",
+    "object_seen": "search:ObjectSeenLeaf",
     "find_object": "search:FindObject",
-    "robot_seen": "robots:RobotSeen",
+    "robot_seen": "robots:RobotSeenLeaf",
     "find_robot": "robots:FindRobot",
     "track_face": "tracking.track:TrackFace",
     "track_object": "tracking.track:TrackObject",
@@ -23,19 +23,19 @@ PLACES: Mapping[str, str] = {
     "follow_person": "tracking.track:FollowPerson",
     "scene_uniform": "scene:SceneUniform",
     "dark": "scene:Dark",
-    "motion_seen": "scene:MotionSeen",
-    "look": "head:Look",
+    "motion_seen": "scene:MotionSeenLeaf",
+    "look": "head:LookLeaf",
     "look_at": "head:LookAt",
     "scan": "scan:Scan",
     "nod": "head_motion:Nod",
     "shake_head": "head_motion:ShakeHead",
     "sweep_head": "head_motion:SweepHead",
-    "drive": "driving.motion:Drive",
-    "turn": "driving.motion:Turn",
+    "drive": "driving.motion:DriveLeaf",
+    "turn": "driving.motion:TurnLeaf",
     "arc": "driving.motion:Arc",
     "go_to": "driving.go_to:GoTo",
     "velocity": "driving.motion:Cruise",
-    "walk": "legs:Walk",
+    "walk": "legs:WalkLeaf",
     "turn_in_place": "legs:TurnInPlace",
     "stand": "legs:Stand",
     "sit": "legs:Sit",
@@ -43,9 +43,9 @@ PLACES: Mapping[str, str] = {
     "get_up": "legs:GetUp",
     "fallen": "legs:Fallen",
     "wander": "wander:Wander",
-    "dock": "docking:Dock",
-    "stop": "driving.motion:Stop",
-    "sound": "signals:Sound",
+    "dock": "docking:DockLeaf",
+    "stop": "driving.motion:StopLeaf",
+    "sound": "signals:SoundLeaf",
     "led": "signals:Led",
     "bumped": "feeling:Bumped",
     "cliff": "feeling:Cliff",
@@ -53,11 +53,11 @@ PLACES: Mapping[str, str] = {
     "docked": "feeling:Docked",
     "button_pressed": "feeling:ButtonPressed",
     "obstacle_within": "feeling:ObstacleWithin",
-    "gesture": "playing:Gesture",
+    "gesture": "playing:GestureLeaf",
     "play": "playing:Play",
     "record_move": "playing:RecordMove",
     "move_joints": "joints:MoveJoints",
-    "sweep": "sweep_joints:Sweep",
+    "sweep": "sweep_joints:SweepLeaf",
     "mirror": "mirror:Mirror",
     "follow_joint": "mirror:FollowJoint",
     "torque": "joints:Torque",
@@ -68,15 +68,15 @@ PLACES: Mapping[str, str] = {
     "say": "voice:Say",
     "play_sound": "voice:PlaySound",
     "listen": "hearing:Listen",
-    "heard": "hearing:Heard",
-    "face": "screen:Face",
+    "heard": "hearing:HeardLeaf",
+    "face": "screen:FaceLeaf",
     "show": "screen:Show",
     "navigate": "ros2:Navigate",
     "navigate_through": "ros2:NavigateThrough",
     "call_service": "ros2:CallService",
     "ros2_action": "ros2:Ros2Action",
     "publish": "ros2:Publish",
-    "topic": "ros2:Topic",
+    "topic": "ros2:TopicLeaf",
     "wait": "basics:Wait",
     "log": "basics:Log",
     "notify": "basics:Notify",
@@ -94,27 +94,27 @@ class Catalogue(Mapping[str, type[Leaf]]):
     ``skipped`` are the files and packages that could have had more, and could not be loaded.
     """
 
-    def __init__(self, places: Mapping[str, str], others: Mapping[str, type[Leaf]] = MappingProxyType({})) -> None:
+    def __init__(self, paths: Mapping[str, str], loaded: Mapping[str, type[Leaf]] = MappingProxyType({})) -> None:
         self.skipped: list[str] = []
-        self._places = places
-        self._others = others
+        self._paths = paths
+        self._loaded = loaded
 
     def __getitem__(self, word: str) -> type[Leaf]:
-        if word in self._others:
-            return self._others[word]
-        module, _, name = self._places[word].partition(":")
+        if word in self._loaded:
+            return self._loaded[word]
+        module, _, name = self._paths[word].partition(":")
         leaf: type[Leaf] = getattr(import_module(f"behaviours.{module}"), name)
         return leaf
 
     def __contains__(self, word: object) -> bool:
-        return word in self._places or word in self._others
+        return word in self._paths or word in self._loaded
 
     def __iter__(self) -> Iterator[str]:
-        return chain(self._places, self._others)
+        return chain(self._paths, self._loaded)
 
     def __len__(self) -> int:
-        return len(self._places) + len(self._others)
+        return len(self._paths) + len(self._loaded)
 
 
-LEAVES: Mapping[str, type[Leaf]] = Catalogue(PLACES)
+LEAVES: Mapping[str, type[Leaf]] = Catalogue(LEAF_PATHS)
 """All that ship."""

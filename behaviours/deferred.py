@@ -8,10 +8,10 @@ from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import LazyLoader
 from types import ModuleType
 
-DEFERRED = frozenset({"py_trees.demos", "py_trees.display", "py_trees.programs", "py_trees.tests"})
+LAZY_MODULES = frozenset({"py_trees.demos", "py_trees.display", "py_trees.programs", "py_trees.tests"})
 
 
-class DeferredFinder:
+class LazyModuleFinder:
     """Finds the modules of these ``names`` where Python finds them; they are run when an attribute is first asked for.
 
     One for ``sys.meta_path``, as importlib's documentation has it under LazyLoader.

@@ -20,7 +20,7 @@ class ObstacleWithin(Leaf):
     lower than it looks, it does not see.
     """
 
-    word = "obstacle_within"
+    tag = "obstacle_within"
     needs = frozenset({"range"})
     instant = True
     distance: float = argument("length", "how near", principal=True, low=0.0)
@@ -38,7 +38,7 @@ class ObstacleWithin(Leaf):
 SIDES = ("any", "left", "centre", "right")
 
 
-class Felt(Leaf):
+class BaseCondition(Leaf):
     """Judges the base's newest report; suspended while there is no fresh one."""
 
     needs = frozenset({"base"})
@@ -55,58 +55,58 @@ class Felt(Leaf):
         """Succeed or fail by what is felt."""
 
 
-class _OnSide(Felt):
+class _SideCondition(BaseCondition):
     """Is something felt at a side?"""
 
     side: str = argument("choice", "where", default="any", choices=SIDES, principal=True)
     noun: str
 
     def judge(self, state: BaseState) -> Status:
-        felt = self.felt(state)
+        felt = self.sensor_sides(state)
         on = bool(felt) if self.side == "any" else getattr(felt, self.side)
         self.feedback_message = f"{self.noun} {felt}" if felt else f"no {self.noun}"
         return SUCCESS if on else self.fail(self.feedback_message)
 
     @abstractmethod
-    def felt(self, state: BaseState) -> Sides:
+    def sensor_sides(self, state: BaseState) -> Sides:
         """Return the sensor's left, centre and right."""
 
 
-class Bumped(_OnSide):
+class Bumped(_SideCondition):
     """Is a bumper pressed?
 
     Succeeds while it is, there or anywhere, fails when not. It never runs. A base that has backed off after a bump does
     not feel it any more.
     """
 
-    word = "bumped"
+    tag = "bumped"
     noun = "bumper"
 
-    def felt(self, state: BaseState) -> Sides:
+    def sensor_sides(self, state: BaseState) -> Sides:
         return state.bumper
 
 
-class Cliff(_OnSide):
+class Cliff(_SideCondition):
     """Does a cliff sensor see no floor?
 
     Succeeds while one does not, there or anywhere, fails when all see it. It never runs.
     """
 
-    word = "cliff"
+    tag = "cliff"
     noun = "cliff"
 
-    def felt(self, state: BaseState) -> Sides:
+    def sensor_sides(self, state: BaseState) -> Sides:
         return state.cliff
 
 
-class BatteryBelow(Felt):
+class BatteryBelow(BaseCondition):
     """Is the base's battery lower than that?
 
     Succeeds when its newest report says so, fails when not. It never runs. Under load the figure dips for a moment;
     `battery.low` and `battery.critical` in expressions are sure of it, by the thresholds of the robot file.
     """
 
-    word = "battery_below"
+    tag = "battery_below"
     percent: float = argument("share", "how full", principal=True, low=0.0, high=1.0)
 
     def judge(self, state: BaseState) -> Status:
@@ -114,25 +114,25 @@ class BatteryBelow(Felt):
         return SUCCESS if state.battery_percent < 100 * self.percent else self.fail(self.feedback_message)
 
 
-class Docked(Felt):
+class Docked(BaseCondition):
     """Does the base stand on the contacts of its dock?
 
     Succeeds while it does, fails when not. It never runs.
     """
 
-    word = "docked"
+    tag = "docked"
 
     def judge(self, state: BaseState) -> Status:
         return SUCCESS if state.docked else self.fail("not on the dock")
 
 
-class ButtonPressed(Felt):
+class ButtonPressed(BaseCondition):
     """Is a button of the base pressed?
 
     Succeeds while it is, fails when not. It never runs, so it has to be asked in time: a press is over in a moment.
     """
 
-    word = "button_pressed"
+    tag = "button_pressed"
     number: int = argument("count", "which: 0, 1 or 2", principal=True, low=0, high=2)
 
     def judge(self, state: BaseState) -> Status:

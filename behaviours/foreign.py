@@ -15,11 +15,11 @@ from py_trees.common import Status
 
 from behaviours.leaf import REQUIRED, Argument, Leaf
 
-KINDS: dict[object, str] = {float: "number", int: "count", str: "text", bool: "flag"}
+ARGUMENT_KINDS: dict[object, str] = {float: "number", int: "count", str: "text", bool: "flag"}
 """The kind of argument that a parameter becomes, by its annotation; without one it takes anything."""
 
 
-class Foreign(Leaf):
+class PyTreesLeaf(Leaf):
     """A leaf around a behaviour, or a whole tree, that py_trees ticks by its own rules.
 
     Statuses and calls are those of py_trees' own ``tick_once``, but for these, which are meant:
@@ -42,15 +42,15 @@ class Foreign(Leaf):
     """
 
     inner: Behaviour | None = None
-    _raised: Sequence[Behaviour] = ()  # what a tick that raised had come to, from the root down
+    _failed_path: Sequence[Behaviour] = ()  # what a tick that raised had come to, from the root down
 
     @abstractmethod
-    def behaviour(self) -> Behaviour:
+    def current_behaviour(self) -> Behaviour:
         """Return what is to be ticked from this start on."""
 
     def initialise(self) -> None:
         """See to it that there is a behaviour, set up and with the arguments of now."""
-        found = self.behaviour()
+        found = self.current_behaviour()
         if found is not self.inner:
             found.setup_with_descendants()
             self.inner = found
@@ -60,11 +60,11 @@ class Foreign(Leaf):
         """Tick it once, and take on its status and feedback."""
         if self.inner is None:
             return self.fail("it was not started")
-        self._raised = ()
+        self._failed_path = ()
         try:
             self.inner.tick_once()
         except BaseException as error:
-            self._raised = _reached(error)
+            self._failed_path = _ticked_path(error)
             raise
         self.feedback_message = self.inner.feedback_message
         return self.inner.status
@@ -72,7 +72,7 @@ class Foreign(Leaf):
     def terminate(self, new_status: Status) -> None:
         """Stop it if it runs, or if it raised; one that has ended has been told so by py_trees."""
         del new_status
-        raised, self._raised = self._raised, ()
+        raised, self._failed_path = self._failed_path, ()
         # Where the tick raised, py_trees does not know yet that these, and what runs below them, have started.
         with ExitStack() as deepest_first:
             for node in raised:
@@ -81,39 +81,39 @@ class Foreign(Leaf):
             self.inner.stop(Status.INVALID)
 
 
-class Around(Foreign):
+class WrappedInstance(PyTreesLeaf):
     """A leaf around a behaviour, or the root of a tree, that was made already."""
 
-    word = "py_trees"
+    tag = "py_trees"
 
     def __init__(self, inner: Behaviour) -> None:
         super().__init__(inner.name)
-        self._given = inner
+        self._behaviour = inner
         self.children = [inner]
 
-    def behaviour(self) -> Behaviour:
+    def current_behaviour(self) -> Behaviour:
         """Return what was given."""
-        return self._given
+        return self._behaviour
 
 
-class Made(Foreign):
+class WrappedClass(PyTreesLeaf):
     """A leaf that makes its behaviour of a class, with the arguments that stand in the mission."""
 
     make: ClassVar[Callable[..., Behaviour]]
     takes_name: ClassVar[bool] = False
-    _made_with: dict[str, Any] | None = None
+    _arguments_used: dict[str, Any] | None = None
 
-    def behaviour(self) -> Behaviour:
+    def current_behaviour(self) -> Behaviour:
         """Make it with the arguments of now, unless it was made with the same ones before."""
         arguments = {name: getattr(self, name) for name in self.arguments}
-        if self.inner is not None and arguments == self._made_with:
+        if self.inner is not None and arguments == self._arguments_used:
             return self.inner
         made = type(self).make(**arguments, **({"name": self.name} if self.takes_name else {}))
-        self._made_with = arguments
+        self._arguments_used = arguments
         return made
 
 
-def _reached(error: BaseException) -> list[Behaviour]:
+def _ticked_path(error: BaseException) -> list[Behaviour]:
     """Return the behaviours that were being ticked when ``error`` was raised, from the root down."""
     found = []
     for frame, _ in traceback.walk_tb(error.__traceback__):
@@ -123,7 +123,7 @@ def _reached(error: BaseException) -> list[Behaviour]:
     return found
 
 
-def word_of(cls: type) -> str:
+def tag_of(cls: type) -> str:
     """Return the word for a class: ``TrackFace`` is ``track_face``, ``LEDBlink`` is ``led_blink``."""
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", cls.__name__).lower()
 
@@ -149,11 +149,11 @@ def leaf_of(cls: type[Behaviour]) -> type[Leaf]:
     body = {
         "__doc__": inspect.getdoc(cls) or f"{cls.__name__}, a behaviour of py_trees.",
         "__module__": cls.__module__,
-        "word": word_of(cls),
+        "word": tag_of(cls),
         "make": staticmethod(cls),
         "takes_name": "name" in parameters,
     }
-    return type(cls.__name__, (Made,), body | declared)
+    return type(cls.__name__, (WrappedClass,), body | declared)
 
 
 def _argument(cls: type, parameter: inspect.Parameter, hint: object) -> Argument | None:
@@ -164,9 +164,9 @@ def _argument(cls: type, parameter: inspect.Parameter, hint: object) -> Argument
     asked = options[0] if len(options) == 1 else hint  # `int | None` takes a count
     if asked is parameter.empty:
         asked = type(parameter.default)
-    kind = KINDS.get(asked, "value" if hint in (parameter.empty, Any, object) else None)
+    kind = ARGUMENT_KINDS.get(asked, "value" if hint in (parameter.empty, Any, object) else None)
     positional_only = parameter.kind is parameter.POSITIONAL_ONLY
-    own = parameter.name in {*dir(Made("any")), "run", "robot", "scope"}  # attributes that every leaf has
+    own = parameter.name in {*dir(WrappedClass("any")), "run", "robot", "scope"}  # attributes that every leaf has
     if kind is not None and not positional_only and not own:
         help_text = f"{parameter.name.replace('_', ' ')}, of {cls.__name__}"
         return Argument(parameter.name, kind, help_text, REQUIRED if required else parameter.default)

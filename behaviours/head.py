@@ -15,14 +15,14 @@ from perception.api import Percept
 
 P = TypeVar("P", bound=Percept)
 
-BLIND = 2.0
+PICTURE_TIMEOUT = 2.0
 """Seconds without a picture searched after which something is missed for want of pictures."""
 
-LATELY = 0.5
+DEFAULT_MAX_AGE = 0.5
 """Seconds for which what was seen counts as in view, where nothing else is said."""
 
 
-class Seeing(Leaf, Generic[P]):
+class PerceptLeaf(Leaf, Generic[P]):
     """Looks for one sort of percept. A subclass says which: ``percepts``, largest first, and ``noun``, its name."""
 
     needs = frozenset({"camera"})
@@ -37,66 +37,66 @@ class Seeing(Leaf, Generic[P]):
     def percepts(self) -> Sequence[P]:
         """Return all that the eyes follow now of this sort, largest first."""
 
-    def wanted(self, percept: P) -> bool:
+    def matches(self, percept: P) -> bool:
         """Whether it is one of those that are looked for: any."""
         del percept
         return True
 
-    def all_fresh(self, *, since: float = -math.inf) -> list[P]:
+    def fresh_percepts(self, *, since: float = -math.inf) -> list[P]:
         """Return those wanted that were seen lately enough to count, and not before ``since``, largest first."""
-        oldest = max(since, self.run.now() - self.age_limit)
-        return [percept for percept in self.percepts() if percept.stamp >= oldest and self.wanted(percept)]
+        oldest = max(since, self.run.read_value() - self.age_limit)
+        return [percept for percept in self.percepts() if percept.stamp >= oldest and self.matches(percept)]
 
-    def fresh(self, *, since: float = -math.inf) -> P | None:
+    def largest_fresh(self, *, since: float = -math.inf) -> P | None:
         """Return the largest of those."""
-        return next(iter(self.all_fresh(since=since)), None)
+        return next(iter(self.fresh_percepts(since=since)), None)
 
-    def nobody(self, so_far: str = "") -> str:
+    def absence_reason(self, so_far: str = "") -> str:
         """Say that none is seen; or that nothing is, which is another trouble."""
         looked = self.robot.sight.looked()
-        blind = looked is None or self.run.now() - looked > BLIND
+        blind = looked is None or self.run.read_value() - looked > PICTURE_TIMEOUT
         return "no pictures from the camera" if blind else so_far or f"no {self.noun} in view"
 
-    def absent(self, reason: str = "") -> Status:
+    def fail_absent(self, reason: str = "") -> Status:
         """Fail because none is in view; suspended instead where no picture is new enough to tell."""
         looked = self.robot.sight.looked()
-        if looked is None or self.run.now() - looked > max(self.age_limit, LATELY):
+        if looked is None or self.run.read_value() - looked > max(self.age_limit, DEFAULT_MAX_AGE):
             return self.suspend("camera")
-        return self.fail(reason or self.nobody())
+        return self.fail(reason or self.absence_reason())
 
-    def see(self, percept: P) -> Status:
+    def accept(self, percept: P) -> Status:
         """Succeed with ``percept``."""
         self.result = percept
         return SUCCESS
 
 
-class Seen(Seeing[P]):
+class SeenLeaf(PerceptLeaf[P]):
     """Succeeds with the largest that was seen lately, fails when there is none; suspended without pictures."""
 
     instant = True
 
     def update(self) -> Status:
-        found = self.fresh()
-        return self.see(found) if found is not None else self.absent()
+        found = self.largest_fresh()
+        return self.accept(found) if found is not None else self.fail_absent()
 
 
-ARRIVED = math.radians(1.0)
+ARRIVAL_TOLERANCE = math.radians(1.0)
 """Within this angle the head has arrived; a hobby servo takes whole degrees."""
 
-SAG = math.radians(3.0)
+SAG_TOLERANCE = math.radians(3.0)
 """As far from its goal a measured head may come to rest: a servo under load stops short of it."""
 
-SETTLED = 1.0
+SETTLE_TIME = 1.0
 """Seconds without a change after which a head that has not arrived never will: no servo starts that late."""
 
 MIN_LOOK_DISTANCE = 0.02
 """Metres from the camera within which nothing can be looked at."""
 
 
-class Arrival:
+class ArrivalDetector:
     """Watches a head on its way to its goals; ``within`` radians of one it has arrived."""
 
-    def __init__(self, within: float = ARRIVED) -> None:
+    def __init__(self, within: float = ARRIVAL_TOLERANCE) -> None:
         self._within = within
         self._seen: HeadPose | None = None
         self._goal: HeadPose | None = None
@@ -109,59 +109,63 @@ class Arrival:
         if pose is None or not reading.good:
             self._seen, self.stuck = None, False
             return False
-        if self._seen is None or self._goal is None or apart(pose, self._seen) + apart(goal, self._goal) > ARRIVED / 4:
+        if (
+            self._seen is None
+            or self._goal is None
+            or pose_difference(pose, self._seen) + pose_difference(goal, self._goal) > ARRIVAL_TOLERANCE / 4
+        ):
             self._seen, self._goal, self._since = pose, goal, now
-        at_rest = now - self._since >= SETTLED
-        self.stuck = at_rest and apart(pose, goal) > SAG
-        return arrived(reading, goal, self._within) or (at_rest and not self.stuck)
+        at_rest = now - self._since >= SETTLE_TIME
+        self.stuck = at_rest and pose_difference(pose, goal) > SAG_TOLERANCE
+        return has_arrived(reading, goal, self._within) or (at_rest and not self.stuck)
 
 
-class _Looking(Leaf):
+class _HeadTurnLeaf(Leaf):
     """What turns to one pose and is done."""
 
     needs = frozenset({"head"})
     drives = frozenset({"head"})
-    stores = "where the head looks: pan, tilt"
-    keeps = HeadPose
-    _arrival: Arrival
+    output_doc = "where the head looks: pan, tilt"
+    output_type = HeadPose
+    _arrival: ArrivalDetector
 
     def initialise(self) -> None:
-        self._arrival = Arrival()
+        self._arrival = ArrivalDetector()
 
     def turn(self, target: HeadPose) -> Status:
         """Go on to ``target``; say where the head is, and where it cannot go further."""
         # Said at every tick: a head that was gone for a moment has forgotten where to look.
         goal = self.robot.head.look(target)
         reading = self.robot.head.pose()
-        there = self._arrival(reading, goal, self.run.now())
-        clamped = apart(goal, target) > ARRIVED
-        wanted = f"{shown(goal)}, the limit for {shown(target)}" if clamped else shown(goal)
+        there = self._arrival(reading, goal, self.run.read_value())
+        clamped = pose_difference(goal, target) > ARRIVAL_TOLERANCE
+        wanted = f"{pose_text(goal)}, the limit for {pose_text(target)}" if clamped else pose_text(goal)
         if self._arrival.stuck and reading.value is not None:
-            return self.fail(f"the head rests at {shown(reading.value)} and does not come to {wanted}")
+            return self.fail(f"the head rests at {pose_text(reading.value)} and does not come to {wanted}")
         if not there:
-            here = "the head is on its way" if reading.value is None else f"the head is at {shown(reading.value)}"
+            here = "the head is on its way" if reading.value is None else f"the head is at {pose_text(reading.value)}"
             return self.wait(f"{here}, on its way to {wanted}")
         self.result = reading.value
-        self.feedback_message = f"looks at {wanted}{unmeasured(self.robot.head)}"
+        self.feedback_message = f"looks at {wanted}{unmeasured_note(self.robot.head)}"
         return SUCCESS
 
     def on_pause(self) -> None:
         super().on_pause()
-        self._arrival = Arrival()  # at rest on its way, it is not stuck
+        self._arrival = ArrivalDetector()  # at rest on its way, it is not stuck
 
     def terminate(self, new_status: Status) -> None:
         if new_status is not SUCCESS:
             self.robot.head.stop()
 
 
-class Look(_Looking):
+class LookLeaf(_HeadTurnLeaf):
     """Turn the head.
 
     Running until the head looks there (or as near as its limits allow), then succeeds. Fails when the head comes to
     rest elsewhere. Hobby servos do not report where they stand: their success says "(not measured)".
     """
 
-    word = "look"
+    tag = "look"
     pan: float = argument("angle", "positive is to the left", default=0.0, principal=True, low=-math.pi, high=math.pi)
     tilt: float = argument("angle", "positive is down", default=0.0, low=-math.pi / 2, high=math.pi / 2)
     on: str = argument("head", "which head it turns, of a robot that has several", default="head")
@@ -170,32 +174,32 @@ class Look(_Looking):
         return self.turn(HeadPose(self.pan, self.tilt))
 
 
-class LookAt(_Looking):
+class LookAt(_HeadTurnLeaf):
     """Turn the head to a point: metres from the middle of the base on the floor, as the robot stands now.
 
     Running until the camera looks at it, then succeeds. Fails when the point is out of the head's reach, or when the
     head comes to rest elsewhere.
     """
 
-    word = "look_at"
+    tag = "look_at"
     x: float = argument("length", "how far ahead", low=-100.0, high=100.0)
     y: float = argument("length", "how far to the left", low=-100.0, high=100.0)
     z: float = argument("length", "how high above the floor", low=-100.0, high=100.0)
 
     def update(self) -> Status:
-        target = aim(self.robot.eye, (self.x, self.y, self.z))
+        target = pose_towards(self.robot.camera_position, (self.x, self.y, self.z))
         if target is None:
             return self.fail(f"({self.x:g}, {self.y:g}, {self.z:g}) m is where the camera is")
         limits = self.robot.head.limits
-        if apart(limits.clamp(target), target) > ARRIVED:
+        if pose_difference(limits.clamp(target), target) > ARRIVAL_TOLERANCE:
             return self.fail(
-                f"({self.x:g}, {self.y:g}, {self.z:g}) m is at {shown(target)}, beyond the head's limits: "
-                f"pan {_span(limits.pan)}, tilt {_span(limits.tilt)}"
+                f"({self.x:g}, {self.y:g}, {self.z:g}) m is at {pose_text(target)}, beyond the head's limits: "
+                f"pan {_range_text(limits.pan)}, tilt {_range_text(limits.tilt)}"
             )
         return self.turn(target)
 
 
-def aim(eye: tuple[float, float, float], point: tuple[float, float, float]) -> HeadPose | None:
+def pose_towards(eye: tuple[float, float, float], point: tuple[float, float, float]) -> HeadPose | None:
     """Return the pose in which a camera at ``eye`` has ``point`` (both metres, robot's frame) on its axis.
 
     None for a point so near that it lies in no direction.
@@ -206,26 +210,26 @@ def aim(eye: tuple[float, float, float], point: tuple[float, float, float]) -> H
     return HeadPose(math.atan2(y, x), math.atan2(-z, math.hypot(x, y)))
 
 
-def arrived(reading: Reading[HeadPose], goal: HeadPose, within: float = ARRIVED) -> bool:
+def has_arrived(reading: Reading[HeadPose], goal: HeadPose, within: float = ARRIVAL_TOLERANCE) -> bool:
     """True when the head is known to be at ``goal``, within so many radians: as nearly as its servos can."""
     pose = reading.value
-    return pose is not None and reading.good and apart(pose, goal) <= within
+    return pose is not None and reading.good and pose_difference(pose, goal) <= within
 
 
-def unmeasured(head: Head) -> str:
+def unmeasured_note(head: Head) -> str:
     """Return the note that belongs to each success on a head whose servos report nothing."""
     return "" if head.limits.measured else " (not measured)"
 
 
-def apart(one: HeadPose, other: HeadPose) -> float:
+def pose_difference(one: HeadPose, other: HeadPose) -> float:
     """Return how far two poses are apart in the axis in which they differ more, in radians."""
     return max(abs(one.pan - other.pan), abs(one.tilt - other.tilt))
 
 
-def shown(pose: HeadPose) -> str:
+def pose_text(pose: HeadPose) -> str:
     """Write a pose for a reason: "+20, -5 deg"."""
     return f"{round(math.degrees(pose.pan)):+d}, {round(math.degrees(pose.tilt)):+d} deg"
 
 
-def _span(ends: tuple[float, float]) -> str:
+def _range_text(ends: tuple[float, float]) -> str:
     return f"{math.degrees(ends[0]):.0f} to {math.degrees(ends[1]):.0f} deg"

@@ -10,14 +10,14 @@ from py_trees.common import Status
 
 from behaviours.leaf import SUCCESS, Leaf, argument
 from drivers.api import Angle, Coupling, Duration, JointLimits, Joints, JointState, Reading
-from drivers.api.joints import Following
+from drivers.api.joints import ActiveCouplings
 from drivers.api.quick import dataclass
 
 # How well joints followed a motion: where each should have been, where it was measured, and how far it was off.
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class JointSample:
     """Where a joint should have been, and was (radians), ``time`` seconds after the motion began."""
 
     time: float
@@ -44,14 +44,14 @@ class JointError:
     readings: int
 
 
-class Tracking:
+class TrackingErrors:
     """Gathers what is measured during one motion. ``samples`` are all of it, in the order in which they came."""
 
     def __init__(self) -> None:
-        self.samples: list[Sample] = []
+        self.samples: list[JointSample] = []
         self._newest: dict[str, float] = {}
 
-    def take(self, samples: Iterable[Sample]) -> None:
+    def add(self, samples: Iterable[JointSample]) -> None:
         """Take in those that are new: a reading that is asked for twice was measured once."""
         for sample in samples:
             if sample.time > self._newest.get(sample.joint, -math.inf):
@@ -60,34 +60,34 @@ class Tracking:
 
     def errors(self) -> Mapping[str, JointError]:
         """Return how far off each joint was; a joint that was never measured is left out."""
-        by_joint: dict[str, list[Sample]] = {}
+        by_joint: dict[str, list[JointSample]] = {}
         for sample in self.samples:
             by_joint.setdefault(sample.joint, []).append(sample)
         return {joint: _error(samples) for joint, samples in by_joint.items()}
 
 
-def _error(samples: Sequence[Sample]) -> JointError:
+def _error(samples: Sequence[JointSample]) -> JointError:
     worst = max(samples, key=lambda sample: abs(sample.error))
     rms = math.sqrt(math.fsum(sample.error**2 for sample in samples) / len(samples))
     return JointError(rms, abs(worst.error), worst.time, len(samples))
 
 
-SLOWEST = 0.1
+MIN_SPEED = 0.1
 """rad/s: under load, slower orders do not move a small servo evenly."""
 
 
-def spans(limits: JointLimits) -> bool:
+def has_range(limits: JointLimits) -> bool:
     """Whether a joint has a range that it may lead another through."""
     return limits.upper > limits.lower
 
 
-def by_range(leader: str, here: JointLimits, follower: str, there: JointLimits) -> Coupling:
-    """Return what brings a joint as far through its range as the one that leads it, which ``spans`` one."""
-    scale = (there.upper - there.lower) / (here.upper - here.lower)
-    return Coupling(leader, follower, scale, there.lower - scale * here.lower)
+def range_coupling(leader: str, leader_limits: JointLimits, follower: str, follower_limits: JointLimits) -> Coupling:
+    """Return what brings a joint as far through its range as the one that leads it, which ``has_range`` one."""
+    scale = (follower_limits.upper - follower_limits.lower) / (leader_limits.upper - leader_limits.lower)
+    return Coupling(leader, follower, scale, follower_limits.lower - scale * leader_limits.lower)
 
 
-class Mirroring:
+class JointMirror:
     """Sends the joints of ``follower`` where those of ``leader`` stand, as ``couplings`` say.
 
     Followers are brought over slowly at first, and after a pause. A leader that is not heard of leads nobody: its
@@ -99,46 +99,46 @@ class Mirroring:
         self._leader = leader
         self._follower = follower
         self._time = time
-        self._following = Following(couplings)
+        self._following = ActiveCouplings(couplings)
 
     def step(self, now: float) -> Mapping[str, float]:
         """Send the followers on; return the goals that they were sent (radians). Raises NotConnected, DeviceFault."""
-        goals = self._following.goals(_places(self._leader))
+        goals = self._following.goals(_known_positions(self._leader))
         if not goals:
             return {}
-        limits, at = self._follower.limits, _places(self._follower)
+        limits, at = self._follower.limits, _known_positions(self._follower)
         goals = {joint: limits[joint].clamp(goal) for joint, goal in goals.items()}
         speeds = self._following.speeds(goals, at, now)
         if self._time:
             ways = {joint: abs(goal - at.get(joint, inf)) / self._time for joint, goal in goals.items()}
-            even = {joint: max(speed, SLOWEST) for joint, speed in ways.items()}
+            even = {joint: max(speed, MIN_SPEED) for joint, speed in ways.items()}
             speeds = {joint: min(speeds.get(joint, inf), even[joint], limits[joint].speed) for joint in goals}
         return self._follower.move(goals, speeds=speeds)
 
     def pause(self) -> None:
         """Take note that the follower was away: its joints are brought over anew."""
-        self._following.pause()
+        self._following.mark_paused()
 
 
-def _places(arm: Joints) -> dict[str, float]:
+def _known_positions(arm: Joints) -> dict[str, float]:
     """Return where joints stand that are heard of."""
     states = arm.states().items()
     return {joint: state.value.position for joint, state in states if state.good and state.value is not None}
 
 
-AHEAD = 0.05
+GOAL_LEAD_TIME = 0.05
 """Seconds that the goals run ahead of the time: a tick and the bus."""
 
-LONGEST_STEP = 0.1
+MAX_STEP_TIME = 0.1
 """Seconds: a tick counts for no longer, so that after a late one, a pause or a lost arm nothing leaps."""
 
-RUN_IN = math.radians(50)
+RUN_IN_SPEED = math.radians(50)
 """rad/s at most on the way to where a movement begins, wherever the joints were left."""
 
-CATCH_UP = 0.2
+CATCH_UP_TIME = 0.2
 """Seconds within which a joint makes up for what it lags behind its path."""
 
-MARGIN = 1.1
+SPEED_MARGIN = 1.1
 """By how much faster than its path a joint may go: one that is at each goal a little early keeps up with the next."""
 
 REPORT_TIMEOUT = 3.0
@@ -152,29 +152,29 @@ class ReportWait:
     """
 
     def __init__(self) -> None:
-        self._waited = 0.0
+        self._waited_seconds = 0.0
         self._seen_at: float | None = None
 
-    def trouble(self, arm: Joints, silent: Collection[str], now: float) -> str:
+    def timeout_reason(self, arm: Joints, silent: Collection[str], now: float) -> str:
         """Return why ``silent`` joints are waited for no longer, with what helps; empty while they are."""
         health = arm.health()
         if not health.online:
-            self._waited, self._seen_at = 0.0, None
+            self._waited_seconds, self._seen_at = 0.0, None
             return ""
         if self._seen_at is not None:
-            self._waited += min(now - self._seen_at, LONGEST_STEP)
+            self._waited_seconds += min(now - self._seen_at, MAX_STEP_TIME)
         self._seen_at = now
-        if self._waited < REPORT_TIMEOUT:
+        if self._waited_seconds < REPORT_TIMEOUT:
             return ""
         hint = f"; try: {health.hint}" if health.hint else ""
         return f"{', '.join(sorted(silent))} cannot be moved: {health.detail or 'nothing is heard of it'}{hint}"
 
 
-ON_ARM: str = argument("arm", "which arm, of a robot that has several", default="arm")
+ARM_ARGUMENT: str = argument("arm", "which arm, of a robot that has several", default="arm")
 """The argument of leaves that move or feel joints, under the name ``on``."""
 
 
-class Path(Protocol):
+class JointPath(Protocol):
     """Where joints are to be over time."""
 
     def at(self, time: float) -> Mapping[str, float]:
@@ -185,12 +185,12 @@ class Path(Protocol):
 class JointMotion(Leaf):
     """Moves joints along a path: laid out from where they are, followed at its own time, and held where it is halted.
 
-    A subclass says which joints are ``moved``, lays out the ``path``, and says in ``follow`` how far it has come.
+    A subclass says which joints are ``moved_joints``, lays out the ``path``, and says in ``follow`` how far it has come.
     """
 
     needs = frozenset({"arm"})
     drives = frozenset({"arm"})
-    _path: Path | None = None
+    _path: JointPath | None = None
     _time = 0.0  # on the path
     _moved_at = 0.0
     _even_since = 0.0  # since when the path's time goes as the run's
@@ -201,51 +201,51 @@ class JointMotion(Leaf):
         self._wait = ReportWait()
 
     @abstractmethod
-    def moved(self) -> tuple[str, ...]:
+    def moved_joints(self) -> tuple[str, ...]:
         """Return the joints that it moves."""
 
     @abstractmethod
-    def path(self, start: Mapping[str, float]) -> Path:
+    def path(self, start: Mapping[str, float]) -> JointPath:
         """Return the path of its joints from where they are."""
 
     @abstractmethod
-    def follow(self, time: float, samples: Mapping[str, Sample]) -> Status:
+    def follow(self, time: float, samples: Mapping[str, JointSample]) -> Status:
         """Say how far it has come, ``time`` seconds after the start; ``samples`` are what was measured, by joint."""
 
     def update(self) -> Status:
         if self._path is None:
-            if joint_violations := self.joint_violations(self.robot.reach):
+            if joint_violations := self.joint_violations(self.robot.joint_ranges):
                 return self.fail("; ".join(joint_violations))
-            start, joints = positions(self.robot.arm), self.moved()
+            start, joints = positions(self.robot.arm), self.moved_joints()
             if silent := [joint for joint in joints if joint not in start]:
-                if trouble := self._wait.trouble(self.robot.arm, silent, self.run.now()):
+                if trouble := self._wait.timeout_reason(self.robot.arm, silent, self.run.read_value()):
                     return self.fail(trouble)
                 return self.wait(f"waiting for {', '.join(sorted(silent))} to report")
             self._path = self.path({joint: start[joint] for joint in joints})
-            self._time, self._moved_at = 0.0, self.run.now()
+            self._time, self._moved_at = 0.0, self.run.read_value()
             self._even_since = self._moved_at
-        return self._go_on(self._path)
+        return self._send_goals(self._path)
 
-    def _go_on(self, path: Path) -> Status:
+    def _send_goals(self, path: JointPath) -> Status:
         """Order where to be at the next tick."""
-        now = self.run.now()
+        now = self.run.read_value()
         passed = now - self._moved_at
-        if passed > LONGEST_STEP:
+        if passed > MAX_STEP_TIME:
             self._even_since = now
-        time = self._time + min(passed, LONGEST_STEP)
-        samples = self._measured(path, time, now)
-        goals, here = path.at(time + AHEAD), path.at(time)
+        time = self._time + min(passed, MAX_STEP_TIME)
+        samples = self._new_samples(path, time, now)
+        goals, here = path.at(time + GOAL_LEAD_TIME), path.at(time)
         limits = self.robot.arm.limits
         speeds = {}
         for joint, goal in goals.items():
             lag = -samples[joint].error if joint in samples else 0.0
-            speed = abs((goal - here[joint]) / AHEAD + lag / CATCH_UP) * MARGIN
-            speeds[joint] = min(max(speed, SLOWEST), limits[joint].speed)
+            speed = abs((goal - here[joint]) / GOAL_LEAD_TIME + lag / CATCH_UP_TIME) * SPEED_MARGIN
+            speeds[joint] = min(max(speed, MIN_SPEED), limits[joint].speed)
         self.robot.arm.move(goals, speeds=speeds)
         self._time, self._moved_at = time, now
         return self.follow(time, samples)
 
-    def _measured(self, path: Path, time: float, now: float) -> dict[str, Sample]:
+    def _new_samples(self, path: JointPath, time: float, now: float) -> dict[str, JointSample]:
         """Return the newest readings, each beside where its joint should have been when it was measured."""
         samples = {}
         planned: dict[float, Mapping[str, float]] = {}  # most readings were taken at the same time
@@ -257,16 +257,16 @@ class JointMotion(Leaf):
             then = time - (now - stamp)
             if stamp not in planned:
                 planned[stamp] = path.at(then)
-            samples[joint] = Sample(then, joint, planned[stamp][joint], position)
+            samples[joint] = JointSample(then, joint, planned[stamp][joint], position)
         return samples
 
     def on_pause(self) -> None:
         if self._path is not None:
-            self.robot.arm.hold(self.moved())
+            self.robot.arm.hold(self.moved_joints())
 
     def terminate(self, new_status: Status) -> None:
         if new_status is not SUCCESS and self._path is not None:
-            self.robot.arm.hold(self.moved())
+            self.robot.arm.hold(self.moved_joints())
 
 
 def positions(arm: Joints) -> dict[str, float]:
@@ -275,7 +275,7 @@ def positions(arm: Joints) -> dict[str, float]:
     return {joint: position for joint, position in found.items() if position is not None}
 
 
-def off(arm: Joints, goals: Mapping[str, float], tolerance: float) -> list[str]:
+def joints_off_goal(arm: Joints, goals: Mapping[str, float], tolerance: float) -> list[str]:
     """Return the joints that are not, or not known to be, within ``tolerance`` (radians) of their goals."""
     at = positions(arm)
     return [joint for joint, goal in goals.items() if abs(at.get(joint, math.inf) - goal) > tolerance]

@@ -50,7 +50,7 @@ class Argument:
         return self.default is REQUIRED
 
 
-def argument(kind: str, help: str, *, called: str = "", **options: Any) -> Any:  # noqa: A002 - as argparse and click
+def argument(kind: str, help: str, *, name: str = "", **options: Any) -> Any:  # noqa: A002 - as argparse and click
     """Declare an argument of a leaf, as a class attribute.
 
     ``speed: float = argument("speed", "how fast", default=0.2)``. When the leaf starts, the attribute holds the value:
@@ -58,13 +58,13 @@ def argument(kind: str, help: str, *, called: str = "", **options: Any) -> Any: 
     for phrases a mapping from how each is listened for to how it is written.
     ``called`` is its name in missions where that cannot be the attribute's, as ``name``, which every node has.
     """
-    return Argument(name=called, kind=kind, help=help, **options)
+    return Argument(name=name, kind=kind, help=help, **options)
 
 
-LIKE = 0.75
+MIN_SIMILARITY = 0.75
 """As much of two names must be alike for a slip: what is proposed moves, and an elbow is not the right elbow."""
 
-SLACK = 1e-6
+LIMIT_TOLERANCE = 1e-6
 """Radians by which an angle may lie beyond a limit: what is written in degrees is not exact."""
 
 
@@ -81,36 +81,36 @@ class JointRanges:
     arms: Mapping[str, "JointRanges"] = field(default_factory=dict)
     name: str = "arm"
 
-    def of(self, arm: str | None) -> "JointRanges":
+    def of_arm(self, arm: str | None) -> "JointRanges":
         """Return those of another ``arm`` of the robot, which has it; these where it is None."""
         return self if arm is None else replace(self.arms[arm], name=arm)
 
-    def unknown(self, names: Iterable[str]) -> list[str]:
+    def unknown_names(self, names: Iterable[str]) -> list[str]:
         """Return a mistake for each name that means neither a joint nor a group."""
         known = {*self.joints, *self.groups}
         return [
-            f"the {self.name} has no joint or group '{name}'{_meant(name, known)}"
+            f"the {self.name} has no joint or group '{name}'{_similar_name(name, known)}"
             for name in dict.fromkeys(names)
             if name not in known
         ]
 
-    def lacking(self, joints: Iterable[str]) -> list[str]:
+    def missing_joints(self, joints: Iterable[str]) -> list[str]:
         """Return what is wrong with the names that are none of a joint."""
         return self._no_joints(name for name in dict.fromkeys(joints) if name not in self.joints)
 
-    def named(self, names: Iterable[str]) -> tuple[str, ...]:
+    def resolve(self, names: Iterable[str]) -> tuple[str, ...]:
         """Return the joints that ``names`` mean, groups spelt out, each once; all joints where there is no name.
 
         Raises BadRequest with every name that means nothing.
         """
         names = tuple(names)
-        if wrong := self.unknown(names):
+        if wrong := self.unknown_names(names):
             raise BadRequest("; ".join(wrong))
         if not names:
             return tuple(self.joints)
         return tuple(dict.fromkeys(joint for name in names for joint in self.groups.get(name, (name,))))
 
-    def beyond(self, poses: Iterable[Mapping[str, float]]) -> list[str]:
+    def limit_violations(self, poses: Iterable[Mapping[str, float]]) -> list[str]:
         """Return a mistake for the joints in ``poses`` (radians) that the arm lacks, and for each asked too far."""
         poses = list(poses)
         wrong: dict[str, str] = {}
@@ -119,33 +119,33 @@ class JointRanges:
                 limits = self.joints.get(joint)
                 if joint in wrong or limits is None:
                     continue
-                if not limits.lower - SLACK <= angle <= limits.upper + SLACK:
-                    ends = f"{degrees(limits.lower)} to {degrees(limits.upper)}"
-                    wrong[joint] = f"{joint} at {degrees(angle)} is outside its limits ({ends})"
-        return [*self.lacking(joint for pose in poses for joint in pose), *wrong.values()]
+                if not limits.lower - LIMIT_TOLERANCE <= angle <= limits.upper + LIMIT_TOLERANCE:
+                    ends = f"{degrees_text(limits.lower)} to {degrees_text(limits.upper)}"
+                    wrong[joint] = f"{joint} at {degrees_text(angle)} is outside its limits ({ends})"
+        return [*self.missing_joints(joint for pose in poses for joint in pose), *wrong.values()]
 
-    def too_fast(self, speeds: Mapping[str, float]) -> list[str]:
+    def speed_violations(self, speeds: Mapping[str, float]) -> list[str]:
         """Return a mistake for each joint that is to go faster (rad/s) than it can."""
         return [
-            f"{joint} at {degrees(speed)}/s is faster than it goes ({degrees(self.joints[joint].speed)}/s)"
+            f"{joint} at {degrees_text(speed)}/s is faster than it goes ({degrees_text(self.joints[joint].speed)}/s)"
             for joint, speed in speeds.items()
-            if joint in self.joints and speed > self.joints[joint].speed + SLACK
+            if joint in self.joints and speed > self.joints[joint].speed + LIMIT_TOLERANCE
         ]
 
     def _no_joints(self, names: Iterable[str]) -> list[str]:
         names = list(names)
         groups = [name for name in names if name in self.groups]
-        missing = [f"'{name}'{_meant(name, self.joints)}" for name in names if name not in self.groups]
+        missing = [f"'{name}'{_similar_name(name, self.joints)}" for name in names if name not in self.groups]
         told = [f"'{name}' is a group of joints, and here each needs its own angle" for name in groups]
         joints = "joint" if len(missing) == 1 else "joints"
         return [*told, *([f"the {self.name} has no {joints} {', '.join(missing)}"] if missing else [])]
 
 
-def _meant(name: str, known: Iterable[str]) -> str:
-    close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=LIKE)
+def _similar_name(name: str, known: Iterable[str]) -> str:
+    close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=MIN_SIMILARITY)
     return f" (did you mean '{close[0]}'?)" if close else ""
 
 
-def degrees(angle: float) -> str:
+def degrees_text(angle: float) -> str:
     """Write an angle (radians) for a message: "12.5 deg"."""
     return f"{round(math.degrees(angle), 1) + 0.0:g} deg"

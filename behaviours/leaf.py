@@ -8,10 +8,10 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from behaviours.joint_ranges import REQUIRED, Argument, JointRanges, argument
-from behaviours.node import lost_reason
+from behaviours.node import sensor_timeout_reason
 from behaviours.robot import Robot
 from behaviours.run import log
-from behaviours.stopping import AT_REST, HALTING, STARTING, WORKING, Stopping
+from behaviours.stopping import AT_REST, HALTING, STARTING, WORKING, HaltableNode
 from drivers.errors import DriverError, NotConnected, SensorSilent
 
 # What a leaf raised or gave, in words: whatever that is, and whatever it does when it is asked for them.
@@ -31,7 +31,7 @@ def message_of(error: BaseException) -> str:
         return ""
 
 
-def shown(value: object) -> str:
+def short_repr(value: object) -> str:
     """Return what a leaf gave, whatever that is, for a message."""
     try:
         return repr(value)[:80]
@@ -45,14 +45,14 @@ __all__ = ["FAILURE", "IDLE", "REQUIRED", "RUNNING", "SUCCESS", "Argument", "Lea
 RUNNING, SUCCESS, FAILURE, IDLE = Status.RUNNING, Status.SUCCESS, Status.FAILURE, Status.INVALID
 
 
-class Leaf(Stopping):
+class Leaf(HaltableNode):
     """A behaviour that senses or acts. A subclass declares itself and says what to do.
 
     Its docstring is its entry in the catalogue: the first line what it does, the rest when it is running, succeeds
-    and fails. ``word`` is its name in missions. ``claims`` are the actuators it drives (``base``, ``head``, ``arm``,
-    ``voice``), ``needs`` the parts without which it is of no use, ``uses`` those that it makes use of where the robot
+    and fails. ``tag`` is its name in missions. ``claims`` are the actuators it drives (``base``, ``head``, ``arm``,
+    ``voice``), ``needs`` the parts without which it is of no use, ``optional_parts`` those that it makes use of where the robot
     has them (``range``); of one that needs the ``camera``, ``senses`` say what it looks for (``faces``, ``names`` of
-    people, ``things``, ``markers``, ``motion``). ``stores`` says what ``as: NAME`` keeps, ``keeps``
+    people, ``things``, ``markers``, ``motion``). ``output_doc`` says what ``as: NAME`` keeps, ``output_type``
     of which type that always is, as an annotation says it (``Face``, ``drivers.api.Length``), so that the checker knows
     its members and its dimension; the subclass puts it into ``result``, in SI units: it is
     kept when the leaf succeeds, and while it runs as soon as there is one. An
@@ -73,27 +73,27 @@ class Leaf(Stopping):
     """
 
     lasting_state: ClassVar[tuple[str, ...]] = ("result", "_halt_by", "_leaf_stage")
-    word: ClassVar[str] = ""
+    tag: ClassVar[str] = ""
     needs: ClassVar[frozenset[str]] = frozenset()
-    uses: ClassVar[frozenset[str]] = frozenset()
+    optional_parts: ClassVar[frozenset[str]] = frozenset()
     senses: ClassVar[frozenset[str]] = frozenset({"faces"})
-    stores: ClassVar[str] = ""
-    keeps: ClassVar[Any] = None
+    output_doc: ClassVar[str] = ""
+    output_type: ClassVar[Any] = None
     ends: ClassVar[frozenset[str]] = frozenset({"success", "failure"})
     instant: ClassVar[bool] = False
     open_ended: ClassVar[bool] = False
     arguments: ClassVar[Mapping[str, Argument]] = {}
     named_parts: ClassVar[Mapping[str, str]] = {}  # by their kinds, the one that it sees as its robot's only one
-    parts_beside: ClassVar[Mapping[str, str]] = {}  # the kinds of those that it means beside these, by their names
+    additional_parts: ClassVar[Mapping[str, str]] = {}  # the kinds of those that it means beside these, by their names
 
     robot: Robot
     result: object = None
-    keep_as: str | None = None
-    as_kept: Callable[[object], object] | None = None
+    output_variable: str | None = None
+    output_converter: Callable[[object], object] | None = None
     computed: Mapping[str, Callable[[], object]] = {}
     values: Mapping[str, object] = {}
     _prepares: ClassVar[bool] = False  # the class drives something, or has an initialise of its own
-    _since: float | None = None
+    _started_at: float | None = None
 
     def __init_subclass__(cls) -> None:
         """Collect the arguments that the class declares, after those of its bases."""
@@ -107,25 +107,25 @@ class Leaf(Stopping):
                 delattr(cls, name) if value.required else setattr(cls, name, value.default)
         cls.arguments = declared
         cls._prepares = bool(cls.drives) or cls.initialise is not Behaviour.initialise
-        cls._finishes = cls.terminate is not Behaviour.terminate
+        cls._has_terminate = cls.terminate is not Behaviour.terminate
 
     @classmethod
-    def senses_with(cls, given: Collection[str]) -> frozenset[str]:
+    def senses_for(cls, arguments: Collection[str]) -> frozenset[str]:
         """Return what it looks for with the camera where these arguments have a value: its ``senses``, or more."""
-        del given
+        del arguments
         return cls.senses
 
     @classmethod
-    def with_part(cls, kind: str, name: str, *, beside: bool = False) -> "type[Leaf]":
+    def with_part(cls, kind: str, name: str, *, additional: bool = False) -> "type[Leaf]":
         """Return the leaf that means the part of this name, of a kind of which robots may have several.
 
         That one it needs and claims, and sees as its robot's only one; or needs and claims as well, ``beside`` the one
         that it means already.
         """
         words, first = ("needs", "drives", "uses"), cls.named_parts.get(kind, kind)
-        if beside:
+        if additional:
             own: dict[str, Any] = {word: getattr(cls, word) | {name} for word in words if first in getattr(cls, word)}
-            own["parts_beside"] = {**cls.parts_beside, name: kind}
+            own["parts_beside"] = {**cls.additional_parts, name: kind}
         elif name == kind:
             return cls
         else:
@@ -139,20 +139,20 @@ class Leaf(Stopping):
         return self.drives
 
     @property
-    def since(self) -> float:
+    def started_at(self) -> float:
         """When it started, on the run's clock: read when first asked for, at the end of its first tick at the latest.
 
         So a leaf that ends in the tick in which it starts, as most do, need not read the clock.
         """
-        if self._since is None:
-            self._since = self.run.now()
-        return self._since
+        if self._started_at is None:
+            self._started_at = self.run.read_value()
+        return self._started_at
 
     @property
     def elapsed(self) -> float:
         """Seconds since it started."""
-        since = self.since  # which may not have been read before
-        return self.run.now() - since
+        since = self.started_at  # which may not have been read before
+        return self.run.read_value() - since
 
     def joint_violations(self, _reach: JointRanges, /) -> list[str]:
         """Say what joints that reach so far cannot do of what it asks; the checker asks, where all that is known."""
@@ -180,25 +180,25 @@ class Leaf(Stopping):
         return self._suspend(f"the {sensor} does not report")
 
     def _suspend(self, reason: str) -> Status:
-        self.suspension = self.suspended_for(reason)
-        if self.suspension.lost:
-            return self.fail(lost_reason(reason, self.run.sensor_timeout))
+        self.suspension = self.suspension_for(reason)
+        if self.suspension.timed_out:
+            return self.fail(sensor_timeout_reason(reason, self.run.sensor_timeout))
         if self._leaf_stage == WORKING and self.drives:
-            self._stay()
+            self._pass_unticked_time()
         return self.wait(f"waiting: {reason}")
 
-    def on_standstill(self) -> Status:
+    def on_time_passed(self) -> Status:
         if self._leaf_stage == HALTING:
             self.halt()
         elif self._leaf_stage == WORKING and self.drives:
-            self._stay()
+            self._pass_unticked_time()
         return self.status
 
-    def _stay(self) -> None:
+    def _pass_unticked_time(self) -> None:
         """Let time pass in which it does nothing, and pause once that is too long."""
-        before, self.run.working = self.run.working, self
-        self._pass_time()
-        self.run.working = before
+        before, self.run.active_leaf = self.run.active_leaf, self
+        self._count_unticked_time()
+        self.run.active_leaf = before
 
     def halt(self) -> bool:
         """Stop, if running: terminate once, then wait for ``halting`` to end, for ``halt_limit`` seconds at most."""
@@ -211,9 +211,9 @@ class Leaf(Stopping):
 
     def _come_to_rest(self) -> bool:
         """Terminate, then ask ``halting`` once a tick; True once it, or its time, has ended."""
-        before, self.run.working = self.run.working, self  # another may be waiting for it to make way
-        at_rest = self._stopped()
-        self.run.working = before
+        before, self.run.active_leaf = self.run.active_leaf, self  # another may be waiting for it to make way
+        at_rest = self._has_stopped()
+        self.run.active_leaf = before
         return at_rest
 
     def on_tick(self) -> Status:
@@ -222,8 +222,8 @@ class Leaf(Stopping):
         This is the hot path of every tick: what is rarely needed is asked for with one comparison.
         """
         run = self.run
-        run.working = self
-        self.visited = run.tick
+        run.active_leaf = self
+        self.visited_tick = run.tick
         before, self.suspension = self.suspension, None
         try:
             if self._leaf_stage == WORKING:
@@ -232,20 +232,20 @@ class Leaf(Stopping):
             else:
                 status = self._enter_and_update()
         except BaseException as error:  # a leaf that raises has failed, whatever it raised; the tree goes on
-            status = self._gone_wrong(error)
+            status = self._handle_exception(error)
         unknown = status is not SUCCESS and status is not FAILURE and status is not RUNNING
         if unknown or type(self.feedback_message) is not str:
-            status = self._mended(status)
-        if run.overheld is not None and run.overheld[:2] == (self, run.tick):
-            status = self._overstayed(run.wall.now() - run.overheld[2])
+            status = self._checked_status(status)
+        if run.overrun is not None and run.overrun[:2] == (self, run.tick):
+            status = self._overrun_failure(run.wall.read_value() - run.overrun[2])
         if status is RUNNING:
-            if self._since is None:
-                self._since = run.now()
+            if self._started_at is None:
+                self._started_at = run.read_value()
         elif self._leaf_stage != AT_REST:
             self._finish(status)
-        if self.keep_as is not None:
-            self._keep(self.keep_as, status)
-        run.working = None
+        if self.output_variable is not None:
+            self._store_output(self.output_variable, status)
+        run.active_leaf = None
         if self.suspension is not before:
             self.show_suspension(status, before)
         return status
@@ -253,17 +253,17 @@ class Leaf(Stopping):
     def _finish(self, status: Status) -> None:
         """Be at rest after an end: terminate, if the class has that to do."""
         self._leaf_stage = AT_REST
-        if self._finishes or (self._prepares and status is FAILURE):
+        if self._has_terminate or (self._prepares and status is FAILURE):
             self._terminate(status)
 
-    def _keep(self, name: str, status: Status) -> None:
+    def _store_output(self, name: str, status: Status) -> None:
         """Store the result, if there is one, with its dimension where it has one, and say so if it is a new one."""
         if status is not SUCCESS and (status is not RUNNING or self.result is None):
             return
-        result = self.result if self.as_kept is None else self.as_kept(self.result)
+        result = self.result if self.output_converter is None else self.output_converter(self.result)
         if self.scope.get(name) is not result or name not in self.scope:
             self.scope[name] = result
-            self.run.stored = True
+            self.run.variables_changed = True
 
     def _enter_and_update(self) -> Status:
         """Start, then update for the first time."""
@@ -271,12 +271,12 @@ class Leaf(Stopping):
             return self.wait("still stopping")
         if self.computed:
             try:
-                problem = self._fill_in()
+                problem = self._compute_arguments()
             except NotConnected as error:  # an argument asks for what is not reported just now
                 return self._suspend(message_of(error))
             if problem:
-                return self.fail(f"{self.place}: {problem}")
-        self.result = self._since = None
+                return self.fail(f"{self.label}: {problem}")
+        self.result = self._started_at = None
         if self._prepares:
             if self.drives and not self.run.preempt():
                 return self.wait("waiting for another behaviour to stop")
@@ -286,19 +286,19 @@ class Leaf(Stopping):
         self.feedback_message = ""
         return self.update()
 
-    def _mended(self, status: Status) -> Status:
+    def _checked_status(self, status: Status) -> Status:
         """Return a failure for what is no status; put a text in the place of a reason that is none."""
         if status is RUNNING or status is SUCCESS or status is FAILURE:
-            self.feedback_message = shown(self.feedback_message)
+            self.feedback_message = short_repr(self.feedback_message)
             return status
-        return self.fail(f"{self.place}: returned {shown(status)} instead of a status")
+        return self.fail(f"{self.label}: returned {short_repr(status)} instead of a status")
 
-    def _overstayed(self, seconds: float) -> Status:
+    def _overrun_failure(self, seconds: float) -> Status:
         """Return a failure for a tick that was held for so long."""
-        self.run.overstayed = self.key, round(seconds, 1)
-        return self.fail(f"{self.place}: held the tick for {seconds:.1f} s")
+        self.run.overrun_failure = self.key, round(seconds, 1)
+        return self.fail(f"{self.label}: held the tick for {seconds:.1f} s")
 
-    def _gone_wrong(self, error: BaseException) -> Status:
+    def _handle_exception(self, error: BaseException) -> Status:
         """Return the status after an exception, with a reason; a Ctrl-C goes on to the user."""
         if isinstance(error, SensorSilent) or (isinstance(error, NotConnected) and self.instant and not self.drives):
             return self._suspend(message_of(error))
@@ -307,12 +307,12 @@ class Leaf(Stopping):
             return self.wait(f"waiting: {message_of(error)}")
         if isinstance(error, DriverError):
             return self.fail(message_of(error) or type(error).__name__)
-        if self._interrupted(error):
+        if self._is_interrupt(error):
             raise error
-        log.error("%s raised", self.place, exc_info=error)
-        return self.fail(f"{self.place}: {error_text(error)}")
+        log.error("%s raised", self.label, exc_info=error)
+        return self.fail(f"{self.label}: {error_text(error)}")
 
-    def _fill_in(self) -> str:
+    def _compute_arguments(self) -> str:
         """Compute the arguments that are known only now; return what is wrong with them."""
         found = {}
         for name, compute in self.computed.items():

@@ -6,22 +6,30 @@ from collections.abc import Collection, Mapping
 
 from py_trees.common import Status
 
-from behaviours.joint_motion import LONGEST_STEP, ON_ARM, RUN_IN, Mirroring, ReportWait, by_range, spans
-from behaviours.joint_ranges import JointRanges, degrees
+from behaviours.joint_motion import (
+    ARM_ARGUMENT,
+    MAX_STEP_TIME,
+    RUN_IN_SPEED,
+    JointMirror,
+    ReportWait,
+    has_range,
+    range_coupling,
+)
+from behaviours.joint_ranges import JointRanges, degrees_text
 from behaviours.leaf import Leaf, argument
 from drivers.api import Coupling, Joints, JointState
 
-LIMP = 1.0
+LIMP_TIMEOUT = 1.0
 """Seconds for which a follower may be limp: whoever is led is stiff, unless it has shut down."""
 
 LEADING_TOLERANCE = math.radians(5)
 """Within this angle of where it belongs a follower may be led at full speed; farther away it comes slowly."""
 
-WAY_TIME = 0.1
+GOAL_TIME = 0.1
 """Seconds for each way that a tick sends a follower of another arm: two ticks, so that it goes evenly."""
 
 
-class _Led(Leaf):
+class _LeaderFollowerLeaf(Leaf):
     """Makes leaders limp and lets followers follow them, until it is halted; then all are as stiff as they were.
 
     Whatever comes between (a pause holds every joint), it begins anew; so it does after a lost bus, when the driver
@@ -32,12 +40,12 @@ class _Led(Leaf):
     needs = frozenset({"arm"})
     drives = frozenset({"arm"})
     ends = frozenset({"failure"})
-    on: str = ON_ARM
+    on: str = ARM_ARGUMENT
     leader_arm: str | None = argument("arm", "the arm of the leaders, where that is another than `on`", default=None)
     _couplings: tuple[Coupling, ...] = ()
     _stiff: tuple[str, ...] = ()  # the leaders that were not limp before
     _leading_arm: Joints
-    _mirroring: Mirroring | None = None  # where two arms are led by ticks
+    _mirroring: JointMirror | None = None  # where two arms are led by ticks
     _at: Mapping[Coupling, tuple[float, float]] = {}  # where leader and follower are, by the readings of this tick
     _following = False
     _seen_at: float | None = None
@@ -53,23 +61,27 @@ class _Led(Leaf):
         self._following, self._seen_at = False, None
         self._mirroring = None
         self._waits = ReportWait(), ReportWait()
-        self._leading_arm = self.robot.arm if self.apart is None else self.robot.of({"arm": self.apart}).arm
+        self._leading_arm = (
+            self.robot.arm
+            if self.other_leader_arm is None
+            else self.robot.with_named_parts({"arm": self.other_leader_arm}).arm
+        )
 
     @property
-    def apart(self) -> str | None:
+    def other_leader_arm(self) -> str | None:
         """The arm of the leaders, where that is another than the followers'."""
         return None if self.leader_arm == self.on else self.leader_arm
 
     def update(self) -> Status:
-        reach = self.robot.reach
+        reach = self.robot.joint_ranges
         if joint_violations := self.joint_violations(reach):
             return self.fail("; ".join(joint_violations))
         couplings = self.couplings(reach)
-        led = _felt(self.robot.arm)
-        leading = led if self.apart is None else _felt(self._leading_arm)
-        if silent := self._silent(couplings, leading, led):
+        led = _known_states(self.robot.arm)
+        leading = led if self.other_leader_arm is None else _known_states(self._leading_arm)
+        if silent := self._silent_joints(couplings, leading, led):
             self._following = False
-            if trouble := self._undriven(silent):
+            if trouble := self._wait_timeout_reason(silent):
                 return self.fail(trouble)
             return self.wait(f"waiting for {', '.join(silent)} to report")
         if blocked := [led[each.follower].blocked for each in couplings if led[each.follower].blocked]:
@@ -78,47 +90,47 @@ class _Led(Leaf):
         stiff = tuple(dict.fromkeys(each.leader for each in couplings if leading[each.leader].torque))
         if not self._couplings:
             self._couplings, self._stiff = couplings, stiff
-            if self.apart is not None:
-                self._mirroring = Mirroring(self._leading_arm, self.robot.arm, couplings, time=WAY_TIME)
-        now = self.run.now()
-        held = self._seen_at is None or now - self._seen_at > LONGEST_STEP
+            if self.other_leader_arm is not None:
+                self._mirroring = JointMirror(self._leading_arm, self.robot.arm, couplings, time=GOAL_TIME)
+        now = self.run.read_value()
+        held = self._seen_at is None or now - self._seen_at > MAX_STEP_TIME
         self._seen_at = now
         limp = [each.follower for each in couplings if not led[each.follower].torque]
-        if held or not limp or not self.leading:
+        if held or not limp or not self.is_leading:
             self._stiff_at = now
-        elif now - self._stiff_at > LIMP:
+        elif now - self._stiff_at > LIMP_TIMEOUT:
             return self.fail(f"{', '.join(limp)} {'is' if len(limp) == 1 else 'are'} limp, and cannot follow")
-        self._lead(stiff, anew=held)
+        self._start_following(stiff, restart=held)
         if self._following and self._mirroring is not None:
             self._mirroring.step(now)
-        return self.wait(self.state())
+        return self.wait(self.state_text())
 
-    def _undriven(self, silent: list[str]) -> str:
+    def _wait_timeout_reason(self, silent: list[str]) -> str:
         """Return why ``silent`` joints are waited for no longer; empty while they are."""
-        mark = "" if self.apart is None else f"{self.apart}."
+        mark = "" if self.other_leader_arm is None else f"{self.other_leader_arm}."
         led = [name for name in silent if not mark or not name.startswith(mark)]
         leading = [name for name in silent if name not in led]
         for arm, wait, names in zip((self.robot.arm, self._leading_arm), self._waits, (led, leading), strict=True):
-            if names and (trouble := wait.trouble(arm, names, self.run.now())):
+            if names and (trouble := wait.timeout_reason(arm, names, self.run.read_value())):
                 return trouble
         return ""
 
-    def _silent(
+    def _silent_joints(
         self, couplings: tuple[Coupling, ...], leading: Mapping[str, JointState], led: Mapping[str, JointState]
     ) -> list[str]:
         """Return the joints of which nothing is heard; the leaders by the name of their arm, where that is another."""
-        of = "" if self.apart is None else f"{self.apart}."
+        of = "" if self.other_leader_arm is None else f"{self.other_leader_arm}."
         silent = []
         for each in couplings:
             silent += [] if each.leader in leading else [f"{of}{each.leader}"]
             silent += [] if each.follower in led else [each.follower]
         return list(dict.fromkeys(silent))
 
-    def _lead(self, stiff: tuple[str, ...], *, anew: bool) -> None:
+    def _start_following(self, stiff: tuple[str, ...], *, restart: bool) -> None:
         """Make the leaders limp that are ``stiff``, and let the others follow, unless they do."""
         if stiff:
             self._leading_arm.relax(stiff)
-        if stiff or anew:
+        if stiff or restart:
             self._following = False
         if not self._following:
             self._following = self.begin()
@@ -132,12 +144,12 @@ class _Led(Leaf):
         return True
 
     @property
-    def leading(self) -> bool:
+    def is_leading(self) -> bool:
         """True once the followers have begun to move."""
         return True
 
     @abstractmethod
-    def state(self) -> str:
+    def state_text(self) -> str:
         """Say what is going on."""
 
     def terminate(self, new_status: Status) -> None:
@@ -145,7 +157,7 @@ class _Led(Leaf):
         if not self._couplings:
             return
         followers = tuple(each.follower for each in self._couplings)
-        if self.apart is None:
+        if self.other_leader_arm is None:
             self.robot.arm.hold((*followers, *self._stiff))  # which also ends what leads them
             return
         self.robot.arm.hold(followers)
@@ -153,7 +165,7 @@ class _Led(Leaf):
             self._leading_arm.hold(self._stiff)
 
 
-class Mirror(_Led):
+class Mirror(_LeaderFollowerLeaf):
     """Let one arm copy another that is moved by hand, joint by joint.
 
     The first joint of the one leads the first of the other, and so on. The leaders become limp; the followers come
@@ -163,7 +175,7 @@ class Mirror(_Led):
     robot leads: then the joints of one name belong together, unless some are named.
     """
 
-    word = "mirror"
+    tag = "mirror"
     leader: tuple[str, ...] = argument(
         "joints", "which are moved by hand: a group, a joint, or a list; else those named as the followers", default=()
     )
@@ -185,26 +197,26 @@ class Mirror(_Led):
     )
 
     def joint_violations(self, reach: JointRanges) -> list[str]:
-        if self.apart is None and not (self.leader and self.follower):
+        if self.other_leader_arm is None and not (self.leader and self.follower):
             return ["it needs a leader and a follower, or a leader_arm that is another arm than it moves"]
-        leading = reach.of(self.apart)
-        if unknown := [*leading.unknown(self.leader), *reach.unknown((*self.follower, *self.by_range))]:
+        leading = reach.of_arm(self.other_leader_arm)
+        if unknown := [*leading.unknown_names(self.leader), *reach.unknown_names((*self.follower, *self.by_range))]:
             return unknown
         leaders, followers = self._joints(reach)
-        if lacking := [*leading.lacking(leaders), *reach.lacking(followers)]:
+        if lacking := [*leading.missing_joints(leaders), *reach.missing_joints(followers)]:
             return lacking
-        both = followers if self.apart is None else ()
+        both = followers if self.other_leader_arm is None else ()
         wrong = [f"'{joint}' cannot both lead and follow" for joint in leaders if joint in both]
         if not leaders:
             wrong.append(f"the {leading.name} has no joint of the name of one that is to follow: name them")
         if len(leaders) != len(followers):
             wrong.append(f"{_count(leaders)} cannot lead {_count(followers)}")
         strange = dict.fromkeys(joint for joint in (*self.scales, *self.offsets) if joint not in followers)
-        ranged = reach.named(self.by_range) if self.by_range else ()
+        ranged = reach.resolve(self.by_range) if self.by_range else ()
         wrong += [f"'{joint}' has a scale or an offset, and does not follow" for joint in strange]
         wrong += [f"'{joint}' goes by its range, and does not follow" for joint in ranged if joint not in followers]
         pairs = ((leader, joint) for leader, joint in zip(leaders, followers, strict=False) if joint in ranged)
-        fixed = [(leader, joint) for leader, joint in pairs if not spans(leading.joints[leader])]
+        fixed = [(leader, joint) for leader, joint in pairs if not has_range(leading.joints[leader])]
         return [
             *wrong,
             *(f"'{joint}' cannot go by its range: '{leader}', which leads it, has none" for leader, joint in fixed),
@@ -212,16 +224,16 @@ class Mirror(_Led):
 
     def _joints(self, reach: JointRanges) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Return who leads, and who follows; where the one are not named, they are called as the others."""
-        leading = reach.of(self.apart)
-        leaders = leading.named(self.leader) if self.leader else ()
-        followers = reach.named(self.follower) if self.follower else ()
+        leading = reach.of_arm(self.other_leader_arm)
+        leaders = leading.resolve(self.leader) if self.leader else ()
+        followers = reach.resolve(self.follower) if self.follower else ()
         shared = tuple(joint for joint in reach.joints if joint in leading.joints)
         return leaders or followers or shared, followers or leaders or shared
 
     def couplings(self, reach: JointRanges) -> tuple[Coupling, ...]:
-        leading, ranged = reach.of(self.apart), reach.named(self.by_range) if self.by_range else ()
+        leading, ranged = reach.of_arm(self.other_leader_arm), reach.resolve(self.by_range) if self.by_range else ()
         return tuple(
-            by_range(leader, leading.joints[leader], joint, reach.joints[joint])
+            range_coupling(leader, leading.joints[leader], joint, reach.joints[joint])
             if joint in ranged
             else Coupling(leader, joint, self.scales.get(joint, self.scale), self.offsets.get(joint, self.offset))
             for leader, joint in zip(*self._joints(reach), strict=True)
@@ -235,16 +247,16 @@ class Mirror(_Led):
             goals[each.follower] = arm.limits[each.follower].clamp(each.scale * leader + each.offset)
             off = max(off, abs(at - goals[each.follower]))
         if off > LEADING_TOLERANCE:
-            arm.move(goals, speeds={joint: min(RUN_IN, arm.limits[joint].speed) for joint in goals})
+            arm.move(goals, speeds={joint: min(RUN_IN_SPEED, arm.limits[joint].speed) for joint in goals})
             return False
         return super().begin()
 
-    def state(self) -> str:
+    def state_text(self) -> str:
         followers = ", ".join(each.follower for each in self._couplings)
         return f"{followers} {'follow' if self._following else 'come to where they belong'}"
 
 
-class FollowJoint(_Led):
+class FollowJoint(_LeaderFollowerLeaf):
     """Let one joint follow another that is moved by hand, once that has been turned far enough.
 
     The leading joint becomes limp. Running until it is halted; it never succeeds. In the end the follower stays where
@@ -252,7 +264,7 @@ class FollowJoint(_Led):
     the follower has shut down.
     """
 
-    word = "follow_joint"
+    tag = "follow_joint"
     leader: str = argument("joint", "which is moved by hand")
     follower: str = argument("joint", "which follows it")
     past: float = argument(
@@ -271,9 +283,12 @@ class FollowJoint(_Led):
         self._origin, self._turned, self._passed = None, 0.0, False
 
     def joint_violations(self, reach: JointRanges) -> list[str]:
-        both = self.apart is None and self.leader == self.follower
+        both = self.other_leader_arm is None and self.leader == self.follower
         alike = [f"'{self.leader}' cannot both lead and follow"] if both else []
-        lacking = [*reach.of(self.apart).lacking((self.leader,)), *reach.lacking((self.follower,))]
+        lacking = [
+            *reach.of_arm(self.other_leader_arm).missing_joints((self.leader,)),
+            *reach.missing_joints((self.follower,)),
+        ]
         return list(dict.fromkeys(lacking)) + alike
 
     def couplings(self, reach: JointRanges) -> tuple[Coupling, ...]:
@@ -290,17 +305,17 @@ class FollowJoint(_Led):
         return self._passed and super().begin()
 
     @property
-    def leading(self) -> bool:
+    def is_leading(self) -> bool:
         """True once the leader has passed the threshold."""
         return self._passed
 
-    def state(self) -> str:
+    def state_text(self) -> str:
         if self._passed:
             return f"{self.follower} follows {self.leader}"
-        return f"{self.leader} is turned by {degrees(self._turned)}, waiting for {degrees(self.past)}"
+        return f"{self.leader} is turned by {degrees_text(self._turned)}, waiting for {degrees_text(self.past)}"
 
 
-def _felt(arm: Joints) -> dict[str, JointState]:
+def _known_states(arm: Joints) -> dict[str, JointState]:
     """Return the states of the joints that are heard of."""
     readings = arm.states().items()
     return {joint: reading.value for joint, reading in readings if reading.value is not None and reading.good}

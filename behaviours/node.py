@@ -13,7 +13,7 @@ from typing import ClassVar
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from behaviours.run import Run
+from behaviours.run import RunState
 from drivers.api.quick import dataclass
 
 # Suspension: a node cannot answer in a tick, only because a sensor has not reported.
@@ -21,26 +21,26 @@ from drivers.api.quick import dataclass
 # py_trees has no status for that: a suspended node is RUNNING and has a ``Suspension``. What its parent makes of it
 # depends on the parent: a reactive composite stands still, most others are suspended as well.
 
-SILENT = " does not report"
+NO_REPORT_SUFFIX = " does not report"
 
 
 @dataclass(frozen=True, slots=True)
 class Suspension:
     """Why a node is suspended: ``reason`` is such as "the range finder does not report".
 
-    ``lost`` is true in the tick in which the suspension has lasted for the run's sensor timeout. The node has failed
+    ``timed_out`` is true in the tick in which the suspension has lasted for the run's sensor timeout. The node has failed
     then, or what is around it counts that otherwise (``retry`` tries again); a reactive composite above it fails.
     """
 
     reason: str
-    lost: bool = False
+    timed_out: bool = False
 
 
-def lost_reason(reason: str, seconds: float) -> str:
+def sensor_timeout_reason(reason: str, seconds: float) -> str:
     """Return the reason for a failure after a suspension of so many seconds."""
     limit = f"{seconds:g} s"
-    if reason.endswith(SILENT):
-        return f"{reason.removesuffix(SILENT)} has not reported for {limit}"
+    if reason.endswith(NO_REPORT_SUFFIX):
+        return f"{reason.removesuffix(NO_REPORT_SUFFIX)} has not reported for {limit}"
     return f"{reason} (waited for {limit})"
 
 
@@ -52,7 +52,7 @@ class Node(Behaviour):
 
     ``key`` is its stable id within the tree ("1.2"), ``kind`` the word of the mission language, ``line`` where it
     stands in ``file``. ``scope`` holds the variables of its mission. ``feedback_message``, py_trees' own, is the
-    reason: why it failed, or what it waits for. ``visited`` is the tick in which it was ticked last. ``suspension`` is
+    reason: why it failed, or what it waits for. ``visited_tick`` is the tick in which it was ticked last. ``suspension`` is
     why it could not answer then, where only a silent sensor was the cause.
 
     Each class declares which attributes of its own decide what it does next: ``run_state`` while it runs, and
@@ -64,11 +64,11 @@ class Node(Behaviour):
     key = ""
     kind = ""
     line = 0
-    visited = -1
+    visited_tick = -1
     file = ""
     suspension: Suspension | None = None
     _silent_since: float | None = None
-    run: Run
+    run: RunState
     scope: dict[str, object]
 
     @property
@@ -77,12 +77,12 @@ class Node(Behaviour):
         return self.feedback_message
 
     @property
-    def suspended(self) -> bool:
+    def is_suspended(self) -> bool:
         """True while it runs only because a sensor has not reported."""
         return self.status is RUNNING and self.suspension is not None
 
     @property
-    def skipped(self) -> bool:
+    def is_skipped(self) -> bool:
         """True where it has succeeded without a start of its behaviour, which a condition has skipped."""
         return False
 
@@ -106,30 +106,30 @@ class Node(Behaviour):
         """Do one tick's work, for py_trees, whose own tick asks for it; ours does not."""
         return self.on_tick()
 
-    def stand_still(self) -> Status:
+    def pass_time(self) -> Status:
         """Let time pass in place of a tick, and return the new status; for a node that runs."""
         before = self.suspension
-        status = self.on_standstill()
+        status = self.on_time_passed()
         if status is not self.status or (self.suspension is None) is not (before is None):
             self.publish(status)
         return status
 
-    def on_standstill(self) -> Status:
+    def on_time_passed(self) -> Status:
         """Return the new status when only time has passed: deadlines count, nothing starts, no leaf is ticked."""
         return self.status
 
-    def suspended_for(self, reason: str) -> Suspension:
+    def suspension_for(self, reason: str) -> Suspension:
         """Return the suspension of this tick; it is lost once the node was suspended for the sensor timeout."""
-        now = self.run.now()
+        now = self.run.read_value()
         if self._silent_since is None:
             self._silent_since = now
-        return Suspension(reason, lost=now - self._silent_since >= self.run.sensor_timeout)
+        return Suspension(reason, timed_out=now - self._silent_since >= self.run.sensor_timeout)
 
     def show_suspension(self, status: Status, before: Suspension | None) -> None:
         """Tell whoever watches where it is suspended now, or no more. A new ``status`` is told by who has ticked it."""
         if self.suspension is None:
             self._silent_since = None
-        elif status is not RUNNING and not self.suspension.lost:  # it has an answer all the same
+        elif status is not RUNNING and not self.suspension.timed_out:  # it has an answer all the same
             self.suspension = None
         if status is RUNNING and self.status is RUNNING and (before is None or self.suspension is None):
             self.publish(RUNNING)
@@ -143,7 +143,7 @@ class Node(Behaviour):
                 self.suspension = None
         run = self.run
         if run.observer is not None:
-            run.observer.changed(run.clock.now(), run.tick, self, status, self.feedback_message)
+            run.observer.on_status(run.clock.read_value(), run.tick, self, status, self.feedback_message)
 
     @abstractmethod
     def halt(self) -> bool:
@@ -153,19 +153,19 @@ class Node(Behaviour):
         """Forget the result of a run that has ended, and the results below. Nothing is told to stop: it has stopped."""
         reset_all((self,))
 
-    def forget(self, forgotten: list["Node"]) -> None:
+    def clear_results(self, cleared: list["Node"]) -> None:
         """Forget what ``reset`` is to forget, and add each node that had a result to ``forgotten``; tell nobody yet."""
         status = self.status
         if status is not IDLE:
             if status is RUNNING:
-                self.give_up()
+                self.abandon_halt()
             self.feedback_message = ""
             self.status = IDLE
             self.suspension = self._silent_since = None
-            forgotten.append(self)
+            cleared.append(self)
 
     @abstractmethod
-    def give_up(self) -> None:
+    def abandon_halt(self) -> None:
         """Forget a halt that is under way: it takes too long, and the actuators were brought to rest for it."""
 
     def tick(self) -> Iterator[Behaviour]:
@@ -186,8 +186,8 @@ def reset_all(nodes: Iterable[Node]) -> None:
     """Reset several nodes at once; whoever watches is told of all together."""
     forgotten: list[Node] = []
     for node in nodes:
-        node.forget(forgotten)
+        node.clear_results(forgotten)
     if forgotten:
         run = forgotten[0].run
         if run.observer is not None:
-            run.observer.forgot(run.clock.now(), run.tick, forgotten)
+            run.observer.on_reset(run.clock.read_value(), run.tick, forgotten)

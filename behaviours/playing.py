@@ -10,7 +10,15 @@ from typing import Protocol
 
 from py_trees.common import Status
 
-from behaviours.joint_motion import ON_ARM, RUN_IN, JointError, JointMotion, Sample, Tracking, off
+from behaviours.joint_motion import (
+    ARM_ARGUMENT,
+    RUN_IN_SPEED,
+    JointError,
+    JointMotion,
+    JointSample,
+    TrackingErrors,
+    joints_off_goal,
+)
 from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import IDLE, SUCCESS, Leaf, argument, log
 from drivers.api import Gesture as Movement
@@ -18,24 +26,24 @@ from drivers.api import Interpolation, JointState, Keyframe, Reading
 from drivers.api.quick import dataclass
 from drivers.errors import BadRequest
 
-PEAK: Mapping[Interpolation, float] = {"minimum_jerk": 1.875, "cubic": 1.5, "linear": 1.0}
+PEAK_SPEED_FACTORS: Mapping[Interpolation, float] = {"minimum_jerk": 1.875, "cubic": 1.5, "linear": 1.0}
 """How much faster than its mean a motion between two keyframes is at its fastest: minimum-jerk (Flash and Hogan, 1985);
 a monotone cubic whose slopes at both ends are no steeper than its mean, that is between zero slopes."""
 
-Pose = Mapping[str, float]
+JointValues = Mapping[str, float]
 """Joints and their angles (radians), or how fast these change (rad/s)."""
 
 
 @dataclass(frozen=True, slots=True)
-class Playing:
+class KeyframeMotion:
     """A laid-out motion: times in seconds, and the positions of every joint at each of them (radians).
 
     ``slopes`` are the joints' speeds (rad/s) at each time of a cubic motion.
     """
 
     times: tuple[float, ...]
-    positions: tuple[Pose, ...]
-    slopes: tuple[Pose, ...] = ()
+    positions: tuple[JointValues, ...]
+    slopes: tuple[JointValues, ...] = ()
     interpolation: Interpolation = "minimum_jerk"
 
     @property
@@ -48,7 +56,7 @@ class Playing:
         """The joints that it moves."""
         return tuple(self.positions[0])
 
-    def at(self, time: float) -> Pose:
+    def at(self, time: float) -> JointValues:
         """Return the joints' positions at ``time``; before the start and after the end, the first and the last."""
         if time <= self.times[0]:
             return self.positions[0]
@@ -71,15 +79,15 @@ class Playing:
         }
 
 
-def slowed(
-    start: Pose,
+def lay_out(
+    start: JointValues,
     keyframes: Sequence[Keyframe],
     speeds: Mapping[str, float],
     *,
     pace: float = 1.0,
     interpolation: Interpolation = "minimum_jerk",
     run_in: float = math.inf,
-) -> Playing:
+) -> KeyframeMotion:
     """Lay out ``keyframes`` from ``start``, each segment long enough for the joints' ``speeds`` (rad/s).
 
     A joint that a keyframe does not name stays where the one before had it. ``pace`` divides all times. On the way from
@@ -90,15 +98,18 @@ def slowed(
     for frame in keyframes:
         goal = positions[-1] | dict(frame.positions)
         ways = {joint: abs(goal[joint] - positions[-1][joint]) for joint in goal}
-        needed = max((PEAK[interpolation] * way / min(speeds[joint], cap) for joint, way in ways.items()), default=0.0)
+        needed = max(
+            (PEAK_SPEED_FACTORS[interpolation] * way / min(speeds[joint], cap) for joint, way in ways.items()),
+            default=0.0,
+        )
         times.append(times[-1] + max((frame.time - before) / pace, needed))
         positions.append(goal)
         before, cap = frame.time, math.inf
     slopes = _slopes(times, positions) if interpolation == "cubic" else ()
-    return Playing(tuple(times), tuple(positions), slopes, interpolation)
+    return KeyframeMotion(tuple(times), tuple(positions), slopes, interpolation)
 
 
-def _slopes(times: Sequence[float], positions: Sequence[Pose]) -> tuple[Pose, ...]:
+def _slopes(times: Sequence[float], positions: Sequence[JointValues]) -> tuple[JointValues, ...]:
     """Return how fast each joint is to go at each time: at rest at the start, at the first keyframe and in the end.
 
     Between, it is the harmonic mean of the speeds before and behind, and zero where the joint turns back: so nothing
@@ -130,14 +141,14 @@ def _hermite(share: float) -> tuple[float, float, float]:
     return share**2 * (3 - 2 * share), share * left**2, -(share**2) * left
 
 
-ARRIVED = 0.06
+ARRIVAL_TOLERANCE = 0.06
 """Radians from the last keyframe within which a joint has arrived: an AX-12A under load stays a few ticks short."""
 
 ARRIVAL_TIMEOUT = 1.5
 """Seconds after the last keyframe that the joints have to arrive."""
 
 
-class Played(JointMotion):
+class PlaybackLeaf(JointMotion):
     """Plays a movement, at ``speed`` times its own; to its first pose no joint goes faster than ``run_in`` (rad/s)."""
 
     speed: float
@@ -151,15 +162,15 @@ class Played(JointMotion):
         """What is played."""
 
     def joint_violations(self, reach: JointRanges) -> list[str]:
-        return reach.beyond(frame.positions for frame in self.movement.keyframes)
+        return reach.limit_violations(frame.positions for frame in self.movement.keyframes)
 
-    def moved(self) -> tuple[str, ...]:
+    def moved_joints(self) -> tuple[str, ...]:
         # In the order of the movement: a set would have its own in every process.
         return tuple(dict.fromkeys(joint for frame in self.movement.keyframes for joint in frame.positions))
 
-    def path(self, start: Mapping[str, float]) -> Playing:
+    def path(self, start: Mapping[str, float]) -> KeyframeMotion:
         speeds = {joint: limits.speed for joint, limits in self.robot.arm.limits.items()}
-        playing = slowed(
+        playing = lay_out(
             start,
             self.movement.keyframes,
             speeds,
@@ -170,12 +181,12 @@ class Played(JointMotion):
         self._duration, self._end = playing.duration, playing.positions[-1]
         return playing
 
-    def follow(self, time: float, samples: Mapping[str, Sample]) -> Status:
+    def follow(self, time: float, samples: Mapping[str, JointSample]) -> Status:
         del samples
         name = self.movement.name
         if time < self._duration:
             return self.wait(f"{name}: {time:.1f} of {self._duration:.1f} s")
-        late = off(self.robot.arm, self._end, ARRIVED)
+        late = joints_off_goal(self.robot.arm, self._end, ARRIVAL_TOLERANCE)
         if not late:
             return SUCCESS
         if time > self._duration + ARRIVAL_TIMEOUT:
@@ -186,7 +197,7 @@ class Played(JointMotion):
 # The leaf that plays a gesture.
 
 
-class Gesture(Played):
+class GestureLeaf(PlaybackLeaf):
     """Play a gesture with the arm.
 
     Running until the last keyframe is reached, then succeeds. A gesture that the joints cannot follow is slowed down.
@@ -194,10 +205,10 @@ class Gesture(Played):
     joint did not arrive.
     """
 
-    word = "gesture"
+    tag = "gesture"
     gesture: Movement = argument("gesture", "which one", principal=True)
     speed: float = argument("number", "1 plays it as recorded, 0.5 at half the speed", default=1.0, low=0.1, high=2.0)
-    on: str = ON_ARM
+    on: str = ARM_ARGUMENT
 
     @property
     def movement(self) -> Movement:
@@ -207,7 +218,7 @@ class Gesture(Played):
 # Leaves that play recorded movements and record them.
 
 
-class Play(Played):
+class Play(PlaybackLeaf):
     """Play a movement that was recorded, or that a spreadsheet holds.
 
     Running while it comes to the first pose, slowly, and then until the last one is reached, then succeeds. A movement
@@ -215,34 +226,34 @@ class Play(Played):
     outside its limits, and in the end when a joint did not arrive.
     """
 
-    word = "play"
-    stores = "how well it was followed, by joint: rms, worst (radians), at (seconds), readings"
-    keeps = Mapping[str, JointError]
+    tag = "play"
+    output_doc = "how well it was followed, by joint: rms, worst (radians), at (seconds), readings"
+    output_type = Mapping[str, JointError]
     move: Movement = argument("move", "which one: a name, or a file: .yaml, .csv, .xls, .xlsx or .ods", principal=True)
     speed: float = argument("number", "1 plays it as recorded, 0.5 at half the speed", default=1.0, low=0.05, high=2.0)
-    on: str = ON_ARM
-    run_in = RUN_IN
-    tracking: Tracking
-    _begins = 0.0
+    on: str = ARM_ARGUMENT
+    run_in = RUN_IN_SPEED
+    tracking: TrackingErrors
+    _begins_at = 0.0
 
     @property
     def movement(self) -> Movement:
         return self.move
 
-    def path(self, start: Mapping[str, float]) -> Playing:
+    def path(self, start: Mapping[str, float]) -> KeyframeMotion:
         playing = super().path(start)
-        self.tracking, self._begins = Tracking(), playing.times[1]
+        self.tracking, self._begins_at = TrackingErrors(), playing.times[1]
         return playing
 
-    def follow(self, time: float, samples: Mapping[str, Sample]) -> Status:
-        self.tracking.take(each for each in samples.values() if self._begins <= each.time <= self._duration)
+    def follow(self, time: float, samples: Mapping[str, JointSample]) -> Status:
+        self.tracking.add(each for each in samples.values() if self._begins_at <= each.time <= self._duration)
         status = super().follow(time, samples)
         if status is SUCCESS:
             self.result = self.tracking.errors()
         return status
 
 
-class Recording(Protocol):
+class MoveRecording(Protocol):
     """A movement while it is made."""
 
     @property
@@ -259,7 +270,7 @@ class Recording(Protocol):
         ...
 
 
-class NewMove(Protocol):
+class MoveDestination(Protocol):
     """A file that a movement is recorded into, by the name that the mission gives it."""
 
     @property
@@ -267,7 +278,7 @@ class NewMove(Protocol):
         """Where it will be."""
         ...
 
-    def begin(self, joints: Sequence[str]) -> Recording:
+    def begin(self, joints: Sequence[str]) -> MoveRecording:
         """Return an empty recording of these joints."""
         ...
 
@@ -280,27 +291,29 @@ class RecordMove(Leaf):
     already or cannot be written, when joints fall silent, and when nothing has moved.
     """
 
-    word = "record_move"
+    tag = "record_move"
     needs = frozenset({"arm"})
-    stores = "the path of the file"
-    keeps = str
-    move: NewMove = argument("new move", "a name, for NAME.yaml in the current folder, or a path", principal=True)
+    output_doc = "the path of the file"
+    output_type = str
+    move: MoveDestination = argument(
+        "new move", "a name, for NAME.yaml in the current folder, or a path", principal=True
+    )
     joints: tuple[str, ...] = argument("joints", "which; else all", default=())
     duration: float | None = argument("duration", "how long; else until it is halted", default=None, low=0.1)
-    on: str = ON_ARM
-    _recording: Recording
+    on: str = ARM_ARGUMENT
+    _recording: MoveRecording
 
     def joint_violations(self, reach: JointRanges) -> list[str]:
-        return reach.unknown(self.joints)
+        return reach.unknown_names(self.joints)
 
     def initialise(self) -> None:
         if self.move.path.exists():
             raise BadRequest(f"{self.move.path} is there already: remove it, or choose another name")
-        self._recording = self.move.begin(self.robot.reach.named(self.joints))
+        self._recording = self.move.begin(self.robot.joint_ranges.resolve(self.joints))
 
     def update(self) -> Status:
         recording = self._recording
-        recording.add(self.robot.arm.states(), self.run.now())
+        recording.add(self.robot.arm.states(), self.run.read_value())
         # A duration that is a whole number of ticks is over with the last of them, in spite of rounding.
         if self.duration is None or recording.seconds < self.duration - 1e-6:
             return self.wait(f"recording for {recording.seconds:.1f} s")
@@ -314,4 +327,4 @@ class RecordMove(Leaf):
         try:
             self._recording.write()
         except BadRequest as error:  # nobody waits for its result any more
-            log.error("%s: %s", self.place, error)
+            log.error("%s: %s", self.label, error)

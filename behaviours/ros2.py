@@ -6,15 +6,15 @@ from typing import Any, ClassVar
 
 from py_trees.common import Status
 
-from behaviours.driving.motion import held_up
+from behaviours.driving.motion import latch_reason
 from behaviours.leaf import SUCCESS, Leaf, argument
-from behaviours.requesting import INTERRUPTED, Requesting, ended, read
+from behaviours.requesting import CANCELLED_STATES, Ros2RequestLeaf, has_ended, parse_json
 from drivers.api import Duration, Progress
 from drivers.api.measures import length_text
 from drivers.errors import BadRequest
 
 
-class _Driving(Requesting):
+class _DrivingRequestLeaf(Ros2RequestLeaf):
     """A request that may drive the base: none is begun while that is latched, and one under way is cancelled.
 
     Paused, it is cancelled as well. One that is ``repeatable`` begins again at the next tick, others fail: their goal
@@ -26,34 +26,34 @@ class _Driving(Requesting):
     _cancelled_at: float | None = None  # when a pause has cancelled it
 
     def initialise(self) -> None:
-        self._number = self._cancelled_at = None
-        if not self._latched():
+        self._request_number = self._cancelled_at = None
+        if not self._latch_reason():
             super().initialise()
 
     def update(self) -> Status:
-        if latched := self._latched():
+        if latched := self._latch_reason():
             return self.fail(latched)
-        if self._number is not None and self._cancelled_at is not None:
-            if not ended(self.robot.ros2, self._number, self.run.now() - self._cancelled_at):
+        if self._request_number is not None and self._cancelled_at is not None:
+            if not has_ended(self.robot.ros2, self._request_number, self.run.read_value() - self._cancelled_at):
                 return self.wait("waiting for the cancelled action to end")
-            if self.robot.ros2.progress(self._number).state in INTERRUPTED:
+            if self.robot.ros2.progress(self._request_number).state in CANCELLED_STATES:
                 if not self.repeatable:
                     return self.fail("cancelled, since it was not ticked while a sensor was silent")
-                self._number, self._cancelled_at = self.begin(), None
+                self._request_number, self._cancelled_at = self.begin(), None
                 return self.wait("begun again")
             self._cancelled_at = None
         return super().update()
 
     def on_pause(self) -> None:
-        if self._number is not None and not self.robot.ros2.progress(self._number).over:
-            self._cancelled_at = self.run.now()
-            self.robot.ros2.cancel(self._number)
+        if self._request_number is not None and not self.robot.ros2.progress(self._request_number).is_final:
+            self._cancelled_at = self.run.read_value()
+            self.robot.ros2.cancel(self._request_number)
 
-    def _latched(self) -> str:
-        return "" if self.robot.base_part is None else held_up(self.robot.base)
+    def _latch_reason(self) -> str:
+        return "" if self.robot.base_part is None else latch_reason(self.robot.base)
 
 
-class Navigate(_Driving):
+class Navigate(_DrivingRequestLeaf):
     """Have Nav2 drive to a place of the map, by name or by its figures.
 
     Running until it is there, then succeeds. Fails with Nav2's reason, where the place is not known, where the goal is
@@ -61,10 +61,10 @@ class Navigate(_Driving):
     the base is stopped until somebody enables it. Halted, it cancels the goal and waits for its end.
     """
 
-    word = "navigate"
+    tag = "navigate"
     repeatable = True
     needs = frozenset({"ros2", "base"})
-    stores = "what Nav2 says in the end"
+    output_doc = "what Nav2 says in the end"
     to: str = argument("text", "the name of a place: `mission ros2 place list`", default="", principal=True)
     x: float | None = argument("length", "where it is on the map", default=None)
     y: float | None = argument("length", "where it is on the map", default=None)
@@ -76,14 +76,14 @@ class Navigate(_Driving):
 
     def _place(self) -> tuple[tuple[float, float, float], str]:
         if self.to:
-            x, y, heading, frame = known(self.robot.places, self.to)
+            x, y, heading, frame = find_place(self.robot.places, self.to)
             return (x, y, heading if self.heading is None else self.heading), frame
         if self.x is None or self.y is None:
             raise BadRequest("navigate: needs a place: a name, or x and y", hint="navigate: {to: kitchen}")
         return (self.x, self.y, self.heading or 0.0), "map"
 
-    def doing(self, progress: Progress) -> str:
-        told = read(progress.feedback)
+    def progress_text(self, progress: Progress) -> str:
+        told = parse_json(progress.feedback)
         left = told.get("distance_remaining") if isinstance(told, dict) else None
         if not isinstance(left, int | float):
             return f"Nav2: {progress.state}"
@@ -103,7 +103,7 @@ class NavigateThrough(Navigate):
     As `navigate`, for several.
     """
 
-    word = "navigate_through"
+    tag = "navigate_through"
     through: Any = argument("value", "the names of the places, in their order", default=(), principal=True)
     to: str = argument("text", "the name of the last place, if it is not among them", default="")
 
@@ -112,14 +112,14 @@ class NavigateThrough(Navigate):
         names += [self.to] if self.to else []
         if not names:
             raise BadRequest("navigate_through: needs places", hint="navigate_through: [hall, kitchen]")
-        found = [known(self.robot.places, str(name)) for name in names]
+        found = [find_place(self.robot.places, str(name)) for name in names]
         frames = {frame for *_, frame in found}
         if len(frames) > 1:
             raise BadRequest(f"navigate_through: the places are in several frames: {', '.join(sorted(frames))}")
         return self.robot.ros2.navigate(tuple((x, y, heading) for x, y, heading, _ in found), frames.pop())
 
 
-def known(places: Any, name: str) -> tuple[float, float, float, str]:
+def find_place(places: Any, name: str) -> tuple[float, float, float, str]:
     """Return a place by its name. Raises BadRequest with those that there are."""
     if name not in places:
         there = ", ".join(sorted(places)) or "none yet"
@@ -128,15 +128,15 @@ def known(places: Any, name: str) -> tuple[float, float, float, str]:
     return found
 
 
-class CallService(Requesting):
+class CallService(Ros2RequestLeaf):
     """Ask a service of ROS 2.
 
     Running until it has answered, then succeeds; what it answered is kept. Fails where no answer comes. Whether the
     answer is a good one, a condition says: `${answer.success}`.
     """
 
-    word = "call_service"
-    stores = "the answer"
+    tag = "call_service"
+    output_doc = "the answer"
     service: str = argument("text", "its name", principal=True)
     type: str = argument("text", "its type, `std_srvs/srv/Trigger`; else that of who offers it", default="")
     values: Any = argument("value", "what it is asked, by field", default=None)
@@ -148,7 +148,7 @@ class CallService(Requesting):
         return self.robot.ros2.call(self.service, self.type, as_json(self.values))
 
 
-class Ros2Action(_Driving):
+class Ros2Action(_DrivingRequestLeaf):
     """Have a node of ROS 2 do an action of any type. It counts as one that drives the base.
 
     Running until it is over; what it says in the end is kept. Fails where it is rejected, aborted or cancelled, and
@@ -156,8 +156,8 @@ class Ros2Action(_Driving):
     and waits for its end.
     """
 
-    word = "ros2_action"
-    stores = "the result"
+    tag = "ros2_action"
+    output_doc = "the result"
     action: str = argument("text", "its name", principal=True)
     type: str = argument("text", "its type, `irobot_create_msgs/action/Dock`; else that of who offers it", default="")
     goal: Any = argument("value", "the goal, by field", default=None)
@@ -172,7 +172,7 @@ class Publish(Leaf):
     Succeeds at once; who hears it is not known.
     """
 
-    word = "publish"
+    tag = "publish"
     needs = frozenset({"ros2"})
     ends = frozenset({"success", "failure"})
     topic: str = argument("text", "the topic", principal=True)
@@ -184,17 +184,17 @@ class Publish(Leaf):
         return SUCCESS
 
 
-class Topic(Leaf):
+class TopicLeaf(Leaf):
     """Does a field of a topic's newest message say so?
 
     Succeeds while it does, fails when not. With no bounds it asks whether the field is there and not false, zero or
     empty. It never runs, and is suspended while no message is there, or none new enough.
     """
 
-    word = "topic"
+    tag = "topic"
     needs = frozenset({"ros2"})
     instant = True
-    stores = "what the field says"
+    output_doc = "what the field says"
     topic: str = argument("text", "the topic", principal=True)
     field: str = argument("text", "the field, `pose.pose.position.x` or `ranges[0]`; else all of it", default="")
     above: float | None = argument("number", "it is above that", default=None)
@@ -204,10 +204,10 @@ class Topic(Leaf):
 
     def update(self) -> Status:
         reading = self.robot.ros2.latest(self.topic)
-        if reading.value is None or self.run.now() - reading.stamp > self.within:
+        if reading.value is None or self.run.read_value() - reading.stamp > self.within:
             return self.suspend(f"topic {self.topic}")
         try:
-            value = picked(read(reading.value), self.field)
+            value = field_value(parse_json(reading.value), self.field)
         except LookupError as error:
             return self.fail(f"{self.topic} has no {self.field}: {error}")
         self.result = value
@@ -227,7 +227,7 @@ class Topic(Leaf):
         return isinstance(value, int | float) and above < value < below
 
 
-def picked(value: Any, path: str) -> Any:
+def field_value(value: Any, path: str) -> Any:
     """Return a field of a message by its path. Raises LookupError with what there is."""
     for part in path.replace("[", ".[").split(".") if path else ():
         if part.startswith("["):

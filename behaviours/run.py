@@ -16,45 +16,45 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("missiontree")
 
-BY_DEAD_RECKONING = "by dead reckoning: nothing measured how far the base went"
+DEAD_RECKONING_REASON = "by dead reckoning: nothing measured how far the base went"
 """Reason of a motion that succeeded on a base that measures nothing, and of its run."""
 
 SENSOR_TIMEOUT = 5.0
 """Seconds after which a node fails that waits for a sensor to report, unless the robot file says otherwise."""
 
 
-class Observer(Protocol):
+class NodeObserver(Protocol):
     """Who is told of every new status, at once and within the tick: it must neither wait nor raise.
 
     ``time`` is that of the change, on the run's clock; ``tick`` the tick that it came in.
     """
 
-    def changed(self, time: float, tick: int, node: "Node", status: Status, reason: str) -> None:
+    def on_status(self, time: float, tick: int, node: "Node", status: Status, reason: str) -> None:
         """Hear that a node has a new status, and why."""
 
-    def forgot(self, time: float, tick: int, nodes: "Sequence[Node]") -> None:
+    def on_reset(self, time: float, tick: int, nodes: "Sequence[Node]") -> None:
         """Hear that several nodes, or one, have forgotten their results, in this order: all are idle now."""
 
 
-class NodeByNode:
+class NodeCallback:
     """An observer that only wants to know which node has a new status; the node itself says which, and why."""
 
-    def __init__(self, tell: Callable[["Node"], object]) -> None:
-        self._tell = tell
+    def __init__(self, callback: Callable[["Node"], object]) -> None:
+        self._callback = callback
 
-    def changed(self, time: float, tick: int, node: "Node", status: Status, reason: str) -> None:
+    def on_status(self, time: float, tick: int, node: "Node", status: Status, reason: str) -> None:
         """See Observer."""
         del time, tick, status, reason
-        self._tell(node)
+        self._callback(node)
 
-    def forgot(self, time: float, tick: int, nodes: "Sequence[Node]") -> None:
+    def on_reset(self, time: float, tick: int, nodes: "Sequence[Node]") -> None:
         """See Observer."""
         del time, tick
         for node in nodes:
-            self._tell(node)
+            self._callback(node)
 
 
-class Run:
+class RunState:
     """The shared state of one run of a mission.
 
     ``variables`` holds the params and what behaviours have stored; ``tick`` counts from 1, 0 before the first.
@@ -63,16 +63,16 @@ class Run:
     manage to in time. ``notify(text)`` tells somebody who is not there. ``wait(seconds)`` waits for so long or
     until woken, which it says: simulated time replaces it.
     ``sensor_timeout`` is how long (s) a node may be suspended because a sensor has not reported.
-    ``woken`` is set by whatever should not wait for the next scheduled tick. ``interruptible`` is true while a Ctrl-C
+    ``wake_event`` is set by whatever should not wait for the next scheduled tick. ``interruptible`` is true while a Ctrl-C
     comes as a KeyboardInterrupt.
 
-    While the executive ticks, time stands still: ``now`` is what it is ``held`` at then; ``ticked_at`` is when it
-    ticked before, None in the first tick. ``stored`` says that variables
-    may have changed; who tells of that sets it back. ``reckoned`` says that a motion has succeeded by dead reckoning.
+    While the executive ticks, time stands still: ``read_value`` is what it is ``tick_time`` at then; ``last_tick_at`` is when it
+    ticked before, None in the first tick. ``variables_changed`` says that variables
+    may have changed; who tells of that sets it back. ``dead_reckoned`` says that a motion has succeeded by dead reckoning.
 
     For who watches from another thread, by the ``wall`` clock (the run's own, unless that is a simulated one):
-    ``alive_at`` is when the loop last showed that it goes on, ``working`` the leaf that has the word now. ``overheld``
-    says back which leaf held which tick for too long, and since when; ``overstayed`` the key of the leaf that has
+    ``heartbeat_at`` is when the loop last showed that it goes on, ``active_leaf`` the leaf that has the word now. ``overrun``
+    says back which leaf held which tick for too long, and since when; ``overrun_failure`` the key of the leaf that has
     failed for it, and the seconds.
     """
 
@@ -82,38 +82,38 @@ class Run:
         self.tick = 0
         self.variables: dict[str, object] = {}
         self.random = random.Random(seed)  # noqa: S311 - the order of a random selector is no secret
-        self.observer: Observer | None = None
+        self.observer: NodeObserver | None = None
         self.preemptible: list[Node] = []
-        self.safe_stop: Callable[[frozenset[str]], None] = _no_actuators
-        self.notify: Callable[[str], None] = _nobody_to_notify
-        self.woken = Event()
+        self.safe_stop: Callable[[frozenset[str]], None] = _ignore_safe_stop
+        self.notify: Callable[[str], None] = _log_notice
+        self.wake_event = Event()
         self.wait: Callable[[float], bool] = self._wait
         self.interruptible = True
-        self.alive_at = self.wall.now()
-        self.working: Leaf | None = None
-        self.overheld: tuple[Leaf, int, float] | None = None
-        self.overstayed: tuple[str, float] | None = None
-        self.stored = True
-        self.reckoned = False
-        self.held: float | None = None
-        self.ticked_at: float | None = None
+        self.heartbeat_at = self.wall.read_value()
+        self.active_leaf: Leaf | None = None
+        self.overrun: tuple[Leaf, int, float] | None = None
+        self.overrun_failure: tuple[str, float] | None = None
+        self.variables_changed = True
+        self.dead_reckoned = False
+        self.tick_time: float | None = None
+        self.last_tick_at: float | None = None
         self.sensor_timeout = SENSOR_TIMEOUT
 
-    def now(self) -> float:
+    def read_value(self) -> float:
         """The time in seconds on the run's clock, for the thread that ticks; others ask the ``clock``."""
-        held = self.held
-        return self.clock.now() if held is None else held
+        held = self.tick_time
+        return self.clock.read_value() if held is None else held
 
-    def beat(self) -> None:
+    def record_heartbeat(self) -> None:
         """Show that the loop goes on."""
-        self.alive_at = self.wall.now()
+        self.heartbeat_at = self.wall.read_value()
 
     def wake(self) -> None:
         """Tick at once: something has happened that a behaviour may wait for. From any thread."""
-        self.woken.set()
+        self.wake_event.set()
 
     def _wait(self, seconds: float) -> bool:
-        return self.woken.wait(seconds)
+        return self.wake_event.wait(seconds)
 
     def preempt(self) -> bool:
         """Halt what gives way to a leaf that is about to drive an actuator; False while that takes more ticks."""
@@ -123,11 +123,11 @@ class Run:
         return at_rest
 
 
-def _nobody_to_notify(text: str) -> None:
+def _log_notice(text: str) -> None:
     """Log it: nobody watches this run."""
     log.info("notice: %s", text)
 
 
-def _no_actuators(claims: frozenset[str]) -> None:
+def _ignore_safe_stop(claims: frozenset[str]) -> None:
     """Do nothing: a run without a robot has no actuators."""
     del claims

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 from py_trees.common import Status
 
-from behaviours.head import ARRIVED, Arrival, apart, shown
+from behaviours.head import ARRIVAL_TOLERANCE, ArrivalDetector, pose_difference, pose_text
 from behaviours.leaf import SUCCESS, Leaf, argument
 from behaviours.search import serpentine
 from drivers.api import HeadPose
 
-LONGEST_STEP = 0.1
+MAX_STEP_TIME = 0.1
 """Seconds: a tick counts for no longer, so that after a late one, or a head that was gone, nothing leaps."""
 
 
@@ -23,11 +23,11 @@ class Scan(Leaf):
     nothing of the area is within the limits, or when the head comes to rest where it should not.
     """
 
-    word = "scan"
+    tag = "scan"
     needs = frozenset({"head"})
     drives = frozenset({"head"})
-    stores = "where the head looks: pan, tilt"
-    keeps = HeadPose
+    output_doc = "where the head looks: pan, tilt"
+    output_type = HeadPose
     pan: tuple[float, float] = argument(
         "angle", "from right (negative) to left", default=(-math.pi / 2, math.pi / 2), span=True
     )
@@ -41,68 +41,74 @@ class Scan(Leaf):
     speed: float = argument("turn rate", "how fast", default=math.radians(60), low=math.radians(1))
     scans: int = argument("count", "how many times; 0 is for ever", default=1, low=0)
     on: str = argument("head", "which head it turns, of a robot that has several", default="head")
-    _arrival: Arrival
-    _places: tuple[HeadPose, ...] = ()
+    _arrival: ArrivalDetector
+    _targets: tuple[HeadPose, ...] = ()
     _route: Iterator[tuple[int, HeadPose]] = iter(())
     _number = 0
-    _place: HeadPose | None = None  # where it goes now
-    _after: tuple[int, HeadPose | None] = 0, None  # where it goes then
-    _aim: HeadPose | None = None  # how far it has been told to go, at that speed
-    _there_since: float | None = None
-    _ticked = 0.0
+    _target: HeadPose | None = None  # where it goes now
+    _next_target: tuple[int, HeadPose | None] = 0, None  # where it goes then
+    _setpoint: HeadPose | None = None  # how far it has been told to go, at that speed
+    _arrived_at: float | None = None
+    _ticked_at = 0.0
 
     def initialise(self) -> None:
-        self._places = self._serpentine()
+        self._targets = self._serpentine()
         rounds = itertools.repeat(0, self.scans) if self.scans else itertools.repeat(0)
-        self._route = (place for _ in rounds for place in enumerate(self._places, 1))
-        self._arrival, self._aim, self._ticked = Arrival(), None, self.run.now()
-        self._after = next(self._route, (0, None))
-        self._next()
+        self._route = (place for _ in rounds for place in enumerate(self._targets, 1))
+        self._arrival, self._setpoint, self._ticked_at = ArrivalDetector(), None, self.run.read_value()
+        self._next_target = next(self._route, (0, None))
+        self._advance()
 
     def update(self) -> Status:
-        head, now, place = self.robot.head, self.run.now(), self._place
+        head, now, place = self.robot.head, self.run.read_value(), self._target
         reading = head.pose()
-        aim = self._aim or reading.value
+        aim = self._setpoint or reading.value
         if place is None:
             return self.fail("nothing of the area is within the head's limits")
         if aim is None:
             return self.wait("where the head looks is not known yet")
-        self._aim = head.look(towards(place, aim, self.speed * min(now - self._ticked, LONGEST_STEP)))
-        self._ticked = now
-        told = apart(self._aim, place) <= ARRIVED / 10
-        there = self._arrival(reading, self._aim, now) and told
+        self._setpoint = head.look(step_towards(place, aim, self.speed * min(now - self._ticked_at, MAX_STEP_TIME)))
+        self._ticked_at = now
+        told = pose_difference(self._setpoint, place) <= ARRIVAL_TOLERANCE / 10
+        there = self._arrival(reading, self._setpoint, now) and told
         if self._arrival.stuck and reading.value is not None:
-            return self.fail(f"the head rests at {shown(reading.value)} and does not come to {shown(place)}")
+            return self.fail(f"the head rests at {pose_text(reading.value)} and does not come to {pose_text(place)}")
         number, self.result = self._number, reading.value
-        if self._passed(told=told, there=there) if self.smooth else self._looked(there, now):
-            self._next()
-        if self._place is None:
+        if self._has_passed(sent=told, arrived=there) if self.smooth else self._has_dwelt(there, now):
+            self._advance()
+        if self._target is None:
             return SUCCESS
-        return self.wait(f"look {number} of {len(self._places)}: {shown(reading.value or aim)}, to {shown(place)}")
+        return self.wait(
+            f"look {number} of {len(self._targets)}: {pose_text(reading.value or aim)}, to {pose_text(place)}"
+        )
 
     def on_pause(self) -> None:
         super().on_pause()
-        self._arrival, self._aim, self._there_since = Arrival(), None, None  # from where it has come to rest
+        self._arrival, self._setpoint, self._arrived_at = (
+            ArrivalDetector(),
+            None,
+            None,
+        )  # from where it has come to rest
 
     def terminate(self, new_status: Status) -> None:
         if new_status is not SUCCESS:
             self.robot.head.stop()
 
-    def _next(self) -> None:
-        (self._number, self._place), self._after = self._after, next(self._route, (0, None))
-        self._there_since = None
+    def _advance(self) -> None:
+        (self._number, self._target), self._next_target = self._next_target, next(self._route, (0, None))
+        self._arrived_at = None
 
-    def _passed(self, *, told: bool, there: bool) -> bool:
+    def _has_passed(self, *, sent: bool, arrived: bool) -> bool:
         """Say whether it goes on from its place without a halt: from the last one it does not, and has to be there."""
-        return there if self._after[1] is None else told
+        return arrived if self._next_target[1] is None else sent
 
-    def _looked(self, there: bool, now: float) -> bool:
+    def _has_dwelt(self, arrived: bool, now: float) -> bool:
         """Say whether the head has been at its place for long enough."""
-        if not there:
-            self._there_since = None
-        elif self._there_since is None:
-            self._there_since = now
-        return self._there_since is not None and now - self._there_since >= self.dwell
+        if not arrived:
+            self._arrived_at = None
+        elif self._arrived_at is None:
+            self._arrived_at = now
+        return self._arrived_at is not None and now - self._arrived_at >= self.dwell
 
     def _serpentine(self) -> tuple[HeadPose, ...]:
         """Return the places of one round; the ends of the rows alone where it goes smoothly."""
@@ -122,10 +128,12 @@ class Scan(Leaf):
         return tuple(places)
 
 
-def towards(goal: HeadPose, here: HeadPose, reach: float) -> HeadPose:
+def step_towards(goal: HeadPose, start: HeadPose, angle: float) -> HeadPose:
     """Return the pose on the straight way from ``here`` to ``goal`` that is ``reach`` radians on, or the goal."""
-    way = apart(goal, here)
-    if way <= reach:
+    way = pose_difference(goal, start)
+    if way <= angle:
         return goal
-    share = reach / way
-    return replace(here, pan=here.pan + share * (goal.pan - here.pan), tilt=here.tilt + share * (goal.tilt - here.tilt))
+    share = angle / way
+    return replace(
+        start, pan=start.pan + share * (goal.pan - start.pan), tilt=start.tilt + share * (goal.tilt - start.tilt)
+    )

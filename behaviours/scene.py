@@ -8,7 +8,7 @@ from behaviours.leaf import SUCCESS, Leaf, argument
 from perception.api import Scene
 
 
-class _OfPicture(Leaf):
+class _PictureCondition(Leaf):
     """Judges the newest picture; suspended until there is one that is new enough."""
 
     instant = True
@@ -18,7 +18,7 @@ class _OfPicture(Leaf):
 
     def update(self) -> Status:
         scene = self.robot.sight.scene()
-        oldest = self.run.now() - max(self.within, self.elapsed)
+        oldest = self.run.read_value() - max(self.within, self.elapsed)
         if scene is None or scene.stamp < oldest:
             return self.suspend("camera")
         return self.judge(scene)
@@ -28,14 +28,14 @@ class _OfPicture(Leaf):
         """Succeed or fail by what the picture shows."""
 
 
-class SceneUniform(_OfPicture):
+class SceneUniform(_PictureCondition):
     """Does the camera show nothing but one even surface: a blank wall, or a covered lens?
 
     Succeeds when the newest picture has no edges, fails when it has. It never runs, and is suspended until there is a
     picture that is new enough.
     """
 
-    word = "scene_uniform"
+    tag = "scene_uniform"
     within: float = argument(
         "duration", "how old the picture may be; 0 s waits for one from now on", default=0.5, principal=True, low=0.0
     )
@@ -50,14 +50,14 @@ class SceneUniform(_OfPicture):
         return self.fail(f"the picture shows something: its contrast is {scene.contrast:.0f}")
 
 
-class Dark(_OfPicture):
+class Dark(_PictureCondition):
     """Is it dark?
 
     Succeeds when the newest picture is darker than that, as a whole, fails when not. It never runs, and is suspended
     until there is a picture that is new enough.
     """
 
-    word = "dark"
+    tag = "dark"
     below: float = argument(
         "share", "how bright the picture may be, 100 % being white", default=0.2, principal=True, low=0.0, high=1.0
     )
@@ -69,7 +69,7 @@ class Dark(_OfPicture):
         return SUCCESS if share < self.below else self.fail(self.feedback_message)
 
 
-class MotionSeen(_OfPicture):
+class MotionSeenLeaf(_PictureCondition):
     """Does something move?
 
     Succeeds when that share of the newest picture has changed since the one before, fails when not. That the camera
@@ -77,7 +77,7 @@ class MotionSeen(_OfPicture):
     until there is a picture that is new enough.
     """
 
-    word = "motion_seen"
+    tag = "motion_seen"
     senses = frozenset({"motion"})
     share: float = argument(
         "share", "how much must have changed; somebody who walks by at 2 m: 1 %", default=0.005, principal=True, low=0.0

@@ -6,13 +6,13 @@ from behaviours.leaf import SUCCESS, Leaf, argument
 from drivers.api import Lamp, Tune
 
 
-class Sound(Leaf):
+class SoundLeaf(Leaf):
     """Play one of the base's tunes, or a tone.
 
     Succeeds at once; what sounds goes on by itself. A tone lasts for 255 ms at most.
     """
 
-    word = "sound"
+    tag = "sound"
     needs = frozenset({"base", "sounds"})
     tune: str | None = argument("choice", "which tune", default=None, choices=tuple(Tune), principal=True)
     tone: float | None = argument("frequency", "a tone instead", default=None, low=6.0, high=20_000.0)
@@ -34,7 +34,7 @@ class Led(Leaf):
     Succeeds at once; the light stays so.
     """
 
-    word = "led"
+    tag = "led"
     needs = frozenset({"base", "lights"})
     colour: str = argument("choice", "what it shows", choices=tuple(Lamp), principal=True)
     number: int = argument("count", "which: 1 or 2", default=1, low=1, high=2)

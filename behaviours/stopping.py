@@ -6,27 +6,27 @@ from py_trees.common import Status
 
 from behaviours.node import Node
 from behaviours.run import log
-from drivers.api import COMMAND_LIFE
+from drivers.api import COMMAND_TIMEOUT
 from drivers.errors import NotConnected
 
 IDLE = Status.INVALID
 
-STAYS = frozenset({"base", "voice", "screen"})
+UNPAUSED_PARTS = frozenset({"base", "voice", "screen"})
 """Parts that nothing is done about when a leaf is not ticked: a base obeys no command for longer than its life."""
 
-ROUNDING = 1e-6
+TIME_TOLERANCE = 1e-6
 """Seconds by which sums of tick periods may fall short."""
 
 AT_REST, STARTING, WORKING, HALTING = range(4)
 """How far a leaf has come: ``initialise`` was called; it is through; ``terminate`` was called, to halt the leaf."""
 
 
-class Stopping(Node):
+class HaltableNode(Node):
     """The half of a leaf that brings it to rest; ``behaviours.leaf.Leaf`` says how it is used."""
 
     drives: ClassVar[frozenset[str]] = frozenset()
     halt_limit: ClassVar[float] = 1.0
-    _finishes: ClassVar[bool] = False  # it has a terminate of its own
+    _has_terminate: ClassVar[bool] = False  # it has a terminate of its own
     _leaf_stage = AT_REST
     _halt_by: float | None = None
     _halt_tick = -1
@@ -35,12 +35,12 @@ class Stopping(Node):
     _paused = False
 
     @property
-    def acting(self) -> bool:
+    def is_acting(self) -> bool:
         """True from its start until it has ended or come to rest: while it may drive what it claims."""
         return self._leaf_stage != AT_REST
 
     @property
-    def place(self) -> str:
+    def label(self) -> str:
         """What it is and where it stands, for messages: "drive (line 4)"."""
         return f"{self.name} (line {self.line})" if self.line else self.name
 
@@ -52,45 +52,45 @@ class Stopping(Node):
         return False
 
     def on_pause(self) -> None:
-        """Bring to rest what it drives, once it was not ticked, or suspended, for ``COMMAND_LIFE`` seconds.
+        """Bring to rest what it drives, once it was not ticked, or suspended, for ``COMMAND_TIMEOUT`` seconds.
 
         Its next tick goes on. A base stops by itself then, and what sounds or is shown does no harm.
         """
-        if moving := self.drives - STAYS:
+        if moving := self.drives - UNPAUSED_PARTS:
             self.run.safe_stop(moving)
 
-    def _pass_time(self) -> None:
+    def _count_unticked_time(self) -> None:
         """Count the time without a tick, and pause once it is over."""
-        now, tick = self.run.now(), self.run.tick
+        now, tick = self.run.read_value(), self.run.tick
         if tick - self._unticked > 1:  # it was ticked in between
-            self._unticked_since, self._paused = now if self.run.ticked_at is None else self.run.ticked_at, False
+            self._unticked_since, self._paused = now if self.run.last_tick_at is None else self.run.last_tick_at, False
         self._unticked = tick
-        if self._paused or now - self._unticked_since < COMMAND_LIFE - ROUNDING:
+        if self._paused or now - self._unticked_since < COMMAND_TIMEOUT - TIME_TOLERANCE:
             return
         self._paused = True
         try:
             self.on_pause()
         except BaseException as error:  # as in _terminate
             if not isinstance(error, NotConnected):
-                log.exception("%s raised while it paused", self.place)
+                log.exception("%s raised while it paused", self.label)
             self._stop_safely()
-            if self._interrupted(error):
+            if self._is_interrupt(error):
                 raise
 
     def _terminate(self, status: Status) -> None:
-        if not self._finishes:  # it says nothing of what it moves: that holds still
+        if not self._has_terminate:  # it says nothing of what it moves: that holds still
             self._stop_safely()
             return
         try:
             self.terminate(status)
         except BaseException as error:  # what cannot be stopped politely is stopped by its driver
             if not isinstance(error, NotConnected):
-                log.exception("%s raised while it stopped", self.place)
+                log.exception("%s raised while it stopped", self.label)
             self._stop_safely()
-            if self._interrupted(error):
+            if self._is_interrupt(error):
                 raise
 
-    def _interrupted(self, error: BaseException) -> bool:
+    def _is_interrupt(self, error: BaseException) -> bool:
         """True for a Ctrl-C, which is the user's and no fault of the leaf."""
         return self.run.interruptible and isinstance(error, KeyboardInterrupt)
 
@@ -99,33 +99,33 @@ class Stopping(Node):
             try:
                 self.run.safe_stop(self.drives)
             except Exception:  # as in _terminate
-                log.exception("%s: its actuators could not be stopped", self.place)
+                log.exception("%s: its actuators could not be stopped", self.label)
 
-    def give_up(self) -> None:
+    def abandon_halt(self) -> None:
         """Forget a start, or a halt, that was under way."""
         self._leaf_stage, self._halt_by = AT_REST, None
 
-    def _stopped(self) -> bool:
-        now = self.run.now()
+    def _has_stopped(self) -> bool:
+        now = self.run.read_value()
         if self._halt_by is None:
             self._leaf_stage, self._halt_by = HALTING, now + self.halt_limit
             self._terminate(IDLE)
         elif self._halt_tick == self.run.tick:
             return False
         self._halt_tick = self.run.tick
-        if self._still_halting():
+        if self._is_still_halting():
             if now < self._halt_by:
                 return False
             self._stop_safely()
         self._leaf_stage, self._halt_by = AT_REST, None
         return True
 
-    def _still_halting(self) -> bool:
+    def _is_still_halting(self) -> bool:
         try:
             return self.halting()
         except BaseException as error:  # as in _terminate
-            log.exception("%s raised while it stopped", self.place)
+            log.exception("%s raised while it stopped", self.label)
             self._stop_safely()
-            if self._interrupted(error):
+            if self._is_interrupt(error):
                 raise
             return False

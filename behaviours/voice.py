@@ -7,9 +7,9 @@ from pathlib import Path
 from py_trees.common import Status
 
 from behaviours.leaf import SUCCESS, Leaf, argument
-from drivers.api import Manner, Mood, Priority, Utterance
+from drivers.api import Mood, Priority, SpeechStyle, Utterance
 
-TYPED = {
+EMOTICONS = {
     Mood.HAPPY: r"[:;=]-?[)\]D]+",
     Mood.SAD: r"[:=]'?-?[(\[]+",
     Mood.SURPRISED: r"[:=]-?[Oo]",
@@ -24,7 +24,7 @@ EMOJI = {
 
 SMILEY = re.compile(
     r"\s*(?:(?<![\w/])(?:"
-    + "|".join(f"(?P<{mood.name}>{signs})" for mood, signs in TYPED.items())
+    + "|".join(f"(?P<{mood.name}>{signs})" for mood, signs in EMOTICONS.items())
     + r")(?!\w)|"
     + "|".join(f"(?P<{mood.name}_>[{signs}])\ufe0f?" for mood, signs in EMOJI.items())
     + ")"
@@ -32,7 +32,7 @@ SMILEY = re.compile(
 """One of them, with the space before it. In "at 8:00", "a list:[1]" and addresses there are none."""
 
 
-def split(text: str) -> tuple[str, Mood | None]:
+def split_mood(text: str) -> tuple[str, Mood | None]:
     """Return ``text`` without its smileys, and the mood of the last one; None where there is none."""
     found = list(SMILEY.finditer(text))
     if not found:
@@ -41,11 +41,11 @@ def split(text: str) -> tuple[str, Mood | None]:
 
 
 PRIORITIES = tuple(each.name.lower() for each in Priority)
-SLOWEST, QUICKEST = 80, 450
+MIN_WORDS_PER_MINUTE, MAX_WORDS_PER_MINUTE = 80, 450
 """Words a minute that synthesisers can speak."""
 
 
-class Uttering(Leaf):
+class SpeechLeaf(Leaf):
     """Something that is heard: running until it was, silent when it is halted.
 
     Where the voice has gone before the end, it is waited for, and all of it is heard once more; what is broken off
@@ -64,7 +64,7 @@ class Uttering(Leaf):
 
     @property
     @abstractmethod
-    def doing(self) -> str:
+    def activity(self) -> str:
         """What it does, in words."""
 
     def initialise(self) -> None:
@@ -74,14 +74,14 @@ class Uttering(Leaf):
     def update(self) -> Status:
         said = self._utterance
         if said is None or not said.done():
-            return self.wait(self.doing)
+            return self.wait(self.activity)
         if not said.cancelled:
             return SUCCESS
         if self._again:
             return self.fail("broken off")
         self._begin()  # which raises NotConnected until the voice is back
         self._again = True
-        return self.wait(self.doing)
+        return self.wait(self.activity)
 
     def _begin(self) -> None:
         self._utterance = self.utter(Priority[self.priority.upper()])
@@ -91,7 +91,7 @@ class Uttering(Leaf):
             self._utterance.cancel()
 
 
-class Say(Uttering):
+class Say(SpeechLeaf):
     """Speak.
 
     Running until it is spoken, then succeeds. Falls silent when it is halted. What has a higher priority is heard at
@@ -100,36 +100,40 @@ class Say(Uttering):
     moves with the words.
     """
 
-    word = "say"
-    uses = frozenset({"screen"})
+    tag = "say"
+    optional_parts = frozenset({"screen"})
     text: str = argument("text", "what to say", principal=True)
     voice: str | None = argument("text", "whose voice, such as en-us+f2; else as the robot file says", default=None)
     speed: float | None = argument(
-        "number", "words per minute; else as the robot file says", default=None, low=SLOWEST, high=QUICKEST
+        "number",
+        "words per minute; else as the robot file says",
+        default=None,
+        low=MIN_WORDS_PER_MINUTE,
+        high=MAX_WORDS_PER_MINUTE,
     )
     language: str | None = argument("text", "such as de; else as the robot file says", default=None)
     priority: str = argument("choice", "what it goes before", default="normal", choices=PRIORITIES)
 
     def utter(self, priority: Priority) -> Utterance:
-        manner = Manner(self.voice or "", self.speed or 0.0, self.language or "")
-        words, mood = split(self.text)
+        manner = SpeechStyle(self.voice or "", self.speed or 0.0, self.language or "")
+        words, mood = split_mood(self.text)
         if mood is not None and self.robot.screen_part is not None:
             self.robot.screen.mood(mood)
         return self.robot.voice.say(words, manner, priority)
 
     @property
-    def doing(self) -> str:
+    def activity(self) -> str:
         return f'saying "{self.text}"'
 
 
-class PlaySound(Uttering):
+class PlaySound(SpeechLeaf):
     """Play a sound.
 
     Running until it was heard, then succeeds; fails when the file is no sound. Silent when it is halted. It takes turns
     with what is said, and is heard once more where the voice was unplugged before its end.
     """
 
-    word = "play_sound"
+    tag = "play_sound"
     sound: Path = argument("file", "a .wav, .mp3, .flac or .ogg; from the folder of the mission", principal=True)
     priority: str = argument("choice", "what it goes before", default="normal", choices=PRIORITIES)
 
@@ -137,5 +141,5 @@ class PlaySound(Uttering):
         return self.robot.voice.play(self.sound, priority)
 
     @property
-    def doing(self) -> str:
+    def activity(self) -> str:
         return f"playing {self.sound.name}"

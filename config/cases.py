@@ -7,14 +7,14 @@ from typing import Annotated, Literal
 from drivers.api import Mood
 from drivers.api.keys import inside, key, keys
 
-TIMEOUT = 120.0
+CASE_TIMEOUT = 120.0
 """Seconds of simulated time after which a case that still runs has failed, unless its file says otherwise."""
 
-DEFAULT_DISTANCE = 0.1
+DISTANCE_TOLERANCE = 0.1
 """Metres from where it is expected within which a base is there, unless the file says otherwise."""
 
-EITHER = "write 'gesture: fails twice' for a mock, or 'camera frozen from 5 s to 8 s'"
-TURNS = "such as 'fails twice, then succeeds'"
+GIVEN_HINT = "write 'gesture: fails twice' for a mock, or 'camera frozen from 5 s to 8 s'"
+SCRIPT_HINT = "such as 'fails twice, then succeeds'"
 
 Eyes = Literal["pixels", "truth"]
 Result = Literal["success", "failure", "error", "interrupted"]
@@ -30,9 +30,9 @@ class MockKeys:
     result: object = key(default=None, help="What `as` keeps, by name; what a mission returns; or a phrase.")
 
 
-Script = Annotated[str, inside(wrong="what '{}' does instead is missing", hint=TURNS)]
+Script = Annotated[str, inside(wrong="what '{}' does instead is missing", hint=SCRIPT_HINT)]
 Mock = Mapping[str, Script | Annotated[MockKeys, inside(each="a mock")]]
-Given = Annotated[str | Mock, inside(wrong="neither a mock nor something that goes wrong", hint=EITHER)]
+Given = Annotated[str | Mock, inside(wrong="neither a mock nor something that goes wrong", hint=GIVEN_HINT)]
 """An entry of ``given``."""
 
 
@@ -41,7 +41,7 @@ class PoseKeys:
     """Where a base is to be."""
 
     near: tuple[float, float] = key("length", wrong="'{}' needs a place, such as [1 m, 0 m]", help="Where: [x, y].")
-    within: float = key("length", default=DEFAULT_DISTANCE, low=0.0, help="How far from there it may be.")
+    within: float = key("length", default=DISTANCE_TOLERANCE, low=0.0, help="How far from there it may be.")
     heading: str = key(default="", help="Which way it looks: `90 deg`, or `90 deg +- 5 deg`; else 10 deg either way.")
 
 
@@ -112,7 +112,7 @@ class CommonKeys:
     )
     seed: int = key(default=0, low=0, help="For what is drawn by chance.")
     timeout: float = key(
-        "duration", default=TIMEOUT, low=0.1, help="Simulated time after which a run that goes on has failed."
+        "duration", default=CASE_TIMEOUT, low=0.1, help="Simulated time after which a run that goes on has failed."
     )
     given: tuple[Given, ...] = key(default=(), help="Mocks, and what goes wrong.")
     expect: ExpectKeys | None = key(default=None, help="What must come of it.")
@@ -145,14 +145,14 @@ class SuiteKeys:
 
 
 @keys
-class JudgedKeys(SuiteKeys):
+class JudgedSuiteKeys(SuiteKeys):
     """A test file whose cases all say what they expect."""
 
     cases: tuple[CaseKeys, ...] = key(each="a case", help="What is tried, each a run.")
 
 
-DEFAULT_ANGLE = math.radians(10)
+HEADING_TOLERANCE = math.radians(10)
 """Radians by which the heading of a base may be off, unless the file says otherwise."""
 
-CROOKED = math.radians(3)
+JOINT_TOLERANCE = math.radians(3)
 """The same for a joint."""

@@ -8,17 +8,17 @@ from typing import Annotated, Literal
 
 from config import marked
 from config.declared import read_keys
-from config.faults import InvalidFileError, Mark, Source
+from config.faults import InvalidFileError, Mark, SourceText
 from config.fields import fields_of
 from config.marked import Listing, Node, Scalar, compose, read_source
-from config.units import quantity
-from drivers.api.keys import Mistake, inside, key, keys
+from config.units import parse_quantity
+from drivers.api.keys import KeyDiagnostic, inside, key, keys
 from drivers.api.quick import dataclass
 
-ABOUT = ("controller", "summary")
+DESCRIPTION_KEYS = ("controller", "summary")
 """The keys that say what a file is; the others are what its rules are made of."""
 
-FIXED = "most"
+LIMIT_KEY = "most"
 """The one number of a rule base that is a limit, and not to be tuned."""
 
 _WRITTEN = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(\S*)")
@@ -28,7 +28,7 @@ Row = Annotated[tuple[str, ...], inside(wrong="row '{}' needs a list: [one concl
 
 
 @keys
-class BaseKeys:
+class RuleBaseKeys:
     """A rule base: rules in words, or ``p`` and ``d``. What they mean, the controller checks."""
 
     inputs: Mapping[str, Mapping[str, object]] = key(
@@ -51,7 +51,7 @@ class BaseKeys:
     d: float | None = key(default=None, low=0.0, help="With `p`: how much of the error's rate.")
     most: object = key(default=None, help="With `p`: the most that it turns by, such as `120 deg/s`.")
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield every row of a table that is longer or shorter than its first one, which names the columns."""
         table = self.rules if isinstance(self.rules, Mapping) else {}
         columns = len(next(iter(table.values()), ()))
@@ -59,20 +59,20 @@ class BaseKeys:
             if columns and len(row) != columns:
                 at = ("rules", name)
                 message = f"row '{name}' has {len(row)} conclusions for {columns} columns"
-                yield Mistake(message, at, named=True, about=(at,))
+                yield KeyDiagnostic(message, at, marks_key=True, about=(at,))
 
 
 @keys
-class ControllerKeys:
+class ControllerFileKeys:
     """The keys of a controller file."""
 
     controller: str = key(help="What it is called.")
     summary: str = key(default="", help="What it is, in a line.")
     predict: bool = key(default=True, help="Whether it goes by where the target will be, or by the newest picture.")
-    pan: BaseKeys | None = key(default=None, help="The rules by which a head turns.")
-    tilt: BaseKeys | None = key(default=None, help="Those by which it looks up and down.")
-    base: BaseKeys | None = key(default=None, help="Those by which a base turns that has a head.")
-    turn: BaseKeys | None = key(default=None, help="Those by which a base without a head turns.")
+    pan: RuleBaseKeys | None = key(default=None, help="The rules by which a head turns.")
+    tilt: RuleBaseKeys | None = key(default=None, help="Those by which it looks up and down.")
+    base: RuleBaseKeys | None = key(default=None, help="Those by which a base turns that has a head.")
+    turn: RuleBaseKeys | None = key(default=None, help="Those by which a base without a head turns.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +85,7 @@ class ControllerConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
+class TunableNumber:
     """A number in a controller file: under which keys and at which ``mark`` it stands, in the unit written there."""
 
     keys: tuple[str, ...]
@@ -99,25 +99,25 @@ def load_controller(path: Path) -> ControllerConfig:
     return parse_controller(read_source(path))
 
 
-def parse_controller(source: Source) -> ControllerConfig:
+def parse_controller(source: SourceText) -> ControllerConfig:
     """Read the text of a controller file. Raises as ``load_controller``."""
-    fields = fields_of(source, what="a controller file")
-    told = read_keys(fields, ControllerKeys)
-    values = {key.text: _plain(node) for key, node in fields.entries() if key.text not in ABOUT}
-    if fields.faults:
-        raise InvalidFileError(fields.faults)
+    fields = fields_of(source, subject="a controller file")
+    told = read_keys(fields, ControllerFileKeys)
+    values = {key.text: _plain(node) for key, node in fields.entries() if key.text not in DESCRIPTION_KEYS}
+    if fields.diagnostics:
+        raise InvalidFileError(fields.diagnostics)
     return ControllerConfig(told.controller, told.summary, values)
 
 
-def figures(source: Source) -> list[Figure]:
+def tunable_numbers(source: SourceText) -> list[TunableNumber]:
     """Return the numbers of the rule bases, each once. Raises InvalidFileError for a file that cannot be read."""
-    found: dict[Mark, Figure] = {}
-    for figure in _figures(compose(source), ()):
+    found: dict[Mark, TunableNumber] = {}
+    for figure in _tunable_numbers(compose(source), ()):
         found.setdefault(figure.mark, figure)  # what an alias repeats stands where it was written first
     return list(found.values())
 
 
-def rewritten(source: Source, changes: Mapping[Mark, str]) -> str:
+def replace_words(source: SourceText, changes: Mapping[Mark, str]) -> str:
     """Return the text of a file with other words at some marks; all else stays as it is, comments too."""
     lines = source.text.splitlines(keepends=True)
     for mark, word in sorted(changes.items(), reverse=True):
@@ -126,26 +126,26 @@ def rewritten(source: Source, changes: Mapping[Mark, str]) -> str:
     return "".join(lines)
 
 
-def renamed(source: Source, name: str, summary: str) -> dict[Mark, str]:
+def name_changes(source: SourceText, name: str, summary: str) -> dict[Mark, str]:
     """Return the changes that give the controller of a file another name and summary, where they fill no more lines."""
     top, changes = compose(source), dict[Mark, str]()
-    for word, text in zip(ABOUT, (name, summary), strict=True):
+    for word, text in zip(DESCRIPTION_KEYS, (name, summary), strict=True):
         node = top.get(word) if isinstance(top, marked.Mapping) else None
         if isinstance(node, Scalar) and node.mark.length >= len(node.text):
             changes[node.mark] = json.dumps(text, ensure_ascii=False)  # a text in quotes is the same in YAML
     return changes
 
 
-def _figures(node: Node, keys: tuple[str, ...]) -> Iterator[Figure]:
+def _tunable_numbers(node: Node, keys: tuple[str, ...]) -> Iterator[TunableNumber]:
     if isinstance(node, marked.Mapping):
         for key, value in node.entries:
-            if (keys or key.text not in ABOUT) and key.text not in ("rules", FIXED):
-                yield from _figures(value, (*keys, key.text))
+            if (keys or key.text not in DESCRIPTION_KEYS) and key.text not in ("rules", LIMIT_KEY):
+                yield from _tunable_numbers(value, (*keys, key.text))
     elif isinstance(node, Listing):
         for item in node.items:
-            yield from _figures(item, keys)
+            yield from _tunable_numbers(item, keys)
     elif (found := _WRITTEN.fullmatch(node.text.strip())) and not node.quoted:
-        yield Figure(keys, node.mark, float(found[1]), found[2])
+        yield TunableNumber(keys, node.mark, float(found[1]), found[2])
 
 
 def _plain(node: Node) -> object:
@@ -153,5 +153,5 @@ def _plain(node: Node) -> object:
         return [_plain(item) for item in node.items]
     if isinstance(node, marked.Mapping):
         return {key.text: _plain(value) for key, value in node.entries}
-    measured = quantity(node.text)
+    measured = parse_quantity(node.text)
     return node.value if measured is None else float(measured)

@@ -6,12 +6,12 @@ from contextlib import suppress
 from pathlib import Path
 
 from config.declared import read_keys
-from config.faults import InvalidFileError, Source
+from config.faults import InvalidFileError, SourceText
 from config.fields import fields_of
 from config.marked import read_source
 from drivers.api.keys import key, keys
 
-FILE = "defaults.yaml"
+DEFAULTS_FILE = "defaults.yaml"
 
 HEADING = "# What `mission` takes where a command names nothing; docs/robots.md says more.\n"
 
@@ -60,41 +60,44 @@ def config_folder(environment: Mapping[str, str] = os.environ) -> Path:
 
 def load_defaults() -> DefaultsKeys:
     """Return the user's defaults; without the file, none. Raises InvalidFileError with every mistake in it."""
-    path = config_folder() / FILE
+    path = config_folder() / DEFAULTS_FILE
     if not path.is_file():
         return DefaultsKeys()
     source = read_source(path)
-    if not _says(source.text):
+    if not _has_content(source.text):
         return DefaultsKeys()
-    fields = fields_of(source, what="the file of defaults")
+    fields = fields_of(source, subject="the file of defaults")
     found = read_keys(fields, DefaultsKeys)
-    if fields.faults:
-        raise InvalidFileError(fields.faults)
+    if fields.diagnostics:
+        raise InvalidFileError(fields.diagnostics)
     return found
 
 
-def keep_default(word: str, value: str) -> Path:
+def set_default(word: str, value: str) -> Path:
     """Write one default into the file, whose other lines stay. Raises InvalidFileError, NotEditableError, OSError."""
     from config.editing import rewrite, with_value  # noqa: PLC0415 - most commands write no defaults
 
     load_defaults()
-    path = config_folder() / FILE
+    path = config_folder() / DEFAULTS_FILE
     path.parent.mkdir(parents=True, exist_ok=True)
     if not path.is_file():
         path.write_text(HEADING, encoding="utf-8")
     text = path.read_text(encoding="utf-8")
-    rewrite(path, with_value(Source(str(path), text), (word,), value) if _says(text) else f"{text}{word}: {value}\n")
+    rewrite(
+        path,
+        with_value(SourceText(str(path), text), (word,), value) if _has_content(text) else f"{text}{word}: {value}\n",
+    )
     return path
 
 
-def drop_default(word: str) -> Path:
+def remove_default(word: str) -> Path:
     """Remove one default from the file, whose other lines stay; return the file.
 
     Raises InvalidFileError, NotEditableError, OSError.
     """
     from config.editing import rewrite, without_key  # noqa: PLC0415 - most commands write no defaults
 
-    path = config_folder() / FILE
+    path = config_folder() / DEFAULTS_FILE
     rewrite(path, without_key(read_source(path), word))
     return path
 
@@ -122,7 +125,7 @@ def _folders(kind: str) -> list[Path]:
     return [each / kind for each in (config_folder(), *(Path(each).expanduser() for each in load_defaults().folders))]
 
 
-def own_files(kind: str) -> dict[str, Path]:
+def user_files(kind: str) -> dict[str, Path]:
     """Return the user's own files of a kind by name: those beside the defaults, then those in their ``folders``.
 
     A folder that cannot be read holds none; ``unreadable_folders`` names it.
@@ -134,6 +137,6 @@ def own_files(kind: str) -> dict[str, Path]:
     return {path.stem: path for path in reversed(found) if not path.name.endswith(".test.yaml")}
 
 
-def _says(text: str) -> bool:
+def _has_content(text: str) -> bool:
     """Say whether a text holds more than comments."""
     return any(line.strip() and not line.lstrip().startswith("#") for line in text.splitlines())

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from config.faults import InvalidFileError, Mark, Source
+from config.faults import InvalidFileError, Mark, SourceText
 from config.library import HERE
 from config.marked import Listing, Mapping, Node, Scalar, compose
 from config.reading import save_file
@@ -20,7 +20,7 @@ class NotEditableError(ValueError):
     """A file that is not to be changed, or in which the place is not found; the message says what to do instead."""
 
 
-def with_value(source: Source, keys: Sequence[str], value: str) -> str:
+def with_value(source: SourceText, keys: Sequence[str], value: str) -> str:
     """Return the text of a YAML file in which ``value`` stands at ``keys``: changed where it is, else added.
 
     Raises NotEditableError where one of the mappings on the way is not there, or is written elsewhere (an alias),
@@ -36,15 +36,15 @@ def with_value(source: Source, keys: Sequence[str], value: str) -> str:
         raise NotEditableError(f"{source.name}: it is no mapping")
     old = node.get(keys[-1])
     if isinstance(old, Scalar):
-        return _put(source.text, old.mark, value, length=old.mark.length)
+        return _replace_at(source.text, old.mark, value, length=old.mark.length)
     if isinstance(old, Listing) and (list_ := _FLOW.match(source.line(old.mark.line), old.mark.column - 1)):
-        return _put(source.text, old.mark, value, length=len(list_[0]))
+        return _replace_at(source.text, old.mark, value, length=len(list_[0]))
     if old is not None:
         raise NotEditableError(f"{source.name}: '{keys[-1]}' is neither one value nor a list on one line")
     return _add(source.text, node, f"{keys[-1]}: {value}")
 
 
-def without_key(source: Source, key: str) -> str:
+def without_key(source: SourceText, key: str) -> str:
     """Return the text of a YAML file without a top-level ``key`` and its value; unchanged if it has none.
 
     Raises NotEditableError for a value that shares its line, or has several; InvalidFileError for what is no YAML.
@@ -61,20 +61,20 @@ def without_key(source: Source, key: str) -> str:
     return "".join(lines)
 
 
-def with_values(source: Source, values: PyMapping[tuple[str, ...], str]) -> str:
+def with_values(source: SourceText, values: PyMapping[tuple[str, ...], str]) -> str:
     """Return the text in which each of ``values`` stands at its keys, and all else means what it meant.
 
     Raises NotEditableError and InvalidFileError as ``with_value``, and where an anchor stands for more than one value.
     """
-    wanted, text = _meant(compose(source)), source.text
+    wanted, text = _plain_value(compose(source)), source.text
     for keys, value in values.items():
-        text = with_value(Source(source.name, text), keys, value)
+        text = with_value(SourceText(source.name, text), keys, value)
         place = wanted
         for key in keys[:-1]:
             place = place[key]
-        place[keys[-1]] = _meant(compose(Source(source.name, value)))
+        place[keys[-1]] = _plain_value(compose(SourceText(source.name, value)))
     try:
-        right = _meant(compose(Source(source.name, text))) == wanted
+        right = _plain_value(compose(SourceText(source.name, text))) == wanted
     except InvalidFileError:  # the anchor was lost
         right = False
     if not right:
@@ -83,14 +83,14 @@ def with_values(source: Source, values: PyMapping[tuple[str, ...], str]) -> str:
     return text
 
 
-def _meant(node: Node) -> Any:
+def _plain_value(node: Node) -> Any:
     """Return what a node means, wherever it stands."""
     if isinstance(node, Mapping):
-        return {name.text: _meant(value) for name, value in node.entries}
-    return [_meant(each) for each in node.items] if isinstance(node, Listing) else node.value
+        return {name.text: _plain_value(value) for name, value in node.entries}
+    return [_plain_value(each) for each in node.items] if isinstance(node, Listing) else node.value
 
 
-def _put(text: str, mark: Mark, new: str, *, length: int = 0) -> str:
+def _replace_at(text: str, mark: Mark, new: str, *, length: int = 0) -> str:
     """Put ``new`` in the place of the ``length`` characters at ``mark``."""
     lines = text.splitlines(keepends=True)
     line, at = lines[mark.line - 1], mark.column - 1
@@ -103,10 +103,10 @@ def _add(text: str, mapping: Mapping, entry: str) -> str:
     line = text.splitlines()[mapping.mark.line - 1]
     if line[mapping.mark.column - 1 :].startswith("{"):
         behind = Mark(mapping.mark.line, mapping.mark.column + 1)
-        return _put(text, behind, entry + (", " if mapping.entries else ""))
+        return _replace_at(text, behind, entry + (", " if mapping.entries else ""))
     indent = line[: mapping.mark.column - 1]
     newline = "\r\n" if "\r\n" in text else "\n"
-    return _put(text, mapping.mark, entry + newline + indent)
+    return _replace_at(text, mapping.mark, entry + newline + indent)
 
 
 def require_own(path: Path, command: str) -> None:

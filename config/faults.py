@@ -8,13 +8,13 @@ from unicodedata import combining, east_asian_width
 
 from drivers.api.secrets import without_secrets
 
-SHORT = 5
+SHORT_WORD_LENGTH = 5
 """Letters of a word in which only one slip is taken for one."""
 
 SMART_QUOTES = re.compile("[\u201c-\u201f\u00ab\u00bb]|^[\u2018-\u201b]|[\u2018-\u201b]$")
-ODD_BLANKS = re.compile("[\u00a0\u2007\u202f\u3000\u200b\ufeff]")
+ODD_SPACES = re.compile("[\u00a0\u2007\u202f\u3000\u200b\ufeff]")
 
-MAX_FAULTS = 100
+MAX_DIAGNOSTICS = 100
 """A file with more mistakes than this is no file of the kind: reading stops there."""
 
 
@@ -28,7 +28,7 @@ class Mark:
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class SourceText:
     """A file's name, as the user gave it, and its text."""
 
     name: str
@@ -40,7 +40,7 @@ class Source:
         return lines[number - 1] if 0 < number <= len(lines) else ""
 
 
-def place_of(text: str, position: int) -> Mark:
+def mark_at(text: str, position: int) -> Mark:
     """Return the line and column of the character at ``position`` (from 0)."""
     lines = (text[:position] + "x").splitlines()
     return Mark(len(lines), len(lines[-1]))
@@ -50,14 +50,14 @@ def place_of(text: str, position: int) -> Mark:
 class Diagnostic:
     """One mistake: where it is, what is wrong, and what to write instead where that is known.
 
-    ``mended`` are the lines that are read otherwise than they are written because of it: nothing else is told of them.
+    ``repaired_lines`` are the lines that are read otherwise than they are written because of it: nothing else is told of them.
     """
 
-    source: Source
+    source: SourceText
     mark: Mark
     message: str
     suggestion: str = ""
-    mended: frozenset[int] = field(default=frozenset(), compare=False)
+    repaired_lines: frozenset[int] = field(default=frozenset(), compare=False)
 
     def __post_init__(self) -> None:
         for name in ("message", "suggestion"):  # what is quoted of a file may be the address of a camera
@@ -69,12 +69,12 @@ class Diagnostic:
         return f"{self.source.name}:{self.mark.line}:{self.mark.column}"
 
     def __str__(self) -> str:
-        lines = [f"{self.place}: {self.message}", *self._picture()]
+        lines = [f"{self.place}: {self.message}", *self._excerpt()]
         if self.suggestion:
             lines.append(f"  {self.suggestion}")
         return "\n".join(lines)
 
-    def _picture(self) -> list[str]:
+    def _excerpt(self) -> list[str]:
         """The line with carets under the mistake; of a long line, the piece around it."""
         line = without_secrets(self.source.line(self.mark.line).rstrip(), aligned=True)
         if not line:
@@ -95,31 +95,38 @@ class InvalidInputError(ValueError):
 
 
 class InvalidFileError(InvalidInputError):
-    """A file that cannot be used; ``faults`` holds every mistake in it (MAX_FAULTS at most), in the file's order."""
+    """A file that cannot be used; ``diagnostics`` holds every mistake in it (MAX_FAULTS at most), in the file's order."""
 
-    def __init__(self, faults: Sequence[Diagnostic]) -> None:
+    def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         # What an alias repeats is one mistake, not two.
-        once = dict.fromkeys(faults)
-        self.faults = tuple(sorted(once, key=lambda fault: (fault.source.name, fault.mark)))
-        super().__init__("\n".join(str(fault) for fault in self.faults))
+        once = dict.fromkeys(diagnostics)
+        self.diagnostics = tuple(sorted(once, key=lambda fault: (fault.source.name, fault.mark)))
+        super().__init__("\n".join(str(fault) for fault in self.diagnostics))
 
 
-def note(faults: list[Diagnostic], fault: Diagnostic) -> None:
+def add_diagnostic(diagnostics: list[Diagnostic], diagnostic: Diagnostic) -> None:
     """Add one mistake. Raises InvalidFileError with all of them once there are MAX_FAULTS."""
-    if any(fault.mark.line in other.mended and fault.source.name == other.source.name for other in faults):
+    if any(
+        diagnostic.mark.line in other.repaired_lines and diagnostic.source.name == other.source.name
+        for other in diagnostics
+    ):
         return
-    faults.append(fault if fault.mended else replace(fault, suggestion=_pasted(fault) or fault.suggestion))
-    if len(faults) >= MAX_FAULTS:
-        raise InvalidFileError(faults)
+    diagnostics.append(
+        diagnostic
+        if diagnostic.repaired_lines
+        else replace(diagnostic, suggestion=_word_processor_hint(diagnostic) or diagnostic.suggestion)
+    )
+    if len(diagnostics) >= MAX_DIAGNOSTICS:
+        raise InvalidFileError(diagnostics)
 
 
-def _pasted(fault: Diagnostic) -> str:
+def _word_processor_hint(fault: Diagnostic) -> str:
     """Say what to write for signs of a word processor in what a mistake marks; nothing where there are none."""
     begin = fault.mark.column - 1
     marked = fault.source.line(fault.mark.line)[begin : begin + fault.mark.length]
     if (quote := SMART_QUOTES.search(marked)) is not None:
         return f"{quote[0]} is no quote here: write \" or '"
-    if (blank := ODD_BLANKS.search(marked)) is not None:
+    if (blank := ODD_SPACES.search(marked)) is not None:
         return f"there is a sign in it that looks like a blank, or like nothing (U+{ord(blank[0]):04X}): write it anew"
     return ""
 
@@ -132,12 +139,12 @@ def closest(word: str, known: Iterable[str]) -> str:
     """
     spelt = {each.lower(): each for each in known}
     meant = word.lower()
-    if len(meant) > SHORT:
+    if len(meant) > SHORT_WORD_LENGTH:
         close = get_close_matches(meant, spelt, n=1, cutoff=0.6)
     else:
-        like = [each for each in spelt if one_slip(meant, each) or each.startswith(meant)]
+        like = [each for each in spelt if is_one_edit(meant, each) or each.startswith(meant)]
         close = get_close_matches(meant, like, n=1, cutoff=0.51)
-    return spelt[close[0]] if close and not opposite(meant, close[0]) else ""
+    return spelt[close[0]] if close and not are_opposites(meant, close[0]) else ""
 
 
 NEGATIONS = frozenset({"not", "no", "non", "never", "without", "isnt"})
@@ -178,7 +185,7 @@ OPPOSITES = [
 ]
 
 
-def opposite(word: str, other: str) -> bool:
+def are_opposites(word: str, other: str) -> bool:
     """Say whether two words differ by a negation, or by parts that are opposites: "undocked" and "docked"."""
     parts, others = ([part for part in re.split(r"[\W_]+", each) if part] for each in (word, other))
     here, there = (set(a) - set(b) for a, b in ((parts, others), (others, parts)))
@@ -195,7 +202,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     return f"did you mean '{close}'?" if close else ""
 
 
-def one_slip(word: str, other: str) -> bool:
+def is_one_edit(word: str, other: str) -> bool:
     """Say whether one letter more, less or in the place of another makes ``other``, or two that change places."""
     same = next((at for at, (a, b) in enumerate(zip(word, other, strict=False)) if a != b), min(len(word), len(other)))
     word, other = word[same:], other[same:]
@@ -203,7 +210,7 @@ def one_slip(word: str, other: str) -> bool:
     return swapped or word[1:] == other[1:] or word[1:] == other or word == other[1:]
 
 
-def one_of(word: str, known: Iterable[str]) -> str:
+def suggest_from(word: str, known: Iterable[str]) -> str:
     """Return the closest known word as a question, or the list of all that would be right."""
     words = sorted(set(known))
     return did_you_mean(word, words) or (f"known are: {', '.join(words)}" if words else "")
@@ -216,7 +223,7 @@ def _width(text: str) -> int:
 
 # Words that people bring along from other programs, and ours for them: asked before any likeness of spelling.
 
-KEYS: Mapping[str, str] = {
+KEY_SYNONYMS: Mapping[str, str] = {
     "robot": "name",
     "world": "name",
     "summary": "description descr desc about",
@@ -267,31 +274,31 @@ KEYS: Mapping[str, str] = {
 """Our keys of files, each with what others call it. A word that a section knows itself is never taken for another."""
 
 
-def plain_word(word: str) -> str:
+def to_snake_case(word: str) -> str:
     """Return a word in small letters, its parts joined by ``_``: "MaxSpeed" and "max-speed" are "max_speed"."""
     parted = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", word.strip())
     return re.sub(r"[\s-]+", "_", parted).lower()
 
 
-def ours_for(word: str, table: Mapping[str, str], known: Iterable[str]) -> list[str]:
+def own_words_for(word: str, table: Mapping[str, str], known: Iterable[str]) -> list[str]:
     """Return what ``word`` is called here: those of ``known`` for which the table has it, in the table's order."""
-    known, word = set(known), plain_word(word)
-    return [ours for ours, theirs in table.items() if head_of(ours) in known and word in theirs.split()]
+    known, word = set(known), to_snake_case(word)
+    return [ours for ours, theirs in table.items() if key_of(ours) in known and word in theirs.split()]
 
 
-def key_meant(word: str, known: Collection[str], table: Mapping[str, str] = KEYS) -> str:
+def suggest_key(word: str, known: Collection[str], table: Mapping[str, str] = KEY_SYNONYMS) -> str:
     """Say which key may be meant by ``word``: what it is called here, else the closest, else all there are."""
-    if plain_word(word) in known:
-        return f"did you mean '{plain_word(word)}'?"
-    ours = ours_for(word, table, known)
-    return f"write {in_words(ours)}" if ours else one_of(word, known)
+    if to_snake_case(word) in known:
+        return f"did you mean '{to_snake_case(word)}'?"
+    ours = own_words_for(word, table, known)
+    return f"write {alternatives_text(ours)}" if ours else suggest_from(word, known)
 
 
-def in_words(words: Iterable[str]) -> str:
+def alternatives_text(words: Iterable[str]) -> str:
     """Return "'this' or 'that'"."""
     return " or ".join(f"'{word}'" for word in words)
 
 
-def head_of(ours: str) -> str:
+def key_of(ours: str) -> str:
     """Return the word itself of ours with a value, such as ``invert: true``."""
     return ours.partition(":")[0]

@@ -11,14 +11,14 @@ from config.defaults import config_folder
 from config.faults import InvalidFileError
 from config.fields import fields_of
 from config.marked import read_source
-from drivers.api.keys import Mistake, key, keys
+from drivers.api.keys import KeyDiagnostic, key, keys
 
-FILE = "fleet.yaml"
+FLEET_FILE = "fleet.yaml"
 
-PORT = 7450
+DEFAULT_PORT = 7450
 """Where the robots of one computer find each other, unless a file says otherwise."""
 
-SECURE = ("tls", "quic")
+SECURE_PROTOCOLS = ("tls", "quic")
 
 
 @keys
@@ -39,27 +39,27 @@ class FleetKeys:
     private_key: str = key(default="", help="The private key (PEM) of that certificate.")
     robots: tuple[str, ...] = key(default=(), help="The names of the robots, so that one that is missing is told of.")
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Find what would be open to a network without keys."""
         for word in ("listen", "connect"):
             for number, endpoint in enumerate(getattr(self, word)):
-                if why := refusal(endpoint, certified=bool(self.ca and self.certificate and self.private_key)):
-                    yield Mistake(why, (word, number), hint=CURE)
+                if why := refusal_reason(endpoint, certified=bool(self.ca and self.certificate and self.private_key)):
+                    yield KeyDiagnostic(why, (word, number), hint=SECURE_ENDPOINT_HINT)
 
 
-CURE = (
+SECURE_ENDPOINT_HINT = (
     "tls/HOST:PORT, with `ca`, `certificate` and `private_key`: docs/fleet.md says how they are made; "
-    f"tcp/127.0.0.1:{PORT} stays on this computer"
+    f"tcp/127.0.0.1:{DEFAULT_PORT} stays on this computer"
 )
 
 
-def refusal(endpoint: str, *, certified: bool) -> str:
+def refusal_reason(endpoint: str, *, certified: bool) -> str:
     """Return why an endpoint is not used; nothing for one that is within this computer, or secured by keys."""
     protocol, slash, place = endpoint.partition("/")
     host, colon, port = place.partition("#")[0].rpartition(":")
-    if not (slash and colon and host and port.isdecimal()) or protocol not in ("tcp", *SECURE):
+    if not (slash and colon and host and port.isdecimal()) or protocol not in ("tcp", *SECURE_PROTOCOLS):
         return f"'{endpoint}' is no endpoint"
-    if protocol in SECURE:
+    if protocol in SECURE_PROTOCOLS:
         return "" if certified else f"'{endpoint}' needs the keys of the fleet"
     return "" if _is_loopback(host) else f"'{endpoint}' would be open to the network, without keys"
 
@@ -76,13 +76,13 @@ def load_fleet(path: Path | None = None) -> FleetKeys:
 
     Files of keys that are named are found beside it. Raises InvalidFileError with every mistake.
     """
-    path = config_folder() / FILE if path is None else path
+    path = config_folder() / FLEET_FILE if path is None else path
     if not path.is_file():
         return FleetKeys()
-    section = fields_of(read_source(path), what="the file of a fleet")
+    section = fields_of(read_source(path), subject="the file of a fleet")
     found = read_keys(section, FleetKeys)
-    if section.faults:
-        raise InvalidFileError(section.faults)
+    if section.diagnostics:
+        raise InvalidFileError(section.diagnostics)
     values = {each.name: getattr(found, each.name) for each in fields(FleetKeys)}
     for word in ("ca", "certificate", "private_key"):
         values[word] = values[word] and str(path.parent / Path(values[word]).expanduser())

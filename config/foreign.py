@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from config.reading import open_regular, read_regular
 
-BEGINNING = 65_536
+MAX_HEAD_BYTES = 65_536
 """Bytes by which a file is recognised, unless it is JSON."""
 
 MAX_JSON_BYTES = 20_000_000
@@ -20,8 +20,8 @@ class ForeignFile(NamedTuple):
     ``form`` names what ``mission servo import`` or ``play`` reads; empty for all other files.
     """
 
-    what: str
-    use: str
+    description: str
+    usage: str
     form: str = ""
 
 
@@ -90,11 +90,11 @@ _TEXTS: tuple[tuple[str, str, str], ...] = (
     (r"\A#!", "a program", _UNUSED),
 )  # fmt: skip
 
-OLD_LEROBOT = frozenset({"motor_names", "homing_offset", "drive_mode", "start_pos", "end_pos"})
+OLD_LEROBOT_KEYS = frozenset({"motor_names", "homing_offset", "drive_mode", "start_pos", "end_pos"})
 """Keys of LeRobot's calibrations until June 2025."""
 
 
-def foreign_file(path: Path) -> ForeignFile | None:
+def recognise_file(path: Path) -> ForeignFile | None:
     """Return what a file of another program is; None for one that is not recognised, or cannot be read."""
     if path.is_dir():
         if (path / "meta" / "info.json").is_file():
@@ -102,7 +102,7 @@ def foreign_file(path: Path) -> ForeignFile | None:
         return None
     try:
         with open_regular(path) as file:
-            data = file.read(BEGINNING) or b""
+            data = file.read(MAX_HEAD_BYTES) or b""
     except (OSError, ValueError):
         return None
     for place, magic, what, use in _MAGIC:
@@ -114,10 +114,10 @@ def foreign_file(path: Path) -> ForeignFile | None:
     for pattern, what, use in _TEXTS:
         if re.search(pattern, text, re.MULTILINE):
             return ForeignFile(what, use)
-    return _of_data(plain_data(path, text))
+    return _recognise_data(read_plain_data(path, text))
 
 
-def plain_data(path: Path, beginning: str = "") -> Any:
+def read_plain_data(path: Path, beginning: str = "") -> Any:
     """Return what a file in JSON or YAML holds, as Python's own values; None where it is neither.
 
     Of lines of JSON the first one counts.
@@ -154,7 +154,7 @@ def _plain(node: Any) -> Any:
     return {key.text: _plain(value) for key, value in node.entries}
 
 
-def _of_data(data: Any) -> ForeignFile | None:
+def _recognise_data(data: Any) -> ForeignFile | None:
     """Recognise what a file in JSON or YAML holds, by its keys."""
     if not isinstance(data, Mapping):
         return None
@@ -197,7 +197,7 @@ def _is_motion(data: Data) -> bool:
 
 
 _SHAPES: tuple[tuple[Callable[[Data], bool], ForeignFile], ...] = (
-    (_has(*OLD_LEROBOT), ForeignFile(
+    (_has(*OLD_LEROBOT_KEYS), ForeignFile(
         "a calibration of LeRobot's from before June 2025, whose offsets are in no servo",
         "calibrate the arm with today's lerobot-calibrate, and name its file")),
     (_each_has("id", "homing_offset", "range_min", "range_max"), ForeignFile(

@@ -16,14 +16,14 @@ that is where the movement begins.
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from config.declared import note_mistakes, read_keys
-from config.faults import InvalidFileError, Source
+from config.declared import add_mistakes, read_keys
+from config.faults import InvalidFileError, SourceText
 from config.fields import fields_of
 from config.marked import read_source
-from config.units import written
+from config.units import quantity_text
 from drivers.api import Gesture, Interpolation, Keyframe
 from drivers.api.gait import GaitKeys
-from drivers.api.keys import Mistake, key, keys
+from drivers.api.keys import KeyDiagnostic, key, keys
 from drivers.api.quick import dataclass
 
 # Gait files: how a humanoid walks, by parameters, or by where its soles are over a cycle.
@@ -40,14 +40,14 @@ from drivers.api.quick import dataclass
 
 def load_gait(path: Path) -> GaitKeys:
     """Read a gait file. Raises InvalidFileError with every mistake in it."""
-    fields = fields_of(read_source(path), what="a gait file")
+    fields = fields_of(read_source(path), subject="a gait file")
     found = read_keys(fields, GaitKeys)
-    if fields.faults:
-        raise InvalidFileError(fields.faults)
+    if fields.diagnostics:
+        raise InvalidFileError(fields.diagnostics)
     return found
 
 
-Reaches = Mapping[str, tuple[float, float]]
+LimitsByJoint = Mapping[str, tuple[float, float]]
 """The lower and the upper limit (rad) of every joint that there is."""
 
 
@@ -71,29 +71,31 @@ class GestureKeys:
     )
     keyframes: tuple[KeyframeKeys, ...] = key(each="a keyframe", help="Where it goes, one after another.")
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield keyframes that do not follow one another."""
         if not self.keyframes:
             message, hint = "'keyframes' needs at least one keyframe", "such as {at: 1 s, elbow: 90 deg}"
-            yield Mistake(message, ("keyframes",), hint=hint)
+            yield KeyDiagnostic(message, ("keyframes",), hint=hint)
         before = -1.0 if self.interpolation == "cubic" else 0.0
         for place, frame in enumerate(self.keyframes):
             if frame.at <= before:
                 at = ("keyframes", place, "at")
                 message = f"'at' must be later than {before:g} s, as keyframes follow one another"
-                yield Mistake(message, at, about=(at,))
+                yield KeyDiagnostic(message, at, about=(at,))
             before = frame.at
 
-    def beyond(self, reaches: Reaches) -> Iterator[Mistake]:
+    def limit_mistakes(self, limits: LimitsByJoint) -> Iterator[KeyDiagnostic]:
         """Yield angles that the joints of an arm do not have, and joints that it lacks."""
         for place, frame in enumerate(self.keyframes):
             for joint, angle in frame.joints.items():
                 at = ("keyframes", place, joint)
-                if joint not in reaches:
+                if joint not in limits:
                     message = f"there is no joint '{joint}'"
-                    yield Mistake(message, at, named=True, seen=joint, known=reaches, about=(at,))
-                elif problem := beyond(joint, angle, reaches[joint]):
-                    yield Mistake(problem, at, about=(at,))
+                    yield KeyDiagnostic(
+                        message, at, marks_key=True, unknown_word=joint, known_words=limits, about=(at,)
+                    )
+                elif problem := limit_error(joint, angle, limits[joint]):
+                    yield KeyDiagnostic(problem, at, about=(at,))
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,26 +119,26 @@ class GestureConfig:
         return Gesture(self.name, self.summary, keyframes, self.interpolation)
 
 
-def load_gesture(path: Path, reaches: Reaches | None = None) -> GestureConfig:
+def load_gesture(path: Path, limits: LimitsByJoint | None = None) -> GestureConfig:
     """Read a gesture file. Raises InvalidFileError with every mistake in it; with ``reaches``, of its angles too."""
-    return gesture_of(read_source(path), reaches)
+    return parse_gesture(read_source(path), limits)
 
 
-def gesture_of(source: Source, reaches: Reaches | None = None) -> GestureConfig:
+def parse_gesture(source: SourceText, limits: LimitsByJoint | None = None) -> GestureConfig:
     """Read the text of a gesture file. Raises as ``load_gesture`` does."""
-    fields = fields_of(source, what="a gesture file")
+    fields = fields_of(source, subject="a gesture file")
     found = read_keys(fields, GestureKeys)
-    if reaches is not None:
-        note_mistakes(fields, found.beyond(reaches))
-    if fields.faults:
-        raise InvalidFileError(fields.faults)
+    if limits is not None:
+        add_mistakes(fields, found.limit_mistakes(limits))
+    if fields.diagnostics:
+        raise InvalidFileError(fields.diagnostics)
     keyframes = tuple((frame.at, frame.joints) for frame in found.keyframes)
     return GestureConfig(found.gesture, found.summary, keyframes, found.interpolation)
 
 
-def beyond(joint: str, angle: float, limits: tuple[float, float]) -> str:
+def limit_error(joint: str, angle: float, limits: tuple[float, float]) -> str:
     """Say that ``angle`` is outside a joint's limits, a millionth of a radian allowed; empty where it is not."""
     if limits[0] - 1e-6 <= angle <= limits[1] + 1e-6:
         return ""
-    lower, upper = (written(end, "angle") for end in limits)
-    return f"'{joint}' at {written(angle, 'angle')} is outside its limits, {lower} to {upper}"
+    lower, upper = (quantity_text(end, "angle") for end in limits)
+    return f"'{joint}' at {quantity_text(angle, 'angle')} is outside its limits, {lower} to {upper}"

@@ -11,11 +11,11 @@ from pathlib import Path
 
 from config.faults import closest, did_you_mean
 from config.reading import open_regular
-from config.units import article, seen
+from config.units import quoted_value, with_article
 
 HERE = Path(__file__).parent
 
-LISTED = ("missions", "robots", "worlds", "gestures", "controllers", "objects")
+LISTED_KINDS = ("missions", "robots", "worlds", "gestures", "controllers", "objects")
 """The kinds that `mission list` knows."""
 
 DEFAULT_ROBOT = "turtlebot2_arm"
@@ -24,13 +24,13 @@ DEFAULT_WORLD = "living_room"
 
 SUFFIXES = (".yaml", ".yml")
 
-SHEETS = (".csv", ".xls", ".xlsx", ".ods")
+SHEET_SUFFIXES = (".csv", ".xls", ".xlsx", ".ods")
 """How the names of spreadsheets end, with moves or gaits in them."""
 
-MINE = "mine"
+OWN_ROBOT = "mine"
 """The name of this computer's own robot, whichever that is."""
 
-FEW = 5
+MAX_LISTED_NAMES = 5
 """So many names are told at most where there are more."""
 
 
@@ -38,68 +38,78 @@ class UnknownNameError(LookupError):
     """A name that is neither a file of the kind nor in the library; the message says what is there."""
 
 
-def shipped(kind: str) -> dict[str, Path]:
+def shipped_files(kind: str) -> dict[str, Path]:
     """Return the files of one kind (``robots``, ``gestures``, ``worlds``, ``controllers``) by name."""
     return {path.stem: path for path in sorted((HERE / kind).glob("*.yaml"))}
 
 
-def find(kind: str, name: str, *, library: dict[str, Path] | None = None, folder: Path = Path()) -> Path:
+def find_file(kind: str, name: str, *, library: dict[str, Path] | None = None, folder: Path = Path()) -> Path:
     """Return the file that ``name`` means: in the library, a path, which goes from ``folder``, or the user's own.
 
     Raises UnknownNameError with the file or the name that may be meant, or with what a file is that is of another kind.
     """
-    known = shipped(kind) if library is None else library
+    known = shipped_files(kind) if library is None else library
     if name in known:
         return known[name]
     path = folder / name
     if is_file(path):
-        if wrong := wrong_kind(kind, path):
+        if wrong := wrong_kind_error(kind, path):
             raise UnknownNameError(wrong)
         return path
-    own = _own(kind, name)
+    own = _find_user_file(kind, name)
     if own is not None:
         return own
     with suppress(OSError):  # a name that is too long
-        if path.is_dir() and (wrong := _foreign(kind, path)):
+        if path.is_dir() and (wrong := _foreign_file_error(kind, path)):
             raise UnknownNameError(wrong)
     hint = _hint(kind, folder, name, known)
     if path.suffix in (*SUFFIXES, ".mcap"):
         wrong = "not a regular file" if os.path.lexists(path) else "no such file"
-        raise UnknownNameError(f"{seen(str(path))}: {wrong}" + (f"; {hint}" if hint else ""))
-    missing = "".join(f"; {each}" for each in _missing(kind) if each)
-    raise UnknownNameError(f"unknown {kind.removesuffix('s')} {seen(name)}; {hint or _all(kind, known)}{missing}")
+        raise UnknownNameError(f"{quoted_value(str(path))}: {wrong}" + (f"; {hint}" if hint else ""))
+    missing = "".join(f"; {each}" for each in _missing_folder_notes(kind) if each)
+    raise UnknownNameError(
+        f"unknown {kind.removesuffix('s')} {quoted_value(name)}; {hint or _all_names_text(kind, known)}{missing}"
+    )
 
 
 def _hint(kind: str, folder: Path, name: str, known: Collection[str]) -> str:
     """Say what may be meant by a name that leads to no file; empty where nothing is close."""
     if Path(name).suffix in SUFFIXES:
-        return _meant(kind, folder, name) or _alike(kind, folder, name) or _close(kind, Path(name).stem, known)
-    return _meant(kind, folder, name) or _close(kind, name, known) or _alike(kind, folder, name)
+        return (
+            _similar_file(kind, folder, name)
+            or _similar_spelling(kind, folder, name)
+            or _similar_name(kind, Path(name).stem, known)
+        )
+    return (
+        _similar_file(kind, folder, name) or _similar_name(kind, name, known) or _similar_spelling(kind, folder, name)
+    )
 
 
-def _own(kind: str, name: str) -> Path | None:
+def _find_user_file(kind: str, name: str) -> Path | None:
     """Return the user's own file that a name means, None where there is none. Raises UnknownNameError."""
-    from config.defaults import FILE, config_folder, load_defaults, own_files  # noqa: PLC0415 - few names are not in the library
+    from config.defaults import DEFAULTS_FILE, config_folder, load_defaults, user_files  # noqa: PLC0415 - few names are not in the library
 
-    if kind == "robots" and name == MINE:
+    if kind == "robots" and name == OWN_ROBOT:
         mine = load_defaults().robot
-        if not mine or mine == MINE:
+        if not mine or mine == OWN_ROBOT:
             raise UnknownNameError("no robot is this computer's own; `mission robot use NAME` makes one so")
         try:
-            return find(kind, str(Path(mine).expanduser()) if "/" in mine else mine)
+            return find_file(kind, str(Path(mine).expanduser()) if "/" in mine else mine)
         except UnknownNameError as error:
-            where = f"{config_folder() / FILE}: 'robot': {error}"
+            where = f"{config_folder() / DEFAULTS_FILE}: 'robot': {error}"
             cure = "`mission robot use NAME` names another, `mission robot use --none` forgets it"
             raise UnknownNameError(f"{where}; {cure}") from None
-    return own_files(kind).get(name)
+    return user_files(kind).get(name)
 
 
-def _missing(kind: str) -> list[str]:
+def _missing_folder_notes(kind: str) -> list[str]:
     """Say which folders of the user's are not there, or not readable: a name may have been one of a file in them."""
-    from config.defaults import FILE, config_folder, missing_folders, unreadable_folders  # noqa: PLC0415 - rarely needed
+    from config.defaults import DEFAULTS_FILE, config_folder, missing_folders, unreadable_folders  # noqa: PLC0415 - rarely needed
 
     missing = missing_folders()
-    gone = [f"{config_folder() / FILE} names folders that are not there: {', '.join(missing)}"] if missing else []
+    gone = (
+        [f"{config_folder() / DEFAULTS_FILE} names folders that are not there: {', '.join(missing)}"] if missing else []
+    )
     return [*gone, *unreadable_folders(kind)]
 
 
@@ -111,24 +121,24 @@ def is_file(path: Path) -> bool:
         return False
 
 
-def _meant(kind: str, folder: Path, name: str) -> str:
+def _similar_file(kind: str, folder: Path, name: str) -> str:
     """Say which file is meant by a name that leads to none: one with another ending, or in the folder of its kind."""
     bare = name.removesuffix(".yaml").removesuffix(".yml")
     for there in [f"{inside}{bare}{suffix}" for inside in ("", f"{kind}/") for suffix in SUFFIXES if Path(bare).name]:
         if is_file(folder / there):
-            return wrong_kind(kind, folder / there) or f"did you mean the file '{there}'?"
+            return wrong_kind_error(kind, folder / there) or f"did you mean the file '{there}'?"
     return ""
 
 
-def _alike(kind: str, folder: Path, name: str) -> str:
+def _similar_spelling(kind: str, folder: Path, name: str) -> str:
     """Ask for the file beside ``name`` that is spelt alike."""
     bare = name.removesuffix(".yaml").removesuffix(".yml")
-    spelt = {each.stem: each.name for each in _beside(folder / name) if kind in kinds_of(each)}
+    spelt = {each.stem: each.name for each in _neighbour_files(folder / name) if kind in kinds_of(each)}
     close = closest(Path(bare).name, spelt)
     return f"did you mean the file '{Path(name).with_name(spelt[close])}'?" if close else ""
 
 
-def _beside(path: Path) -> list[Path]:
+def _neighbour_files(path: Path) -> list[Path]:
     """Return the YAML files in the folder of ``path``."""
     try:
         return [each for each in sorted(path.parent.iterdir()) if each.suffix in SUFFIXES]
@@ -136,24 +146,24 @@ def _beside(path: Path) -> list[Path]:
         return []
 
 
-def _close(kind: str, name: str, known: Collection[str]) -> str:
+def _similar_name(kind: str, name: str, known: Collection[str]) -> str:
     """Ask for the name in the library that is closest, or for those of which ``name`` is a part."""
     if hint := did_you_mean(name, known):
         return hint
     holding = [each for each in known if len(name) > 2 and name.lower() in each.lower()]
     if len(holding) == 1:
         return f"did you mean '{holding[0]}'?"
-    more = f"; `mission list {kind}` has more" if len(holding) > FEW and kind in LISTED else ""
-    return f"did you mean one of {', '.join(holding[:FEW])}?{more}" if holding else ""
+    more = f"; `mission list {kind}` has more" if len(holding) > MAX_LISTED_NAMES and kind in LISTED_KINDS else ""
+    return f"did you mean one of {', '.join(holding[:MAX_LISTED_NAMES])}?{more}" if holding else ""
 
 
-def _all(kind: str, known: Collection[str]) -> str:
-    if len(known) > FEW and kind in LISTED:
+def _all_names_text(kind: str, known: Collection[str]) -> str:
+    if len(known) > MAX_LISTED_NAMES and kind in LISTED_KINDS:
         return f"`mission list {kind}` has all"
     return f"known are: {', '.join(known)}"
 
 
-KEYS: Mapping[str, str] = {
+KIND_KEYS: Mapping[str, str] = {
     "mission": "missions",
     "tests": "tests",
     "world": "worlds",
@@ -165,7 +175,7 @@ KEYS: Mapping[str, str] = {
 }
 """The key that each kind of file must have, and the kind."""
 
-USES: Mapping[str, str] = {
+KIND_USES: Mapping[str, str] = {
     "missions": "mission run {0}",
     "tests": "mission test {0}",
     "worlds": "mission show {0}, or mission run MISSION --world {0}",
@@ -178,45 +188,51 @@ USES: Mapping[str, str] = {
 }
 """The command, or the line of a mission, for a file of each kind."""
 
-RECORD = b"\x89MCAP0"
+RECORD_MAGIC = b"\x89MCAP0"
 """The first bytes of a record."""
 
-BEGINNING = 65_536
+MAX_HEAD_BYTES = 65_536
 """Bytes in which the keys are looked for."""
 
 
-PLAYED = ("pypot", "motion", "roboplus")
+MOVEMENT_FORMS = ("pypot", "motion", "roboplus")
 """The forms of other programs' files that are movements."""
 
-CALIBRATIONS = ("lerobot",)
+CALIBRATION_FORMS = ("lerobot",)
 """The forms of those that say how servos were calibrated."""
 
 
-def wrong_kind(asked: str, path: Path) -> str:
+def wrong_kind_error(expected: str, path: Path) -> str:
     """Say what a file is where it is clearly of another kind than the one ``asked`` for; nothing where it may be."""
     found = kinds_of(path)
     if not found:
-        return _foreign(asked, path)
-    if asked in found or (asked == "moves" and "gestures" in found):
+        return _foreign_file_error(expected, path)
+    if expected in found or (expected == "moves" and "gestures" in found):
         return ""
-    use = USES[found[0]].format(path)
-    return f"{path} is {article(found[0].removesuffix('s'))}: {use}"
+    use = KIND_USES[found[0]].format(path)
+    return f"{path} is {with_article(found[0].removesuffix('s'))}: {use}"
 
 
-def _foreign(asked: str, path: Path) -> str:
+def _foreign_file_error(expected: str, path: Path) -> str:
     """Say what a file of another program is, and what can be done with it; nothing where it may be one of ours."""
-    from config.foreign import foreign_file, plain_data  # noqa: PLC0415 - most files are ours
+    from config.foreign import read_plain_data, recognise_file  # noqa: PLC0415 - most files are ours
 
-    if path.suffix.lower() in SHEETS:
-        return "" if asked == "moves" else f"{path} is a spreadsheet: mission servo play {path} --robot FILE --dry-run"
-    found = foreign_file(path)
+    if path.suffix.lower() in SHEET_SUFFIXES:
+        return (
+            "" if expected == "moves" else f"{path} is a spreadsheet: mission servo play {path} --robot FILE --dry-run"
+        )
+    found = recognise_file(path)
     if found is not None:
-        meant = found.form in {"moves": PLAYED, "calibrations": CALIBRATIONS}.get(asked, ())
-        return "" if meant else f"{path} is {found.what}: {found.use.format(path)}"
+        meant = found.form in {"moves": MOVEMENT_FORMS, "calibrations": CALIBRATION_FORMS}.get(expected, ())
+        return "" if meant else f"{path} is {found.description}: {found.usage.format(path)}"
     by_name = path.suffix.lower() in (*SUFFIXES, ".json")
-    if asked == "records" or path.is_dir() or by_name or isinstance(plain_data(path), Mapping):
+    if expected == "records" or path.is_dir() or by_name or isinstance(read_plain_data(path), Mapping):
         return ""
-    sheet = f"a table of a movement has to end in {', '.join(SHEETS)}" if asked == "moves" else "see `mission --help`"
+    sheet = (
+        f"a table of a movement has to end in {', '.join(SHEET_SUFFIXES)}"
+        if expected == "moves"
+        else "see `mission --help`"
+    )
     return f"{path} is not recognised: files of MissionTree end in .yaml; {sheet}"
 
 
@@ -224,10 +240,10 @@ def kinds_of(path: Path) -> list[str]:
     """Return the kinds of which a file can be, by its keys in their order; none where it says nothing of that."""
     try:
         with open_regular(path) as file:
-            data = file.read(BEGINNING) or b""
+            data = file.read(MAX_HEAD_BYTES) or b""
     except (OSError, ValueError):
         return []
-    if data.startswith(RECORD):
+    if data.startswith(RECORD_MAGIC):
         return ["records"]
     keys = re.findall(r"^([a-z]+):(?=\s|$)", data.decode("utf-8-sig", errors="replace"), re.MULTILINE)
-    return [KEYS[key] for key in keys if key in KEYS]
+    return [KIND_KEYS[key] for key in keys if key in KIND_KEYS]

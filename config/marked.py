@@ -15,15 +15,15 @@ from typing import Any, NoReturn
 
 import yaml
 
-from config.faults import Diagnostic, InvalidFileError, Mark, Source, note, place_of
-from config.reading import note_read, read_regular
-from config.syntax import events, forbidden_character, problem_line, syntax_fault
+from config.faults import Diagnostic, InvalidFileError, Mark, SourceText, add_diagnostic, mark_at
+from config.reading import read_regular, record_read
+from config.syntax import events, forbidden_character, problem_line, syntax_diagnostic
 from drivers.api.quick import dataclass
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 60
 MAX_NODES = 50_000
-MAX_MENDED = 8
+MAX_REPAIRED_ERRORS = 8
 """Mistakes of syntax in one file after which it is still read on."""
 
 Plain = str | int | float | bool | None
@@ -70,7 +70,7 @@ class Mapping:
 Node = Scalar | Listing | Mapping
 
 
-def read_source(path: Path, name: str | None = None) -> Source:
+def read_source(path: Path, name: str | None = None) -> SourceText:
     """Read a text file for ``compose``. Raises InvalidFileError: missing, too large, not UTF-8."""
     shown = name if name is not None else str(path)
     try:
@@ -78,22 +78,22 @@ def read_source(path: Path, name: str | None = None) -> Source:
     except OSError as error:
         reason = error.strerror or str(error)
         reason = reason if error.errno == EFBIG else f"cannot be read: {reason}"
-        raise InvalidFileError([Diagnostic(Source(shown, ""), Mark(), reason)]) from error
-    note_read(path, data)
+        raise InvalidFileError([Diagnostic(SourceText(shown, ""), Mark(), reason)]) from error
+    record_read(path, data)
     try:
-        return Source(shown, data.decode("utf-8-sig"))
+        return SourceText(shown, data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         good = data[: error.start].decode("utf-8-sig", errors="replace")
         fault = Diagnostic(
-            Source(shown, data.decode("utf-8-sig", errors="replace")),
-            place_of(good, len(good)),
+            SourceText(shown, data.decode("utf-8-sig", errors="replace")),
+            mark_at(good, len(good)),
             f"not UTF-8: byte 0x{data[error.start]:02x}",
             "save the file as UTF-8",
         )
         raise InvalidFileError([fault]) from error
 
 
-def compose(source: Source, faults: list[Diagnostic] | None = None) -> Node:
+def compose(source: SourceText, faults: list[Diagnostic] | None = None) -> Node:
     """Parse ``source`` into nodes. Raises InvalidFileError for anything that is not one plain YAML document.
 
     With ``faults`` given, mistakes after which the rest can still be read (a key that stands twice, a colon that lacks)
@@ -103,27 +103,27 @@ def compose(source: Source, faults: list[Diagnostic] | None = None) -> Node:
         raise InvalidFileError([forbidden])
     text, found = source.text, list[Diagnostic]()
     if not text.isascii():
-        from config.syntax import plain_blanks  # noqa: PLC0415 - most files need no mending
+        from config.syntax import replace_odd_spaces  # noqa: PLC0415 - most files need no mending
 
-        text, found = plain_blanks(source)
-    composer = _composed(source, text, found, mending=faults is not None)
+        text, found = replace_odd_spaces(source)
+    composer = _compose_text(source, text, found, mending=faults is not None)
     if composer.root is None:
         raise InvalidFileError(found or [Diagnostic(source, Mark(), "the file is empty")])
     told: list[Diagnostic] = [] if faults is None else faults
     for each in (*found, *composer.faults):
-        note(told, each)
+        add_diagnostic(told, each)
     if faults is None and told:
         raise InvalidFileError(told)
     return composer.root
 
 
-def _composed(source: Source, text: str, found: list[Diagnostic], *, mending: bool) -> "_Composer":
+def _compose_text(source: SourceText, text: str, found: list[Diagnostic], *, mending: bool) -> "_Composer":
     """Compose ``text``, and mend what the parser stumbles on where that is asked for; ``found`` takes what it was.
 
     Raises InvalidFileError for what cannot be read at all.
     """
     torn = False
-    for _ in range(MAX_MENDED + 1):
+    for _ in range(MAX_REPAIRED_ERRORS + 1):
         composer = _Composer(source, torn=torn)
         try:
             for event in events(text):
@@ -131,12 +131,14 @@ def _composed(source: Source, text: str, found: list[Diagnostic], *, mending: bo
         except _FatalFaultError:
             raise InvalidFileError([*found, *composer.faults]) from None
         except yaml.YAMLError as error:
-            fault = syntax_fault(Source(source.name, text), error)
-            from config.syntax import mend  # noqa: PLC0415 - as above
+            fault = syntax_diagnostic(SourceText(source.name, text), error)
+            from config.syntax import repair  # noqa: PLC0415 - as above
 
-            better = mend(text, fault, problem_line(error)) if mending else None
+            better = repair(text, fault, problem_line(error)) if mending else None
             if not torn:  # what follows from a line that was left out is no mistake
-                found.append(replace(fault, source=source, mended=frozenset() if better is None else better.lines))
+                found.append(
+                    replace(fault, source=source, repaired_lines=frozenset() if better is None else better.lines)
+                )
             if better is None:
                 raise InvalidFileError([*composer.faults, *found]) from error
             text, torn = better.text, torn or better.torn
@@ -155,7 +157,7 @@ class _FatalFaultError(Exception):
 
 
 @dataclass(slots=True)
-class _Open:
+class _OpenCollection:
     """A collection that is being read. ``key`` waits for its value; ``before`` is how many nodes came before it."""
 
     node: Mapping | Listing
@@ -168,7 +170,7 @@ class _Open:
 
 
 @dataclass(slots=True)
-class _Anchored:
+class _AnchoredNode:
     """A node with a name: how many nodes it holds, itself counted, and how deep they are nested."""
 
     node: Node
@@ -179,13 +181,13 @@ class _Anchored:
 class _Composer:
     """Turns parser events into nodes. ``faults`` gathers what is wrong; the fatal ones end the parse."""
 
-    def __init__(self, source: Source, *, torn: bool = False) -> None:
+    def __init__(self, source: SourceText, *, torn: bool = False) -> None:
         self.source = source
         self._torn = torn
         self.faults: list[Diagnostic] = []
         self.root: Node | None = None
-        self._open: list[_Open] = []
-        self._anchors: dict[str, _Anchored] = {}
+        self._open: list[_OpenCollection] = []
+        self._anchors: dict[str, _AnchoredNode] = {}
         self._count = 0
 
     def take(self, event: Any) -> None:
@@ -194,14 +196,14 @@ class _Composer:
             case yaml.ScalarEvent():
                 self._no_tag(event.tag, mark)
                 quoted = bool(event.style)
-                scalar = Scalar(mark, event.value, event.value if quoted else plain(event.value), quoted)
+                scalar = Scalar(mark, event.value, event.value if quoted else plain_value(event.value), quoted)
                 self._anchor(event.anchor, scalar)
                 self._add(scalar, mark)
             case yaml.SequenceStartEvent() | yaml.MappingStartEvent():
                 self._no_tag(event.tag, mark)
                 mapping = isinstance(event, yaml.MappingStartEvent)
                 node: Mapping | Listing = Mapping(mark, torn=self._torn) if mapping else Listing(mark)
-                self._open.append(_Open(node, self._count, event.anchor))
+                self._open.append(_OpenCollection(node, self._count, event.anchor))
                 self._check_depth(mark, 0)
                 self._anchor(event.anchor, node)
             case yaml.SequenceEndEvent() | yaml.MappingEndEvent():
@@ -216,7 +218,7 @@ class _Composer:
     def _no_tag(self, tag: str | None, mark: Mark) -> None:
         if tag is not None:
             hint = "put quotes around a text that begins with '!'"
-            note(self.faults, Diagnostic(self.source, mark, "a YAML tag, which means nothing here", hint))
+            add_diagnostic(self.faults, Diagnostic(self.source, mark, "a YAML tag, which means nothing here", hint))
 
     def _check_depth(self, mark: Mark, more: int) -> None:
         if len(self._open) + more > MAX_DEPTH:
@@ -224,9 +226,9 @@ class _Composer:
 
     def _anchor(self, name: str | None, node: Node) -> None:
         if name is not None:
-            self._anchors[name] = _Anchored(node)
+            self._anchors[name] = _AnchoredNode(node)
 
-    def _close(self, closed: _Open) -> None:
+    def _close(self, closed: _OpenCollection) -> None:
         anchored = self._anchors.get(closed.anchor or "")
         if anchored is not None and anchored.node is closed.node:
             anchored.size, anchored.height = self._count - closed.before + 1, closed.height
@@ -261,17 +263,17 @@ class _Composer:
             parent.node.entries.append((parent.key, node))
             parent.key = None
 
-    def _check_twice(self, parent: _Open, key: Scalar) -> None:
+    def _check_twice(self, parent: _OpenCollection, key: Scalar) -> None:
         if key.text in parent.keys:
             message = f"'{key.text}' stands here again (first at line {parent.keys[key.text]})"
-            note(self.faults, Diagnostic(self.source, key.mark, message))
+            add_diagnostic(self.faults, Diagnostic(self.source, key.mark, message))
         parent.keys.setdefault(key.text, key.mark.line)
 
     def _as_key(self, node: Node, mark: Mark) -> Scalar:
         if isinstance(node, Scalar):
             return Scalar(mark, node.text, node.value, node.quoted)
         hint = 'write "${...}" in quotes inside { } and [ ]'
-        note(self.faults, Diagnostic(self.source, mark, "a key must be a plain word", hint))
+        add_diagnostic(self.faults, Diagnostic(self.source, mark, "a key must be a plain word", hint))
         return Scalar(mark, "?", None)
 
     def _fatal(self, mark: Mark, message: str, suggestion: str = "") -> NoReturn:
@@ -279,7 +281,7 @@ class _Composer:
         raise _FatalFaultError
 
 
-def plain(text: str) -> Plain:
+def plain_value(text: str) -> Plain:
     """Return what an unquoted word means: a number, true, false, null, or the text itself."""
     if text in _WORDS:
         return _WORDS[text]

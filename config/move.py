@@ -26,15 +26,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from config.declared import note_mistakes, read_keys
-from config.faults import InvalidFileError, Source
+from config.declared import add_mistakes, read_keys
+from config.faults import InvalidFileError, SourceText
 from config.fields import fields_of
-from drivers.api.keys import Mistake, inside, key, keys
+from drivers.api.keys import KeyDiagnostic, inside, key, keys
 
 Plane = Literal["xyz", "xy", "xz", "yz"]
 """The axes that count."""
 
-POINTS = "'{}' needs three points, such as [shoulder, elbow, wrist]"
+POINTS_ERROR = "'{}' needs three points, such as [shoulder, elbow, wrist]"
 """What is said of points that are not three."""
 
 
@@ -62,7 +62,7 @@ class SourceKeys:
 
     column: str | None = key(default=None, help="The column that it is.")
     points: tuple[str, ...] | None = key(
-        default=None, wrong=POINTS, help="Three points of a body: it is the angle at the middle one."
+        default=None, wrong=POINTS_ERROR, help="Three points of a body: it is the angle at the middle one."
     )
     plane: Plane | None = key(default=None, help="The axes of the points that count; all, if not given.")
     sign: Literal["1", "-1"] = key(default="1", help="What it is multiplied by.")
@@ -92,28 +92,37 @@ class MoveKeys:
     )
     joints: Mapping[str, Annotated[SourceKeys, inside(each="joint")]] = key(help="The joints that it moves.")
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield what moves nothing, and joints that come from nowhere, or from two."""
         if not self.joints:
             hint = "such as elbow: {column: elbow}"
-            yield Mistake("'joints' needs at least one joint", ("joints",), hint=hint, about=(("joints",),))
+            yield KeyDiagnostic("'joints' needs at least one joint", ("joints",), hint=hint, about=(("joints",),))
         for name, each in self.joints.items():
             at = ("joints", name)
             if (each.column is None) == (each.points is None):
-                yield Mistake(f"joint '{name}' needs either 'column' or 'points'", at, about=(at,))
+                yield KeyDiagnostic(f"joint '{name}' needs either 'column' or 'points'", at, about=(at,))
             elif each.points is not None and not len(each.points) == 3 == len({*each.points}):
                 points = (*at, "points")
-                yield Mistake(POINTS.format("points"), points, about=(points,))
+                yield KeyDiagnostic(POINTS_ERROR.format("points"), points, about=(points,))
             if each.points is None and each.plane is not None:
                 plane = (*at, "plane")
-                yield Mistake(f"joint '{name}' has no key 'plane'", plane, named=True, about=((*at, "column"),))
+                yield KeyDiagnostic(
+                    f"joint '{name}' has no key 'plane'", plane, marks_key=True, about=((*at, "column"),)
+                )
 
-    def beyond(self, known: Collection[str]) -> Iterator[Mistake]:
+    def unknown_joint_mistakes(self, joints: Collection[str]) -> Iterator[KeyDiagnostic]:
         """Yield joints that the robot lacks."""
         for name in self.joints:
-            if name not in known:
+            if name not in joints:
                 at = ("joints", name)
-                yield Mistake(f"there is no joint '{name}'", at, named=True, seen=name, known=known, about=((*at, ""),))
+                yield KeyDiagnostic(
+                    f"there is no joint '{name}'",
+                    at,
+                    marks_key=True,
+                    unknown_word=name,
+                    known_words=joints,
+                    about=((*at, ""),),
+                )
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,22 +139,22 @@ class MoveConfig:
     dead_band: float | None = None
 
 
-def is_move(source: Source) -> bool:
+def is_move(source: SourceText) -> bool:
     """Say whether a text in YAML is a move file, rather than one of a gesture."""
     return re.search(r"^(move|sheet)\s*:", source.text, re.MULTILINE) is not None
 
 
-def move_of(source: Source, folder: Path, joints: Collection[str] | None = None) -> MoveConfig:
+def parse_move(source: SourceText, folder: Path, joints: Collection[str] | None = None) -> MoveConfig:
     """Read the text of a move file that lies in ``folder``; with ``joints``, it can move none but these.
 
     Raises InvalidFileError with every mistake in it.
     """
-    fields = fields_of(source, what="a move file")
+    fields = fields_of(source, subject="a move file")
     told = read_keys(fields, MoveKeys)
     if joints is not None:
-        note_mistakes(fields, told.beyond(joints))
-    if fields.faults:
-        raise InvalidFileError(fields.faults)
+        add_mistakes(fields, told.unknown_joint_mistakes(joints))
+    if fields.diagnostics:
+        raise InvalidFileError(fields.diagnostics)
     sources = {name: each.source() for name, each in told.joints.items()}
     sheet, degrees = folder / told.sheet, told.unit == "deg"
     return MoveConfig(told.move, told.summary, sheet, sources, told.tab, told.rate, degrees, told.dead_band)

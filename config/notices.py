@@ -18,7 +18,7 @@ from dataclasses import asdict, field
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
 
-from drivers.api.keys import Inside, Mistake, inside, key, keys
+from drivers.api.keys import KeyDiagnostic, ValueConstraints, inside, key, keys
 from drivers.api.quick import dataclass
 
 
@@ -60,7 +60,7 @@ class MqttNotice:
 
 NoticeConfig = TerminalNotice | CommandNotice | WebhookNotice | MqttNotice
 
-KINDS: Mapping[str, type[NoticeConfig]] = {
+NOTICE_KINDS: Mapping[str, type[NoticeConfig]] = {
     "terminal": TerminalNotice,
     "command": CommandNotice,
     "webhook": WebhookNotice,
@@ -69,26 +69,26 @@ KINDS: Mapping[str, type[NoticeConfig]] = {
 """The ways by their words."""
 
 
-def written(config: NoticeConfig) -> str:
+def encode_notice(config: NoticeConfig) -> str:
     """Return a way as one line of JSON, the same for the same way."""
-    (kind,) = (word for word, each in KINDS.items() if type(config) is each)
+    (kind,) = (word for word, each in NOTICE_KINDS.items() if type(config) is each)
     return json.dumps({kind: asdict(config)}, sort_keys=True)
 
 
-def read_written(text: str) -> NoticeConfig:
-    """Return the way that ``written`` wrote. Raises ValueError for what it never writes."""
+def decode_notice(text: str) -> NoticeConfig:
+    """Return the way that ``encode_notice`` wrote. Raises ValueError for what it never writes."""
     try:
         ((kind, values),) = json.loads(text).items()
-        found = KINDS[kind](**values)
+        found = NOTICE_KINDS[kind](**values)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise ValueError(f"no way to send notices: {text}") from error
     return CommandNotice(tuple(found.command)) if isinstance(found, CommandNotice) else found
 
 
-def named(text: str) -> str:
-    """Return a way that ``written`` wrote as people may see it, without secrets; another text as it is."""
+def public_text(text: str) -> str:
+    """Return a way that ``encode_notice`` wrote as people may see it, without secrets; another text as it is."""
     try:
-        match read_written(text):
+        match decode_notice(text):
             case CommandNotice(command):
                 return f"command {command[0]}"
             case WebhookNotice(url, _, variable):
@@ -127,10 +127,10 @@ class WebhookKeys:
     url_from: str = key(default="", help="The environment variable that holds the address, where that is a secret.")
     headers: Mapping[str, str] = key(default={}, help="Headers, each with the environment variable of its value.")
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield no address, or two."""
         if bool(self.url) == bool(self.url_from):
-            yield Mistake("'webhook' needs either 'url' or 'url_from'", hint="url_from: ROBOT_URL")
+            yield KeyDiagnostic("'webhook' needs either 'url' or 'url_from'", hint="url_from: ROBOT_URL")
 
 
 @keys
@@ -144,22 +144,22 @@ class MqttKeys:
     user: str = key(default="", help="The user's name there.")
     password: str = key(default="", help="The environment variable that holds the password.")
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield a topic that is many, and a password of nobody."""
         if any(sign in self.topic for sign in "+#"):
             message = f"'topic' names one topic, without + and #: '{self.topic}'"
-            yield Mistake(message, ("topic",), hint="home/robot", about=(("topic",),))
+            yield KeyDiagnostic(message, ("topic",), hint="home/robot", about=(("topic",),))
         if self.password and not self.user:
-            yield Mistake("'mqtt' has a password and no user", hint="user: robot")
+            yield KeyDiagnostic("'mqtt' has a password and no user", hint="user: robot")
 
 
-_COMMAND = Inside(
+_COMMAND = ValueConstraints(
     wrong="'{}' needs a list: a program and its arguments", hint="command: [notify-send, Robot]", blank=True
 )
 
 
 @keys
-class WayKeys:
+class NoticeKeys:
     """One way for notices to go."""
 
     unknown = "a notice cannot go by '{}'"
@@ -185,27 +185,32 @@ class WayKeys:
         port = to.port or (8883 if to.tls else 1883)
         return MqttNotice(to.host, to.topic, port, to.tls, to.user, to.password)
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield no way, or two, a command without a program, and an address that is none."""
         if [self.command, self.webhook, self.mqtt].count(None) != 2:
-            yield Mistake(NO_WAY, hint=WAYS)
+            yield KeyDiagnostic(NO_CHANNEL_ERROR, hint=CHANNELS_HINT)
         if self.command is not None and not "".join(self.command[:1]).strip():
-            yield Mistake(_COMMAND.wrong.format("command"), ("command",), hint=_COMMAND.hint, about=(("command",),))
+            yield KeyDiagnostic(
+                _COMMAND.wrong.format("command"), ("command",), hint=_COMMAND.hint, about=(("command",),)
+            )
         url = "" if self.address is None else self.address.url
         try:
             site_of(url or "http://localhost")
         except ValueError:
             message = f"'webhook' needs the address of a web server, got '{url}'"
-            yield Mistake(message, ("webhook",), hint="https://...", about=(("webhook",),))
+            yield KeyDiagnostic(message, ("webhook",), hint="https://...", about=(("webhook",),))
 
 
-NO_WAY = "a notice needs one way to go"
-WAYS = f"one of: {', '.join(KINDS)}"
+NO_CHANNEL_ERROR = "a notice needs one way to go"
+CHANNELS_HINT = f"one of: {', '.join(NOTICE_KINDS)}"
 
-Way = Annotated[Literal["terminal"], inside(wrong=NO_WAY, hint=WAYS)] | Annotated[WayKeys, inside(each="a notice")]
+NoticeEntry = (
+    Annotated[Literal["terminal"], inside(wrong=NO_CHANNEL_ERROR, hint=CHANNELS_HINT)]
+    | Annotated[NoticeKeys, inside(each="a notice")]
+)
 """An entry of the list."""
 
 
-def way(told: Literal["terminal"] | WayKeys) -> NoticeConfig:
+def notice_of(entry: Literal["terminal"] | NoticeKeys) -> NoticeConfig:
     """Return the way that an entry tells."""
-    return TerminalNotice() if isinstance(told, str) else told.config()
+    return TerminalNotice() if isinstance(entry, str) else entry.config()

@@ -7,7 +7,7 @@ from config.colours import COLOURS
 from config.declared import read_keys
 from config.faults import InvalidFileError, did_you_mean
 from config.fields import read_fields
-from config.units import seen, written
+from config.units import quantity_text, quoted_value
 from drivers.api.keys import key, keys
 
 HUES = ("red", "orange", "yellow", "green", "blue", "purple", "pink")
@@ -30,7 +30,7 @@ FORMS = {"round": "ball", "square": "box"}
 SIZES = {"small": 0.1, "big": 0.3}
 """What the words for sizes mean, in metres across: that of an apple, and that of a crate."""
 
-EXAMPLE = "such as 'red ball', 'big blue box' or 'yellow round object'"
+PHRASE_EXAMPLES = "such as 'red ball', 'big blue box' or 'yellow round object'"
 
 
 @keys
@@ -57,10 +57,10 @@ class ObjectConfig:
 
 def load_object(path: Path) -> ObjectConfig:
     """Read an object file. Raises InvalidFileError with every mistake in it."""
-    fields = read_fields(path, what="an object file")
+    fields = read_fields(path, subject="an object file")
     found = read_keys(fields, ObjectKeys)
-    if fields.faults:
-        raise InvalidFileError(fields.faults)
+    if fields.diagnostics:
+        raise InvalidFileError(fields.diagnostics)
     return ObjectConfig(found.object, found.summary, found.colour, found.shape, found.size)
 
 
@@ -70,27 +70,29 @@ def read_phrase(text: str) -> ObjectConfig:
     name = " ".join(words)
     size = SIZES[words.pop(0)] if words and words[0] in SIZES else None
     if not words or words[0] not in HUES:
-        raise ValueError(_no_colour(words, text))
+        raise ValueError(_missing_colour_error(words, text))
     colour = words.pop(0)
     form = FORMS[words.pop(0)] if words and words[0] in FORMS else "thing"
     shape = SHAPES[words.pop(0)] if words and words[0] in SHAPES else "thing"
     if words:
         known = [*SHAPES, *(FORMS if form == "thing" else ())]
-        raise ValueError(f"{seen(text)}: '{words[0]}' is no shape here; {did_you_mean(words[0], known) or EXAMPLE}")
+        raise ValueError(
+            f"{quoted_value(text)}: '{words[0]}' is no shape here; {did_you_mean(words[0], known) or PHRASE_EXAMPLES}"
+        )
     if "thing" not in (form, shape) and form != shape:
-        raise ValueError(f"{seen(text)}: is it a ball or a box?")
+        raise ValueError(f"{quoted_value(text)}: is it a ball or a box?")
     return ObjectConfig(name, _summary(colour, size), colour, form if shape == "thing" else shape, size)
 
 
-def _no_colour(words: list[str], text: str) -> str:
+def _missing_colour_error(words: list[str], text: str) -> str:
     """Say why there is no colour where one must be."""
     if not words:
-        return f"{seen(text)}: which colour? {EXAMPLE}"
+        return f"{quoted_value(text)}: which colour? {PHRASE_EXAMPLES}"
     if words[0] in COLOURS:
-        return f"{seen(text)}: {words[0]} things cannot be told from a room; colours are: {', '.join(HUES)}"
+        return f"{quoted_value(text)}: {words[0]} things cannot be told from a room; colours are: {', '.join(HUES)}"
     hint = did_you_mean(words[0], [*HUES, *SIZES]) or f"colours are: {', '.join(HUES)}"
-    return f"{seen(text)}: '{words[0]}' is no colour; {hint}"
+    return f"{quoted_value(text)}: '{words[0]}' is no colour; {hint}"
 
 
 def _summary(colour: str, size: float | None) -> str:
-    return f"Anything {colour}" + ("" if size is None else f", {written(size, 'length')} across")
+    return f"Anything {colour}" + ("" if size is None else f", {quantity_text(size, 'length')} across")

@@ -11,7 +11,7 @@ from config.faults import InvalidFileError
 from config.fields import read_fields
 from drivers.api.keys import key, keys
 
-NAME = re.compile(r"[\w-]([\w -]{0,38}[\w-])?")
+PLACE_NAME = re.compile(r"[\w-]([\w -]{0,38}[\w-])?")
 """Names of places: letters, digits, `-`, `_`, and spaces between them."""
 
 
@@ -36,14 +36,14 @@ def load_places(path: Path) -> Mapping[str, PlaceKeys]:
     """Read a file of places; none where there is no such file. Raises InvalidFileError with every mistake in it."""
     if not path.is_file():
         return {}
-    fields = read_fields(path, what="a file of places")
+    fields = read_fields(path, subject="a file of places")
     found = read_keys(fields, PlacesKeys)
-    if fields.faults:
-        raise InvalidFileError(fields.faults)
+    if fields.diagnostics:
+        raise InvalidFileError(fields.diagnostics)
     return found.places
 
 
-def written_places(places: Mapping[str, PlaceKeys]) -> str:
+def places_text(places: Mapping[str, PlaceKeys]) -> str:
     """Return the text of a file of places."""
     lines = ["places:" if places else "places: {}"]
     for name, it in sorted(places.items()):

@@ -18,12 +18,12 @@ from typing import Any, BinaryIO
 
 # Files that are written whole or not at all: a full disk, a power cut or Ctrl-C leaves the file that was there.
 
-PRIVATE = 0o600
+PRIVATE_MODE = 0o600
 """The mode of a file that only its owner can read."""
 
 
 @contextmanager
-def whole_file(path: Path, mode: int | None = None, *, durable: bool = True) -> Iterator[BinaryIO]:
+def replace_file(path: Path, mode: int | None = None, *, durable: bool = True) -> Iterator[BinaryIO]:
     """Open a file that takes the place of ``path`` once all of it is on the disk; links are followed.
 
     ``mode`` None keeps that of the file that is there, or takes that of any new file. What is no regular file, such as
@@ -57,8 +57,8 @@ def whole_file(path: Path, mode: int | None = None, *, durable: bool = True) -> 
 
 
 def save_file(path: Path, data: bytes | str, mode: int | None = None, *, durable: bool = True) -> None:
-    """Write a file as ``whole_file`` does, text as UTF-8. Raises OSError."""
-    with whole_file(path, mode, durable=durable) as file:
+    """Write a file as ``replace_file`` does, text as UTF-8. Raises OSError."""
+    with replace_file(path, mode, durable=durable) as file:
         file.write(data.encode(errors="backslashreplace") if isinstance(data, str) else data)
 
 
@@ -86,23 +86,23 @@ def _mode_of(path: Path) -> int:
     return 0o666 & ~int(mask, 8)
 
 
-_READ: ContextVar[dict[Path, bytes] | None] = ContextVar("read", default=None)
+_READ_FILES: ContextVar[dict[Path, bytes] | None] = ContextVar("read", default=None)
 
 
 @contextmanager
-def files_read() -> Iterator[Mapping[Path, bytes]]:
+def collect_read_files() -> Iterator[Mapping[Path, bytes]]:
     """Collect every file that is read within, by its whole path, with its bytes as they were then."""
     files: dict[Path, bytes] = {}
-    token = _READ.set(files)
+    token = _READ_FILES.set(files)
     try:
         yield files
     finally:
-        _READ.reset(token)
+        _READ_FILES.reset(token)
 
 
-def note_read(path: Path, data: bytes | None = None) -> None:
+def record_read(path: Path, data: bytes | None = None) -> None:
     """Note that a file was read, where somebody collects; without ``data``, its bytes are read here. Raises OSError."""
-    files = _READ.get()
+    files = _READ_FILES.get()
     if files is not None:
         files[path.resolve()] = path.read_bytes() if data is None else data
 
@@ -115,18 +115,18 @@ def open_regular(path: Path) -> BinaryIO:
     return open(path, "rb", opener=_regular)
 
 
-def read_regular(path: Path, most: int) -> bytes:
+def read_regular(path: Path, max_bytes: int) -> bytes:
     """Return what a regular file of at most ``most`` bytes holds. Raises OSError, as ``open_regular`` does."""
     with open_regular(path) as file:
-        data = file.read(most + 1) or b""  # None where the kernel's own files have nothing yet
-    if len(data) > most:
-        raise OSError(EFBIG, f"larger than {most:,} bytes", str(path))
+        data = file.read(max_bytes + 1) or b""  # None where the kernel's own files have nothing yet
+    if len(data) > max_bytes:
+        raise OSError(EFBIG, f"larger than {max_bytes:,} bytes", str(path))
     return data
 
 
-def read_regular_text(path: Path, most: int = 1_000_000) -> str:
+def read_regular_text(path: Path, max_bytes: int = 1_000_000) -> str:
     """Return the text of a small regular file. Raises OSError, as ``open_regular`` does, and UnicodeDecodeError."""
-    return read_regular(path, most).decode("utf-8")
+    return read_regular(path, max_bytes).decode("utf-8")
 
 
 def parse_json(text: str | bytes, *, strict: bool = False) -> Any:
@@ -135,12 +135,12 @@ def parse_json(text: str | bytes, *, strict: bool = False) -> Any:
     Where it is ``strict``, also for a member that is there twice: of these, Python keeps the last.
     """
     try:
-        return json.loads(text, object_pairs_hook=_unique if strict else None)
+        return json.loads(text, object_pairs_hook=_unique_members if strict else None)
     except RecursionError as error:
         raise ValueError("nested too deep") from error
 
 
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _unique_members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
         names = [name for name, _ in pairs]
@@ -157,7 +157,7 @@ def parse_object(text: str | bytes) -> dict[str, Any]:
     return found
 
 
-def regular(path: str, flags: int) -> int:
+def regular_opener(path: str, flags: int) -> int:
     """Open a regular file, or one that is not there yet: an ``opener`` of ``open``. Raises OSError for any other."""
     if not os.path.lexists(path):
         return os.open(path, flags | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)

@@ -10,23 +10,23 @@ from dataclasses import field, replace
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
-from config.declared import note_mistakes, read_keys
-from config.faults import InvalidFileError, Source, closest, one_of
+from config.declared import add_mistakes, read_keys
+from config.faults import InvalidFileError, SourceText, closest, suggest_from
 from config.fields import Fields, fields_of, value_of
 from config.marked import Mapping as MarkedMapping
 from config.marked import Scalar, read_source
-from config.notices import NoticeConfig, Way, way
-from config.units import seen
-from drivers.api.driver import BrokenDriver, Driver, Drivers
-from drivers.api.keys import Mistake, declared, key, keys
-from drivers.api.kinds import KINDS, Kind
+from config.notices import NoticeConfig, NoticeEntry, notice_of
+from config.units import quoted_value
+from drivers.api.driver import BrokenDriver, Driver, DriverCatalogue
+from drivers.api.keys import KeyDiagnostic, declared_keys, key, keys
+from drivers.api.kinds import KINDS, PartKind
 from drivers.api.quick import dataclass
 from drivers.api.sections import ArmKeys, BaseKeys, HeadKeys, RangeKeys, ScreenKeys, VoiceKeys
 from drivers.api.senses import CameraKeys, MicrophoneKeys
 
 K = TypeVar("K")
 
-NAME = "[a-z][a-z0-9_]*"
+PART_NAME = "[a-z][a-z0-9_]*"
 """What a part under a name of its own may be called."""
 
 
@@ -44,7 +44,7 @@ class RobotKeys:
         high=600.0,
         help="How long a mission waits for a sensor that does not report; then what depends on it fails.",
     )
-    notices: tuple[Way, ...] = key(default=(), help="Where it tells how tasks went, each a word or a section.")
+    notices: tuple[NoticeEntry, ...] = key(default=(), help="Where it tells how tasks went, each a word or a section.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,11 +86,11 @@ class RobotConfig:
         return frozenset(self.sections)
 
     @property
-    def others(self) -> Mapping[str, str]:
+    def extra_parts(self) -> Mapping[str, str]:
         """The kinds of further parts, by their own names."""
         return {name: section.driver.kind for name, section in self.sections.items() if section.name}
 
-    def kind_of(self, part: str) -> Kind:
+    def kind_of(self, part: str) -> PartKind:
         """Return the kind of a part that it has."""
         return KINDS[self.sections[part].driver.kind]
 
@@ -125,9 +125,9 @@ class RobotConfig:
         return self.keys(RangeKeys)
 
     @property
-    def guarded(self) -> bool:
+    def has_range_guard(self) -> bool:
         """Whether its base keeps away from what its range finder sees."""
-        return self.range is not None and self.base is not None and self.base.guards
+        return self.range is not None and self.base is not None and self.base.has_range_guard
 
     @property
     def camera(self) -> CameraKeys | None:
@@ -150,79 +150,81 @@ class RobotConfig:
         return self.keys(ScreenKeys)
 
 
-def load_robot(path: Path, drivers: Drivers) -> RobotConfig:
+def load_robot(path: Path, drivers: DriverCatalogue) -> RobotConfig:
     """Read a robot file. Raises InvalidFileError with every mistake in it."""
-    return robot_of(read_source(path), drivers, path)
+    return parse_robot(read_source(path), drivers, path)
 
 
-def robot_of(source: Source, drivers: Drivers, path: Path | None = None) -> RobotConfig:
+def parse_robot(source: SourceText, drivers: DriverCatalogue, path: Path | None = None) -> RobotConfig:
     """Read the text of a robot file. Raises InvalidFileError with every mistake in it."""
-    fields = fields_of(source, what="a robot file")
-    kinds = {**KINDS, **_named(fields)}
+    fields = fields_of(source, subject="a robot file")
+    kinds = {**KINDS, **_named_parts(fields)}
     read = {name: fields.section(name, hint=_driver_alone(fields, name, kind, drivers)) for name, kind in kinds.items()}
     sections: dict[str, Section] = {}
     for name, kind in kinds.items():
         section = read[name]
-        found = None if section is None else _section(section, name, kind, drivers)
+        found = None if section is None else _read_section(section, name, kind, drivers)
         if found is not None:
             sections[name] = found
     _check_together(read, sections)
     told = read_keys(fields, RobotKeys)
-    if fields.faults:
-        raise InvalidFileError(fields.faults)
-    notices = tuple(map(way, told.notices))
+    if fields.diagnostics:
+        raise InvalidFileError(fields.diagnostics)
+    notices = tuple(map(notice_of, told.notices))
     return RobotConfig(told.robot, told.summary, told.rate, sections, notices, path, told.sensor_timeout)
 
 
-def _driver_alone(fields: Fields, name: str, kind: Kind, drivers: Drivers) -> str:
+def _driver_alone(fields: Fields, name: str, kind: PartKind, drivers: DriverCatalogue) -> str:
     """Say what to write where the name of a driver stands in the place of a section."""
     node = fields.node.get(name) if isinstance(fields.node, MarkedMapping) else None
     known = isinstance(node, Scalar) and node.text in drivers.names(kind.name)
     return f"write {name}: {{driver: {node.text}}}, with its other keys" if isinstance(node, Scalar) and known else ""
 
 
-def _named(fields: Fields) -> dict[str, Kind]:
+def _named_parts(fields: Fields) -> dict[str, PartKind]:
     """Return the parts under names of their own, each with its kind: the sections that say one."""
-    several = {kind.name: kind for kind in KINDS.values() if kind.several}
-    found: dict[str, Kind] = {}
+    several = {kind.name: kind for kind in KINDS.values() if kind.allows_several}
+    found: dict[str, PartKind] = {}
     for name, node in fields.node.entries if isinstance(fields.node, MarkedMapping) else ():
         kind = node.get("kind") if isinstance(node, MarkedMapping) else None
-        if kind is None or name.text in KINDS or name.text in {each.word for each in declared(RobotKeys)}:
+        if kind is None or name.text in KINDS or name.text in {each.word for each in declared_keys(RobotKeys)}:
             continue
-        if re.fullmatch(NAME, name.text) is None:
+        if re.fullmatch(PART_NAME, name.text) is None:
             hint = "write small letters, digits and '_', beginning with a letter"
-            fields.fault(name.mark, f"a part cannot be called '{name.text}'", hint, sure=True)
+            fields.add_error(name.mark, f"a part cannot be called '{name.text}'", hint, sure=True)
         named = kind.text if isinstance(kind, Scalar) else ""
         if named not in several:
-            told = f"'kind' cannot be {seen(value_of(kind))}: only of {' and '.join(several)} a robot may have several"
-            fields.fault(kind.mark, told, one_of(named, several), sure=True)
+            told = f"'kind' cannot be {quoted_value(value_of(kind))}: only of {' and '.join(several)} a robot may have several"
+            fields.add_error(kind.mark, told, suggest_from(named, several), sure=True)
         found[name.text] = several.get(named) or next(iter(several.values()))
     return found
 
 
-def _section(fields: Fields, name: str, kind: Kind, drivers: Drivers) -> Section | None:
+def _read_section(fields: Fields, name: str, kind: PartKind, drivers: DriverCatalogue) -> Section | None:
     """Read the section of a part, by the driver that it names."""
     named = "" if name == kind.name else name
     if named:
         fields.node_of("kind")
-    driver = _driver(fields, kind, drivers)
+    driver = _find_driver(fields, kind, drivers)
     return None if driver is None else Section(driver, read_keys(fields, driver.keys), named)
 
 
-def _driver(fields: Fields, kind: Kind, drivers: Drivers) -> Driver | None:
+def _find_driver(fields: Fields, kind: PartKind, drivers: DriverCatalogue) -> Driver | None:
     """Return the driver that a section names; where that is none, the one that is meant most likely."""
-    node = fields.node_of("driver", required=not kind.usual, hint="`mission list drivers` has all")
-    named = kind.usual if node is None else node.text if isinstance(node, Scalar) else ""
+    node = fields.node_of("driver", required=not kind.default_driver, hint="`mission list drivers` has all")
+    named = kind.default_driver if node is None else node.text if isinstance(node, Scalar) else ""
     mark = fields.node.mark if node is None else node.mark
     try:
         return drivers.find(kind.name, named)
     except BrokenDriver as error:
-        fields.fault(mark, f"'driver: {named}' cannot be used: {error}", sure=True)
+        fields.add_error(mark, f"'driver: {named}' cannot be used: {error}", sure=True)
         return None
     except KeyError:
         names = drivers.names(kind.name)
         if node is not None:
-            fields.fault(mark, f"'driver' cannot be {seen(value_of(node))}", one_of(named, names), sure=True)
+            fields.add_error(
+                mark, f"'driver' cannot be {quoted_value(value_of(node))}", suggest_from(named, names), sure=True
+            )
     # The other keys are looked at as well, so that all mistakes come at once.
     return drivers.find(kind.name, closest(named, names) or names[0])
 
@@ -237,14 +239,14 @@ def _check_together(read: Mapping[str, Fields | None], sections: Mapping[str, Se
             continue
         port = getattr(section.keys, "port", "")
         if port and (first := ports.setdefault(port, kind)) != kind:
-            note_mistakes(fields, [Mistake(f"port {port} is that of '{first}'", ("port",))])
+            add_mistakes(fields, [KeyDiagnostic(f"port {port} is that of '{first}'", ("port",))])
         if driver.check is not None:
             try:
                 mistakes = list(driver.check(section.keys, keys))
             except Exception as error:  # of a driver from outside, whatever it is
                 about = f"the driver '{driver.name}' cannot check this: {type(error).__name__}"
-                mistakes = [Mistake(about, ("driver",))]
-            note_mistakes(fields, mistakes)
+                mistakes = [KeyDiagnostic(about, ("driver",))]
+            add_mistakes(fields, mistakes)
         elif lacking := [need for need in driver.needs if need not in sections]:
             told = f"'driver: {driver.name}' is made of the {' and the '.join(lacking)}, which this robot does not have"
-            fields.fault(fields.node.mark, told)
+            fields.add_error(fields.node.mark, told)

@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from config.faults import SMART_QUOTES, Diagnostic, Mark, Source, place_of
+from config.faults import SMART_QUOTES, Diagnostic, Mark, SourceText, mark_at
 from drivers.api.quick import dataclass
 
 _FORBIDDEN = re.compile("[^\t\n\r -~\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -15,7 +15,7 @@ _FORBIDDEN = re.compile("[^\t\n\r -~\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U001
 
 _INDENT = "indent with spaces"
 _QUOTES = "put quotes around the text"
-_SLIPS = {
+_ERRORS_BY_CONTEXT = {
     "while scanning a quoted scalar": ("a quote is opened here and not closed", ""),
     "while scanning an alias": ("'*' cannot begin a text", _QUOTES),
     "while scanning an anchor": ("'&' cannot begin a text", _QUOTES),
@@ -26,10 +26,10 @@ _SLIPS = {
 }
 """What the parser was doing, and what the mistake mostly is then."""
 
-_IN_COLUMNS = ("while parsing a block mapping", "while parsing a block collection")
+_COLUMN_CONTEXTS = ("while parsing a block mapping", "while parsing a block collection")
 """Where what stands in one column decides."""
 
-_BEGIN_THERE = ("while scanning", "while parsing a flow")
+_MARKED_CONTEXTS = ("while scanning", "while parsing a flow")
 """Where these begin is where to look, rather than where the parser gave up."""
 
 
@@ -42,23 +42,23 @@ def events(text: str) -> Iterator[Any]:
     yield from yaml.parse(text, Loader=_LOADER)
 
 
-def forbidden_character(source: Source) -> Diagnostic | None:
+def forbidden_character(source: SourceText) -> Diagnostic | None:
     """Return the first character that may not stand in YAML at all, such as NUL or an escape code."""
     found = _FORBIDDEN.search(source.text)
     if found is None:
         return None
     message = f"a character that YAML does not allow: U+{ord(found[0]):04X}"
-    return Diagnostic(source, place_of(source.text, found.start()), message)
+    return Diagnostic(source, mark_at(source.text, found.start()), message)
 
 
-def syntax_fault(source: Source, error: yaml.YAMLError) -> Diagnostic:
+def syntax_diagnostic(source: SourceText, error: yaml.YAMLError) -> Diagnostic:
     """Say what the parser stumbled on."""
     if not isinstance(error, yaml.MarkedYAMLError):
         return Diagnostic(source, Mark(), f"not YAML: {error}")
     problem, context = error.problem or "cannot be read", error.context or ""
     mark = _mark(error.problem_mark) or _mark(error.context_mark) or Mark()
     line = source.line(mark.line)
-    found = _common_slip(source, line, mark, problem)
+    found = _common_error(source, line, mark, problem)
     if found is not None:
         return found
     if problem == "could not find expected ':'" and (begin := _mark(error.context_mark)) is not None:
@@ -70,15 +70,15 @@ def syntax_fault(source: Source, error: yaml.YAMLError) -> Diagnostic:
         )
     if problem.endswith("that cannot start any token"):
         return Diagnostic(source, mark, f"'{line[mark.column - 1 : mark.column]}' cannot begin a text", _QUOTES)
-    if context in _IN_COLUMNS and (quote := _open_quote(source, mark.line)) is not None:
-        return Diagnostic(source, quote, _SLIPS["while scanning a quoted scalar"][0])
-    if context in _IN_COLUMNS and (under_dash := _under_dash(source, mark.line)) is not None:
+    if context in _COLUMN_CONTEXTS and (quote := _open_quote(source, mark.line)) is not None:
+        return Diagnostic(source, quote, _ERRORS_BY_CONTEXT["while scanning a quoted scalar"][0])
+    if context in _COLUMN_CONTEXTS and (under_dash := _under_dash(source, mark.line)) is not None:
         return under_dash
-    if context in _IN_COLUMNS and (dash := _dash_without_space(source, mark.line)) is not None:
+    if context in _COLUMN_CONTEXTS and (dash := _dash_without_space(source, mark.line)) is not None:
         return dash
-    if context in _SLIPS:
-        message, suggestion = _SLIPS[context]
-        begin = _mark(error.context_mark) if context.startswith(_BEGIN_THERE) else None
+    if context in _ERRORS_BY_CONTEXT:
+        message, suggestion = _ERRORS_BY_CONTEXT[context]
+        begin = _mark(error.context_mark) if context.startswith(_MARKED_CONTEXTS) else None
         return Diagnostic(source, begin or mark, message, suggestion)
     return Diagnostic(source, mark, f"not YAML: {problem}")
 
@@ -89,7 +89,7 @@ def problem_line(error: yaml.YAMLError) -> int:
     return 1 if mark is None else mark.line + 1
 
 
-def _common_slip(source: Source, line: str, mark: Mark, problem: str) -> Diagnostic | None:
+def _common_error(source: SourceText, line: str, mark: Mark, problem: str) -> Diagnostic | None:
     """Recognise what people get wrong most often."""
     if "\t" in line[: len(line) - len(line.lstrip())]:
         return Diagnostic(source, Mark(mark.line, line.index("\t") + 1), "a tab in the indentation", _INDENT)
@@ -99,7 +99,7 @@ def _common_slip(source: Source, line: str, mark: Mark, problem: str) -> Diagnos
     if bare is not None:
         word, place = bare
         return Diagnostic(source, place, f"'{word}' has something beside it, so it needs a colon", f"write '- {word}:'")
-    hole = _open_hole(line)
+    hole = _open_expression(line)
     if hole is not None:
         place = Mark(mark.line, hole.start() + 1, len(hole[0]))
         return Diagnostic(source, place, "'${...}' inside { } or [ ] needs quotes", f'write "{hole[0]}"')
@@ -117,7 +117,7 @@ def _common_slip(source: Source, line: str, mark: Mark, problem: str) -> Diagnos
     return None
 
 
-def _key_above(source: Source, number: int) -> Diagnostic | None:
+def _key_above(source: SourceText, number: int) -> Diagnostic | None:
     """Find two words and no colon in the column of this key, in the line above it: the first is meant to be a key."""
     above, line = source.line(number - 1), source.line(number)
     word, _, rest = above.strip().partition(" ")
@@ -128,7 +128,7 @@ def _key_above(source: Source, number: int) -> Diagnostic | None:
     return Diagnostic(source, place, f"'{word}' lacks a colon", f"write '{word}: {rest.strip()}'")
 
 
-def _under_dash(source: Source, number: int) -> Diagnostic | None:
+def _under_dash(source: SourceText, number: int) -> Diagnostic | None:
     """Find a key in the column of the dashes above it, which is meant to stand beside what follows the last dash.
 
     The parser gives up there, or at the next dash: until then the key may belong to what is around the list.
@@ -147,7 +147,7 @@ def _under_dash(source: Source, number: int) -> Diagnostic | None:
     return None
 
 
-def _of_key(source: Source, mark: Mark, word: str, behind_dash: str) -> Diagnostic:
+def _of_key(source: SourceText, mark: Mark, word: str, behind_dash: str) -> Diagnostic:
     hint = f"indent it by two more blanks, under '{behind_dash}'"
     above = (re.match(r"( *(?:- +)*)(\w+):", source.line(at)) for at in range(mark.line - 1, 0, -1))
     owner = next((found for found in above if found is not None and len(found[1]) < mark.column - 1), None)
@@ -155,7 +155,7 @@ def _of_key(source: Source, mark: Mark, word: str, behind_dash: str) -> Diagnost
     return Diagnostic(source, mark, f"'{word}' stands under the dash", hint)
 
 
-def _under_value(source: Source, line: str, mark: Mark) -> Diagnostic | None:
+def _under_value(source: SourceText, line: str, mark: Mark) -> Diagnostic | None:
     """Find a key that is indented below one which has its value behind it, such as ``timeout`` under ``say: Hello``."""
     key = re.match(r"( *)(\w+):(?=\s|$)", line)
     above = re.match(r"( *(?:- +)*)(\w+): +[^\s#|>]", source.line(mark.line - 1))
@@ -168,7 +168,7 @@ def _under_value(source: Source, line: str, mark: Mark) -> Diagnostic | None:
     )
 
 
-def _open_quote(source: Source, number: int) -> Mark | None:
+def _open_quote(source: SourceText, number: int) -> Mark | None:
     """Find a quote that the nearest line above opens and does not close, so that the next one in the file closes it."""
     for at in range(number, 0, -1):
         quote = re.match(r" *(?:- +)*(?:[^\s:\"'][^:\"']*: +)?(\"(?:[^\"\\]|\\.)*|'[^']*)(\"|')?", source.line(at))
@@ -177,7 +177,7 @@ def _open_quote(source: Source, number: int) -> Mark | None:
     return None
 
 
-def _open_hole(line: str) -> re.Match[str] | None:
+def _open_expression(line: str) -> re.Match[str] | None:
     """Find a ``${...}`` without quotes inside brackets or braces of its own line."""
     for hole in re.finditer(r"\$\{[^{}]*\}", line):
         before = line[: hole.start()]
@@ -186,7 +186,7 @@ def _open_hole(line: str) -> re.Match[str] | None:
     return None
 
 
-def _dash_without_space(source: Source, number: int) -> Diagnostic | None:
+def _dash_without_space(source: SourceText, number: int) -> Diagnostic | None:
     """Find the first of the lines in one column, down to this one, that begins with a dash and a letter: ``-nod``."""
     line = source.line(number)
     column, found = len(line) - len(line.lstrip()), None
@@ -203,7 +203,7 @@ def _dash_without_space(source: Source, number: int) -> Diagnostic | None:
     return found
 
 
-def _bare_word_above(source: Source, number: int) -> tuple[str, Mark] | None:
+def _bare_word_above(source: SourceText, number: int) -> tuple[str, Mark] | None:
     """Find the commonest slip: ``- find_face`` with ``timeout: 5 s`` under it, where ``- find_face:`` is meant."""
     key = re.match(r"\s*(?=\w+:(\s|$))", source.line(number))
     if key is None:
@@ -225,20 +225,20 @@ def _mark(mark: yaml.Mark | None) -> Mark | None:
 
 # Reading on behind a mistake of syntax: its line is mended as it was meant, or left out, and the rest is read.
 
-MAX_LENGTH = 20_000
+MAX_REPAIR_LENGTH = 20_000
 """Characters of a text that is mended: each try reads all of it."""
 
-ODD_BLANKS = "\u00a0\u2007\u202f\u3000"
-_LEADING = re.compile(rf"^[ {ODD_BLANKS}-]*[{ODD_BLANKS}]|^[ -]*\w+:[{ODD_BLANKS}]+")
+ODD_SPACES = "\u00a0\u2007\u202f\u3000"
+_LEADING = re.compile(rf"^[ {ODD_SPACES}-]*[{ODD_SPACES}]|^[ -]*\w+:[{ODD_SPACES}]+")
 _WORD_ALONE = re.compile(r"( *(?:- +)*\w+) *(#.*)?")
 _WORDS = re.compile(r"( *(?:- +)*\w+) +([^\s:#-].*)")
 _VALUE = re.compile(r"( *(?:- +)*\w+: +)(.+)")
-_HOLE = re.compile(r"\$\{[^{}\"']*\}")
+_EXPRESSION = re.compile(r"\$\{[^{}\"']*\}")
 _BLOCK = re.compile(r" *(?:- +)*")
 
 
 @dataclass(frozen=True, slots=True)
-class Mended:
+class RepairedText:
     """A text that can be read further. ``lines`` (from 1) are not as they were written.
 
     ``torn`` is whether something was left out or put where it may not belong: then little is sure of the rest.
@@ -249,51 +249,51 @@ class Mended:
     torn: bool
 
 
-def plain_blanks(source: Source) -> tuple[str, list[Diagnostic]]:
+def replace_odd_spaces(source: SourceText) -> tuple[str, list[Diagnostic]]:
     """Return the text with plain blanks where lines and values begin, and a fault for each line with others."""
     faults, lines = [], source.text.splitlines(keepends=True)
     for at, line in enumerate(lines):
         found = _LEADING.match(line)
         if found is not None and not found[0].isascii():
-            lines[at] = re.sub(f"[{ODD_BLANKS}]", " ", found[0]) + line[found.end() :]
-            odd = next(place for place, sign in enumerate(line) if sign in ODD_BLANKS)
+            lines[at] = re.sub(f"[{ODD_SPACES}]", " ", found[0]) + line[found.end() :]
+            odd = next(place for place, sign in enumerate(line) if sign in ODD_SPACES)
             mark = Mark(at + 1, odd + 1)
             message = f"a blank that does not break (U+{ord(line[odd]):04X}), which YAML takes for a letter"
             faults.append(Diagnostic(source, mark, message, "write a plain blank", frozenset({at + 1})))
     return "".join(lines), faults
 
 
-def mend(text: str, fault: Diagnostic, line: int) -> Mended | None:
+def repair(text: str, fault: Diagnostic, line: int) -> RepairedText | None:
     """Return the text mended so that it can be read furthest; None where nothing helps.
 
     ``fault`` is what was made of a mistake that the parser found in ``line``.
     """
-    if len(text) > MAX_LENGTH:
+    if len(text) > MAX_REPAIR_LENGTH:
         return None
     lines = text.splitlines()
     best, furthest = None, fault.mark.line
-    for first, new, torn in _tries(lines, fault.mark.line - 1, min(line, len(lines)) - 1):
+    for first, new, torn in _repair_candidates(lines, fault.mark.line - 1, min(line, len(lines)) - 1):
         changed = "\n".join([*lines[:first], *new, *lines[first + len(new) :]]) + "\n"
-        next_one = _first_slip(changed)
+        next_one = _first_error_line(changed)
         if next_one is None or next_one > furthest:
-            best = Mended(changed, frozenset(range(first + 1, first + len(new) + 1)), torn)
+            best = RepairedText(changed, frozenset(range(first + 1, first + len(new) + 1)), torn)
             furthest = len(lines) + 1 if next_one is None else next_one
         if next_one is None:
             break
     return best
 
 
-def _first_slip(text: str) -> int | None:
+def _first_error_line(text: str) -> int | None:
     """Return the line (from 1) of the first mistake of syntax; None where there is none."""
     try:
         for _ in events(text):
             pass
     except yaml.YAMLError as error:
-        return syntax_fault(Source("", text), error).mark.line
+        return syntax_diagnostic(SourceText("", text), error).mark.line
     return None
 
 
-def _tries(lines: list[str], begin: int, found: int) -> Iterator[tuple[int, list[str], bool]]:
+def _repair_candidates(lines: list[str], begin: int, found: int) -> Iterator[tuple[int, list[str], bool]]:
     """Yield ways of mending: the first line that is written anew, the new lines, and whether the text is torn then.
 
     ``begin`` is the line of the mistake, ``found`` the one in which the parser found it (from 0).
@@ -301,7 +301,7 @@ def _tries(lines: list[str], begin: int, found: int) -> Iterator[tuple[int, list
     places = list(dict.fromkeys(place for place in (begin, found, _above(lines, found)) if 0 <= place < len(lines)))
     for place in places:
         line = lines[place]
-        quoted = _HOLE.sub(lambda hole: f'"{hole[0]}"', line)
+        quoted = _EXPRESSION.sub(lambda hole: f'"{hole[0]}"', line)
         for new in (*_with_colon(line), quoted, f"{line}]", f"{line}}}"):
             if new != line:
                 yield place, [new], False

@@ -6,32 +6,32 @@ from math import atan2, cos, dist, hypot, sin
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from config.colours import COLOURS
-from config.units import written
-from drivers.api.keys import Mistake, inside, key, keys
+from config.units import quantity_text
+from drivers.api.keys import KeyDiagnostic, inside, key, keys
 
 if TYPE_CHECKING:
     from config.world import WorldConfig
 
 
-Place = tuple[float, float]
+FloorPoint = tuple[float, float]
 """A place (x, y) on the floor, in metres."""
 
-Spot = tuple[float, float, float]
+Vector3D = tuple[float, float, float]
 """A place with its height above the floor; or the length, width and height of a box."""
 
-PLACE = "'{}' needs a place, such as [1.5 m, 0.2 m]"
+PLACE_ERROR = "'{}' needs a place, such as [1.5 m, 0.2 m]"
 """What is said of a place that is none."""
 
-SIDES = "'{}' needs three lengths, such as [1.2 m, 0.8 m, 0.75 m]"
+SIZE_ERROR = "'{}' needs three lengths, such as [1.2 m, 0.8 m, 0.75 m]"
 """The same of the size of a box."""
 
-THICKNESS = 0.1
+WALL_THICKNESS = 0.1
 """Metres from one side of an inner wall to the other."""
 
-MARKERS = 50
+MARKER_COUNT = 50
 """How many markers there are: those of ArUco's dictionary DICT_4X4_50."""
 
-DOCK = (0.1, 0.25)
+DOCK_SIZE = (0.1, 0.25)
 """Metres that a dock takes of the floor: along the way it faces, and across."""
 
 SHAPES = ("ball", "box")
@@ -40,7 +40,7 @@ SHAPES = ("ball", "box")
 _MARKER_SPACE = 0.21  # metres that the side of a robot must have for its marker
 
 
-class OnPlan:
+class PlacedItem:
     """What has a place ``at``, whose first two numbers are metres along x and y."""
 
     at: tuple[float, ...]
@@ -57,19 +57,19 @@ class OnPlan:
 
 
 @keys
-class Placed(OnPlan):
+class FloorItem(PlacedItem):
     """What has a place on the floor."""
 
-    at: Place = key("length", wrong=PLACE, help="Where its middle is: [x, y].")
+    at: FloorPoint = key("length", wrong=PLACE_ERROR, help="Where its middle is: [x, y].")
 
 
 @keys
-class PlacedPose(OnPlan):
+class StandingItem(PlacedItem):
     """What stands on the floor, or on something else."""
 
     name: str = key(help="What it is called.")
-    at: Place | Spot = key(
-        "length", wrong=PLACE, help="Where its middle is: [x, y], or [x, y, z] for z over the floor."
+    at: FloorPoint | Vector3D = key(
+        "length", wrong=PLACE_ERROR, help="Where its middle is: [x, y], or [x, y, z] for z over the floor."
     )
 
     @property
@@ -77,38 +77,38 @@ class PlacedPose(OnPlan):
         """The height above the floor of what it stands on, in metres."""
         return sum(self.at[2:])
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield what would be below the floor."""
         if self.bottom < 0.0:
-            yield Mistake("'at' must be at least 0 m", ("at", 2), about=(("at",),))
+            yield KeyDiagnostic("'at' must be at least 0 m", ("at", 2), about=(("at",),))
 
 
 @keys
 class WallConfig:
     """An inner wall; as high as the room where ``height`` is None."""
 
-    start: Place = key("length", word="from", wrong=PLACE, help="One end: [x, y].")
-    end: Place = key("length", word="to", wrong=PLACE, help="The other end: [x, y].")
+    start: FloorPoint = key("length", word="from", wrong=PLACE_ERROR, help="One end: [x, y].")
+    end: FloorPoint = key("length", word="to", wrong=PLACE_ERROR, help="The other end: [x, y].")
     height: float | None = key("length", default=None, low=0.1, help="Its height; that of the room where not given.")
 
 
 @keys
-class BoxConfig(PlacedPose):
+class BoxConfig(StandingItem):
     """A piece of furniture: a box whose ``size`` is its length along ``heading``, its width and its height."""
 
-    size: Spot = key("length", low=0.01, high=20.0, wrong=SIDES, help="Its length, width and height.")
+    size: Vector3D = key("length", low=0.01, high=20.0, wrong=SIZE_ERROR, help="Its length, width and height.")
     heading: float = key("angle", default=0.0, help="Which way its length goes.")
     colour: str = key(default="brown", among=COLOURS, help="Its colour.")
 
 
 @keys
-class ThingConfig(PlacedPose):
+class ThingConfig(StandingItem):
     """A coloured object: a ball of the diameter ``size``, or a box."""
 
     shape: str = key(among=SHAPES, help="Its shape.")
     size: (
         Annotated[float, inside("length", low=0.02, high=2.0)]
-        | Annotated[Spot, inside("length", low=0.01, high=20.0, wrong=SIDES)]
+        | Annotated[Vector3D, inside("length", low=0.01, high=20.0, wrong=SIZE_ERROR)]
     ) = key(help="Across, of a ball; length, width and height, of a box.")
     turned: float | None = key("angle", default=None, word="heading", help="Which way the length of a box goes.")
     colour: str = key(among=COLOURS, help="Its colour.")
@@ -118,23 +118,23 @@ class ThingConfig(PlacedPose):
         """Which way its length goes, in radians."""
         return self.turned or 0.0
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield a size or a heading that belong to the other shape, too."""
-        yield from super().mistakes()
+        yield from super().diagnostics()
         about = (("shape",), ("size",))
         if self.shape == "box" and isinstance(self.size, float):
-            yield Mistake(SIDES.replace("{}", "size"), ("size",), about=about)
+            yield KeyDiagnostic(SIZE_ERROR.replace("{}", "size"), ("size",), about=about)
         elif self.shape == "ball" and not isinstance(self.size, float):
-            yield Mistake("'size' of a ball needs one length, such as '20 cm'", ("size",), about=about)
+            yield KeyDiagnostic("'size' of a ball needs one length, such as '20 cm'", ("size",), about=about)
         if self.shape == "ball" and self.turned is not None:
-            yield Mistake("a ball has no 'heading'", ("heading",), named=True, about=(("shape",),))
+            yield KeyDiagnostic("a ball has no 'heading'", ("heading",), marks_key=True, about=(("shape",),))
 
 
 @keys
-class EdgeConfig(Placed):
+class EdgeConfig(FloorItem):
     """Where the floor ends: a rectangle, its ``size`` along x and along y."""
 
-    size: Place = key(
+    size: FloorPoint = key(
         "length",
         low=0.05,
         high=50.0,
@@ -154,18 +154,18 @@ class EdgeConfig(Placed):
 
 
 @keys
-class DockConfig(Placed):
+class DockConfig(FloorItem):
     """The dock of the base."""
 
     heading: float = key("angle", help="The way that it faces.")
 
 
 @keys
-class Walker(Placed):
+class WalkerConfig(FloorItem):
     """Who stands at a place, and may go about."""
 
     name: str = key(help="What they are called.")
-    path: tuple[Annotated[Place, inside("length", wrong=PLACE)], ...] = key(
+    path: tuple[Annotated[FloorPoint, inside("length", wrong=PLACE_ERROR)], ...] = key(
         default=(), word="walk", help="The places that they go to, one after another."
     )
     speed: float = key("speed", default=0.5, low=0.01, high=5.0, help="How fast they go.")
@@ -174,28 +174,28 @@ class Walker(Placed):
 
 
 @keys
-class RoverConfig(Walker):
+class RoverConfig(WalkerConfig):
     """Another robot, with a marker on its sides, that stands or drives as people walk."""
 
-    marker: int = key(low=0, high=MARKERS - 1, help="The number of the marker on its sides.")
+    marker: int = key(low=0, high=MARKER_COUNT - 1, help="The number of the marker on its sides.")
     heading: float = key("angle", default=0.0, help="Which way it looks at first.")
-    size: Spot = key(
+    size: Vector3D = key(
         "length",
         default=(0.35, 0.35, 0.42),
         low=0.01,
         high=20.0,
-        wrong=SIDES,
+        wrong=SIZE_ERROR,
         help="Its length, width and height.",
     )
     colour: str = key(default="grey", among=COLOURS, help="Its colour.")
     speed: float = key("speed", default=0.2, low=0.01, high=5.0, help="How fast it goes.")
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield a size that has no room for the marker."""
         if min(self.size) < _MARKER_SPACE:
-            least = written(_MARKER_SPACE, "length")
+            least = quantity_text(_MARKER_SPACE, "length")
             message = f"'size': no side has room for its marker, which needs {least}"
-            yield Mistake(message, ("size",), about=(("size",),))
+            yield KeyDiagnostic(message, ("size",), about=(("size",),))
 
 
 # The people of a world file: who they are, where they stand and walk, what they do and answer.
@@ -203,13 +203,13 @@ class RoverConfig(Walker):
 LOOKS = ("anna", "ben", "chidi", "dora", "emil", "farah")
 """The people that can be drawn."""
 
-BODY = 0.25
+PERSON_RADIUS = 0.25
 """Metres from somebody's middle to where a robot touches them."""
 
-ANYTHING = "anything"
+ANY_PHRASE = "anything"
 """What ``hears`` says for whatever the robot says."""
 
-REACTION = 0.6
+REACTION_TIME = 0.6
 """Seconds from hearing something to doing something about it."""
 
 EARSHOT = 4.0
@@ -229,7 +229,7 @@ class ActConfig:
 
     at: float | None = key("duration", default=None, low=0.0, help="When it is done, from the beginning.")
     phrase: str | None = key(
-        default=None, word="hears", help=f"What of the robot's words sets it off; `{ANYTHING}` is whatever it says."
+        default=None, word="hears", help=f"What of the robot's words sets it off; `{ANY_PHRASE}` is whatever it says."
     )
     delay: float | None = key(
         "duration",
@@ -237,7 +237,7 @@ class ActConfig:
         word="after",
         low=0.0,
         high=60.0,
-        help=f"How long after it: {REACTION} s if not given.",
+        help=f"How long after it: {REACTION_TIME} s if not given.",
     )
     say: str = key(default="", help="What they say then.")
     nod: bool = key(default=False, help="Whether they nod.")
@@ -250,33 +250,33 @@ class ActConfig:
     @property
     def hears(self) -> str | None:
         """What of the robot's words sets it off."""
-        return "" if self.phrase == ANYTHING else self.phrase
+        return "" if self.phrase == ANY_PHRASE else self.phrase
 
     @property
     def after(self) -> float:
         """Seconds from hearing it."""
-        return REACTION if self.delay is None else self.delay
+        return REACTION_TIME if self.delay is None else self.delay
 
     @property
     def times(self) -> int:
         """How often it can be set off; 0 for always."""
         return self.often or 0
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield what has no time, or two, or does nothing."""
         if (self.at is None) == (self.phrase is None):
             hint = "such as {at: 5 s, ...} or {hears: hello, ...}"
-            yield Mistake("an act needs either 'at' or 'hears'", hint=hint)
+            yield KeyDiagnostic("an act needs either 'at' or 'hears'", hint=hint)
         elif self.at is not None and self.delay is not None:
-            yield Mistake("'after' is for what somebody hears; 'at' says when already")
+            yield KeyDiagnostic("'after' is for what somebody hears; 'at' says when already")
         elif self.at is not None and self.often is not None:
-            yield Mistake("'times' is for what somebody hears; what has a time is done once")
+            yield KeyDiagnostic("'times' is for what somebody hears; what has a time is done once")
         if not (self.say or self.nod or self.leave or self.turn is not None):
-            yield Mistake("nothing is done here", hint="an act needs one of: say, nod, turn, leave")
+            yield KeyDiagnostic("nothing is done here", hint="an act needs one of: say, nod, turn, leave")
 
 
 @keys
-class PersonConfig(Walker):
+class PersonConfig(WalkerConfig):
     """Somebody who stands at (x, y) and, after ``start`` seconds, walks along ``path`` at ``speed`` m/s.
 
     ``height`` is that of the eyes. Somebody who is not ``known`` is a stranger to a robot that recognises people.
@@ -293,10 +293,10 @@ class PersonConfig(Walker):
 
 # Where things stand in a world file, and whether they can stand there: in the room, and not in each other's way.
 
-ROBOT = 0.18
+ROBOT_RADIUS = 0.18
 """Metres from the middle of the robot to its rim: that of a TurtleBot 2."""
 
-Path = tuple[str | int, ...]
+ItemPath = tuple[str | int, ...]
 """Where something stands in the file."""
 
 
@@ -310,7 +310,7 @@ class Rectangle:
     width: float
     heading: float = 0.0
 
-    def corners(self) -> list[Place]:
+    def corners(self) -> list[FloorPoint]:
         """Return its corners (x, y)."""
         c, s = cos(self.heading), sin(self.heading)
         halves = [(u * self.length / 2, v * self.width / 2) for u, v in ((1, -1), (1, 1), (-1, 1), (-1, -1))]
@@ -324,62 +324,64 @@ class Rectangle:
 
 
 @dataclass(frozen=True, slots=True)
-class Thing:
-    """What is to stand somewhere: ``what`` messages call it, the ``mark`` where they point, and ``about`` what."""
+class FloorSubject:
+    """What is to stand somewhere: ``label`` messages call it, the ``mark`` where they point, and ``subject_path`` what."""
 
-    what: str
-    mark: Path
-    about: Path
+    label: str
+    mark: ItemPath
+    subject_path: ItemPath
 
 
 @dataclass(slots=True)
-class Layout:
+class FloorPlan:
     """The floor of a world's room, and what has been put on it so far; what cannot be there is yielded."""
 
     world: "WorldConfig"
-    taken: list[tuple[Thing, Rectangle]] = field(default_factory=list)
+    occupied: list[tuple[FloorSubject, Rectangle]] = field(default_factory=list)
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield everything that cannot stand where it is."""
         world = self.world
-        start = Thing("the robot", ("start", "at"), ("start",))
-        if not self._inside(world.start.at, ROBOT):
-            message = f"there is no room for the robot at {_shown(world.start.at)}, where it starts"
+        start = FloorSubject("the robot", ("start", "at"), ("start",))
+        if not self._inside(world.start.at, ROBOT_RADIUS):
+            message = f"there is no room for the robot at {_point_text(world.start.at)}, where it starts"
             yield self._outside(start, message, otherwise=("room",))
         for place, wall in enumerate(world.walls):
             yield from self._wall(wall, ("walls", place))
         for place, piece in enumerate(world.furniture):
             yield from self._box(piece, ("furniture", place))
         for place, edge in enumerate(world.edges):
-            at: Path = ("edges", place)
+            at: ItemPath = ("edges", place)
             ground = Rectangle(edge.x, edge.y, edge.length, edge.width)
-            yield from self._put(Thing("the edge", at, at), ground, solid=False)
+            yield from self._put(FloorSubject("the edge", at, at), ground, solid=False)
         for place, thing in enumerate(world.objects):
             yield from self._box(thing, ("objects", place))
         yield from self._dock()
         for place, rover in enumerate(world.robots):
             yield from self._walk(rover, "a robot", ("robots", place), rover.size[0] / 2)
         for place, person in enumerate(world.people):
-            yield from self._walk(person, "a person", ("people", place), BODY)
+            yield from self._walk(person, "a person", ("people", place), PERSON_RADIUS)
 
-    def _wall(self, wall: WallConfig, at: Path) -> Iterator[Mistake]:
-        thing, length = Thing("the wall", at, at), dist(wall.start, wall.end)
+    def _wall(self, wall: WallConfig, at: ItemPath) -> Iterator[KeyDiagnostic]:
+        thing, length = FloorSubject("the wall", at, at), dist(wall.start, wall.end)
         if (wall.height or 0.0) > self.world.height:
-            highest = written(self.world.height, "length")
-            yield Mistake(f"'height' must be at most {highest}", (*at, "height"), about=(("room",), (*at, "height")))
-        elif length < THICKNESS:
-            yield Mistake(f"the wall is only {written(length, 'length')} long", at, about=(at,))
+            highest = quantity_text(self.world.height, "length")
+            yield KeyDiagnostic(
+                f"'height' must be at most {highest}", (*at, "height"), about=(("room",), (*at, "height"))
+            )
+        elif length < WALL_THICKNESS:
+            yield KeyDiagnostic(f"the wall is only {quantity_text(length, 'length')} long", at, about=(at,))
         else:
             outside = list(self._contains(thing, (wall.start, wall.end)))
             (x0, y0), (x1, y1) = wall.start, wall.end
-            ground = Rectangle((x0 + x1) / 2, (y0 + y1) / 2, length, THICKNESS, atan2(y1 - y0, x1 - x0))
+            ground = Rectangle((x0 + x1) / 2, (y0 + y1) / 2, length, WALL_THICKNESS, atan2(y1 - y0, x1 - x0))
             yield from outside or self._put(thing, ground)
 
-    def _box(self, box: BoxConfig | ThingConfig, at: Path) -> Iterator[Mistake]:
+    def _box(self, box: BoxConfig | ThingConfig, at: ItemPath) -> Iterator[KeyDiagnostic]:
         length, width, height = (box.size,) * 3 if isinstance(box.size, float) else box.size
-        thing = Thing(f"'{box.name}'", (*at, "name"), at)
+        thing = FloorSubject(f"'{box.name}'", (*at, "name"), at)
         if box.bottom + height > self.world.height:
-            top, room = (written(end, "length") for end in (box.bottom + height, self.world.height))
+            top, room = (quantity_text(end, "length") for end in (box.bottom + height, self.world.height))
             yield self._mistake(thing, f"'{box.name}' reaches up to {top}", f"the room is {room} high")
         ground = Rectangle(box.x, box.y, length, width, box.heading)
         if box.bottom == 0.0:
@@ -387,79 +389,85 @@ class Layout:
         else:
             yield from self._contains(thing, ground.corners())
 
-    def _dock(self) -> Iterator[Mistake]:
+    def _dock(self) -> Iterator[KeyDiagnostic]:
         """Put the dock, before which there must be room for the robot."""
         dock = self.world.dock
         if dock is None:
             return
-        thing, before = Thing("the dock", ("dock", "at"), ("dock",)), DOCK[0] / 2 + ROBOT
+        thing, before = FloorSubject("the dock", ("dock", "at"), ("dock",)), DOCK_SIZE[0] / 2 + ROBOT_RADIUS
         spot = (dock.x + before * cos(dock.heading), dock.y + before * sin(dock.heading))
-        in_way = next((other for other, ground in self.taken if ground.gap(*spot) < ROBOT), None)
-        message = f"there is no room for the robot before the dock, at {_shown(spot)}"
-        if not self._inside(spot, ROBOT):
+        in_way = next((other for other, ground in self.occupied if ground.gap(*spot) < ROBOT_RADIUS), None)
+        message = f"there is no room for the robot before the dock, at {_point_text(spot)}"
+        if not self._inside(spot, ROBOT_RADIUS):
             yield self._outside(thing, message)
         elif in_way is not None:
-            yield self._mistake(thing, f"{message}: {in_way.what} is there", about=in_way.about)
+            yield self._mistake(thing, f"{message}: {in_way.label} is there", about=in_way.subject_path)
         else:
-            yield from self._put(thing, Rectangle(dock.x, dock.y, *DOCK, dock.heading))
+            yield from self._put(thing, Rectangle(dock.x, dock.y, *DOCK_SIZE, dock.heading))
 
-    def _walk(self, walker: Walker, kind: str, at: Path, radius: float) -> Iterator[Mistake]:
+    def _walk(self, walker: WalkerConfig, kind: str, at: ItemPath, radius: float) -> Iterator[KeyDiagnostic]:
         """Yield where somebody of a ``radius`` cannot stand, or walk to."""
-        stops: list[tuple[Path, Place]] = [((*at, "at"), walker.at)]
+        stops: list[tuple[ItemPath, FloorPoint]] = [((*at, "at"), walker.at)]
         stops += [((*at, "walk", number), stop) for number, stop in enumerate(walker.path)]
         for number, (mark, point) in enumerate(stops):
-            thing = Thing(walker.name or kind, mark, mark)
-            in_way = next((other for other, ground in self.taken if ground.gap(*point) == 0.0), None)
+            thing = FloorSubject(walker.name or kind, mark, mark)
+            in_way = next((other for other, ground in self.occupied if ground.gap(*point) == 0.0), None)
             if outside := list(self._contains(thing, [point])):
                 yield from outside
             elif in_way is not None:
-                message = f"{thing.what} cannot be at {_shown(point)}: {in_way.what} is there"
-                yield self._mistake(thing, message, about=in_way.about)
-            elif number == 0 and dist(point, self.world.start.at) < ROBOT + radius:
+                message = f"{thing.label} cannot be at {_point_text(point)}: {in_way.label} is there"
+                yield self._mistake(thing, message, about=in_way.subject_path)
+            elif number == 0 and dist(point, self.world.start.at) < ROBOT_RADIUS + radius:
                 yield self._at_start(thing)
 
-    def _put(self, thing: Thing, ground: Rectangle, *, solid: bool = True) -> Iterator[Mistake]:
+    def _put(self, thing: FloorSubject, ground: Rectangle, *, solid: bool = True) -> Iterator[KeyDiagnostic]:
         """Put something on the floor, ``solid`` or a hole in it: in the room, and not where the robot starts."""
         outside = list(self._contains(thing, ground.corners()))
         if outside:
             yield from outside
             return
-        if ground.gap(*self.world.start.at) < ROBOT:
+        if ground.gap(*self.world.start.at) < ROBOT_RADIUS:
             yield self._at_start(thing)
         if solid:
-            self.taken.append((thing, ground))
+            self.occupied.append((thing, ground))
 
-    def _contains(self, thing: Thing, points: Iterable[Place]) -> Iterator[Mistake]:
+    def _contains(self, thing: FloorSubject, points: Iterable[FloorPoint]) -> Iterator[KeyDiagnostic]:
         """Yield the first of some points that is not in the room."""
         for point in points:
             if not self._inside(point):
-                yield self._outside(thing, f"{thing.what} is outside the room at {_shown(point)}")
+                yield self._outside(thing, f"{thing.label} is outside the room at {_point_text(point)}")
                 return
 
-    def _inside(self, point: Place, margin: float = 0.0) -> bool:
+    def _inside(self, point: FloorPoint, margin: float = 0.0) -> bool:
         world = self.world
         x, y = abs(point[0] - world.centre[0]), abs(point[1] - world.centre[1])
         slack = 1e-9  # half of a length that was written may be a hair off
         return x <= world.length / 2 - margin + slack and y <= world.width / 2 - margin + slack
 
-    def _at_start(self, thing: Thing) -> Mistake:
-        where = f"{thing.what} is where the robot starts, at {_shown(self.world.start.at)}"
+    def _at_start(self, thing: FloorSubject) -> KeyDiagnostic:
+        where = f"{thing.label} is where the robot starts, at {_point_text(self.world.start.at)}"
         return self._mistake(thing, where, "move it, or give 'start' another place", about=("start",))
 
-    def _outside(self, thing: Thing, message: str, *, otherwise: Path = ()) -> Mistake:
+    def _outside(self, thing: FloorSubject, message: str, *, otherwise: ItemPath = ()) -> KeyDiagnostic:
         world = self.world
         sides = (
-            f"{name} {written(middle - side / 2, 'length')} to {written(middle + side / 2, 'length')}"
+            f"{name} {quantity_text(middle - side / 2, 'length')} to {quantity_text(middle + side / 2, 'length')}"
             for name, middle, side in zip("xy", world.centre, (world.length, world.width), strict=True)
         )
         return self._mistake(thing, message, f"the room is {', '.join(sides)}", otherwise=otherwise)
 
     def _mistake(
-        self, thing: Thing, message: str, hint: str = "", *, about: Path = ("room",), otherwise: Path = ()
-    ) -> Mistake:
+        self,
+        thing: FloorSubject,
+        message: str,
+        hint: str = "",
+        *,
+        about: ItemPath = ("room",),
+        otherwise: ItemPath = (),
+    ) -> KeyDiagnostic:
         """Return a mistake about a thing, the room, and more."""
-        return Mistake(message, thing.mark, otherwise, hint=hint, about=(("room",), thing.about, about))
+        return KeyDiagnostic(message, thing.mark, otherwise, hint=hint, about=(("room",), thing.subject_path, about))
 
 
-def _shown(point: Place) -> str:
-    return f"[{written(point[0], 'length')}, {written(point[1], 'length')}]"
+def _point_text(point: FloorPoint) -> str:
+    return f"[{quantity_text(point[0], 'length')}, {quantity_text(point[1], 'length')}]"

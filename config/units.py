@@ -66,7 +66,7 @@ class Quantity(float):
     @property
     def text(self) -> str:
         """How it was written, or how it would be."""
-        return self._text or written(self, self.dimension)
+        return self._text or quantity_text(self, self.dimension)
 
     def __str__(self) -> str:
         return self.text
@@ -78,7 +78,7 @@ class Quantity(float):
         return Quantity, (float(self), self.dimension, self._text)
 
 
-_MEANT = {
+_UNIT_SYNONYMS = {
     word: unit
     for unit, words in {
         "deg": "° degree degrees grad",
@@ -101,7 +101,7 @@ _MEANT = {
 """Other spellings of units, and ours."""
 
 
-def quantity(text: str) -> Quantity | None:
+def parse_quantity(text: str) -> Quantity | None:
     """Read ``text`` as a finite number with a unit that we know; None when it is something else."""
     found = _WRITTEN.fullmatch(text.strip())
     if found is None or found[2] not in _DIMENSION_OF:
@@ -113,44 +113,48 @@ def quantity(text: str) -> Quantity | None:
 
 def is_unit(word: str) -> bool:
     """True for a unit, and for what people write for one."""
-    return word in _DIMENSION_OF or word.lower() in _MEANT
+    return word in _DIMENSION_OF or word.lower() in _UNIT_SYNONYMS
 
 
-def in_dimension(value: object, dimension: str) -> float:
+def si_value(value: object, dimension: str) -> float:
     """Return ``value`` (a text such as "30 deg", or a Quantity) in SI units of ``dimension``.
 
     Raises ValueError that names what was expected: for a bare number, another dimension, an unknown unit, infinity.
     """
-    example = f"{article(dimension)} such as '{EXAMPLES[dimension]}'"
-    found = value if isinstance(value, Quantity) else quantity(value) if isinstance(value, str) else None
+    example = f"{with_article(dimension)} such as '{EXAMPLES[dimension]}'"
+    found = value if isinstance(value, Quantity) else parse_quantity(value) if isinstance(value, str) else None
     if found is None:
-        raise ValueError(f"needs {example}{_what_is_wrong(value, dimension)}")
+        raise ValueError(f"needs {example}{_dimension_error(value, dimension)}")
     if found.dimension != dimension:
-        got = article(found.dimension) if found.dimension in UNITS else "a quantity"
-        raise ValueError(f"needs {example}, got {got}: {seen(found.text)}")
+        got = with_article(found.dimension) if found.dimension in UNITS else "a quantity"
+        raise ValueError(f"needs {example}, got {got}: {quoted_value(found.text)}")
     if not math.isfinite(found):
-        raise ValueError(f"needs {example}: {seen(found.text)} is not finite")
+        raise ValueError(f"needs {example}: {quoted_value(found.text)} is not finite")
     return float(found)
 
 
-def _what_is_wrong(value: object, dimension: str) -> str:
+def _dimension_error(value: object, dimension: str) -> str:
     units = "units: " + ", ".join(UNITS[dimension])
     if isinstance(value, int | float) and not isinstance(value, bool):
-        return f": {seen(value)} has no unit ({units})"
+        return f": {quoted_value(value)} has no unit ({units})"
     text = value.strip() if isinstance(value, str) else ""
     if re.match(r"[-+]?\d+,\d", text):
         return f": write '{text.replace(',', '.', 1)}', with a point"
     written = _WRITTEN.fullmatch(text)
     if written is None:
-        return f": {seen(value)} has no unit ({units})" if re.fullmatch(_NUMBER, text) else f", got {seen(value)}"
+        return (
+            f": {quoted_value(value)} has no unit ({units})"
+            if re.fullmatch(_NUMBER, text)
+            else f", got {quoted_value(value)}"
+        )
     if written[2] in _DIMENSION_OF:
-        return f": {seen(value)} is too large"
-    meant = _MEANT.get(written[2].lower())
+        return f": {quoted_value(value)} is too large"
+    meant = _UNIT_SYNONYMS.get(written[2].lower())
     hint = f"write '{written[1]} {meant}'" if meant else units
-    return f": unknown unit {seen(written[2])} ({hint})"
+    return f": unknown unit {quoted_value(written[2])} ({hint})"
 
 
-def written(value: float, dimension: str) -> str:
+def quantity_text(value: float, dimension: str) -> str:
     """Write an SI value as people do: angles in degrees, the rest in its first unit ("0.5 m").
 
     A dimension without a name is its own unit ("2 m^2").
@@ -159,12 +163,12 @@ def written(value: float, dimension: str) -> str:
     return f"{round(value / factor, 4) + 0.0:g} {unit}"
 
 
-def article(dimension: str) -> str:
+def with_article(dimension: str) -> str:
     """Return "an angle", "a length"..."""
     return f"{'an' if dimension[0] in 'aeiou' else 'a'} {dimension}"
 
 
-def seen(value: object) -> str:
+def quoted_value(value: object) -> str:
     """Write a value into a message, as the file has it: in quotes, and cut where it is long."""
     if value is None:
         return "nothing"
@@ -179,7 +183,7 @@ def seen(value: object) -> str:
 NUMBER = "number"
 """The dimension of a plain number: none. A share has none either."""
 
-BASES = ("m", "rad", "s", "V", "degC", "kg")
+BASE_UNITS = ("m", "rad", "s", "V", "degC", "kg")
 """The units of which all others are made."""
 
 MAX_POWER = 9
@@ -187,7 +191,7 @@ MAX_POWER = 9
 
 Powers = tuple[int, ...]
 
-NAMED: dict[Powers, str] = {
+DIMENSION_NAMES: dict[Powers, str] = {
     (0, 0, 0, 0, 0, 0): NUMBER,
     (1, 0, 0, 0, 0, 0): "length",
     (0, 1, 0, 0, 0, 0): "angle",
@@ -203,7 +207,9 @@ NAMED: dict[Powers, str] = {
 }
 """The names of dimensions, by the powers of BASES."""
 
-_POWERS = {name: powers for powers, name in NAMED.items()} | dict.fromkeys(("share", "percent"), (0, 0, 0, 0, 0, 0))
+_POWERS = {name: powers for powers, name in DIMENSION_NAMES.items()} | dict.fromkeys(
+    ("share", "percent"), (0, 0, 0, 0, 0, 0)
+)
 
 
 class DimensionError(ValueError):
@@ -220,7 +226,7 @@ def quotient(one: str, other: str) -> str:
     return _combined(one, other, -1)
 
 
-def common(one: str, other: str) -> str:
+def common_dimension(one: str, other: str) -> str:
     """Return the dimension of a sum of both. Raises DimensionError where there is none.
 
     What counts to 100 is a number, but does not go together with a share.
@@ -228,7 +234,7 @@ def common(one: str, other: str) -> str:
     if one == other:
         return one
     if powers(one) != powers(other) or {one, other} == {"share", "percent"}:
-        raise DimensionError(f"{named(one)} and {named(other)}")
+        raise DimensionError(f"{dimension_text(one)} and {dimension_text(other)}")
     return NUMBER
 
 
@@ -239,16 +245,16 @@ def powers(dimension: str) -> Powers:
     if known is not None:
         return known
     above, _, below = dimension.partition("/")
-    found = dict.fromkeys(BASES, 0)
+    found = dict.fromkeys(BASE_UNITS, 0)
     for part, sign in ((above, 1), (below, -1)):
         for unit, power in re.findall(r"([A-Za-z]+)(?:\^(\d+))?", part):
             found[unit] += sign * int(power or 1)
     return tuple(found.values())
 
 
-def named(dimension: str) -> str:
+def dimension_text(dimension: str) -> str:
     """Return "a length", "a number", "a quantity in m^2"..."""
-    return article(dimension) if dimension in _POWERS else f"a quantity in {dimension}"
+    return with_article(dimension) if dimension in _POWERS else f"a quantity in {dimension}"
 
 
 def unit_of(dimension: str) -> str:
@@ -271,14 +277,14 @@ def _combined(one: str, other: str, sign: int) -> str:
     found = tuple(a + sign * b for a, b in zip(powers(one), powers(other), strict=True))
     if max(map(abs, found)) > MAX_POWER:
         raise ValueError("a dimension out of range")
-    return NAMED.get(found) or _unit(found)
+    return DIMENSION_NAMES.get(found) or _unit(found)
 
 
 def _unit(found: Powers) -> str:
     above, below = (
         " ".join(
             base + (f"^{abs(power)}" if abs(power) > 1 else "")
-            for base, power in zip(BASES, found, strict=True)
+            for base, power in zip(BASE_UNITS, found, strict=True)
             if power * sign > 0
         )
         for sign in (1, -1)

@@ -5,31 +5,31 @@ from dataclasses import replace
 from pathlib import Path
 
 from config.declared import read_keys
-from config.faults import InvalidFileError, Source
+from config.faults import InvalidFileError, SourceText
 from config.fields import fields_of
 from config.marked import read_source
 from config.things import (
-    PLACE,
+    PLACE_ERROR,
     BoxConfig,
     DockConfig,
     EdgeConfig,
-    Layout,
-    OnPlan,
+    FloorPlan,
+    FloorPoint,
     PersonConfig,
-    Place,
+    PlacedItem,
     RoverConfig,
     ThingConfig,
     WallConfig,
 )
-from drivers.api.keys import Mistake, key, keys
+from drivers.api.keys import KeyDiagnostic, key, keys
 
-MOST_LOST = 0.9
+MAX_LOSS = 0.9
 """The greatest share of reports or pictures that a world may lose: with all of them nothing would ever end."""
 
-MOST_DRAIN = 1000.0
+MAX_DRAIN = 1000.0
 """The greatest pace at which a battery empties: a full one in twenty seconds."""
 
-NOISE = 3.0
+DEFAULT_NOISE = 3.0
 """The camera's noise in grey levels where a file does not say."""
 
 
@@ -40,7 +40,7 @@ class RoomConfig:
     length: float = key("length", default=8.0, low=2.0, high=50.0, help="Its length, along x.")
     width: float = key("length", default=6.0, low=2.0, high=50.0, help="Its width, along y.")
     height: float = key("length", default=2.6, low=2.2, high=20.0, help="Its height.")
-    centre: Place = key("length", default=(1.0, 0.0), wrong=PLACE, help="Where its middle is: [x, y].")
+    centre: FloorPoint = key("length", default=(1.0, 0.0), wrong=PLACE_ERROR, help="Where its middle is: [x, y].")
 
 
 @keys
@@ -53,10 +53,10 @@ class LightConfig:
 
 
 @keys
-class StartConfig(OnPlan):
+class StartConfig(PlacedItem):
     """Where the robot stands at first, and which way it looks."""
 
-    at: Place = key("length", default=(0.0, 0.0), wrong=PLACE, help="Where: [x, y].")
+    at: FloorPoint = key("length", default=(0.0, 0.0), wrong=PLACE_ERROR, help="Where: [x, y].")
     heading: float = key("angle", default=0.0, help="Which way it looks.")
 
 
@@ -65,7 +65,7 @@ class BatteryConfig:
     """What is left in the base's battery at the start (0..1), and how many times as fast as a real one it empties."""
 
     level: float = key("share", default=1.0, low=0.0, high=1.0, help="What is left in it at first.")
-    drain: float = key(default=1.0, low=0.0, high=MOST_DRAIN, help="How many times as fast as a real one it empties.")
+    drain: float = key(default=1.0, low=0.0, high=MAX_DRAIN, help="How many times as fast as a real one it empties.")
 
 
 @keys
@@ -94,10 +94,10 @@ class PhysicsConfig:
     gyro_noise: float = key(
         "turn rate", default=0.0, low=0.0, high=1.0, help="How far its gyro errs: a standard deviation."
     )
-    dropouts: float = key("share", default=0.0, low=0.0, high=MOST_LOST, help="How many of its reports are lost.")
+    dropouts: float = key("share", default=0.0, low=0.0, high=MAX_LOSS, help="How many of its reports are lost.")
     battery: BatteryConfig | None = key(default=None, help="Its battery, which is full for ever where not given.")
     mishearing: float = key(
-        "share", default=0.0, low=0.0, high=MOST_LOST, help="How many phrases the robot takes for others, or for none."
+        "share", default=0.0, low=0.0, high=MAX_LOSS, help="How many phrases the robot takes for others, or for none."
     )
     friction: float = key(default=1.0, low=0.05, high=3.0, help="How much friction the floor has (Coulomb's number).")
     slope: tuple[float, float] = key(
@@ -117,9 +117,11 @@ class PhysicsConfig:
 class CameraConfig:
     """How the robot's camera errs."""
 
-    noise: float | None = key(default=None, low=0.0, high=80.0, help=f"In grey levels of 255; {NOISE:g} if not given.")
+    noise: float | None = key(
+        default=None, low=0.0, high=80.0, help=f"In grey levels of 255; {DEFAULT_NOISE:g} if not given."
+    )
     dropouts: float | None = key(
-        "share", default=None, low=0.0, high=MOST_LOST, help="How many pictures are lost; as the base's reports."
+        "share", default=None, low=0.0, high=MAX_LOSS, help="How many pictures are lost; as the base's reports."
     )
 
 
@@ -174,7 +176,7 @@ class WorldConfig:
         return self.room.height
 
     @property
-    def centre(self) -> Place:
+    def centre(self) -> FloorPoint:
         """The middle of the room."""
         return self.room.centre
 
@@ -191,22 +193,22 @@ class WorldConfig:
     @property
     def noise(self) -> float:
         """The camera's noise in grey levels."""
-        return next((each for each in (self.camera.noise, self.grain) if each is not None), NOISE)
+        return next((each for each in (self.camera.noise, self.grain) if each is not None), DEFAULT_NOISE)
 
     @property
     def dropouts(self) -> float:
         """The share of the camera's pictures that are lost: as of the base's reports, unless told else."""
         return self.physics.dropouts if self.camera.dropouts is None else self.camera.dropouts
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield what cannot stand where it is, what goes by one name, and what is told twice or in no order."""
         if self.camera.noise is not None and self.grain is not None:
-            yield Mistake("'noise' stands twice: here and at the top of the file", ("camera", "noise"))
+            yield KeyDiagnostic("'noise' stands twice: here and at the top of the file", ("camera", "noise"))
         before = 0.0
         for place, change in enumerate(self.light_changes):
             if change.at < before:
                 at = ("light", place, "at")
-                yield Mistake("'at': changes of light stand in the order of time", at, about=(("light",),))
+                yield KeyDiagnostic("'at': changes of light stand in the order of time", at, about=(("light",),))
             before = change.at
         for word, names in (
             ("objects", [each.name for each in self.objects]),
@@ -216,19 +218,19 @@ class WorldConfig:
             for place, name in enumerate(names):
                 if name in names[:place]:
                     at = (word, place, "name")
-                    yield Mistake(f"'{name}' is the name of another of the {word} already", at, about=(at,))
-        yield from Layout(self).mistakes()
+                    yield KeyDiagnostic(f"'{name}' is the name of another of the {word} already", at, about=(at,))
+        yield from FloorPlan(self).diagnostics()
 
 
 def load_world(path: Path) -> WorldConfig:
     """Read a world file. Raises InvalidFileError with every mistake in it."""
-    return read_world(read_source(path))
+    return parse_world(read_source(path))
 
 
-def read_world(source: Source) -> WorldConfig:
+def parse_world(source: SourceText) -> WorldConfig:
     """Read the text of a world file. Raises InvalidFileError with every mistake in it."""
-    fields = fields_of(source, what="a world file")
+    fields = fields_of(source, subject="a world file")
     world = read_keys(fields, WorldConfig)
-    if fields.faults:
-        raise InvalidFileError(fields.faults)
+    if fields.diagnostics:
+        raise InvalidFileError(fields.diagnostics)
     return replace(world, file=fields.source.name)

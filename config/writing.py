@@ -9,9 +9,9 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from config.faults import Source
-from config.gesture import GestureConfig, gesture_of
-from config.marked import plain
+from config.faults import SourceText
+from config.gesture import GestureConfig, parse_gesture
+from config.marked import plain_value
 from config.reading import sync_folder
 
 
@@ -21,18 +21,18 @@ def gesture_text(gesture: GestureConfig, file: str = "gesture") -> str:
     Angles are written to a millionth of a radian, times to a tenth of a millisecond. Raises InvalidFileError, with
     ``file`` as its name, where that is no gesture file: no keyframe, times that do not rise, more than fits.
     """
-    lines = [f"gesture: {word(gesture.name)}"]
+    lines = [f"gesture: {yaml_word(gesture.name)}"]
     if gesture.summary.strip():
         lines.append(f"summary: {json.dumps(gesture.summary, ensure_ascii=False)}")
     lines += [f"interpolation: {gesture.interpolation}", "keyframes:"]
     before: dict[str, str] = {}
     for time, positions in gesture.keyframes:
-        angles = {joint: f"{number(angle, 6)} rad" for joint, angle in positions.items()}
-        moved = {word(joint): angle for joint, angle in angles.items() if before.get(joint) != angle}
-        lines.append(f"  - {flow({'at': f'{number(time, 4)} s'}, moved)}")
+        angles = {joint: f"{number_text(angle, 6)} rad" for joint, angle in positions.items()}
+        moved = {yaml_word(joint): angle for joint, angle in angles.items() if before.get(joint) != angle}
+        lines.append(f"  - {flow_mapping({'at': f'{number_text(time, 4)} s'}, moved)}")
         before |= angles
     text = "\n".join(lines) + "\n"
-    gesture_of(Source(file, text))
+    parse_gesture(SourceText(file, text))
     return text
 
 
@@ -55,16 +55,20 @@ def write_new(path: Path, text: str) -> None:
     sync_folder(path.parent)
 
 
-def flow(*parts: Mapping[str, str]) -> str:
+def flow_mapping(*parts: Mapping[str, str]) -> str:
     """Write mappings as one, on one line."""
     return "{" + ", ".join(f"{key}: {value}" for part in parts for key, value in part.items()) + "}"
 
 
-def number(value: float, digits: int) -> str:
+def number_text(value: float, digits: int) -> str:
     """Write a number with so many digits behind the point, as far as they are needed."""
     return f"{round(value, digits) + 0.0:.12g}"
 
 
-def word(text: str) -> str:
+def yaml_word(text: str) -> str:
     """Write a name plainly where YAML takes it for a text, else in quotes."""
-    return text if re.fullmatch(r"[A-Za-z_]\w*", text) and plain(text) == text else json.dumps(text, ensure_ascii=False)
+    return (
+        text
+        if re.fullmatch(r"[A-Za-z_]\w*", text) and plain_value(text) == text
+        else json.dumps(text, ensure_ascii=False)
+    )

@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
-from missions.plugins.schema.robots import code, table
+from missions.plugins.schema.robots import markdown_code, markdown_table
 
 ROOT = Path(__file__).parents[1]
 FIGURES = Path(__file__).with_suffix(".json")
@@ -196,7 +196,7 @@ def _row(claim: Claim, kept: Mapping[str, Mapping[str, object]]) -> tuple[str, .
     told = "not run yet"
     if last is not None:
         told = f"{'' if last['held'] else '**broken**: '}{last['figure']} ({last['date']}, {last['commit']})"
-    return claim.what, code(claim.words), told, claim.gap
+    return claim.what, markdown_code(claim.words), told, claim.gap
 
 
 def main(names: Sequence[str]) -> None:

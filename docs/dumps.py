@@ -13,15 +13,15 @@ import cv2
 import numpy as np
 
 import missions
-from missions.cli.show import FORMS, SUFFIXES, Dump
+from missions.cli.show import FORM_OF_SUFFIX, TREE_FORMS, Dump
 from missions.executive.events import Event
 from missions.library.shipped import load_mission, shipped_missions
 from missions.plugins.pictures.compare import compare
 from missions.plugins.pictures.forms import PAIR_FORMS
 from missions.plugins.pictures.page.document import without_assets
-from missions.plugins.studio.wishes import protocol
-from missions.trees.draw import at, drawing_of
-from missions.trees.drawing import Drawing, schema
+from missions.plugins.studio.wishes import protocol_schema
+from missions.trees.draw import drawing_of, with_states
+from missions.trees.drawing import TreeDrawing, schema
 from missions.trees.states import states_at
 
 ROOT = Path(__file__).parents[1]
@@ -52,10 +52,12 @@ def dumps() -> Mapping[Path, Callable[[], Dump]]:
     for name in shipped_missions():
         for suffix in (".svg", ".html", *LINKED) if name in IN_EVERY_FORM else (".svg",):
             found[file_of(name, suffix)] = partial(dump, name, suffix)
-    found[GALLERY / "at.svg"] = lambda: FORMS["svg"](moment())
+    found[GALLERY / "at.svg"] = lambda: TREE_FORMS["svg"](moment())
     found[GALLERY / "diff.svg"] = lambda: PAIR_FORMS["svg"](compare(drawing("motions/square"), drawing("square_3m")))
     found[ROOT / "docs" / "tree.schema.json"] = lambda: json.dumps(schema(), indent=1, ensure_ascii=False) + "\n"
-    found[ROOT / "docs" / "studio.schema.json"] = lambda: json.dumps(protocol(), indent=1, ensure_ascii=False) + "\n"
+    found[ROOT / "docs" / "studio.schema.json"] = lambda: (
+        json.dumps(protocol_schema(), indent=1, ensure_ascii=False) + "\n"
+    )
     return found
 
 
@@ -72,7 +74,7 @@ def file_of(name: str, suffix: str) -> Path:
 
 
 @cache
-def drawing(name: str) -> Drawing:
+def drawing(name: str) -> TreeDrawing:
     """Return the drawing of a shipped mission."""
     return drawing_of(load_mission(name))
 
@@ -81,7 +83,7 @@ def moment() -> Drawing:
     """Return the drawing of `greet` at ``MOMENT``, in simulated time."""
     events: list[Event] = []
     missions.run("greet", simulate="fast", eyes="truth", listeners=[events.append])
-    return at(drawing("greet"), states_at(events, MOMENT), MOMENT)
+    return with_states(drawing("greet"), states_at(events, MOMENT), MOMENT)
 
 
 def is_stale(path: Path, wanted: Dump) -> bool:

@@ -18,7 +18,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from missions.library.shipped import load_mission
 from missions.trees.draw import drawing_of
-from missions.trees.drawing import SIGNS, Box
+from missions.trees.drawing import SIGNS, TreeBox
 
 FILM = Path(__file__).parent / "studio" / "greet.webp"
 
@@ -94,7 +94,7 @@ def seconds(event: Mapping[str, object]) -> float:
     return float(str(event["t"]))
 
 
-def tree_rows(box: Box, depth: int = 0) -> Iterator[tuple[int, Box]]:
+def tree_rows(box: TreeBox, depth: int = 0) -> Iterator[tuple[int, TreeBox]]:
     """Yield each node with its depth, in the order of the file."""
     yield depth, box
     for child in box.children:
@@ -109,7 +109,7 @@ def statuses_at(events: Sequence[Mapping[str, object]], time: float) -> Mapping[
 
 def frame(
     picture: Image.Image,
-    rows: Sequence[tuple[int, Box]],
+    rows: Sequence[tuple[int, TreeBox]],
     events: Sequence[Mapping[str, object]],
     time: float,
     *,
@@ -153,7 +153,7 @@ def label(draw: ImageDraw.ImageDraw, text: str, place: tuple[float, float]) -> N
 
 
 def draw_tree(
-    draw: ImageDraw.ImageDraw, rows: Sequence[tuple[int, Box]], now: Mapping[str, Status], time: float
+    draw: ImageDraw.ImageDraw, rows: Sequence[tuple[int, TreeBox]], now: Mapping[str, Status], time: float
 ) -> None:
     """Draw the tree with one row for each node, with its status."""
     draw.rectangle((VIEW[0], 0, *SIZE), fill=PAPER)

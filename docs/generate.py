@@ -14,8 +14,8 @@ from pathlib import Path
 
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
-from config.cases import CommonKeys, ExpectKeys, JudgedKeys
-from config.controller import BaseKeys, ControllerKeys
+from config.cases import CommonKeys, ExpectKeys, JudgedSuiteKeys
+from config.controller import ControllerFileKeys, RuleBaseKeys
 from config.defaults import DefaultsKeys
 from config.fleet import FleetKeys
 from config.gesture import GestureKeys
@@ -26,37 +26,39 @@ from config.units import EXAMPLES, UNITS
 from config.world import WorldConfig
 from docs import claims, dumps
 from drivers.api.gait import GaitKeys
-from drivers.table import HOUSE
+from drivers.table import BUILT_IN_DRIVERS
 from missions.cli.commands import OLD_NAMES, declared_commands
 from missions.cli.declared import DeclaredOption
 from missions.cli.run import command as run
-from missions.codec import members
+from missions.codec import message_fields
 from missions.control.messages import ERRORS, MESSAGES
 from missions.language.counts import COUNTS
 from missions.language.nodes import COMPOSITES, MODIFIERS
 from missions.language.operators import FUNCTIONS
-from missions.language.param_types import TYPES
+from missions.language.param_types import PARAM_TYPES
 from missions.language.robot_state import ROBOT_STATE
-from missions.library.catalogue import bounds, details, kind_of, shown_default, summary
-from missions.library.drivers import Table
+from missions.library.catalogue import bounds_text, default_text, details, kind_text, summary
+from missions.library.drivers import DriverTable
 from missions.options import Option
-from missions.plugins.schema.robots import code, keys_table, robot_reference, table
+from missions.plugins.schema.robots import keys_table, markdown_code, markdown_table, robot_reference
 from missions.plugins.studio.wishes import COMMANDS
-from missions.plugins.testing.failsafe.ride import CHOICES, FAULTS, SILENCE, Setting, stepped_through
-from missions.plugins.testing.failsafe.words import steps
+from missions.plugins.testing.failsafe.ride import CHOICES, FAULTS, SILENT_FAULT, FailsafeSetting, run_scenario
+from missions.plugins.testing.failsafe.words import distinct_moments
 
 HERE = Path(__file__).parent
 
 
 def composites() -> str:
     """Return the table of the composites with a list of children."""
-    return table(("word", "what it does"), ((code(word), kind.help) for word, kind in COMPOSITES.items()))
+    return markdown_table(
+        ("word", "what it does"), ((markdown_code(word), kind.help) for word, kind in COMPOSITES.items())
+    )
 
 
 def modifiers() -> str:
     """Return the table of the modifiers."""
-    rows = ((code(word), each.takes, each.help) for word, each in MODIFIERS.items())
-    return table(("word", "takes", "what it does"), rows)
+    rows = ((markdown_code(word), each.takes, each.help) for word, each in MODIFIERS.items())
+    return markdown_table(("word", "takes", "what it does"), rows)
 
 
 def counts() -> str:
@@ -67,23 +69,25 @@ def counts() -> str:
 
 def units() -> str:
     """Return the table of the dimensions with their units."""
-    rows = ((name, ", ".join(map(code, known)), code(EXAMPLES[name])) for name, known in UNITS.items())
-    return table(("dimension", "units", "example"), rows)
+    rows = (
+        (name, ", ".join(map(markdown_code, known)), markdown_code(EXAMPLES[name])) for name, known in UNITS.items()
+    )
+    return markdown_table(("dimension", "units", "example"), rows)
 
 
 def state() -> str:
     """Return the table of the robot's values that expressions can read."""
     values = ((name, *each) for name in ROBOT_STATE for each in ROBOT_STATE[name].values.items())
-    rows = ((code(f"{name}.{member}"), value.help) for name, member, value in values)
-    return table(("name", "what it is"), rows)
+    rows = ((markdown_code(f"{name}.{member}"), value.help) for name, member, value in values)
+    return markdown_table(("name", "what it is"), rows)
 
 
 def words() -> str:
     """Return the functions of expressions and the types of params, one line each."""
     return "\n".join(
         [
-            f"- Functions: {', '.join(map(code, FUNCTIONS))}.",
-            f"- Types of params: {', '.join(map(code, TYPES))}.",
+            f"- Functions: {', '.join(map(markdown_code, FUNCTIONS))}.",
+            f"- Types of params: {', '.join(map(markdown_code, PARAM_TYPES))}.",
         ]
     )
 
@@ -97,21 +101,21 @@ def entry(leaf: type[Leaf]) -> str:
     """Return the section of one leaf: facts and arguments."""
     facts = [f"Drives {', '.join(sorted(leaf.drives))}."] if leaf.drives else []
     facts += [f"Needs {', '.join(sorted(leaf.needs))}."] if leaf.needs else []
-    facts += [f"Uses {', '.join(sorted(leaf.uses))}, where there is one."] if leaf.uses else []
-    facts += [f"`as` keeps {leaf.stores}."] if leaf.stores else []
-    parts = [f"## {leaf.word}", summary(leaf), details(leaf), " ".join(facts)]
+    facts += [f"Uses {', '.join(sorted(leaf.optional_parts))}, where there is one."] if leaf.optional_parts else []
+    facts += [f"`as` keeps {leaf.output_doc}."] if leaf.output_doc else []
+    parts = [f"## {leaf.tag}", summary(leaf), details(leaf), " ".join(facts)]
     rows = [
         (
-            code(each.name) + (" (may stand alone)" if each.principal else ""),
-            kind_of(each),
-            bounds(each),
-            "must be given" if each.required else code(shown_default(each)),
+            markdown_code(each.name) + (" (may stand alone)" if each.principal else ""),
+            kind_text(each),
+            bounds_text(each),
+            "must be given" if each.required else markdown_code(default_text(each)),
             each.help,
         )
         for each in leaf.arguments.values()
     ]
     if rows:
-        parts.append(table(("argument", "takes", "limits", "default", "what it is"), rows))
+        parts.append(markdown_table(("argument", "takes", "limits", "default", "what it is"), rows))
     return "\n\n".join(part for part in parts if part)
 
 
@@ -126,7 +130,7 @@ def studio_commands() -> str:
         (code(word), kind.role, _describe_members(kind, leave=("id",)), " ".join((inspect.getdoc(kind) or "").split()))
         for word, kind in COMMANDS.items()
     )
-    return table(("command", "who", "members", "what it does"), rows)
+    return markdown_table(("command", "who", "members", "what it does"), rows)
 
 
 def studio_messages() -> str:
@@ -135,7 +139,7 @@ def studio_messages() -> str:
         (code(word), _describe_members(kind), " ".join((inspect.getdoc(kind) or "").split()))
         for word, kind in MESSAGES.items()
     )
-    return table(("message", "members", "what it says"), rows)
+    return markdown_table(("message", "members", "what it says"), rows)
 
 
 def studio_errors() -> str:
@@ -161,38 +165,39 @@ SITUATIONS = (
 
 def commands() -> str:
     """Return a table of all commands, by their groups."""
-    rows = ((each.group, code(f"mission {name}"), each.help) for name, each in declared_commands())
-    return table(("group", "command", "what it does"), rows)
+    rows = ((each.group, markdown_code(f"mission {name}"), each.help) for name, each in declared_commands())
+    return markdown_table(("group", "command", "what it does"), rows)
 
 
 def old_names() -> str:
     """Return the table of the former names of commands."""
     rows = (
-        (code(f"mission {old}"), code(new if "make" in new else f"mission {new}")) for old, new in OLD_NAMES.items()
+        (markdown_code(f"mission {old}"), markdown_code(new if "make" in new else f"mission {new}"))
+        for old, new in OLD_NAMES.items()
     )
-    return table(("before", "now"), rows)
+    return markdown_table(("before", "now"), rows)
 
 
 def run_options() -> str:
     """Return the table of the options of `mission run`, from their declarations."""
-    found = [each.declared for each in run.params if isinstance(each, DeclaredOption) and not each.hidden]
+    found = [each.declaration for each in run.params if isinstance(each, DeclaredOption) and not each.hidden]
     groups = [*dict.fromkeys(each.group for each in found)]
     rows = (
-        (each.group or "Output", code(each.flag), _takes(each), each.bounds, _default(each), each.help)
+        (each.group or "Output", markdown_code(each.flag), _takes(each), each.bounds, _default(each), each.help)
         for each in sorted(found, key=lambda it: groups.index(it.group))
     )
-    return table(("group", "option", "takes", "bounds", "default", "what it does"), rows)
+    return markdown_table(("group", "option", "takes", "bounds", "default", "what it does"), rows)
 
 
 def _takes(option: Option) -> str:
     if option.among:
-        return ", ".join(map(code, option.among))
+        return ", ".join(map(markdown_code, option.among))
     return option.metavar if option.metavar.isupper() and "=" in option.metavar else option.kind
 
 
 def _default(option: Option) -> str:
     plain = isinstance(option.default, str | int | float) and option.default is not False and option.default != inf
-    return code(str(option.default)) if plain else ""
+    return markdown_code(str(option.default)) if plain else ""
 
 
 def failsafe() -> str:
@@ -201,7 +206,7 @@ def failsafe() -> str:
     rows = []
     for each in SITUATIONS:
         chosen = [f"{name}: {word}" for name in CHOICES if (word := getattr(each, name)) != getattr(usual, name)]
-        story = steps(stepped_through(each))
+        story = distinct_moments(run_scenario(each))
         told = [(moment.t, words) for moment, words in story if moment.t >= 0.0] or [(0.0, story[-1][1])]
         rows.append(("<br>".join(chosen), "<br>".join(f"{t:.2f} s: {words}" for t, words in told)))
     return table(("situation", "reaction"), rows)
@@ -210,10 +215,10 @@ def failsafe() -> str:
 def _describe_members(kind: type, leave: Sequence[str] = ()) -> str:
     """Return the members of a message with their descriptions, optional ones in brackets."""
     found = []
-    for each in members(kind):
+    for each in message_fields(kind):
         if each.name not in leave:
-            name = code(each.name) if each.required else f"[{code(each.name)}]"
-            found.append(f"{name}: {each.about}" if each.about else name)
+            name = markdown_code(each.name) if each.required else f"[{markdown_code(each.name)}]"
+            found.append(f"{name}: {each.description}" if each.description else name)
     return "<br>".join(found)
 
 
@@ -228,10 +233,10 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "robot_keys": robot_keys,
     "robot_top": partial(keys_table, RobotKeys),
     "gesture_keys": partial(keys_table, GestureKeys),
-    "controller_keys": partial(keys_table, ControllerKeys, (BaseKeys,)),
-    "rule_keys": partial(keys_table, BaseKeys),
+    "controller_keys": partial(keys_table, ControllerFileKeys, (RuleBaseKeys,)),
+    "rule_keys": partial(keys_table, RuleBaseKeys),
     "world_keys": partial(keys_table, WorldConfig),
-    "test_keys": partial(keys_table, JudgedKeys, {CommonKeys, ExpectKeys}),
+    "test_keys": partial(keys_table, JudgedSuiteKeys, {CommonKeys, ExpectKeys}),
     "expect_keys": partial(keys_table, ExpectKeys),
     "move_keys": partial(keys_table, MoveKeys),
     "gait_keys": partial(keys_table, GaitKeys),

@@ -8,7 +8,7 @@ from typing import Protocol
 class Clock(Protocol):
     """Seconds that never run backwards, from an arbitrary zero."""
 
-    def now(self) -> float:
+    def read_value(self) -> float:
         """Return the time in seconds."""
         ...
 
@@ -19,7 +19,7 @@ class SystemClock:
     def __init__(self) -> None:
         self._zero = time.monotonic()
 
-    def now(self) -> float:
+    def read_value(self) -> float:
         """Return the seconds since it was made: every stamp of a run in real time is on this scale."""
         return time.monotonic() - self._zero
 
@@ -30,7 +30,7 @@ class ManualClock:
     def __init__(self, start: float = 0.0) -> None:
         self._now = start
 
-    def now(self) -> float:
+    def read_value(self) -> float:
         """Return the time that ``advance`` has brought it to."""
         return self._now
 
@@ -41,12 +41,12 @@ class ManualClock:
         self._now += seconds
         return self._now
 
-    def reach(self, time: float) -> None:
+    def advance_to(self, time: float) -> None:
         """Move on to ``time``, exactly; a time that is over changes nothing."""
         self._now = max(self._now, time)
 
 
-def since_1970() -> int:
+def unix_time_ns() -> int:
     """Return the time of day in nanoseconds since 1970, as messages of other programs are stamped."""
     return time.time_ns()
 

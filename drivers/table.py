@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-HOUSE: Mapping[str, Mapping[str, str]] = {
+BUILT_IN_DRIVERS: Mapping[str, Mapping[str, str]] = {
     "ros2": {"zenoh": "drivers.ros2.declared:ZENOH"},
     "base": {
         "kobuki": "drivers.kobuki.declared:KOBUKI",

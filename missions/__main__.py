@@ -19,16 +19,16 @@ from urllib.parse import unquote
 if TYPE_CHECKING:
     from importlib.metadata import Distribution
 
-INTERRUPTED = 130
+EXIT_INTERRUPTED = 130
 
 PACKAGES = ("missions", "behaviours", "drivers", "perception", "config")
 
 
-OURS = "missiontree"
+DISTRIBUTION = "missiontree"
 """The name of our distribution."""
 
 
-def shadowed() -> dict[str, str]:
+def shadowed_packages() -> dict[str, str]:
     """Return what is found in the place of each of our packages, by their names, where that is another."""
     found = {}
     for name in PACKAGES:
@@ -37,12 +37,12 @@ def shadowed() -> dict[str, str]:
         except Exception as error:
             found[name] = f"{type(error).__name__}: {error}"
             continue
-        if getattr(package, "__project__", None) != OURS:
+        if getattr(package, "__project__", None) != DISTRIBUTION:
             found[name] = f"found {getattr(package, '__file__', None) or 'a folder without __init__.py'}"
     return found
 
 
-def cures(hidden: Iterable[str]) -> list[str]:
+def shadowing_fixes(hidden: Iterable[str]) -> list[str]:
     """Return what helps where other modules are found in the place of our packages, a command or an advice each."""
     from importlib import metadata  # noqa: PLC0415 - only where something is wrong
 
@@ -51,11 +51,13 @@ def cures(hidden: Iterable[str]) -> list[str]:
     for name in hidden:
         file = _file(name)
         owners = metadata.packages_distributions().get(name, ())
-        rivals = [owner for owner in owners if owner != OURS and _holds(metadata.distribution(owner), file)]
-        again = again or (OURS in owners and _holds(metadata.distribution(OURS), file))
+        rivals = [
+            owner for owner in owners if owner != DISTRIBUTION and _contains_file(metadata.distribution(owner), file)
+        ]
+        again = again or (DISTRIBUTION in owners and _contains_file(metadata.distribution(DISTRIBUTION), file))
         others |= dict.fromkeys(rivals)
         if not rivals and not again:
-            advice[_elsewhere(file)] = None
+            advice[_stray_module_fix(file)] = None
     pip = f"{sys.executable} -m pip"
     commands = [f"{pip} uninstall {' '.join(others)}"] if others else []
     return [*commands, *([f"{pip} install --force-reinstall --no-deps {_origin()}"] if again else []), *advice]
@@ -72,21 +74,21 @@ def _file(name: str) -> Path:
     return Path(spec.origin or next(iter(spec.submodule_search_locations or [name])))
 
 
-def _holds(distribution: "Distribution", file: Path) -> bool:
+def _contains_file(distribution: "Distribution", file: Path) -> bool:
     """Say whether a distribution lies where ``file`` is."""
     return Path(str(distribution.locate_file(""))) in file.parents
 
 
 def _origin() -> str:
     """Return what our distribution was installed from: a folder or a file where that is known, else its name."""
-    from importlib import metadata  # noqa: PLC0415 - see ``cures``
+    from importlib import metadata  # noqa: PLC0415 - see ``shadowing_fixes``
 
-    told = metadata.distribution(OURS).read_text("direct_url.json")
+    told = metadata.distribution(DISTRIBUTION).read_text("direct_url.json")
     url = str(json.loads(told)["url"]) if told else ""
-    return unquote(url.removeprefix("file://")) if url.startswith("file://") else OURS
+    return unquote(url.removeprefix("file://")) if url.startswith("file://") else DISTRIBUTION
 
 
-def _elsewhere(file: Path) -> str:
+def _stray_module_fix(file: Path) -> str:
     """Say what helps against a module that belongs to no distribution."""
     entries = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     if any(entry and Path(entry).resolve() in file.parents for entry in entries):
@@ -101,7 +103,7 @@ def main() -> None:
     try:
         _main()
     except KeyboardInterrupt:  # before or after the command, which has its own way of stopping
-        sys.exit(INTERRUPTED)
+        sys.exit(EXIT_INTERRUPTED)
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done: a second Ctrl-C has nothing left to interrupt
 
@@ -111,10 +113,10 @@ def _main() -> None:
     # The threads of numpy's OpenBLAS look for work for 2 ** 26 ticks (some 60 ms each, at the start and after each
     # piece of work) before they sleep; so they sleep at once.
     os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "4")
-    problems = shadowed()
+    problems = shadowed_packages()
     if problems:
         told = [f"  {name}: {found}" for name, found in problems.items()]
-        tried = [f"  {'then' if place else 'try'}: {cure}" for place, cure in enumerate(cures(problems))]
+        tried = [f"  {'then' if place else 'try'}: {cure}" for place, cure in enumerate(shadowing_fixes(problems))]
         sys.exit("\n".join(["mission: another module hides a part of MissionTree:", *told, *tried]))
     import_module("missions.cli.root").main()
 

@@ -15,27 +15,26 @@ from typing import Literal, Self
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from behaviours.foreign import Around
+from behaviours.foreign import WrappedInstance
 from behaviours.node import Node
 from behaviours.robot import Robot, hold_still
-from behaviours.run import Run, log
+from behaviours.run import RunState, log
 from drivers.api import Reflexes
-from drivers.api.kinds import SOUNDING
+from drivers.api.kinds import SOUND_KINDS
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest
 from missions.control.control import ControlSocket
 from missions.control.holders import WITHOUT_STOP
-from missions.executive.answers import Answers
-from missions.executive.asked import asked
+from missions.executive.answers import TickCache
+from missions.executive.asked import with_proxies
 from missions.executive.build import build
 from missions.executive.executive import Executive, Result
-from missions.executive.guard import Guard
+from missions.executive.guard import BaseGuard
 from missions.executive.state import state_of
-from missions.executive.stream import Listener, Stream
-from missions.executive.watchdog import Limits
+from missions.executive.stream import EventStream, Listener
+from missions.executive.watchdog import WatchdogLimits
 from missions.request import RunRequest, Simulate, contradictions
-from missions.runner import PATIENT, Runner, ports_of
-from missions.runner import load as load_plan
+from missions.runner import SIMULATED_LIMITS, Runner, load_plan, parts_with_ports
 
 Params = Mapping[str, object]
 """A mission's params by name: texts as a mission would write them ("5 s"), or plain numbers and flags."""
@@ -58,14 +57,14 @@ class Mission:
         self,
         executive: Executive,
         *,
-        lacks: frozenset[str] = frozenset(),
+        missing_parts: frozenset[str] = frozenset(),
         runner: Runner | None = None,
         opening: Callable[[], AbstractContextManager[None]] | None = None,
     ) -> None:
         self.root: Node = executive.root
-        self.events: Stream = executive.stream
+        self.events: EventStream = executive.stream
         self._executive = executive
-        self._lacks = lacks
+        self._missing_parts = missing_parts
         self._runner, self._opening = runner, opening
         self._still = False
         self._opened = ExitStack()
@@ -96,19 +95,19 @@ class Mission:
 
         Raises drivers.errors.BadRequest when it needs a robot and has none, or one that is not open.
         """
-        if self._lacks:
-            parts = ", ".join(sorted(self._lacks))
+        if self._missing_parts:
+            parts = ", ".join(sorted(self._missing_parts))
             hint = f"missions.load('{self.name}', robot='turtlebot2_arm', simulate=True)"
             raise BadRequest(f"mission '{self.name}' needs a robot with {parts}, and has none", hint=hint)
         if not self._open:
             raise BadRequest(f"the robot of mission '{self.name}' is not open", hint="with mission: mission.tick()")
         if self._runner is not None and self._runner.twins is not None:
-            self._executive.pass_period()
+            self._executive.wait_period()
         if self._executive.stopping:  # by the control socket, as what follows
             self.halt()
             return self.status
         if (paused := self._executive.paused) and not self._still:
-            self._executive.run.safe_stop(self.root.claims - SOUNDING)
+            self._executive.run.safe_stop(self.root.claims - SOUND_KINDS)
         self._still = paused
         return self.status if self._still else self._executive.tick()
 
@@ -156,40 +155,40 @@ def load(
     there.
     """
     files = [Path(file) for file in behaviours]
-    given = _texts(params)
+    given = _param_texts(params)
     if isinstance(robot, str):
         order = RunRequest(str(path), given, robot, _level(simulate), world, seed=seed, behaviours=files, eyes=eyes)
         runner = Runner(order)
 
         @contextmanager
         def opening() -> Iterator[None]:
-            with _reachable(runner), runner.ready():
+            with _control_socket(runner), runner.ready():
                 yield
 
         return Mission(runner.executive, runner=runner, opening=opening)
     parts = Robot() if robot is None else robot
     plan = load_plan(RunRequest(str(path), given, behaviours=files), robot)
-    run = Run(SystemClock(), seed=seed)
+    run = RunState(SystemClock(), seed=seed)
     run.safe_stop = partial(hold_still, parts)
-    stream, answers = Stream(), Answers()
-    asking = asked(parts, answers)
+    stream, answers = EventStream(), TickCache()
+    asking = with_proxies(parts, answers)
     base = asking.base_part
-    guard = None if base is None else Guard(base, Reflexes(), run, stream)
+    guard = None if base is None else BaseGuard(base, Reflexes(), run, stream)
     run.variables.update(state_of(asking, run, guard))
-    root = build(plan, run, lambda node: asking.of(getattr(node, "named_parts", {})))
-    executive = Executive(root, run, stream, mission=plan.mission, guard=guard, answers=answers)
-    return Mission(executive, lacks=(plan.tree.needs | plan.tree.claims) - parts.parts - parts.capabilities)
+    root = build(plan, run, lambda node: asking.with_named_parts(getattr(node, "named_parts", {})))
+    executive = Executive(root, run, stream, mission=plan.mission, guard=guard, cache=answers)
+    return Mission(executive, missing_parts=(plan.tree.needs | plan.tree.claims) - parts.parts - parts.capabilities)
 
 
 def wrap(tree: Behaviour) -> Mission:
     """Return a mission around a tree of plain py_trees behaviours, which are ticked by py_trees' own rules.
 
-    ``behaviours.foreign.Foreign`` tells the few differences to ``tree.tick_once()``.
+    ``behaviours.foreign.PyTreesLeaf`` tells the few differences to ``tree.tick_once()``.
     """
-    run = Run(SystemClock())
-    leaf = Around(tree)
-    leaf.run, leaf.scope, leaf.key, leaf.kind, leaf.robot = run, run.variables, "1", leaf.word, Robot()
-    return Mission(Executive(leaf, run, Stream(), mission=tree.name))
+    run = RunState(SystemClock())
+    leaf = WrappedInstance(tree)
+    leaf.run, leaf.scope, leaf.key, leaf.kind, leaf.robot = run, run.variables, "1", leaf.tag, Robot()
+    return Mission(Executive(leaf, run, EventStream(), mission=tree.name))
 
 
 def run(
@@ -226,7 +225,7 @@ def run(
     """
     order = RunRequest(
         str(mission),
-        _texts(params),
+        _param_texts(params),
         robot,
         _level(simulate),
         world,
@@ -241,16 +240,16 @@ def run(
         ros2_domain=ros2_domain,
         without_stop=without_stop,
     )
-    if why := "; ".join(contradictions(order, _argument, ports_of)):
+    if why := "; ".join(contradictions(order, _argument, parts_with_ports)):
         raise ValueError(why)
-    limits = replace(PATIENT if order.simulation == "fast" else Limits(), lost=math.inf)
+    limits = replace(SIMULATED_LIMITS if order.simulation == "fast" else WatchdogLimits(), lost=math.inf)
     runner = Runner(order, listeners=listeners, limits=limits)
-    with _reachable(runner):
+    with _control_socket(runner):
         return runner.run()
 
 
 @contextmanager
-def _reachable(runner: Runner) -> Iterator[None]:
+def _control_socket(runner: Runner) -> Iterator[None]:
     """Have the control socket of a run, by which ``mission stop`` stops it. Raises NoStop, as its ``require_stop``."""
     with ControlSocket(runner) as control:
         control.require_stop(f"without_stop=True, or {WITHOUT_STOP}=yes")
@@ -269,7 +268,7 @@ def _level(simulate: bool | Simulate) -> Simulate | None:
     return ("wire" if simulate else None) if isinstance(simulate, bool) else simulate
 
 
-def _texts(params: Params | None) -> dict[str, str]:
+def _param_texts(params: Params | None) -> dict[str, str]:
     """Return params as they would stand in a file."""
     return {
         name: str(value).lower() if isinstance(value, bool) else str(value) for name, value in (params or {}).items()

@@ -46,7 +46,7 @@ class CodecError(ValueError):
 
     def inside(self, name: str) -> "CodecError":
         """Return the same error as seen from the object around the member ``name``, which may be any text."""
-        name = shown(name)[1:-1]
+        name = short_text(name)[1:-1]
         return CodecError(self.problem, f"{name}.{self.path}" if self.path else name, self.hint)
 
 
@@ -57,7 +57,7 @@ class Coder(NamedTuple):
     decode: Callable[[Any], Any]
 
 
-def unchanged(value: Any) -> Any:
+def identity(value: Any) -> Any:
     """Return the value itself."""
     return value
 
@@ -79,7 +79,7 @@ class Rules:
     text: str = "a text"
     finite: bool = True
     omit_none: bool = False
-    other: Callable[[Any], Coder] = lambda _: Coder(unchanged, unchanged)
+    other: Callable[[Any], Coder] = lambda _: Coder(identity, identity)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,33 +94,33 @@ UNBOUNDED = Bound()
 
 
 @dataclass(frozen=True, slots=True)
-class Word:
+class JsonName:
     """Name of a member where that cannot be the field's."""
 
-    word: str
+    name: str
 
 
 @dataclass(frozen=True, slots=True)
-class Member:
+class MessageField:
     """A declared field: its ``word`` in JSON, type without marks, description, bounds, and whether it must be there."""
 
     name: str
-    word: str
+    json_name: str
     kind: Any
-    about: str
+    description: str
     bound: Bound
     required: bool
     default: object
 
 
 @cache
-def members(kind: Any) -> tuple[Member, ...]:
+def message_fields(kind: Any) -> tuple[MessageField, ...]:
     """Return the fields of a message's class."""
     hints = get_type_hints(kind, include_extras=True)
-    return tuple(_member(each, hints[each.name]) for each in fields(kind))
+    return tuple(_message_field(each, hints[each.name]) for each in fields(kind))
 
 
-def _member(field: "Field[Any]", hint: Any) -> Member:
+def _message_field(field: "Field[Any]", hint: Any) -> MessageField:
     marks = getattr(hint, "__metadata__", ())
     found = {type(mark): mark for mark in marks}
     about, bound = found.get(str, ""), found.get(Bound, UNBOUNDED)
@@ -130,11 +130,11 @@ def _member(field: "Field[Any]", hint: Any) -> Member:
         bound = Bound(max(bound.low, low), min(bound.high, high))
     required = field.default is MISSING and field.default_factory is MISSING
     default = None if required or field.default is MISSING else field.default
-    word = found.get(Word, Word(field.name)).word
-    return Member(field.name, word, get_args(hint)[0] if marks else hint, about, bound, required, default)
+    word = found.get(JsonName, JsonName(field.name)).word
+    return MessageField(field.name, word, get_args(hint)[0] if marks else hint, about, bound, required, default)
 
 
-def shown(value: object) -> str:
+def short_text(value: object) -> str:
     """Return the beginning of a value, for an error: however deep it is, and however long."""
     return _shown.repr(value)[:60]
 
@@ -151,7 +151,7 @@ def decode(kind: type[T], data: object, rules: Rules) -> T:
     return cast("T", coder(wanted, rules).decode(data))
 
 
-def encode_word(message: Any, key: str, rules: Rules) -> dict[str, Any]:
+def encode_tagged(message: Any, key: str, rules: Rules) -> dict[str, Any]:
     """Return a message as JSON has it, its word first, under ``key``."""
     return {key: message.word, **encode(message, rules)}
 
@@ -166,18 +166,18 @@ def parse(data: str | bytes, max_bytes: int) -> Any:
         raise CodecError(f"no JSON: {error}"[:200]) from error
 
 
-def decode_word(data: object, key: str, kinds: Mapping[str, type[T]], rules: Rules) -> T:
+def decode_tagged(data: object, key: str, kinds: Mapping[str, type[T]], rules: Rules) -> T:
     """Return the message that has its word under ``key``, as the class of that word. Raises CodecError."""
     if not isinstance(data, dict):
         raise CodecError(f'not an object, such as {{"{key}": "{next(iter(kinds))}"}}')
     word = data.get(key)
     if not isinstance(word, str) or word not in kinds:
-        said = word[:60] if isinstance(word, str) else shown(word)
-        raise UnknownWordError(f"unknown command {said!r}", "", did_you_mean(said, kinds))
+        said = word[:60] if isinstance(word, str) else short_text(word)
+        raise UnknownTagError(f"unknown command {said!r}", "", did_you_mean(said, kinds))
     return decode(kinds[word], {name: value for name, value in data.items() if name != key}, rules)
 
 
-class UnknownWordError(CodecError):
+class UnknownTagError(CodecError):
     """A message of no known class."""
 
 
@@ -192,13 +192,13 @@ def coder(kind: Any, rules: Rules, bound: Bound = UNBOUNDED) -> Coder:
         return _enum(kind)
     if origin is Literal:
         words = f"one of {', '.join(inner)}"
-        return Coder(unchanged, _check(words, lambda data: isinstance(data, str) and data in inner))
+        return Coder(identity, _check(words, lambda data: isinstance(data, str) and data in inner))
     if kind in (bool, int, float, str):
         return _plain(kind, rules, bound)
     if origin in (Union, types.UnionType) and len(inner) == 2 and type(None) in inner:
         return _optional(coder(next(each for each in inner if each is not type(None)), rules, bound))
     if origin is tuple and inner[-1:] != (...,):
-        return _row(tuple(coder(each, rules) for each in inner))
+        return _tuple(tuple(coder(each, rules) for each in inner))
     if origin in (tuple, list, frozenset, Sequence):
         return _list(origin, coder(inner[0], rules), rules)
     if origin is Mapping and inner[0] is str:
@@ -206,16 +206,16 @@ def coder(kind: Any, rules: Rules, bound: Bound = UNBOUNDED) -> Coder:
     return rules.other(kind)
 
 
-def _must_be(wanted: str, value: object) -> CodecError:
-    return CodecError(f"must be {wanted}, got {shown(value)}")
+def _type_error(expected: str, value: object) -> CodecError:
+    return CodecError(f"must be {expected}, got {short_text(value)}")
 
 
-def _check(wanted: str, holds: Callable[[Any], bool]) -> Callable[[Any], Any]:
+def _check(expected: str, holds: Callable[[Any], bool]) -> Callable[[Any], Any]:
     """Return a reader of data for which a condition holds."""
 
     def decode(data: Any) -> Any:
         if not holds(data):
-            raise _must_be(wanted, data)
+            raise _type_error(expected, data)
         return data
 
     return decode
@@ -228,7 +228,7 @@ def _enum(kind: type[Enum]) -> Coder:
                 return kind(data)
         except ValueError:
             pass
-        raise _must_be(f"one of {', '.join(str(each.value) for each in kind)}", data)
+        raise _type_error(f"one of {', '.join(str(each.value) for each in kind)}", data)
 
     return Coder(lambda value: value.value, decode)
 
@@ -236,18 +236,18 @@ def _enum(kind: type[Enum]) -> Coder:
 def _plain(kind: type, rules: Rules, bound: Bound) -> Coder:
     """Return the coder of a flag, a number or a text."""
     if kind is bool:
-        return Coder(unchanged, _check("true or false", lambda data: isinstance(data, bool)))
+        return Coder(identity, _check("true or false", lambda data: isinstance(data, bool)))
     if kind is str:
         longest = rules.max_text if bound.high == inf else bound.high
         wanted = rules.text if longest == inf else f"{rules.text} of at most {longest:g} characters"
         fits = lambda data: isinstance(data, str) and len(data) <= longest and rules.is_text(data)  # noqa: E731
-        return Coder(unchanged, _check(wanted, fits))
+        return Coder(identity, _check(wanted, fits))
     low, high = max(bound.low, -rules.max_number), min(bound.high, rules.max_number)
     kinds, wanted = ((int,), "a whole number") if kind is int else ((int, float), "a number")
     wanted += "" if bound == UNBOUNDED else f" within {low:g} and {high:g}"
     decode = _check(wanted, lambda data: type(data) in kinds and low <= data <= high)
     if kind is int or rules.finite:
-        return Coder(unchanged, decode)
+        return Coder(identity, decode)
 
     def decode_any(data: Any) -> Any:
         if type(data) is float and low <= data <= high:  # most are
@@ -271,8 +271,10 @@ def _object(kind: Any, rules: Rules) -> Coder:
     writers: list[tuple[str, str, Callable[[Any], Any]]] = []  # not a cached call, which each message would pay for
 
     def look_up() -> None:
-        ways = ((each.word, each.name, coder(each.kind, rules, each.bound).encode) for each in members(kind))
-        writers.extend([*ways, *((name, name, unchanged) for name in derived)])
+        ways = (
+            (each.json_name, each.name, coder(each.kind, rules, each.bound).encode) for each in message_fields(kind)
+        )
+        writers.extend([*ways, *((name, name, identity) for name in derived)])
 
     def encode(message: Any) -> Any:
         if not writers:
@@ -293,9 +295,11 @@ def _object_reader(kind: Any, rules: Rules, derived: Collection[str]) -> Callabl
 
     def decode(data: Any) -> Any:
         if not isinstance(data, dict):
-            raise _must_be(f"an object ({kind.__name__})", data)
+            raise _type_error(f"an object ({kind.__name__})", data)
         if not readers:
-            known = {each.word: (each.name, coder(each.kind, rules, each.bound).decode) for each in members(kind)}
+            known = {
+                each.json_name: (each.name, coder(each.kind, rules, each.bound).decode) for each in message_fields(kind)
+            }
             readers.update(known)  # at once, for other threads
         found, word = {}, ""
         try:
@@ -315,22 +319,22 @@ def _object_reader(kind: Any, rules: Rules, derived: Collection[str]) -> Callabl
 
 
 def _check_required(kind: Any, found: Collection[str]) -> None:
-    for each in members(kind):
+    for each in message_fields(kind):
         if each.required and each.name not in found:
-            raise CodecError(f"is missing{': ' if each.about else ''}{each.about}", each.word)
+            raise CodecError(f"is missing{': ' if each.description else ''}{each.description}", each.json_name)
 
 
 def _optional(one: Coder) -> Coder:
     return Coder(
-        unchanged if one.encode is unchanged else lambda value: None if value is None else one.encode(value),
+        identity if one.encode is identity else lambda value: None if value is None else one.encode(value),
         lambda data: None if data is None else one.decode(data),
     )
 
 
-def _row(coders: tuple[Coder, ...]) -> Coder:
+def _tuple(coders: tuple[Coder, ...]) -> Coder:
     def decode(data: Any) -> Any:
         if not isinstance(data, list) or len(data) != len(coders):
-            raise _must_be(f"a list of {len(coders)}", data)
+            raise _type_error(f"a list of {len(coders)}", data)
         return tuple(way.decode(each) for way, each in zip(coders, data, strict=True))
 
     return Coder(lambda value: [way.encode(each) for way, each in zip(coders, value, strict=True)], decode)
@@ -338,15 +342,15 @@ def _row(coders: tuple[Coder, ...]) -> Coder:
 
 def _list(origin: Any, one: Coder, rules: Rules) -> Coder:
     make = tuple if origin is Sequence else origin
-    arrange = sorted if origin is frozenset else unchanged
+    arrange = sorted if origin is frozenset else identity
 
     def decode(data: Any) -> Any:
         if not isinstance(data, list) or len(data) > rules.max_members:
-            raise _must_be("a list", data)
+            raise _type_error("a list", data)
         return make(map(one.decode, data))
 
-    plain = one.encode is unchanged and origin is not frozenset
-    return Coder(unchanged if plain else lambda value: [one.encode(each) for each in arrange(value)], decode)
+    plain = one.encode is identity and origin is not frozenset
+    return Coder(identity if plain else lambda value: [one.encode(each) for each in arrange(value)], decode)
 
 
 def _mapping(held: Coder, rules: Rules) -> Coder:
@@ -354,7 +358,7 @@ def _mapping(held: Coder, rules: Rules) -> Coder:
 
     def decode(data: Any) -> Any:
         if not isinstance(data, dict) or len(data) > rules.max_members:
-            raise _must_be("an object", data)
+            raise _type_error("an object", data)
         found, name = {}, ""
         try:
             for name, value in data.items():
@@ -366,7 +370,7 @@ def _mapping(held: Coder, rules: Rules) -> Coder:
     def encode(value: Any) -> Any:
         return {name: held.encode(each) for name, each in value.items()}
 
-    return Coder(dict if held.encode is unchanged else encode, decode)
+    return Coder(dict if held.encode is identity else encode, decode)
 
 
 Schema = dict[str, Any]
@@ -379,11 +383,11 @@ def object_schema(kind: Any, rules: Rules, **first: Schema) -> Schema:
     ``definitions`` has what those lead to.
     """
     properties = dict(first)
-    for each in members(kind):
+    for each in message_fields(kind):
         found = _schema_of(each.kind, each.bound, rules)
-        properties[each.word] = {"description": each.about, **found} if each.about else found
+        properties[each.json_name] = {"description": each.description, **found} if each.description else found
         if not each.required and each.default not in (None, "", ()) and rules.omit_none:
-            properties[each.word] = {**properties[each.word], "default": each.default}
+            properties[each.json_name] = {**properties[each.json_name], "default": each.default}
     for name, about in getattr(kind, "derived", {}).items():
         properties[name] = {"description": about, "type": "string"}
     required = [name for name in properties if not rules.omit_none or name in first]
@@ -391,7 +395,7 @@ def object_schema(kind: Any, rules: Rules, **first: Schema) -> Schema:
         "description": " ".join((inspect.getdoc(kind) or "").split()),
         "type": "object",
         "properties": properties,
-        "required": [*dict.fromkeys([*required, *(each.word for each in members(kind) if each.required)])],
+        "required": [*dict.fromkeys([*required, *(each.json_name for each in message_fields(kind) if each.required)])],
         "additionalProperties": False,
     }
 
@@ -399,13 +403,13 @@ def object_schema(kind: Any, rules: Rules, **first: Schema) -> Schema:
 def definitions(kind: Any, rules: Rules) -> dict[str, Schema]:
     """Return the JSON Schemas of the classes within a class, by their names."""
     found: dict[str, Schema] = {}
-    waiting = [each.kind for each in members(kind)]
+    waiting = [each.kind for each in message_fields(kind)]
     while waiting:
         hint = waiting.pop()
         waiting += get_args(hint)
         if is_dataclass(hint) and isinstance(hint, type) and hint.__name__ not in found:
             found[hint.__name__] = object_schema(hint, rules)
-            waiting += [each.kind for each in members(hint)]
+            waiting += [each.kind for each in message_fields(hint)]
     return found
 
 

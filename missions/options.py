@@ -136,7 +136,7 @@ def faults(values: object) -> Iterator[tuple[Option, str]]:
 T = TypeVar("T")
 
 
-def filled(cls: type[T], values: Mapping[str, object], **more: object) -> T:
+def make_options(cls: type[T], values: Mapping[str, object], **more: object) -> T:
     """Return an instance with those of ``values`` that its options name; None stands for the default."""
     given = {each.name: values[each.name] for each in options_of(cls) if values.get(each.name) is not None}
     return cls(**given, **more)

@@ -7,11 +7,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
-from config.library import DEFAULT_WORLD, find
-from drivers.api.kinds import WIRED
+from config.library import DEFAULT_WORLD, find_file
+from drivers.api.kinds import PORT_KINDS
 from drivers.api.quick import dataclass
 from drivers.api.secrets import without_secrets
-from drivers.camera.source import Kind, kind_of
+from drivers.camera.source import SourceKind, source_kind
 from missions.options import ROS2, faults, option, options_of
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ class RunRequest:
         return (self.world if self.world is None or isinstance(self.world, str) else self.world.name) or DEFAULT_WORLD
 
     @property
-    def on_named_clock(self) -> "RunRequest":
+    def with_default_simulation(self) -> "RunRequest":
         """The request in simulated time, if an option needs that and neither robot nor simulation is named."""
         timed = self.speed != inf or self.eyes == "truth" or self.until is not None or self.physics
         return replace(self, simulate="fast") if timed and self.simulate is None and self.robot is None else self
@@ -151,7 +151,7 @@ class RunRequest:
         from config.world import load_world  # noqa: PLC0415 - the metal has no other world than this one
 
         if self.world is None or isinstance(self.world, str):
-            return load_world(find("worlds", self.world or DEFAULT_WORLD))
+            return load_world(find_file("worlds", self.world or DEFAULT_WORLD))
         return self.world
 
 
@@ -162,7 +162,7 @@ class RunOptions:
     needs_control: ClassVar[bool] = False
     """Whether the feature uses the control socket of the run, which a batch lacks otherwise."""
 
-    def wanted(self, request: RunRequest) -> bool:
+    def is_wanted(self, request: RunRequest) -> bool:
         """Whether the feature takes part in a run: if any of its options was given, unless a subclass says more."""
         del request
         return any(getattr(self, each.name) != each.default for each in options_of(type(self)))
@@ -176,41 +176,41 @@ class RunOptions:
 
 
 def contradictions(
-    order: RunRequest, named: Callable[..., str], ports_of: Callable[[RunRequest], Sequence[str]]
+    request: RunRequest, named: Callable[..., str], ports_of: Callable[[RunRequest], Sequence[str]]
 ) -> Iterator[str]:
     """Yield what of a request contradicts the rest of it, or could only be ignored.
 
     ``named(name, value)`` returns how the user writes a wish: ``--simulate fast``, or ``simulate="fast"``.
     ``ports_of(order)`` returns the parts with ports that its robot has under names of their own.
     """
-    for each, fault in faults(order):
+    for each, fault in faults(request):
         yield f"{named(each.flag.removeprefix('--'))}: {fault}"
-    yield from _wrong_clock(order, named)
+    yield from _clock_contradictions(request, named)
     wire = named("simulate", "wire")
-    if order.ports and order.simulation is not None:
+    if request.ports and request.simulation is not None:
         yield f"{named('port')} names real ports: it goes with {named('robot', 'NAME')}, and not with a simulation"
-    for part in order.ports:
-        if part not in WIRED and part not in (others := ports_of(order)):
-            yield f"{named('port')}: '{part}' is no part with a port; these are: {', '.join((*WIRED, *others))}"
-    if order.world is not None and order.simulation is None:
+    for part in request.ports:
+        if part not in PORT_KINDS and part not in (others := ports_of(request)):
+            yield f"{named('port')}: '{part}' is no part with a port; these are: {', '.join((*PORT_KINDS, *others))}"
+    if request.world is not None and request.simulation is None:
         yield f"{named('world')} is for a simulated robot: add {wire}, or leave it out"
-    if order.camera is not None and not _may_be_camera(order.camera):
-        source = without_secrets(order.camera)
+    if request.camera is not None and not _may_be_camera(request.camera):
+        source = without_secrets(request.camera)
         yield f"{named('camera')}: '{source}': no such file, and no index, device or address of a camera"
 
 
-def _wrong_clock(order: RunRequest, named: Callable[..., str]) -> Iterator[str]:
+def _clock_contradictions(request: RunRequest, named: Callable[..., str]) -> Iterator[str]:
     """Yield the wishes for simulated time in real time, and the other way round."""
-    if order.simulation != "fast":
-        if order.eyes == "truth" or order.speed != inf or order.physics or order.until is not None:
+    if request.simulation != "fast":
+        if request.eyes == "truth" or request.speed != inf or request.physics or request.until is not None:
             which = f"{named('eyes', 'truth')}, {named('speed')}, {named('physics')} and {named('until')}"
             yield f"{which} are for simulated time: add {named('simulate', 'fast')}"
         return
-    if order.camera is not None:
+    if request.camera is not None:
         yield f"{named('camera')} gives pictures in real time: it goes with {named('simulate', 'wire')}, not with fast"
 
 
 def _may_be_camera(source: str) -> bool:
     """Whether there can be a camera: a file that is not there will not be plugged in, as a device may be."""
-    kind = kind_of(source) if source.strip() else None
-    return kind is not None and (kind not in (Kind.VIDEO, Kind.PICTURE) or Path(source).is_file())
+    kind = source_kind(source) if source.strip() else None
+    return kind is not None and (kind not in (SourceKind.VIDEO, SourceKind.PICTURE) or Path(source).is_file())

@@ -12,50 +12,50 @@ from py_trees.common import Status
 from behaviours.leaf import Leaf
 from behaviours.node import Node
 from behaviours.robot import Robot
-from behaviours.run import Run, log
+from behaviours.run import RunState, log
 from config.robot import RobotConfig
-from config.units import written
+from config.units import quantity_text
 from drivers.api import DeviceStatus
-from drivers.api.sections import Wired
+from drivers.api.sections import SerialKeys
 from drivers.clock import Clock, SystemClock
 from drivers.errors import BadRequest
-from drivers.transport.loop import guarded
-from missions.assembly.assembled import Assembled
+from drivers.transport.loop import guard_callback
+from missions.assembly.assembled import AssembledRobot
 from missions.assembly.together import Hooks, Overrides
-from missions.executive.answers import Answers
-from missions.executive.asked import Decided, asked, robot_for
-from missions.executive.build import Substitute, as_it_is, build
+from missions.executive.answers import TickCache
+from missions.executive.asked import StaleCommandGuard, robot_for, with_proxies
+from missions.executive.build import Substitute, build, keep_leaf
 from missions.executive.events import FaultRaised
-from missions.executive.executive import Executive, OnMoment, Result
-from missions.executive.guard import Guard
-from missions.executive.signals import Lifeline, Signals
+from missions.executive.executive import Executive, Result, TickObserver
+from missions.executive.guard import BaseGuard
+from missions.executive.signals import Lifeline, SignalHandler
 from missions.executive.state import state_of
 from missions.executive.stop_latch import StopLatch
-from missions.executive.stream import Listener, Stream
-from missions.executive.telling import Teller, logging_to
-from missions.executive.watchdog import Limits, Watchdog, attempt_all
+from missions.executive.stream import EventStream, Listener
+from missions.executive.telling import EventReporter, capture_log
+from missions.executive.watchdog import Watchdog, WatchdogLimits, attempt_all
 from missions.language.plan import Plan
-from missions.library.drivers import robot_named
+from missions.library.drivers import load_named_robot
 from missions.library.interests import interests_of
 from missions.library.shipped import behaviour_files, load_mission
 from missions.library.target import target_of, target_of_parts
-from missions.library.vocabulary import vocabulary
+from missions.library.vocabulary import load_leaves
 from missions.request import RunRequest
 from perception.api import Frame, Gaze, View, ignore
 
 if TYPE_CHECKING:
     from missions.assembly.twins import Twins
-    from missions.executive.pace import PausedPace
+    from missions.executive.pace import PausedPacer
 
-CLOSE_TIME = 3.0
+CLOSE_TIMEOUT = 3.0
 """Seconds that devices have to close when a run is given up while its main thread hangs."""
 
-PATIENT = Limits(slow=inf, stall=inf, fail=10.0)
+SIMULATED_LIMITS = WatchdogLimits(slow=inf, stall=inf, fail=10.0)
 """The limits in simulated time, by the clock on the wall: there is nothing to keep still, and a machine that was busy
 for half a second must not make two runs differ."""
 
 
-OURS = frozenset({"behaviours", "config", "drivers", "missions", "perception"})
+OWN_PACKAGES = frozenset({"behaviours", "config", "drivers", "missions", "perception"})
 """Packages whose leaves and devices never hold up a tick in simulated time."""
 
 
@@ -75,39 +75,46 @@ class Runner:
 
     def __init__(
         self,
-        order: RunRequest,
+        request: RunRequest,
         *,
         listeners: Sequence[Listener] = (),
-        limits: Limits | None = None,
+        limits: WatchdogLimits | None = None,
         give_up: Callable[[Result], None] = end_process,
-        substitute: Substitute = as_it_is,
+        substitute: Substitute = keep_leaf,
         plan: Plan | None = None,
     ) -> None:
-        self.order = order
-        self.config = robot_of(order)
+        self.request = request
+        self.config = requested_robot(request)
         self._observers: tuple[object, ...] = ()
         self._on_view: list[Callable[[View], None]] = []
         self._on_frame: list[Callable[[Frame, Gaze | None], None]] = []
-        self.plan: Plan = load(order, self.config) if plan is None else plan
-        self.stream = Stream(listeners)
+        self.plan: Plan = load_plan(request, self.config) if plan is None else plan
+        self.stream = EventStream(listeners)
         self._give_up = give_up
         self.twins: Twins | None = None
-        self.paused_pace: PausedPace | None = None  # in simulated time
-        self._context, self._robot = self._simulated(order) if order.simulation == "fast" else self._real(order)
+        self.paused_pace: PausedPacer | None = None  # in simulated time
+        self._context, self._robot = (
+            self._assemble_simulated(request) if request.simulation == "fast" else self._assemble_real(request)
+        )
         self._context.sensor_timeout = self.config.sensor_timeout
         self._context.safe_stop = self._robot.safe_stop
-        self.watchdog = self._watchdog(PATIENT if limits is None and order.simulation == "fast" else limits)
+        self.watchdog = self._watchdog(SIMULATED_LIMITS if limits is None and request.simulation == "fast" else limits)
         robot = self._robot
         self.latch = StopLatch(
-            robot.devices, robot.stilled, robot.robot.base_part, robot.safe_stop, self._hold, self.watchdog.permit
+            robot.devices,
+            robot.stoppable_parts,
+            robot.robot.base_part,
+            robot.safe_stop,
+            self._hold,
+            self.watchdog.permit,
         )
         self.root, self.executive = self._executive(substitute)
         self._process = os.getpid()
-        self._is_watched = limits is not None or not (order.is_batch and self._is_ours())
+        self._is_watched = limits is not None or not (request.is_batch and self._is_ours())
         self._is_watching = False
         self.is_reachable = False
         """Whether a control socket serves this run, by which it can be stopped."""
-        self._signals = Signals(self._request_stop, with_socket=self._is_watched)
+        self._signals = SignalHandler(self._request_stop, with_socket=self._is_watched)
         self._lifeline = Lifeline(self._signals)
 
     def _end(self, time: float) -> None:
@@ -117,30 +124,30 @@ class Runner:
             for node in self.root.iterate()
             if isinstance(node, Leaf) and node.status is Status.RUNNING
         ]
-        reason = f"still running after {written(time, 'duration')} of simulated time: {', '.join(leaves)}"
+        reason = f"still running after {quantity_text(time, 'duration')} of simulated time: {', '.join(leaves)}"
         self.executive.stop(reason)
 
-    def _watchdog(self, limits: Limits | None) -> Watchdog:
+    def _watchdog(self, limits: WatchdogLimits | None) -> Watchdog:
         """Return who keeps the robot still while a tick hangs."""
         return Watchdog(
             self._context,
             self.stream,
-            still={part: partial(self._robot.safe_stop, frozenset({part})) for part in self._robot.moving},
-            heard=self._heard,
+            stop_actions={part: partial(self._robot.safe_stop, frozenset({part})) for part in self._robot.moving_parts},
+            first_signal=self._heard,
             abandon=self._abandon,
             limits=limits,
         )
 
     def _executive(self, substitute: Substitute) -> tuple[Node, Executive]:
         """Return the tree of the plan, whose leaves ask and command the robot through proxies, and what ticks it."""
-        answers = Answers()
-        robot = asked(self._robot.robot, answers, Decided(self._context, self.latch.permit))
+        answers = TickCache()
+        robot = with_proxies(self._robot.robot, answers, StaleCommandGuard(self._context, self.latch.permit))
         guard = self._guard(self.config, robot)
         self._context.variables.update(state_of(robot, self._context, guard))
         root = build(
             self.plan,
             self._context,
-            lambda leaf: robot_for(leaf, robot, self._tell.commanded),
+            lambda leaf: robot_for(leaf, robot, self._tell.on_command),
             substitute=substitute,
         )
         executive = Executive(
@@ -150,75 +157,83 @@ class Runner:
             rate=self.config.rate,
             mission=self.plan.mission,
             guard=guard,
-            answers=answers,
-            after_tick=self._mind,
+            cache=answers,
+            after_tick=self._undo_process_changes,
         )
         if self.paused_pace is not None:
             executive.idle = self.paused_pace
-        if self.order.until is not None and self.twins is not None:
-            self.twins.timeline.at(self.order.until, partial(self._end, self.order.until))
+        if self.request.until is not None and self.twins is not None:
+            self.twins.timeline.call_at(self.request.until, partial(self._end, self.request.until))
         return root, executive
 
-    def _real(self, order: RunRequest) -> tuple[Run, Assembled]:
+    def _assemble_real(self, request: RunRequest) -> tuple[RunState, AssembledRobot]:
         """Return the run and the robot in real time: on the metal, or on virtual devices."""
         from missions.assembly.assemble import assemble  # noqa: PLC0415 - simulated time opens no port
 
-        world = None if order.simulation is None else order.world_file()
+        world = None if request.simulation is None else request.world_file()
         interests = interests_of(self.plan.tree, self.config.camera)
-        overrides = Overrides(world, order.camera, order.ports, order.seed, interests)
-        run = Run(overrides.clock(), seed=order.seed)
-        self._tell = Teller(run, self.stream)
+        overrides = Overrides(world, request.camera, request.ports, request.seed, interests)
+        run = RunState(overrides.clock(), seed=request.seed)
+        self._tell = EventReporter(run, self.stream)
         return run, assemble(self.config, self.plan.tree.parts, run.clock, overrides, self._hooks(run))
 
-    def _simulated(self, order: RunRequest) -> tuple[Run, Assembled]:
+    def _assemble_simulated(self, request: RunRequest) -> tuple[RunState, AssembledRobot]:
         """Return the run and the robot in simulated time."""
         from drivers.sim.timeline import Timeline  # noqa: PLC0415 - the metal imports no simulation
         from missions.assembly.twinning import twin_robot  # noqa: PLC0415
-        from missions.executive.pace import Pace, PausedPace  # noqa: PLC0415
+        from missions.executive.pace import PausedPacer, SimulationPacer  # noqa: PLC0415
 
         timeline = Timeline()
-        run = Run(timeline.clock, seed=order.seed, wall=SystemClock())
-        self._tell = Teller(run, self.stream)
-        run.wait = Pace(run, timeline, speed=order.speed)
+        run = RunState(timeline.clock, seed=request.seed, wall=SystemClock())
+        self._tell = EventReporter(run, self.stream)
+        run.wait = SimulationPacer(run, timeline, speed=request.speed)
         self.twins, robot = twin_robot(
             self.config,
             self.plan.tree.parts,
             timeline,
-            order.world_file(),
+            request.world_file(),
             self._hooks(run),
             interests=interests_of(self.plan.tree, self.config.camera),
-            seed=order.seed,
-            truth=order.eyes == "truth",
-            physics=order.physics,
+            seed=request.seed,
+            truth=request.eyes == "truth",
+            physics=request.physics,
         )
-        self.paused_pace = PausedPace(run, timeline, robot.robot, speed=order.speed)
+        self.paused_pace = PausedPacer(run, timeline, robot.robot, speed=request.speed)
         return run, robot
 
-    def _guard(self, config: RobotConfig, robot: Robot) -> Guard | None:
+    def _guard(self, config: RobotConfig, robot: Robot) -> BaseGuard | None:
         """Return who looks at the base, where the mission uses one."""
         if robot.base_part is None or config.base is None:
             return None
-        return Guard(robot.base_part, config.base.reflexes, self._context, self.stream, self.latch.enable)
+        return BaseGuard(robot.base_part, config.base.reflexes, self._context, self.stream, self.latch.enable)
 
     def _hold(self, held: bool) -> None:
         self.executive.hold(held=held)
 
-    def _hooks(self, run: Run) -> Hooks:
+    def _hooks(self, run: RunState) -> Hooks:
         tell = self._tell
-        return Hooks(tell.noticed, run.wake, tell.said, self._seen, tell.answered, tell.steered, watched=self._searched)
+        return Hooks(
+            tell.on_notice,
+            run.wake,
+            tell.on_speech,
+            self._report_view,
+            tell.on_person_speech,
+            tell.on_steering,
+            on_frame=self._report_frame,
+        )
 
-    def _seen(self, view: View) -> None:
+    def _report_view(self, view: View) -> None:
         for on_view in self._on_view:
             on_view(view)
-        self._tell.seen(view)
+        self._tell.on_view(view)
 
-    def _searched(self, frame: Frame, gaze: Gaze | None) -> None:
+    def _report_frame(self, frame: Frame, gaze: Gaze | None) -> None:
         for on_frame in self._on_frame:
             on_frame(frame, gaze)
 
     def observe(
         self,
-        on_moment: OnMoment | None = None,
+        on_tick: TickObserver | None = None,
         on_view: Callable[[View], None] = ignore,
         on_frame: Callable[[Frame, Gaze | None], None] = ignore,
     ) -> None:
@@ -228,18 +243,18 @@ class Runner:
         ``on_frame`` each picture that it has searched, on the threads of the eyes.
         One that raises is logged once; the run goes on.
         """
-        self._observers += (on_moment, on_view, on_frame)
-        if on_moment is not None:
-            self.executive.observe(guarded(on_moment))
-        self._on_view.append(guarded(on_view))
-        self._on_frame.append(guarded(on_frame))
+        self._observers += (on_tick, on_view, on_frame)
+        if on_tick is not None:
+            self.executive.observe(guard_callback(on_tick))
+        self._on_view.append(guard_callback(on_view))
+        self._on_frame.append(guard_callback(on_frame))
 
     def report(self, notice: DeviceStatus) -> None:
         """Take notice of a device, as of one of the robot's own."""
-        self._tell.noticed(notice)
+        self._tell.on_notice(notice)
 
     @property
-    def assembled(self) -> Assembled:
+    def assembled_robot(self) -> AssembledRobot:
         """The robot that it runs on, put together."""
         return self._robot
 
@@ -258,15 +273,15 @@ class Runner:
         # Listeners and observers of plug-ins have come since this was made.
         self._is_watched |= not all(map(_is_ours, (*self.stream.listeners, *self._observers)))
         self._signals.with_socket = self._is_watched
-        self.executive.tell_start(file=self.plan.source.name, robot=self._robot.name, params=self.plan.params)
+        self.executive.emit_start(file=self.plan.source.name, robot=self._robot.name, params=self.plan.params)
         result = Result(self.plan.mission, "error", "", 0.0, 0)
         self._process = os.getpid()
         self._context.interruptible = False  # signals are taken here: a KeyboardInterrupt is a leaf's own
         try:
             line = nullcontext() if self.twins is not None else self._lifeline  # nothing moves there
-            with self._signals, line, logging_to(self._tell.logged), self._watching(), self.ready():
-                self._context.beat()
-                self.watchdog.armed = True
+            with self._signals, line, capture_log(self._tell.on_log), self._watchdog_running(), self.ready():
+                self._context.record_heartbeat()
+                self.watchdog.is_armed = True
                 if self._robot.eyes is not None:
                     self._robot.eyes.may_rest = True
                 result = self.executive.loop()
@@ -275,7 +290,7 @@ class Runner:
             result = Result(self.plan.mission, "error", reason, self.executive.time(), self._context.tick)
             raise
         finally:
-            self.executive.tell_end(result)
+            self.executive.emit_end(result)
             self.stream.close()
         return result
 
@@ -285,7 +300,7 @@ class Runner:
         return all(map(_is_ours, parts))
 
     @contextmanager
-    def _watching(self) -> Iterator[None]:
+    def _watchdog_running(self) -> Iterator[None]:
         """Have the watchdog look while this is entered; where nothing can hang, from the first signal on."""
         self._is_watching = True
         try:
@@ -308,23 +323,23 @@ class Runner:
 
         Raises NotConnected with all parts that do not appear, and BadRequest for hardware that no stop can reach.
         """
-        if self.order.simulation is None and not (self.is_reachable or self.order.without_stop):
+        if self.request.simulation is None and not (self.is_reachable or self.request.without_stop):
             what = f"mission '{self.plan.mission}': `mission stop` cannot reach this run, and the robot would move"
             raise BadRequest(what, hint="run it by missions.run or `mission run`, or within a ControlSocket")
-        self._context.beat()
+        self._context.record_heartbeat()
         try:
             self._robot.open()
-            self._robot.wait_until_complete(self._context, self._tell.noticed, lambda: self.executive.stopping)
+            self._robot.wait_until_complete(self._context, self._tell.on_notice, lambda: self.executive.stopping)
             yield
         finally:
-            self.watchdog.armed = False
-            self._context.beat()
+            self.watchdog.is_armed = False
+            self._context.record_heartbeat()
             self._close()
 
-    def _mind(self) -> None:
+    def _undo_process_changes(self) -> None:
         """Undo what a behaviour has done to the process: a fork ends, and the signals that end a run are taken back."""
         self._leave_if_forked()
-        if taken := self._signals.retake():
+        if taken := self._signals.reinstall():
             detail = f"a behaviour had taken {', '.join(taken)}, by which a run is ended: taken back"
             self.stream.emit(FaultRaised(self.executive.time(), "executive", "fault", detail))
 
@@ -335,18 +350,18 @@ class Runner:
 
     def _heard(self) -> str | None:
         self._lifeline.beat()
-        return self._signals.heard()
+        return self._signals.first_signal()
 
     def _abandon(self, outcome: str, reason: str) -> None:
         """Close the robot for a main thread that hangs. No device waits for another, nor anything for ever."""
         result = Result(self.plan.mission, outcome, reason, self.executive.time(), self._context.tick)
         robot = self._robot
         closing = {name: device.close for name, device in robot.devices.items()}
-        attempt_all(closing if robot.eyes is None else {**closing, "eyes": robot.eyes.close}, CLOSE_TIME)
+        attempt_all(closing if robot.eyes is None else {**closing, "eyes": robot.eyes.close}, CLOSE_TIMEOUT)
         if robot.simulation is not None:
-            attempt_all({"simulation": robot.simulation.close}, CLOSE_TIME)
-        self.executive.tell_end(result)
-        attempt_all({"events": self.stream.close}, CLOSE_TIME)
+            attempt_all({"simulation": robot.simulation.close}, CLOSE_TIMEOUT)
+        self.executive.emit_end(result)
+        attempt_all({"events": self.stream.close}, CLOSE_TIMEOUT)
         self._give_up(result)
 
     def _close(self) -> None:
@@ -362,29 +377,29 @@ def _is_ours(part: object) -> bool:
     while isinstance(part, partial):
         part = part.func
     module = getattr(part, "__module__", None)
-    return module is None or module.partition(".")[0] in OURS
+    return module is None or module.partition(".")[0] in OWN_PACKAGES
 
 
-def robot_of(order: RunRequest) -> RobotConfig:
+def requested_robot(request: RunRequest) -> RobotConfig:
     """Read the file of the order's robot. Raises InvalidFileError or UnknownNameError."""
-    return robot_named(order.robot, order.ros2_domain)
+    return load_named_robot(request.robot, request.ros2_domain)
 
 
-def ports_of(order: RunRequest) -> Sequence[str]:
-    """Return the parts of the order's robot under names of their own that have a port. Raises as ``robot_of`` does."""
-    robot = robot_of(order)
-    return [name for name in robot.others if isinstance(robot.sections[name].keys, Wired)]
+def parts_with_ports(request: RunRequest) -> Sequence[str]:
+    """Return the parts of the order's robot under names of their own that have a port. Raises as ``requested_robot`` does."""
+    robot = requested_robot(request)
+    return [name for name in robot.extra_parts if isinstance(robot.sections[name].keys, SerialKeys)]
 
 
-def load(order: RunRequest, robot: RobotConfig | Robot | None) -> Plan:
-    """Read and check the mission of ``order``, for a robot of a file, one that is there, or any.
+def load_plan(request: RunRequest, robot: RobotConfig | Robot | None) -> Plan:
+    """Read and check the mission of ``request``, for a robot of a file, one that is there, or any.
 
     Raises InvalidFileError or UnknownNameError.
     """
     return load_mission(
-        order.mission,
-        params=order.params,
+        request.mission,
+        params=request.params,
         complete=True,
         robot=target_of_parts(robot) if isinstance(robot, Robot) else None if robot is None else target_of(robot),
-        leaves=vocabulary(behaviour_files(order.mission, order.behaviours), order.behaviours),
+        leaves=load_leaves(behaviour_files(request.mission, request.behaviours), request.behaviours),
     )

@@ -9,7 +9,7 @@ import numpy as np
 from perception.api import Box, Image
 
 INK = (80, 220, 60)  # blue, green, red: a green that shows on skin and on walls
-FAR = 30_000
+MAX_PIXEL = 30_000
 """Pixels beyond which nothing is drawn: OpenCV has no larger places."""
 
 PAPER = (0, 0, 0)
@@ -26,15 +26,15 @@ def annotate(image: Image, marks: Iterable[tuple[Box, str]]) -> Image:
         edges = box.x, box.y, box.x + box.width, box.y + box.height
         if any(map(isnan, edges)):
             continue
-        left, top, right, bottom = (round(min(max(edge, -FAR), FAR)) for edge in edges)
+        left, top, right, bottom = (round(min(max(edge, -MAX_PIXEL), MAX_PIXEL)) for edge in edges)
         corner = left, top
         cv2.rectangle(drawn, corner, (right, bottom), INK, line)
         if label:
-            _write(drawn, label, corner, line)
+            _draw_label(drawn, label, corner, line)
     return drawn
 
 
-def _write(image: Image, label: str, corner: tuple[int, int], line: int) -> None:
+def _draw_label(image: Image, label: str, corner: tuple[int, int], line: int) -> None:
     """Write a label on a dark strip with its lower left end at ``corner``, moved inside the picture."""
     font, size = cv2.FONT_HERSHEY_SIMPLEX, 0.45 * line
     label = label.encode(errors="replace").decode()  # OpenCV dies of half a letter

@@ -135,7 +135,7 @@ BALL, BOX, ANY = "ball", "box", "thing"
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class ThingSpec:
     """A coloured shape to look for, and the name that what is found will bear.
 
     ``colour`` is a name of the palette, ``shape`` one of ``BALL``, ``BOX`` and ``ANY``. ``size`` is its diameter or

@@ -12,20 +12,20 @@ import numpy as np
 import numpy.typing as npt
 
 from perception.api import Image
-from perception.light import Grey, grey
+from perception.light import GreyImage, to_grey
 
 Corners = npt.NDArray[np.float32]
 """The inner corners of the board in one picture, row by row: shape (n, 1, 2), dtype float32, x then y in pixels."""
 
-ENOUGH = 8
+MIN_VIEWS = 8
 """Views of the board that a calibration needs."""
 
-APART = 0.015
+MIN_VIEW_DISTANCE = 0.015
 """How far the corners of two views lie apart in the mean, as a share of the longer side: a tilt alone is not more."""
 
 
 @dataclass(frozen=True, slots=True)
-class Board:
+class Chessboard:
     """A chessboard: its inner corners ``across`` and ``down``, and the side of a square in metres.
 
     Raises ValueError for fewer than three corners a side, or a square without a side.
@@ -48,7 +48,7 @@ class Board:
 
 
 @dataclass(frozen=True, slots=True)
-class Calibration:
+class LensCalibration:
     """A lens as ``perception.geometry.Pinhole`` has it, and how it was found.
 
     ``error`` is by how far the board's corners miss it, RMS in pixels, ``views`` the number of pictures, ``nearest``
@@ -64,21 +64,21 @@ class Calibration:
     farthest: float
 
 
-def find_board(image: Image | Grey, board: Board) -> Corners | None:
+def find_board(image: Image | GreyImage, board: Chessboard) -> Corners | None:
     """Return the inner corners of the board in a picture; None unless all of them are there."""
-    found, corners = cv2.findChessboardCornersSB(grey(image), (board.across, board.down))
+    found, corners = cv2.findChessboardCornersSB(to_grey(image), (board.across, board.down))
     return np.asarray(corners, np.float32).reshape(-1, 1, 2) if found else None
 
 
-class Views:
+class BoardViews:
     """Gathers views of a board that differ from one another: a hundred pictures of one view teach no more than one."""
 
-    def __init__(self, board: Board) -> None:
+    def __init__(self, board: Chessboard) -> None:
         self.board = board
         self.corners: list[Corners] = []
         self.size = (0, 0)
 
-    def add(self, image: Image | Grey) -> bool:
+    def add(self, image: Image | GreyImage) -> bool:
         """Take in a picture; True when it shows the board as none before.
 
         Raises ValueError for a picture of another size than those before.
@@ -89,25 +89,27 @@ class Views:
                 f"calibration: pictures of {size[0]}x{size[1]} after some of {self.size[0]}x{self.size[1]}"
             )
         found = find_board(image, self.board)
-        if found is None or any(self._apart(found, other) < APART * max(size) for other in self.corners):
+        if found is None or any(
+            self._corner_distance(found, other) < MIN_VIEW_DISTANCE * max(size) for other in self.corners
+        ):
             return False
         self.size = size
         self.corners.append(found)
         return True
 
-    def _apart(self, some: Corners, others: Corners) -> float:
+    def _corner_distance(self, some: Corners, others: Corners) -> float:
         """Return the mean distance in pixels; of a board that may look the same upside down, the smaller one."""
         return min(float(np.linalg.norm(some - turned, axis=2).mean()) for turned in (others, others[::-1]))
 
 
-def calibrate(views: Views) -> Calibration:
-    """Return the lens that explains the views best. Raises ValueError for fewer than ``ENOUGH`` of them."""
-    if len(views.corners) < ENOUGH:
-        raise ValueError(f"calibration: {len(views.corners)} different views of the board, {ENOUGH} are needed")
-    return _solved(views.corners, views.board, views.size)
+def calibrate(views: BoardViews) -> LensCalibration:
+    """Return the lens that explains the views best. Raises ValueError for fewer than ``MIN_VIEWS`` of them."""
+    if len(views.corners) < MIN_VIEWS:
+        raise ValueError(f"calibration: {len(views.corners)} different views of the board, {MIN_VIEWS} are needed")
+    return _solve(views.corners, views.board, views.size)
 
 
-def _solved(corners: Sequence[Corners], board: Board, size: tuple[int, int]) -> Calibration:
+def _solve(corners: Sequence[Corners], board: Chessboard, size: tuple[int, int]) -> LensCalibration:
     width, height = size
     guess = np.array(((width, 0, (width - 1) / 2), (0, width, (height - 1) / 2), (0, 0, 1)), np.float64)
     flags = cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_FIX_ASPECT_RATIO  # both focal lengths alike
@@ -117,7 +119,7 @@ def _solved(corners: Sequence[Corners], board: Board, size: tuple[int, int]) -> 
     ranges = [hypot(*(float(value) for value in np.ravel(place))) for place in places]
     # OpenCV counts from the middle of the first pixel, boxes from its edge: half a pixel.
     centre = (float(matrix[0, 2]) + 0.5) / width, (float(matrix[1, 2]) + 0.5) / height
-    return Calibration(
+    return LensCalibration(
         field_of_view=2 * atan(width / 2 / float(matrix[0, 0])),
         centre=centre,
         distortion=tuple(float(value) for value in np.ravel(bent)[:5]),

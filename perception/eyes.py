@@ -6,36 +6,36 @@ from threading import Event, Thread
 
 from drivers.api.quick import dataclass
 from perception.api import Frame, Gaze, Scene, View, ignore
-from perception.change import measure
-from perception.delay import Delay, Exposures
+from perception.change import measure_scene
+from perception.delay import CameraDelay, ExposureEstimator
 from perception.geometry import Pinhole
-from perception.senses import FrameSource, NewestView, Senses, Skipping, Sparing
+from perception.senses import ActiveSenses, FrameSkipper, FrameSource, NewestView, SkippableSource
 
-WAIT = 0.1
+READ_TIMEOUT = 0.1
 """Seconds to wait for a frame, and to rest after trouble: how long ``close`` may take."""
 
-LINGER = 2.0
+REST_AFTER = 2.0
 """Seconds for which eyes that may rest look on though nobody asks what they see."""
 
-OPENED = 3
+WARM_UP_PICTURES = 3
 """Pictures that they have searched after a rest once what they see counts: as at first, close faces and those farther
 away are looked for one after the other."""
 
-BLIND = 1.0
+WARM_UP_TIMEOUT = 1.0
 """Seconds for which nobody waits for that longer: the camera may be away."""
 
-LASTS = 0.2
+SCENE_LIFETIME = 0.2
 """Seconds for which a scene that was measured holds, unless what moves in it is asked for."""
 
-PACE = 0.15
+MAX_PICTURE_INTERVAL = 0.15
 """Seconds from one picture to the next at most, however few are needed."""
 
-PAUSE = 0.005
+NO_FRAME_PAUSE = 0.005
 """Seconds to rest when no frame came: a camera that is closed may say so at once."""
 
 
 @dataclass(frozen=True, slots=True)
-class Effort:
+class VisionEffort:
     """What seeing has cost so far: frames searched, frames that failed, seconds of searching them."""
 
     frames: int = 0
@@ -48,9 +48,9 @@ class Vision(NewestView):
 
     ``gaze(stamp)`` tells where the camera looked at a past time, None when that is not known. ``field_of_view``
     (or what tells it by width and height of a picture), ``centre`` and ``distortion`` are the camera's, as
-    ``perception.geometry.Pinhole`` has them. ``now`` tells the time,
+    ``perception.geometry.Pinhole`` has them. ``read_value`` tells the time,
     to measure the effort. ``delay`` is how late pictures are stamped, and learns it; None where stamps are exact.
-    ``afresh`` is called before the first frame after a rest, which shows something else than the one before it.
+    ``on_resume`` is called before the first frame after a rest, which shows something else than the one before it.
     From whichever thread hands in the frames, and to return at once: ``on_view(view)`` after each frame, then
     ``on_frame(frame, gaze)`` with that frame itself, ``changed`` after that, ``on_trouble`` for an error.
     """
@@ -62,83 +62,83 @@ class Vision(NewestView):
         field_of_view: float | Callable[[int, int], float],
         centre: tuple[float, float] = (0.5, 0.5),
         distortion: tuple[float, ...] = (),
-        senses: Senses,
+        senses: ActiveSenses,
         now: Callable[[], float],
-        delay: Delay | None = None,
+        delay: CameraDelay | None = None,
         changed: Callable[[], None] = ignore,
         on_view: Callable[[View], None] = ignore,
         on_frame: Callable[[Frame, Gaze | None], None] = ignore,
         on_trouble: Callable[[Exception], None] = ignore,
-        afresh: Callable[[], object] = ignore,
+        on_resume: Callable[[], object] = ignore,
     ) -> None:
-        self.now = now
-        self.afresh = afresh
+        self.read_value = now
+        self.on_resume = on_resume
         self._gaze = gaze
         self._angle = field_of_view
         self._lens = centre, distortion
         self._senses = senses
         faces: object = senses.faces
-        self._sparing = faces if isinstance(faces, Sparing) else None
-        self._exposures = None if delay is None else Exposures(gaze, delay, now)
+        self._frame_skipper = faces if isinstance(faces, FrameSkipper) else None
+        self._exposures = None if delay is None else ExposureEstimator(gaze, delay, now)
         self._changed = changed
         self._on_view = on_view
         self._on_frame = on_frame
         self._on_trouble = on_trouble
         self._newest: Frame | None = None
-        self._measuring = senses.scene is not None  # else once somebody has asked for the scene
-        self._effort = Effort()
-        self._trouble: Exception | None = None
+        self._measures_scene = senses.scene is not None  # else once somebody has asked for the scene
+        self._effort = VisionEffort()
+        self._last_error: Exception | None = None
 
     @property
-    def effort(self) -> Effort:
+    def effort(self) -> VisionEffort:
         """What it has cost so far."""
         return self._effort
 
     @property
-    def trouble(self) -> Exception | None:
+    def last_error(self) -> Exception | None:
         """Why the newest frame could not be searched; None when it could."""
-        return self._trouble
+        return self._last_error
 
     def scene(self) -> Scene | None:
         """What the newest frame shows as a whole, None before the first: measured at once for who asks first."""
-        view, frame, self._measuring = self._view, self._newest, True
+        view, frame, self._measures_scene = self._view, self._newest, True
         if view.scene is None and frame is not None:
-            return measure(frame.image, stamp=frame.stamp)
+            return measure_scene(frame.image, stamp=frame.stamp)
         return view.scene
 
     def see(self, frame: Frame) -> bool:
         """Search one frame and publish what it shows; False when that went wrong.
 
-        An error (in the frame, the detector or a callback) costs that frame: it is kept in ``trouble`` until a frame
+        An error (in the frame, the detector or a callback) costs that frame: it is kept in ``last_error`` until a frame
         succeeds, and reported when it is not the one before.
         """
         try:
             self._search(frame)
         except Exception as error:  # whatever it is, a robot that goes blind for good is worse
-            self.note(error)
+            self.note_error(error)
             return False
-        self._trouble = None
+        self._last_error = None
         return True
 
     def _search(self, frame: Frame) -> None:
-        began = self.now()
+        began = self.read_value()
         height, width = frame.image.shape[:2]
         angle = self._angle(width, height) if callable(self._angle) else self._angle
         camera, senses = Pinhole(width, height, angle, *self._lens), self._senses
         if self._exposures is None:
             gaze = self._gaze(frame.stamp)
         else:
-            frame = self._exposures.exposed(frame, camera)
+            frame = self._exposures.expose(frame, camera)
             gaze = self._exposures.gaze()
         view = View(
             looked=frame.stamp,
             faces=() if senses.faces is None else senses.faces.sense(frame, camera, gaze),
             things=() if senses.things is None else senses.things.sense(frame, camera, gaze),
             markers=() if senses.markers is None else senses.markers.sense(frame, camera, gaze),
-            scene=self._scene(frame) if self._measuring else None,
+            scene=self._scene(frame) if self._measures_scene else None,
         )
-        spent = self.now() - began
-        self._effort = Effort(self._effort.frames + 1, self._effort.failed, self._effort.seconds + spent)
+        spent = self.read_value() - began
+        self._effort = VisionEffort(self._effort.frames + 1, self._effort.failed, self._effort.seconds + spent)
         self._newest, self._view = frame, (view := replace(view, spent=spent))
         self._on_view(view)
         self._on_frame(frame, gaze)
@@ -148,64 +148,66 @@ class Vision(NewestView):
         sense, before = self._senses.scene, self._view.scene
         if sense is not None:
             return sense.measure(frame)
-        if before is not None and 0 <= frame.stamp - before.stamp < LASTS:
+        if before is not None and 0 <= frame.stamp - before.stamp < SCENE_LIFETIME:
             return before
-        return measure(frame.image, stamp=frame.stamp)
+        return measure_scene(frame.image, stamp=frame.stamp)
 
-    def spare(self, most: int) -> int:
+    def skip_frames(self, limit: int) -> int:
         """Return how many of the next frames, up to ``most``, nobody needs to hand in, and count them as searched."""
         senses, exposures = self._senses, self._exposures
         only_faces = senses.things is None and senses.markers is None and senses.scene is None
-        comparing = exposures is not None and exposures.comparing
-        if not only_faces or comparing or self._sparing is None:
+        comparing = exposures is not None and exposures.is_comparing
+        if not only_faces or comparing or self._frame_skipper is None:
             return 0
-        return self._sparing.spare(most)
+        return self._frame_skipper.skip_frames(limit)
 
-    def note(self, error: Exception) -> None:
+    def note_error(self, error: Exception) -> None:
         """Keep an error, and report it unless it is the same as the last."""
-        before, self._trouble = self._trouble, error
-        self._effort = Effort(self._effort.frames, self._effort.failed + 1, self._effort.seconds)
+        before, self._last_error = self._last_error, error
+        self._effort = VisionEffort(self._effort.frames, self._effort.failed + 1, self._effort.seconds)
         if before is not None and (type(before), str(before)) == (type(error), str(error)):
             return
         try:
             self._on_trouble(error)
         except Exception as worse:  # the listener's fault must not blind the robot either
-            self._trouble = worse
+            self._last_error = worse
 
 
 class Eyes:
     """Looks through ``source`` on a thread of its own, and gives every frame to ``vision``. Errors cost frames only.
 
-    Eyes that ``may_rest`` read no frames while nobody has asked for ``LINGER`` seconds what they see. They let
-    frames go by that nobody needs (``Vision.spare``), for ``PACE`` at most.
+    Eyes that ``may_rest`` read no frames while nobody has asked for ``REST_AFTER`` seconds what they see. They let
+    frames go by that nobody needs (``Vision.spare``), for ``MAX_PICTURE_INTERVAL`` at most.
     """
 
     def __init__(self, source: FrameSource, vision: Vision) -> None:
         self.vision = vision
         self.may_rest = False
-        self._asked_at = 0.0
-        self._opened = OPENED  # pictures searched since the last rest
-        self._opening_at = 0.0  # when somebody asked who ended it
-        self._wanted = Event()
+        self._last_query_at = 0.0
+        self._warm_pictures = WARM_UP_PICTURES  # pictures searched since the last rest
+        self._warm_up_started_at = 0.0  # when somebody asked who ended it
+        self._wake_up = Event()
         self._source = source
-        self._skipping = source if isinstance(source, Skipping) else None
-        self._stamp = 0.0  # of the newest picture
-        self._spared = self._to_drop = 0  # pictures after it that go by; those of them that are read nevertheless
-        self._ending = Event()
+        self._skippable_source = source if isinstance(source, SkippableSource) else None
+        self._newest_stamp = 0.0  # of the newest picture
+        self._skipped = self._frames_to_drop = (
+            0  # pictures after it that go by; those of them that are read nevertheless
+        )
+        self._closing = Event()
         self._thread: Thread | None = None
 
     def open(self) -> None:
         """Start looking; returns at once. Safe more than once."""
         if self._thread is None:
-            self._ending.clear()
-            self._asked_at = self.vision.now()
+            self._closing.clear()
+            self._last_query_at = self.vision.read_value()
             self._thread = Thread(target=self._run, name="eyes", daemon=True)
             self._thread.start()
 
     def close(self) -> None:
         """End the thread and wait for it. Safe from any state, more than once, but not from a callback."""
-        self._ending.set()
-        self._wanted.set()
+        self._closing.set()
+        self._wake_up.set()
         if self._thread is not None:
             self._thread.join()
             self._thread = None
@@ -214,58 +216,60 @@ class Eyes:
         """The stamp of the newest frame that was searched, None before the first."""
         return self.vision.looked()
 
-    def ask(self) -> bool:
+    def wake(self) -> bool:
         """Somebody asks what they see, which ends a rest; say whether that is known. From any thread, at once."""
-        before, self._asked_at = self._asked_at, self.vision.now()
-        self._wanted.set()
-        if self._opened >= OPENED:
+        before, self._last_query_at = self._last_query_at, self.vision.read_value()
+        self._wake_up.set()
+        if self._warm_pictures >= WARM_UP_PICTURES:
             return True
-        if self._asked_at - before > LINGER:
-            self._opening_at = self._asked_at
-        return self._asked_at - self._opening_at > BLIND
+        if self._last_query_at - before > REST_AFTER:
+            self._warm_up_started_at = self._last_query_at
+        return self._last_query_at - self._warm_up_started_at > WARM_UP_TIMEOUT
 
-    def awake(self) -> bool:
+    def is_awake(self) -> bool:
         """Say whether what they see is known, without asking for it. From any thread, at once."""
-        return self._opened >= OPENED
+        return self._warm_pictures >= WARM_UP_PICTURES
 
     def _rest(self) -> None:
         """Look at nothing until somebody asks."""
-        self._opened = 0
-        self._wanted.clear()
-        if self._idle and not self._ending.is_set():  # who asks meanwhile has said so before
-            self._wanted.wait()
-        self.vision.afresh()
+        self._warm_pictures = 0
+        self._wake_up.clear()
+        if self._is_idle and not self._closing.is_set():  # who asks meanwhile has said so before
+            self._wake_up.wait()
+        self.vision.on_resume()
 
     @property
-    def _idle(self) -> bool:
-        return self.may_rest and self.vision.now() - self._asked_at > LINGER
+    def _is_idle(self) -> bool:
+        return self.may_rest and self.vision.read_value() - self._last_query_at > REST_AFTER
 
     def _run(self) -> None:
-        while not self._ending.is_set():
-            if self._idle:
+        while not self._closing.is_set():
+            if self._is_idle:
                 self._rest()
             try:
-                frame = self._source.read(WAIT)
+                frame = self._source.read(READ_TIMEOUT)
             except Exception as error:  # of the camera
-                self.vision.note(error)
-                self._ending.wait(WAIT)
+                self.vision.note_error(error)
+                self._closing.wait(READ_TIMEOUT)
                 continue
             if frame is None:
-                self._ending.wait(PAUSE)
-            elif self._to_drop > 0:
-                self._to_drop -= 1
+                self._closing.wait(NO_FRAME_PAUSE)
+            elif self._frames_to_drop > 0:
+                self._frames_to_drop -= 1
             elif self.vision.see(frame):
-                self._opened += 1
-                self._spare(frame.stamp)
+                self._warm_pictures += 1
+                self._skip_unneeded(frame.stamp)
             else:
-                self._ending.wait(WAIT)
+                self._closing.wait(READ_TIMEOUT)
 
-    def _spare(self, stamp: float) -> None:
+    def _skip_unneeded(self, stamp: float) -> None:
         """Let as many of the next pictures go by as nobody needs; ``stamp`` is that of the newest."""
-        period = (stamp - self._stamp) / (self._spared + 1)
-        self._stamp = stamp
-        self._spared = self.vision.spare(int(PACE / period) - 1) if 0 < period < PACE else 0
-        if self._skipping is None:
-            self._to_drop = self._spared
-        elif self._spared > 0:
-            self._skipping.skip(self._spared)
+        period = (stamp - self._newest_stamp) / (self._skipped + 1)
+        self._newest_stamp = stamp
+        self._skipped = (
+            self.vision.skip_frames(int(MAX_PICTURE_INTERVAL / period) - 1) if 0 < period < MAX_PICTURE_INTERVAL else 0
+        )
+        if self._skippable_source is None:
+            self._frames_to_drop = self._skipped
+        elif self._skipped > 0:
+            self._skippable_source.skip(self._skipped)

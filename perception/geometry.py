@@ -1,7 +1,7 @@
 """From pixels to directions: the pinhole camera, and where it looks.
 
 Directions are two angles, as of a head that first pans and then tilts: left about z, then down from the horizon of
-whoever looks. So ``look`` at gaze zero changes nothing, and each pair of angles turns into a unit vector (x forward,
+whoever looks. So ``direction_of`` at gaze zero changes nothing, and each pair of angles turns into a unit vector (x forward,
 y left, z up, REP 103) as (cos down cos left, cos down sin left, -sin down).
 """
 
@@ -17,11 +17,11 @@ Measured on three portraits as the box's width over the distance between the pup
 0.178 and 0.144 m. Expect a distance formed with it to be off by 20 %.
 """
 
-UNBENDING = 12
+UNDISTORT_ITERATIONS = 12
 """Iterations that undo the distortion: to a hundredth of a pixel in the corners of a webcam's picture."""
 
 
-def wrap(angle: float) -> float:
+def wrap_angle(angle: float) -> float:
     """Return the same direction within -pi..pi."""
     return remainder(angle, tau)
 
@@ -57,15 +57,15 @@ class Pinhole:
         """The focal length in pixels."""
         return self.width / 2 / tan(self.field_of_view / 2)
 
-    def angles(self, x: float, y: float) -> tuple[float, float]:
+    def pixel_to_angles(self, x: float, y: float) -> tuple[float, float]:
         """Return the (bearing, elevation) of a pixel from the optical axis, in radians, left and down positive."""
         right = (x - self.centre[0] * self.width) / self.focal
         down = (y - self.centre[1] * self.height) / self.focal
         if self.distortion:
-            right, down = self._straight(right, down)
+            right, down = self._undistort(right, down)
         return atan2(-right, 1.0), atan2(down, hypot(right, 1.0))
 
-    def pixel(self, bearing: float, elevation: float) -> tuple[float, float]:
+    def angles_to_pixel(self, bearing: float, elevation: float) -> tuple[float, float]:
         """Return the pixel (x, y) of a direction; it may lie outside the picture.
 
         Raises ValueError for a direction that is not in front of the camera.
@@ -75,10 +75,10 @@ class Pinhole:
         right = -tan(bearing)
         down = tan(elevation) * hypot(right, 1.0)
         if self.distortion:
-            right, down = self._bent(right, down)
+            right, down = self._distort(right, down)
         return self.centre[0] * self.width + self.focal * right, self.centre[1] * self.height + self.focal * down
 
-    def _bent(self, x: float, y: float) -> tuple[float, float]:
+    def _distort(self, x: float, y: float) -> tuple[float, float]:
         """Return where the lens shows a point of the plane one focal length ahead, both in focal lengths."""
         k1, k2, p1, p2, k3 = self.distortion
         r2 = x * x + y * y
@@ -88,22 +88,22 @@ class Pinhole:
             y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
         )
 
-    def _straight(self, x: float, y: float) -> tuple[float, float]:
-        """Undo ``_bent`` by fixed-point iteration: a lens bends little enough for it to settle."""
+    def _undistort(self, x: float, y: float) -> tuple[float, float]:
+        """Undo ``_distort`` by fixed-point iteration: a lens bends little enough for it to settle."""
         true_x, true_y = x, y
-        for _ in range(UNBENDING):
-            bent_x, bent_y = self._bent(true_x, true_y)
+        for _ in range(UNDISTORT_ITERATIONS):
+            bent_x, bent_y = self._distort(true_x, true_y)
             true_x, true_y = true_x + x - bent_x, true_y + y - bent_y
         return true_x, true_y
 
-    def distance(self, face: Box) -> float:
+    def face_distance(self, face: Box) -> float:
         """Guess how far away a face is, in metres, from the width of its Haar box. Raises ValueError for no width."""
         if not (isfinite(face.width) and face.width > 0):
             raise ValueError(f"camera: a face {face.width} pixels wide has no distance")
         return FACE_WIDTH * self.focal / face.width
 
 
-def look(gaze: Gaze, bearing: float, elevation: float) -> tuple[float, float]:
+def direction_of(gaze: Gaze, bearing: float, elevation: float) -> tuple[float, float]:
     """Return the (yaw, pitch) of what a camera with this gaze sees at ``bearing`` and ``elevation``.
 
     Exact: the direction is turned by the gaze's pitch about y, then by its yaw about z. Plain addition is 1.7 degrees

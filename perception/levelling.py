@@ -8,24 +8,24 @@ import numpy as np
 import numpy.typing as npt
 
 from perception.api import Image
-from perception.change import small
+from perception.change import shrink
 from perception.geometry import Pinhole
-from perception.light import Grey
+from perception.light import GreyImage
 
 
-def level(image: Image, camera: Pinhole) -> Grey:
+def level_columns(image: Image, camera: Pinhole) -> GreyImage:
     """Return a small picture in grey levels in which each column is as many degrees wide as the next.
 
     In it a turn of the camera shifts everything alike; a lens shows more pixels of a degree at the sides of a picture.
     """
-    picture = small(image)
-    return cast(Grey, cv2.remap(picture, *_columns(camera, *picture.shape), cv2.INTER_LINEAR))
+    picture = shrink(image)
+    return cast(GreyImage, cv2.remap(picture, *_columns(camera, *picture.shape), cv2.INTER_LINEAR))
 
 
 @lru_cache(maxsize=4)
 def _columns(camera: Pinhole, height: int, width: int) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     """Return from where (x, y) each pixel of a levelled picture is taken; two arrays of shape (height, width)."""
     angles = (0.5 - (np.arange(width) + 0.5) / width) * camera.field_of_view
-    across = np.array([camera.pixel(float(angle), 0.0)[0] for angle in angles]) * width / camera.width - 0.5
+    across = np.array([camera.angles_to_pixel(float(angle), 0.0)[0] for angle in angles]) * width / camera.width - 0.5
     down = np.arange(height, dtype=np.float32)[:, None]
     return np.tile(across.astype(np.float32), (height, 1)), np.tile(down, (1, width))

@@ -8,8 +8,8 @@ import numpy.typing as npt
 
 from perception.api import Box, Frame, Gaze, Image, Marker
 from perception.geometry import Pinhole
-from perception.light import grey
-from perception.tracks import MarkerKind, MarkerSighting, Tracker
+from perception.light import to_grey
+from perception.tracks import MarkerSet, MarkerSighting, Tracker
 
 Corners = npt.NDArray[np.float32]
 """The corners of a marker's black frame in pixels: shape (4, 2), dtype float32, clockwise from its own top left."""
@@ -21,9 +21,9 @@ class MarkerSense:
     Of a robot that shows several of its sides, the marker that looks largest counts.
     """
 
-    def __init__(self, kind: MarkerKind) -> None:
+    def __init__(self, kind: MarkerSet) -> None:
         self._kind = kind
-        dictionary = dictionary_of(kind.family)
+        dictionary = marker_dictionary(kind.family)
         parameters = cv2.aruco.DetectorParameters()
         # Two looks at the edges, fine and coarse, find what three do.
         parameters.adaptiveThreshWinSizeMin, parameters.adaptiveThreshWinSizeMax = 5, 23
@@ -44,7 +44,7 @@ class MarkerSense:
 
     def find(self, image: Image) -> list[tuple[int, Corners]]:
         """Return the number and the corners of each marker in a picture."""
-        found, numbers, _ = self._detector.detectMarkers(grey(image))
+        found, numbers, _ = self._detector.detectMarkers(to_grey(image))
         if not found:  # then there are no numbers either
             return []
         return [
@@ -65,7 +65,7 @@ class MarkerSense:
         )
 
 
-def dictionary_of(family: str) -> cv2.aruco.Dictionary:
+def marker_dictionary(family: str) -> cv2.aruco.Dictionary:
     """Return OpenCV's dictionary of one of the ``MARKER_FAMILIES``."""
     number: int = getattr(cv2.aruco, f"DICT_{family.upper()}")
     return cv2.aruco.getPredefinedDictionary(number)
@@ -82,7 +82,7 @@ def _pose(corners: Corners, camera: Pinhole, size: float) -> tuple[list[float], 
     show a square almost alike (Collins and Bartoli, "Infinitesimal plane-based pose estimation", 2014), the one that
     fits better is taken.
     """
-    angles = [camera.angles(float(x), float(y)) for x, y in corners]
+    angles = [camera.pixel_to_angles(float(x), float(y)) for x, y in corners]
     directions = np.array([(-tan(bearing), tan(elevation) / cos(bearing)) for bearing, elevation in angles])
     half = size / 2
     square = np.array([(-half, half, 0.0), (half, half, 0.0), (half, -half, 0.0), (-half, -half, 0.0)])

@@ -14,50 +14,50 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from perception.crops import SIDE
-from perception.light import Grey
+from perception.crops import CROP_SIDE
+from perception.light import GreyImage
 
 Patches = npt.NDArray[np.float32]
 """The patches of a face: shape (CELLS, CELLS, DEPTH), float32, each of length 1 (or 0 where there is no edge)."""
 
-STEP = 3
+PATCH_STEP = 3
 """Pixels of a crop from one patch to the next."""
 
 DIRECTIONS = 8
 """Directions of edges that are told apart, over a whole turn."""
 
-PARTS, APART = 4, 4
+PARTS_PER_SIDE, PART_SPACING = 4, 4
 """Points along each side of a patch at which its edges are taken, and pixels between them."""
 
-BLUR = 1.5
+BLUR_SIGMA = 1.5
 """Pixels (sigma) around such a point over which edges are gathered."""
 
-DEPTH = PARTS * PARTS * DIRECTIONS
+DEPTH = PARTS_PER_SIDE * PARTS_PER_SIDE * DIRECTIONS
 
-NOISES = 16
+NOISE_CROPS = 16
 """Crops of noise from which the whitening is made: 7056 patches."""
 
-LEAST = 0.1
+VARIANCE_FLOOR = 0.1
 """What is added to the variance of each component before it is made 1, as a share of their mean."""
 
-_REACH = APART * (PARTS - 1) // 2  # pixels from the middle of a patch to its outermost points
-CELLS = (SIDE - 2 * _REACH) // STEP
+_PATCH_RADIUS = PART_SPACING * (PARTS_PER_SIDE - 1) // 2  # pixels from the middle of a patch to its outermost points
+CELLS = (CROP_SIDE - 2 * _PATCH_RADIUS) // PATCH_STEP
 
-FINE, WIDE = 1.0, 4.5
+FINE_SIGMA, WIDE_SIGMA = 1.0, 4.5
 """Pixels (sigma) by which a crop is smoothed, and over which the surroundings of a pixel reach."""
 
-ROOT, SHARE, MAX_CONTRAST = 0.2, 0.1, 10.0
+LIGHT_ROOT, CONTRAST_POWER, MAX_CONTRAST = 0.2, 0.1, 10.0
 """Tan and Triggs' own: the root that is taken of the light, the power by which contrast is averaged, and its bound."""
 
 
-def describe(crop: Grey) -> Patches:
+def describe_face(crop: GreyImage) -> Patches:
     """Return the patches of a face's crop: (CELLS, CELLS, DEPTH), float32."""
-    return _unit(_plain(crop) @ _whitening())
+    return _to_unit_length(_raw_patches(crop) @ _whitening())
 
 
-def _plain(crop: Grey) -> Patches:
+def _raw_patches(crop: GreyImage) -> Patches:
     """Return the patches of a crop as they are before they are whitened."""
-    even = cv2.GaussianBlur(lit_evenly(crop), (0, 0), FINE)
+    even = cv2.GaussianBlur(normalise_light(crop), (0, 0), FINE_SIGMA)
     across, down = (cv2.Sobel(even, cv2.CV_32F, *order, ksize=1) for order in ((1, 0), (0, 1)))
     strength, angle = cv2.cartToPolar(across, down)
     turned = angle % (2 * np.pi) * (DIRECTIONS / (2 * np.pi))
@@ -65,11 +65,11 @@ def _plain(crop: Grey) -> Patches:
     for direction in range(DIRECTIONS):
         off = np.abs(turned - direction)
         near = np.maximum(1 - np.minimum(off, DIRECTIONS - off), 0)
-        edges[:, :, direction] = cv2.GaussianBlur(strength * near, (0, 0), BLUR)
-    points = _points()
+        edges[:, :, direction] = cv2.GaussianBlur(strength * near, (0, 0), BLUR_SIGMA)
+    points = _part_pixels()
     parts = edges[points[:, None, :, None], points[None, :, None, :]]
-    found = _unit(parts.reshape(CELLS, CELLS, DEPTH))
-    return _unit(np.sqrt(found))
+    found = _to_unit_length(parts.reshape(CELLS, CELLS, DEPTH))
+    return _to_unit_length(np.sqrt(found))
 
 
 def likeness(one: Patches, other: Patches) -> float:
@@ -77,21 +77,21 @@ def likeness(one: Patches, other: Patches) -> float:
     return float(np.mean(1 - np.sqrt(np.maximum(1 - (one * other).sum(axis=2), 0))))
 
 
-def lit_evenly(crop: Grey) -> npt.NDArray[np.float32]:
+def normalise_light(crop: GreyImage) -> npt.NDArray[np.float32]:
     """Return a crop without its light: (height, width), float32, -MAX_CONTRAST..MAX_CONTRAST."""
-    light = (crop.astype(np.float32) / 255 + 0.01) ** ROOT
-    light -= cv2.GaussianBlur(light, (0, 0), WIDE)
-    light /= _mean(np.abs(light))
-    light /= _mean(np.minimum(np.abs(light), MAX_CONTRAST))
+    light = (crop.astype(np.float32) / 255 + 0.01) ** LIGHT_ROOT
+    light -= cv2.GaussianBlur(light, (0, 0), WIDE_SIGMA)
+    light /= _mean_contrast(np.abs(light))
+    light /= _mean_contrast(np.minimum(np.abs(light), MAX_CONTRAST))
     return np.asarray(MAX_CONTRAST * np.tanh(light / MAX_CONTRAST), np.float32)
 
 
-def _mean(contrast: npt.NDArray[np.float32]) -> float:
+def _mean_contrast(contrast: npt.NDArray[np.float32]) -> float:
     """Return the mean contrast, in which strong edges count little."""
-    return float(np.mean(contrast**SHARE) ** (1 / SHARE)) + 1e-9
+    return float(np.mean(contrast**CONTRAST_POWER) ** (1 / CONTRAST_POWER)) + 1e-9
 
 
-def _unit(patches: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def _to_unit_length(patches: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     """Return patches of length 1; one without an edge stays without."""
     return np.asarray(patches / (np.linalg.norm(patches, axis=-1, keepdims=True) + 1e-6), np.float32)
 
@@ -100,16 +100,16 @@ def _unit(patches: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
 def _whitening() -> npt.NDArray[np.float32]:
     """Return what gives each component of patches of noise about the same variance: (DEPTH, DEPTH)."""
     random = np.random.default_rng(0)
-    waves = np.hypot(*np.meshgrid(np.fft.fftfreq(SIDE), np.fft.fftfreq(SIDE)))
-    waves[0, 0] = 1 / SIDE
-    noises = np.fft.ifft2(np.fft.fft2(random.normal(size=(NOISES, SIDE, SIDE))) / waves).real
+    waves = np.hypot(*np.meshgrid(np.fft.fftfreq(CROP_SIDE), np.fft.fftfreq(CROP_SIDE)))
+    waves[0, 0] = 1 / CROP_SIDE
+    noises = np.fft.ifft2(np.fft.fft2(random.normal(size=(NOISE_CROPS, CROP_SIDE, CROP_SIDE))) / waves).real
     crops = 128 + 40 * noises / noises.std(axis=(1, 2), keepdims=True)
-    seen = np.concatenate([_plain(np.clip(each, 0, 255).astype(np.uint8)).reshape(-1, DEPTH) for each in crops])
+    seen = np.concatenate([_raw_patches(np.clip(each, 0, 255).astype(np.uint8)).reshape(-1, DEPTH) for each in crops])
     variances, axes = np.linalg.eigh(np.cov(seen, rowvar=False))
-    return np.asarray(axes / np.sqrt(variances + LEAST * variances.mean()) @ axes.T, np.float32)
+    return np.asarray(axes / np.sqrt(variances + VARIANCE_FLOOR * variances.mean()) @ axes.T, np.float32)
 
 
 @cache
-def _points() -> npt.NDArray[np.int64]:
+def _part_pixels() -> npt.NDArray[np.int64]:
     """Return in which rows, and so columns, of a crop the points of each patch are: (CELLS, PARTS)."""
-    return np.arange(CELLS)[:, None] * STEP + np.arange(PARTS)[None] * APART
+    return np.arange(CELLS)[:, None] * PATCH_STEP + np.arange(PARTS_PER_SIDE)[None] * PART_SPACING

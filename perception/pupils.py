@@ -7,40 +7,40 @@ import cv2
 import cv2.data
 
 from perception.api import Box, Image
-from perception.light import Grey, check, even_out, grey, resized, window
+from perception.light import GreyImage, check_image, equalise, resize, to_grey, window_slices
 
 CASCADE = "haarcascade_eye.xml"
-FACE = 120
+FACE_PIXELS = 120
 """Pixels to which a face is scaled first: an eye of it is then as large as the cascade was trained for, and more."""
 
-BAND = (0.15, 0.6)
+EYE_BAND = (0.15, 0.6)
 """Where eyes are, from the top of a face's box to its bottom."""
 
-SIZES = (0.17, 0.4)
+EYE_WIDTHS = (0.17, 0.4)
 """Width of an eye's box, as shares of the face's."""
 
 
 class EyeFinder:
     """Finds up to two open eyes in a face's box. For one thread at a time."""
 
-    def find(self, image: Image | Grey, face: Box) -> tuple[Box, ...]:
+    def find(self, image: Image | GreyImage, face: Box) -> tuple[Box, ...]:
         """Return the boxes of the eyes in a face, the left one in the picture first.
 
         At most one in each half of the face; of several, the one that the cascade is surest of.
         Raises ValueError for what is not a picture.
         """
-        check(image)
-        band = Box(face.x, face.y + BAND[0] * face.height, face.width, (BAND[1] - BAND[0]) * face.height)
-        rows, columns = window(image.shape, band, 1.0)
+        check_image(image)
+        band = Box(face.x, face.y + EYE_BAND[0] * face.height, face.width, (EYE_BAND[1] - EYE_BAND[0]) * face.height)
+        rows, columns = window_slices(image.shape, band, 1.0)
         if face.width <= 0 or image[rows, columns].size == 0:
             return ()
-        scale = FACE / face.width
+        scale = FACE_PIXELS / face.width
         boxes, _, weights = self._cascade.detectMultiScale3(
-            even_out(resized(grey(image[rows, columns]), scale), tiles=2),
+            equalise(resize(to_grey(image[rows, columns]), scale), tiles=2),
             scaleFactor=1.15,
             minNeighbors=1,
-            minSize=(round(FACE * SIZES[0]), round(FACE * SIZES[0])),
-            maxSize=(round(FACE * SIZES[1]), round(FACE * SIZES[1])),
+            minSize=(round(FACE_PIXELS * EYE_WIDTHS[0]), round(FACE_PIXELS * EYE_WIDTHS[0])),
+            maxSize=(round(FACE_PIXELS * EYE_WIDTHS[1]), round(FACE_PIXELS * EYE_WIDTHS[1])),
             outputRejectLevels=True,
         )
         best: dict[bool, tuple[float, Box]] = {}

@@ -6,7 +6,7 @@ from typing import Protocol, TypeVar, runtime_checkable
 from drivers.api.quick import dataclass
 from perception.api import Face, Frame, Gaze, Image, Marker, Percept, Scene, Thing, View
 from perception.geometry import Pinhole
-from perception.tracks import Sighting, Tracker
+from perception.tracks import FaceSighting, Tracker
 
 P_co = TypeVar("P_co", bound=Percept, covariant=True)
 
@@ -20,10 +20,10 @@ class Sense(Protocol[P_co]):
 
 
 @runtime_checkable
-class Sparing(Protocol):
+class FrameSkipper(Protocol):
     """A sense that need not be shown every frame."""
 
-    def spare(self, most: int) -> int:
+    def skip_frames(self, limit: int) -> int:
         """Return how many of the next frames, up to ``most``, nobody needs to show it, and count them as shown."""
         ...
 
@@ -36,10 +36,10 @@ class SceneSense(Protocol):
         ...
 
 
-class Finder(Protocol):
+class SightingSource(Protocol):
     """A finder of faces from frame to frame: ``perception.finder.FaceFinder``."""
 
-    def find(self, image: Image) -> Sequence[Sighting]:
+    def find(self, image: Image) -> Sequence[FaceSighting]:
         """Return the faces in the next frame."""
         ...
 
@@ -47,7 +47,7 @@ class Finder(Protocol):
 class FaceSense:
     """Faces, found by ``finder`` and followed by ``tracker``."""
 
-    def __init__(self, finder: Finder, tracker: Tracker[Face]) -> None:
+    def __init__(self, finder: SightingSource, tracker: Tracker[Face]) -> None:
         self._finder = finder
         self._tracker = tracker
 
@@ -55,13 +55,13 @@ class FaceSense:
         """Return the faces followed now, largest first."""
         return self._tracker.update(self._finder.find(frame.image), camera=camera, gaze=gaze, stamp=frame.stamp)
 
-    def spare(self, most: int) -> int:
+    def skip_frames(self, limit: int) -> int:
         """Return how many of the next frames it can do without: see Sparing."""
-        return self._finder.spare(most) if isinstance(self._finder, Sparing) else 0
+        return self._finder.skip_frames(limit) if isinstance(self._finder, FrameSkipper) else 0
 
 
 @dataclass(frozen=True, slots=True)
-class Senses:
+class ActiveSenses:
     """Which senses are awake: a detector that nobody listens to does not run.
 
     ``scene`` replaces the plain measurement of brightness and contrast, which is made once somebody has asked for it.
@@ -82,7 +82,7 @@ class FrameSource(Protocol):
 
 
 @runtime_checkable
-class Skipping(Protocol):
+class SkippableSource(Protocol):
     """A source that can let pictures go by, at less cost than to read them: a camera of the house."""
 
     def skip(self, pictures: int) -> None:

@@ -13,19 +13,19 @@ import numpy as np
 import numpy.typing as npt
 
 from perception.api import Box, Image
-from perception.crops import face_in
-from perception.faults import BadModel, check_size
-from perception.identity import Look
-from perception.yunet import YuNetFaces
+from perception.crops import portrait_face_box
+from perception.faults import ModelFileError, check_model_size
+from perception.identity import FaceMatch
+from perception.yunet import YuNetFaceDetector
 
-SAME = 0.363
+MIN_SAME_COSINE = 0.363
 """Cosine of two faces' features from which on they are of one person, as the network's authors have it."""
 
-STEEP = 10.0
+MARGIN_PER_COSINE = 10.0
 """What a difference of 1 in the cosine is as a margin: looks at strangers vary by about a tenth (not measured here)."""
 
 
-CURE = "fetch SFace's file again"
+FETCH_HINT = "fetch SFace's file again"
 
 
 class _Network(Protocol):
@@ -40,34 +40,34 @@ class _Network(Protocol):
         ...
 
 
-class SFacePeople:
-    """Knows people by the network in the file ``model``: a ``perception.identity.Recogniser``. For one thread.
+class SFaceRecogniser:
+    """Knows people by the network in the file ``model``: a ``perception.identity.FaceRecogniser``. For one thread.
 
     ``faces`` is YuNet, ``portraits`` are those of ``perception.people.enrol``. Files are read and people learnt at the
     first look: it raises FileNotFoundError and BadModel for the files, ValueError for somebody whose portraits do not
     show a face to YuNet.
     """
 
-    def __init__(self, model: Path, faces: YuNetFaces, portraits: Mapping[str, Sequence[Image]]) -> None:
+    def __init__(self, model: Path, faces: YuNetFaceDetector, portraits: Mapping[str, Sequence[Image]]) -> None:
         self._model = model
         self._faces = faces
         self._portraits = portraits
 
-    def look(self, image: Image, face: Box) -> Look | None:
+    def match(self, image: Image, face: Box) -> FaceMatch | None:
         """Return who is nearest, and by how much; None where YuNet sees no face there."""
         people, feature = self._people, self._feature(image, face)
         if feature is None:
             return None
         cosines = {name: float(np.max(features @ feature)) for name, features in people.items()}
         name = max(cosines, key=cosines.__getitem__)
-        return Look(name, STEEP * (cosines[name] - SAME))
+        return FaceMatch(name, MARGIN_PER_COSINE * (cosines[name] - MIN_SAME_COSINE))
 
     @cached_property
     def _people(self) -> Mapping[str, npt.NDArray[np.float32]]:
         """The features of each person, a row for each portrait that YuNet sees a face in."""
         found = {}
         for name, portraits in self._portraits.items():
-            features = [self._feature(each, face_in(each)) for each in portraits]
+            features = [self._feature(each, portrait_face_box(each)) for each in portraits]
             rows = [feature for feature in features if feature is not None]
             if not rows:
                 hint = f"mission person remove {name}, then add new pictures"
@@ -77,13 +77,13 @@ class SFacePeople:
 
     def _feature(self, image: Image, face: Box) -> npt.NDArray[np.float32] | None:
         """Return what describes a face, of length 1; None where YuNet sees none."""
-        row = self._faces.points(image, face)
+        row = self._faces.find_landmarks(image, face)
         if row is None:
             return None
         try:
             feature = self._network.feature(self._network.alignCrop(image, row)).ravel()
         except cv2.error as error:
-            raise BadModel(f"faces: {self._model} is another network than SFace\n  try: {CURE}") from error
+            raise ModelFileError(f"faces: {self._model} is another network than SFace\n  try: {FETCH_HINT}") from error
         return np.asarray(feature / max(float(np.linalg.norm(feature)), 1e-9), np.float32)
 
     @cached_property
@@ -91,8 +91,8 @@ class SFacePeople:
         if not self._model.is_file():
             raise FileNotFoundError(f"faces: {self._model} is missing\n  try: `model:` in the identity section of the "
                                     "robot file names SFace's file, from the OpenCV Zoo")  # fmt: skip
-        check_size(self._model, CURE)
+        check_model_size(self._model, FETCH_HINT)
         try:
             return cast(_Network, cv2.FaceRecognizerSF.create(str(self._model), ""))
         except cv2.error as error:
-            raise BadModel(f"faces: {self._model} is no network\n  try: {CURE}") from error
+            raise ModelFileError(f"faces: {self._model} is no network\n  try: {FETCH_HINT}") from error

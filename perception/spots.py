@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from perception.api import ANY, BALL, BOX, Box, Frame, Gaze, Image, Thing, Wanted
+from perception.api import ANY, BALL, BOX, Box, Frame, Gaze, Image, Thing, ThingSpec
 from perception.geometry import Pinhole
-from perception.tracks import BOX_WIDENING, SEARCH_WIDTH, SMALLEST_SPOT, Spot, ThingSighting, Tracker
+from perception.tracks import BOX_WIDENING, MIN_SPOT_PIXELS, SEARCH_WIDTH, ColourSpot, ThingSighting, Tracker
 
 # Which of a few named colours each spot of a picture has, in whatever light it was taken.
 
@@ -20,14 +20,14 @@ from perception.tracks import BOX_WIDENING, SEARCH_WIDTH, SMALLEST_SPOT, Spot, T
 Contour = npt.NDArray[np.int32]
 """The outline of a spot: shape (points, 1, 2), dtype int32, x and y in pixels."""
 
-SOLID = 0.88
+MIN_SOLIDITY = 0.88
 """The least share of its convex hull that a spot fills: what is looked for has no bays."""
 
-ROUND = 0.81
+MIN_ROUNDNESS = 0.81
 """The least share of the smallest circle around it that a ball fills. A square fills 0.64 of it, a disc all of it, or
 0.85 where it is ten pixels wide; a cube seen from far above, 0.83: that may be taken for a ball."""
 
-SQUARE = 0.79
+MIN_SQUARENESS = 0.79
 """The least share of the smallest rectangle around it that a box fills, seen from wherever. A disc fills 0.785, but is
 round first."""
 
@@ -36,7 +36,7 @@ MAX_ELONGATION = 4.0
 
 
 @dataclass(frozen=True, slots=True)
-class Outline:
+class SpotOutline:
     """A spot's outline: the upright ``box`` around it, its ``shape``, and ``width`` in pixels as a measure of its size.
 
     The width is the diameter of a ball, and for a box that of its front as far as that can be told.
@@ -47,28 +47,28 @@ class Outline:
     width: float
 
 
-def outline(contour: Contour) -> Outline | None:
+def judge_outline(contour: Contour) -> SpotOutline | None:
     """Judge the outline of a spot; None where it is neither a ball nor a box.
 
     A contour goes through the middles of the outermost pixels: half a pixel is added on each side.
     """
     x, y, across, down = cv2.boundingRect(contour)
     hull = np.asarray(cv2.convexHull(contour), np.int32)
-    area, hull_area = _filled(contour), _filled(hull)
+    area, hull_area = _filled_pixels(contour), _filled_pixels(hull)
     _, radius = cv2.minEnclosingCircle(hull)
     (_, _), (one, other), _ = cv2.minAreaRect(hull)
     short, long = sorted((one + 1.0, other + 1.0))
-    if area < SOLID * hull_area or long > MAX_ELONGATION * short:
+    if area < MIN_SOLIDITY * hull_area or long > MAX_ELONGATION * short:
         return None
     box = Box(float(x), float(y), float(across), float(down))
-    if area >= ROUND * pi * (radius + 0.5) ** 2:
-        return Outline(box, BALL, 2 * sqrt(area / pi))
-    if area >= SQUARE * short * long:
-        return Outline(box, BOX, across / BOX_WIDENING)
+    if area >= MIN_ROUNDNESS * pi * (radius + 0.5) ** 2:
+        return SpotOutline(box, BALL, 2 * sqrt(area / pi))
+    if area >= MIN_SQUARENESS * short * long:
+        return SpotOutline(box, BOX, across / BOX_WIDENING)
     return None
 
 
-def _filled(contour: Contour) -> float:
+def _filled_pixels(contour: Contour) -> float:
     """Return how many pixels are on and within an outline (Pick: area within the middles, half the rim, and one)."""
     return cv2.contourArea(contour) + cv2.arcLength(contour, closed=True) / 2 + 1
 
@@ -76,29 +76,29 @@ def _filled(contour: Contour) -> float:
 Colour = tuple[int, int, int]
 """Red, green and blue, each 0..255."""
 
-Places = npt.NDArray[np.float32]
+DiscPlaces = npt.NDArray[np.float32]
 """Places (x, y) in the disc of hues and saturations; shape (..., 2), dtype float32."""
 
 Labels = npt.NDArray[np.uint8]
 """For each spot the number of its colour; shape (height, width), dtype uint8."""
 
-REACH = 0.35
+MAX_COLOUR_DISTANCE = 0.35
 """How far from a colour in the disc of hues and saturations (of radius 1) a pixel may be and still have it."""
 
-PALE = 0.55
+MAX_PALE_SATURATION = 0.55
 """The saturation above which a pixel is coloured whatever the light; a white wall in candle light has 0.5."""
 
-ENOUGH = 0.05
+MIN_PALE_SHARE = 0.05
 """The share of a picture that must be paler than that to tell the light by it."""
 
 GAIN_LIMITS = (0.6, 1.7)
 """How much weaker or stronger a channel may be made: beyond, the picture is of one colour, and not the light."""
 
-FAINTEST = 9
+MIN_CHROMA = 9
 """By how much (0..255) the strongest channel must exceed the weakest for there to be a hue: below there is noise."""
 
 
-def balanced(picture: Image) -> Image:
+def balance_white(picture: Image) -> Image:
     """Return the picture as in white light: what is grey in warm or cold light becomes grey.
 
     The light is taken to have the colour of the picture's Minkowski mean of power 6 ("shades of grey", after Finlayson
@@ -108,8 +108,8 @@ def balanced(picture: Image) -> Image:
     some = np.stack([picture[::4, ::4, channel].ravel() for channel in range(3)]).astype(np.float32) / np.float32(255)
     high = np.maximum(np.maximum(some[0], some[1]), some[2])
     low = np.minimum(np.minimum(some[0], some[1]), some[2])
-    pale = high - low <= PALE * high
-    if pale.mean() > ENOUGH:  # else all is colourful
+    pale = high - low <= MAX_PALE_SATURATION * high
+    if pale.mean() > MIN_PALE_SHARE:  # else all is colourful
         some = some[:, pale]
     means = np.maximum(np.mean((some * some * some) ** 2, axis=1) ** (1 / 6), 0.01)
     gains = np.clip(means.mean() / means, *GAIN_LIMITS)
@@ -127,8 +127,8 @@ class Palette:
     def __init__(self, colours: Mapping[str, Colour]) -> None:
         self.names: Sequence[str] = tuple(colours)
         swatches = np.array([[colour[::-1] for colour in colours.values()]], np.uint8)
-        self.places: Places = in_disc(swatches)[0]
-        self._table = _nearest(self.places)
+        self.places: DiscPlaces = to_colour_disc(swatches)[0]
+        self._table = _nearest_colour_table(self.places)
 
     def label(self, picture: Image) -> Labels:
         """Return for each spot the number of its colour in ``names``; their count, where it has none of them."""
@@ -136,11 +136,11 @@ class Palette:
         place = np.asarray(cv2.merge((saturation, hue))).view("<u2")[..., 0]  # hue << 8 | saturation
         labels: Labels = self._table.take(place)
         chroma = np.asarray(cv2.multiply(saturation, value, scale=1 / 255))
-        np.copyto(labels, len(self.names), where=chroma < FAINTEST)
+        np.copyto(labels, len(self.names), where=chroma < MIN_CHROMA)
         return labels
 
 
-def in_disc(picture: Image) -> Places:
+def to_colour_disc(picture: Image) -> DiscPlaces:
     """Return where the colours of a picture lie in the disc of hues and saturations, whose radius is 1.
 
     The hue is the angle: red 0, green a third of a turn. How bright a colour is does not matter.
@@ -151,70 +151,70 @@ def in_disc(picture: Image) -> Places:
     return np.dstack((away * np.cos(angle), away * np.sin(angle)))
 
 
-def _nearest(places: Places) -> Labels:
+def _nearest_colour_table(places: DiscPlaces) -> Labels:
     """Return the number of the nearest of ``places`` for each (hue in 2 degrees << 8 | saturation of 255)."""
     hue, saturation = np.meshgrid(np.arange(180) * (pi / 90), np.arange(256) / 255, indexing="ij")
     x, y = saturation * np.cos(hue), saturation * np.sin(hue)
-    off = [*(np.hypot(x - at_x, y - at_y) for at_x, at_y in places), np.full(x.shape, REACH)]
+    off = [*(np.hypot(x - at_x, y - at_y) for at_x, at_y in places), np.full(x.shape, MAX_COLOUR_DISTANCE)]
     nearest: Labels = np.argmin(off, axis=0).astype(np.uint8).ravel()
     return nearest
 
 
-LARGEST = 0.5
+MAX_SPOT_SHARE = 0.5
 """The share of the picture above which a spot is a wall and no thing."""
 
-CORE = 0.22
+MAX_MEAN_DISTANCE = 0.22
 """How far a thing's mean colour may be from the one looked for, in the disc of hues and saturations (radius 1)."""
 
-STEP = 0.2
+MIN_SURROUND_DISTANCE = 0.2
 """How far from it a colour is another, in the same disc."""
 
-LEAK = 0.3
+MAX_LEAK_SHARE = 0.3
 """The largest share of what is around a thing that has its colour too: else it is a part of something larger."""
 
-BAND = 3
+SURROUND_PIXELS = 3
 """Pixels around a thing that are taken for what is around it."""
 
-_WIDE = np.ones((2 * BAND + 1, 2 * BAND + 1), np.uint8)
+_SURROUND_BRUSH = np.ones((2 * SURROUND_PIXELS + 1, 2 * SURROUND_PIXELS + 1), np.uint8)
 _BRUSH = np.ones((3, 3), np.uint8)
 
 
 class SpotFinder:
-    """Finds balls and boxes of the colours in ``looked_for``.
+    """Finds balls and boxes of the colours in ``wanted_objects``.
 
     ``colours`` has these, and all that they may be mistaken for, as red, green and blue in full light.
     Raises ValueError for a colour that is not among them.
     """
 
-    def __init__(self, colours: Mapping[str, Colour], looked_for: Sequence[str]) -> None:
+    def __init__(self, colours: Mapping[str, Colour], targets: Sequence[str]) -> None:
         self._palette = Palette(colours)
-        unknown = sorted(set(looked_for) - set(colours))
+        unknown = sorted(set(targets) - set(colours))
         if unknown:
             raise ValueError(f"things: no such colour: {', '.join(unknown)}; known are: {', '.join(colours)}")
-        self._looked_for = [(name, self._palette.names.index(name)) for name in dict.fromkeys(looked_for)]
+        self._targets = [(name, self._palette.names.index(name)) for name in dict.fromkeys(targets)]
 
-    def find(self, image: Image) -> list[Spot]:
+    def find(self, image: Image) -> list[ColourSpot]:
         """Return the balls and boxes in a picture of shape (height, width, 3), largest first."""
         scale = max(1.0, image.shape[1] / SEARCH_WIDTH)
-        picture = balanced(_smooth(image, scale))
+        picture = balance_white(_smooth(image, scale))
         labels = self._palette.label(picture)
         found = [
-            Spot(_times(seen.box, scale), name, seen.shape, seen.width * scale)
-            for name, number in self._looked_for
-            for contour in _contours(labels, number)
-            if self._stands_out(picture, contour, number)
-            if (seen := outline(contour)) is not None
+            ColourSpot(_scale_box(seen.box, scale), name, seen.shape, seen.width * scale)
+            for name, number in self._targets
+            for contour in _find_contours(labels, number)
+            if self._is_distinct(picture, contour, number)
+            if (seen := judge_outline(contour)) is not None
         ]
         return sorted(found, key=lambda spot: -spot.box.width * spot.box.height)
 
-    def _stands_out(self, picture: Image, contour: Contour, number: int) -> bool:
+    def _is_distinct(self, picture: Image, contour: Contour, number: int) -> bool:
         """Say whether a spot is of that colour as a whole, and little of what is around it is of its colour too."""
         inside, around = _inside_and_around(picture, contour)
         mean = inside.mean(axis=0)
-        if np.linalg.norm(mean - self._palette.places[number]) > CORE:
+        if np.linalg.norm(mean - self._palette.places[number]) > MAX_MEAN_DISTANCE:
             return False
-        alike = np.linalg.norm(around - mean, axis=1) < STEP
-        return bool(alike.mean() <= LEAK)
+        alike = np.linalg.norm(around - mean, axis=1) < MIN_SURROUND_DISTANCE
+        return bool(alike.mean() <= MAX_LEAK_SHARE)
 
 
 def _smooth(image: Image, scale: float) -> Image:
@@ -225,7 +225,7 @@ def _smooth(image: Image, scale: float) -> Image:
     return cast(Image, cv2.GaussianBlur(image, (3, 3), 0))
 
 
-def _contours(labels: Labels, number: int) -> Iterator[Contour]:
+def _find_contours(labels: Labels, number: int) -> Iterator[Contour]:
     """Yield the contours of all spots with this label that may be things. What the rim cuts off, may be anything."""
     mask = np.equal(labels, number).view(np.uint8)
     mask = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, _BRUSH), np.uint8)
@@ -234,32 +234,32 @@ def _contours(labels: Labels, number: int) -> Iterator[Contour]:
     for contour in contours:
         x, y, across, down = cv2.boundingRect(contour)
         cut = x <= 0 or y <= 0 or x + across >= width or y + down >= height
-        if not cut and min(across, down) >= SMALLEST_SPOT and across * down <= LARGEST * width * height:
+        if not cut and min(across, down) >= MIN_SPOT_PIXELS and across * down <= MAX_SPOT_SHARE * width * height:
             yield np.asarray(contour, np.int32)
 
 
-def _inside_and_around(picture: Image, contour: Contour) -> tuple[Places, Places]:
+def _inside_and_around(picture: Image, contour: Contour) -> tuple[DiscPlaces, DiscPlaces]:
     """Return the colours (in the disc, of shape (pixels, 2)) within a contour, and in a band around it.
 
     The band is a little away from the contour, where the colours mix.
     """
     x, y, across, down = cv2.boundingRect(contour)
-    x, y = max(0, x - BAND), max(0, y - BAND)
-    part = picture[y : y + down + 2 * BAND, x : x + across + 2 * BAND]
+    x, y = max(0, x - SURROUND_PIXELS), max(0, y - SURROUND_PIXELS)
+    part = picture[y : y + down + 2 * SURROUND_PIXELS, x : x + across + 2 * SURROUND_PIXELS]
     inside = np.zeros(part.shape[:2], np.uint8)
     cv2.drawContours(inside, [contour], 0, 1, cv2.FILLED, offset=(-x, -y))
-    around = cv2.dilate(inside, _WIDE) - cv2.dilate(inside, _BRUSH)
-    places = in_disc(part)
+    around = cv2.dilate(inside, _SURROUND_BRUSH) - cv2.dilate(inside, _BRUSH)
+    places = to_colour_disc(part)
     return places[inside > 0], places[around > 0]
 
 
-def _times(box: Box, scale: float) -> Box:
+def _scale_box(box: Box, scale: float) -> Box:
     return Box(box.x * scale, box.y * scale, box.width * scale, box.height * scale)
 
 
 # The sense for coloured shapes: a red ball, a blue box, looked for by name and followed over time.
 
-NEAREST, FARTHEST = 0.1, 8.0
+MIN_DISTANCE, MAX_DISTANCE = 0.1, 8.0
 """Metres. What would have to be nearer or farther away to be of the size that is looked for is something else."""
 
 
@@ -269,22 +269,22 @@ class ThingSense:
     ``colours`` are all that there is a name for, as red, green and blue; those of ``wanted`` among them.
     """
 
-    def __init__(self, wanted: Sequence[Wanted], colours: Mapping[str, Colour]) -> None:
-        self._wanted = tuple(dict.fromkeys(wanted))
-        self._finder = SpotFinder(colours, [one.colour for one in self._wanted])
+    def __init__(self, specs: Sequence[ThingSpec], colours: Mapping[str, Colour]) -> None:
+        self._specs = tuple(dict.fromkeys(specs))
+        self._finder = SpotFinder(colours, [one.colour for one in self._specs])
         self._tracker = Tracker[Thing]()
 
     def sense(self, frame: Frame, camera: Pinhole, gaze: Gaze | None) -> tuple[Thing, ...]:
         """Return the things followed now, largest first."""
-        spots = self._finder.find(frame.image) if self._wanted else ()
-        sightings = [sighting for spot in spots for sighting in self._fitting(spot, camera)]
+        spots = self._finder.find(frame.image) if self._specs else ()
+        sightings = [sighting for spot in spots for sighting in self._matching_sightings(spot, camera)]
         return self._tracker.update(sightings, camera=camera, gaze=gaze, stamp=frame.stamp)
 
-    def _fitting(self, spot: Spot, camera: Pinhole) -> Iterator[ThingSighting]:
+    def _matching_sightings(self, spot: ColourSpot, camera: Pinhole) -> Iterator[ThingSighting]:
         """Yield all that a spot can be."""
-        for wanted in self._wanted:
+        for wanted in self._specs:
             if wanted.colour == spot.colour and wanted.shape in (ANY, spot.shape):
                 sighting = ThingSighting(spot, wanted)
                 away = sighting.distance(camera)
-                if isnan(away) or NEAREST <= away <= FARTHEST:
+                if isnan(away) or MIN_DISTANCE <= away <= MAX_DISTANCE:
                     yield sighting

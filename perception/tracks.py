@@ -12,77 +12,77 @@ from math import cos, hypot, nan, radians, sqrt
 from typing import Any, Generic, Protocol, TypeVar
 
 from drivers.api.quick import dataclass
-from perception.api import Box, Detection, Face, Gaze, Marker, Percept, Thing, Wanted
-from perception.geometry import Pinhole, look, wrap
+from perception.api import Box, Detection, Face, Gaze, Marker, Percept, Thing, ThingSpec
+from perception.geometry import Pinhole, direction_of, wrap_angle
 
-MEASURED = radians(0.4)
+INITIAL_NOISE = radians(0.4)
 """Standard deviation of a measured angle, until it is learnt: two or three pixels of 640 over 60 degrees."""
 
-LEAST = radians(0.1)
+MIN_NOISE = radians(0.1)
 """The least that it is taken for."""
 
-BELIEVED, REMEMBERED = 3, 20
+PRIOR_COUNT, MAX_COUNT = 3, 20
 """For how many measurements that counts which is believed before any, and how many are remembered."""
 
-TURNED = 0.4
+TURN_NOISE_SHARE = 0.4
 """Standard deviation of an angle as a share of what the camera has turned since the measurement before: servos stand
 beside the way that they are sent, and when a picture was taken is known to some ten milliseconds."""
 
-STANDS, FADES = radians(0.1), 0.5
+MAX_STILL_TURN, TURN_DECAY = radians(0.1), 0.5
 """Radians: a camera that has turned less stands; by and by, as the second number says."""
 
 ACCELERATION = 2.0
 """Standard deviation in rad/s^2 of how the rate changes: someone who walks at 20 degrees/s turns about in 0.35 s."""
 
-FIRST_RATE = 1.0
+INITIAL_RATE_DEVIATION = 1.0
 """Standard deviation in rad/s of the rate before a second measurement, and of one that has become another."""
 
-JUMP = radians(4), radians(100)
+MIN_JUMP = radians(4), radians(100)
 """An angle farther than so many radians, and rad/s, from where it was expected has jumped, unless it was known so badly
-that this is within ``UNSURE`` standard deviations. It begins anew there: a jump tells no rate."""
+that this is within ``JUMP_DEVIATIONS`` standard deviations. It begins anew there: a jump tells no rate."""
 
-UNSURE = 3.0
+JUMP_DEVIATIONS = 3.0
 
-SUDDEN = 3.0
+MANOEUVRE_DEVIATIONS = 3.0
 """Standard deviations: who is farther from where he was expected, before a camera that stands, has another rate now."""
 
 
-class Motion:
+class AngleFilter:
     """The filtered ``angle`` in radians and ``rate`` in rad/s at the last measurement. The angle does not wrap."""
 
     def __init__(self, angle: float) -> None:
-        self._noise, self._count = MEASURED**2, BELIEVED
-        self._turned = 0.0
-        self._begin(angle)
+        self._noise, self._count = INITIAL_NOISE**2, PRIOR_COUNT
+        self._recent_turn = 0.0
+        self._restart(angle)
 
-    def _begin(self, angle: float) -> None:
+    def _restart(self, angle: float) -> None:
         """Know where it is, and nothing of its rate."""
         self.angle = angle
         self.rate = 0.0
         self._angle_variance = self._noise
         self._covariance = 0.0
-        self._rate_variance = FIRST_RATE**2
-        self._seen = [(angle, 0.0)]
+        self._rate_variance = INITIAL_RATE_DEVIATION**2
+        self._recent_angles = [(angle, 0.0)]
 
-    def update(self, angle: float, after: float, turned: float = 0.0, doubt: float = 0.0) -> None:
+    def update(self, angle: float, elapsed: float, camera_turn: float = 0.0, doubt: float = 0.0) -> None:
         """Take in an angle measured ``after`` seconds, whole turns aside; the camera ``turned`` (radians) meanwhile.
 
         ``doubt`` (radians, one sigma) is what the direction of the camera adds to the noise.
         Raises ValueError for a negative time.
         """
-        if after < 0:
-            raise ValueError(f"motion: a measurement cannot come {-after} s before the last one")
-        self._go_on(after)
-        surprise = wrap(angle - self.angle)
-        turned = self._turned = max(turned, FADES * self._turned)
-        noise = self._noise + (TURNED * turned) ** 2 + doubt**2
+        if elapsed < 0:
+            raise ValueError(f"motion: a measurement cannot come {-elapsed} s before the last one")
+        self._predict(elapsed)
+        surprise = wrap_angle(angle - self.angle)
+        camera_turn = self._recent_turn = max(camera_turn, TURN_DECAY * self._recent_turn)
+        noise = self._noise + (TURN_NOISE_SHARE * camera_turn) ** 2 + doubt**2
         expected = sqrt(self._angle_variance + noise)
-        if abs(surprise) > max(JUMP[0], JUMP[1] * after, UNSURE * expected):
-            self._begin(self.angle + surprise)
+        if abs(surprise) > max(MIN_JUMP[0], MIN_JUMP[1] * elapsed, JUMP_DEVIATIONS * expected):
+            self._restart(self.angle + surprise)
             return
-        self._learn(self.angle + surprise, after, turned)
-        if turned < STANDS and abs(surprise) > SUDDEN * expected:
-            self._spread(after, FIRST_RATE**2)
+        self._learn_noise(self.angle + surprise, elapsed, camera_turn)
+        if camera_turn < MAX_STILL_TURN and abs(surprise) > MANOEUVRE_DEVIATIONS * expected:
+            self._add_rate_variance(elapsed, INITIAL_RATE_DEVIATION**2)
         variance = self._angle_variance + noise
         gain, rate_gain = self._angle_variance / variance, self._covariance / variance
         self.angle += gain * surprise
@@ -91,7 +91,7 @@ class Motion:
         self._covariance *= 1 - gain
         self._angle_variance *= 1 - gain
 
-    def _go_on(self, after: float) -> None:
+    def _predict(self, after: float) -> None:
         """Predict: the angle moves on at its rate, and both become less certain."""
         jolt = (ACCELERATION * after) ** 2
         self.angle += self.rate * after
@@ -99,24 +99,24 @@ class Motion:
         self._covariance += after * self._rate_variance + jolt * after / 2
         self._rate_variance += jolt
 
-    def _spread(self, after: float, more: float) -> None:
+    def _add_rate_variance(self, after: float, more: float) -> None:
         """The rate became less certain ``after`` seconds ago, by a variance of so much ``more``."""
         self._angle_variance += after**2 * more
         self._covariance += after * more
         self._rate_variance += more
 
-    def _learn(self, angle: float, after: float, turned: float) -> None:
+    def _learn_noise(self, angle: float, after: float, turned: float) -> None:
         """Learn how exactly angles are measured: by how far the middle one of three is off the line of the others."""
-        if after <= 0.0 or turned > STANDS:
-            self._seen = [(angle, after)]
+        if after <= 0.0 or turned > MAX_STILL_TURN:
+            self._recent_angles = [(angle, after)]
             return
-        if len(self._seen) == 2:
-            (first, _), (middle, time) = self._seen
+        if len(self._recent_angles) == 2:
+            (first, _), (middle, time) = self._recent_angles
             share = time / (time + after)
             off = (middle - first - share * (angle - first)) ** 2 / (1 + share**2 + (1 - share) ** 2)
-            self._count = min(self._count + 1, REMEMBERED)
-            self._noise = max(LEAST**2, self._noise + (min(off, 9 * self._noise) - self._noise) / self._count)
-        self._seen = [self._seen[-1], (angle, after)]
+            self._count = min(self._count + 1, MAX_COUNT)
+            self._noise = max(MIN_NOISE**2, self._noise + (min(off, 9 * self._noise) - self._noise) / self._count)
+        self._recent_angles = [self._recent_angles[-1], (angle, after)]
 
 
 P = TypeVar("P", bound=Percept)
@@ -125,18 +125,18 @@ P_co = TypeVar("P_co", bound=Percept, covariant=True)
 TRACK_TIMEOUT = 1.0
 """Seconds for which what is not seen keeps its id."""
 
-CONFIRMED = 2
+MIN_DETECTIONS = 2
 """Detections that make a track. A detector errs in some frames of a hundred, seldom twice in one place."""
 
-DOUBT = 0.5
+CONFIRM_TIMEOUT = 0.5
 """Seconds within which they must come."""
 
-GATE = radians(8)
+GATE_ANGLE = radians(8)
 GATE_GROWTH = radians(30)  # per second: as fast as someone close by walks past
-COAST = 0.3  # seconds for which someone out of sight is taken to go on as before
+COAST_TIME = 0.3  # seconds for which someone out of sight is taken to go on as before
 
 
-class Sighted(Protocol[P_co]):
+class TrackableSighting(Protocol[P_co]):
     """Something that one frame shows."""
 
     @property
@@ -158,24 +158,24 @@ class Sighted(Protocol[P_co]):
         """Return how far away it is in metres; NaN where that is not known."""
         ...
 
-    def percept(self, followed: Percept) -> P_co:
+    def percept(self, base: Percept) -> P_co:
         """Return what others are told of it, ``followed`` being what all percepts have in common."""
         ...
 
 
-def common(percept: Percept) -> dict[str, Any]:
+def common_fields(percept: Percept) -> dict[str, Any]:
     """Return what all percepts have in common, by name: the arguments of each of them."""
     return {field.name: getattr(percept, field.name) for field in fields(Percept)}
 
 
 @dataclass(frozen=True, slots=True)
-class _Measured(Generic[P]):
+class _Measurement(Generic[P]):
     """A sighting with its directions in radians: from the optical axis, and in the odometry frame.
 
     ``doubt`` is that about the direction of the camera.
     """
 
-    sighting: Sighted[P]
+    sighting: TrackableSighting[P]
     bearing: float
     elevation: float
     yaw: float
@@ -187,57 +187,57 @@ class _Measured(Generic[P]):
 class _Track(Generic[P]):
     """A thing over time, perhaps not confirmed yet (then its ``id`` is None)."""
 
-    def __init__(self, measured: _Measured[P], stamp: float) -> None:
+    def __init__(self, measured: _Measurement[P], stamp: float) -> None:
         self.id: int | None = None
-        self.times = 1
+        self.detection_count = 1
         self.stamp = stamp
-        self.last = measured
-        self._yaw = Motion(measured.yaw)
-        self._pitch = Motion(measured.pitch)
+        self.last_measurement = measured
+        self._yaw = AngleFilter(measured.yaw)
+        self._pitch = AngleFilter(measured.pitch)
 
-    def off(self, measured: _Measured[P], stamp: float) -> float:
+    def deviation(self, measured: _Measurement[P], stamp: float) -> float:
         """Return how far a measurement is from where this is expected, in radians."""
-        ahead = min(max(stamp - self.stamp, 0.0), COAST)
+        ahead = min(max(stamp - self.stamp, 0.0), COAST_TIME)
         return hypot(
-            wrap(measured.yaw - self._yaw.angle - self._yaw.rate * ahead),
+            wrap_angle(measured.yaw - self._yaw.angle - self._yaw.rate * ahead),
             measured.pitch - self._pitch.angle - self._pitch.rate * ahead,
         )
 
-    def accepts(self, measured: _Measured[P], off: float, stamp: float) -> bool:
-        """Say whether a measurement that is ``off`` by so many radians may be of this."""
-        gate = GATE + GATE_GROWTH * max(0.0, stamp - self.stamp)
-        return off <= gate and measured.sighting.kind == self.last.sighting.kind
+    def accepts(self, measured: _Measurement[P], deviation: float, stamp: float) -> bool:
+        """Say whether a measurement that is ``deviation`` by so many radians may be of this."""
+        gate = GATE_ANGLE + GATE_GROWTH * max(0.0, stamp - self.stamp)
+        return deviation <= gate and measured.sighting.kind == self.last_measurement.sighting.kind
 
-    def update(self, measured: _Measured[P], stamp: float) -> None:
+    def update(self, measured: _Measurement[P], stamp: float) -> None:
         """Take in that it was seen again."""
         after = max(0.0, stamp - self.stamp)
-        before = self.last
-        across = wrap(measured.yaw - measured.bearing - before.yaw + before.bearing)
+        before = self.last_measurement
+        across = wrap_angle(measured.yaw - measured.bearing - before.yaw + before.bearing)
         down = measured.pitch - measured.elevation - before.pitch + before.elevation
         self._yaw.update(measured.yaw, after, abs(across), measured.doubt)
         self._pitch.update(measured.pitch, after, abs(down))
-        self.times += measured.sighting.found
-        self.stamp, self.last = stamp, measured
+        self.detection_count += measured.sighting.found
+        self.stamp, self.last_measurement = stamp, measured
 
-    def lives(self, stamp: float) -> bool:
+    def is_alive(self, stamp: float) -> bool:
         """Whether it may still come back."""
-        return stamp - self.stamp <= (DOUBT if self.id is None else TRACK_TIMEOUT)
+        return stamp - self.stamp <= (CONFIRM_TIMEOUT if self.id is None else TRACK_TIMEOUT)
 
     def percept(self, number: int) -> P:
         """Return what others are told of it."""
         followed = Percept(
             id=number,
             stamp=self.stamp,
-            box=self.last.sighting.box,
-            bearing=self.last.bearing,
-            elevation=self.last.elevation,
+            box=self.last_measurement.sighting.box,
+            bearing=self.last_measurement.bearing,
+            elevation=self.last_measurement.elevation,
             yaw=self._yaw.angle,
             pitch=self._pitch.angle,
             yaw_rate=self._yaw.rate,
             pitch_rate=self._pitch.rate,
-            distance=self.last.distance,
+            distance=self.last_measurement.distance,
         )
-        return self.last.sighting.percept(followed)
+        return self.last_measurement.sighting.percept(followed)
 
 
 class Tracker(Generic[P]):
@@ -250,10 +250,10 @@ class Tracker(Generic[P]):
 
     def __init__(self) -> None:
         self._tracks: list[_Track[P]] = []
-        self._ids = 0
+        self._last_id = 0
 
     def update(
-        self, sightings: Sequence[Sighted[P]], *, camera: Pinhole, gaze: Gaze | None, stamp: float
+        self, sightings: Sequence[TrackableSighting[P]], *, camera: Pinhole, gaze: Gaze | None, stamp: float
     ) -> tuple[P, ...]:
         """Take in what one frame shows and return all that is followed now, largest first.
 
@@ -263,15 +263,19 @@ class Tracker(Generic[P]):
         if not (sightings or self._tracks):
             return ()
         at = gaze or Gaze(0.0, 0.0)
-        self._tracks = [track for track in self._tracks if track.lives(stamp)]
+        self._tracks = [track for track in self._tracks if track.is_alive(stamp)]
         unmatched = self._match([_measure(sighting, camera, at) for sighting in sightings], stamp)
         self._tracks += [_Track(measured, stamp) for measured in unmatched if measured.sighting.found]
         return self._percepts()
 
-    def _match(self, measured: list[_Measured[P]], stamp: float) -> list[_Measured[P]]:
+    def _match(self, measured: list[_Measurement[P]], stamp: float) -> list[_Measurement[P]]:
         """Give each track the measurement nearest to it; return those that nobody took."""
         pairs = sorted(
-            ((track.off(one, stamp), i, j) for i, track in enumerate(self._tracks) for j, one in enumerate(measured)),
+            (
+                (track.deviation(one, stamp), i, j)
+                for i, track in enumerate(self._tracks)
+                for j, one in enumerate(measured)
+            ),
         )
         matched: set[int] = set()
         taken: set[int] = set()
@@ -286,19 +290,19 @@ class Tracker(Generic[P]):
         """Number the tracks that are confirmed by now, and tell of them."""
         found: list[P] = []
         for track in self._tracks:
-            if track.id is None and track.times >= CONFIRMED:
-                self._ids += 1
-                track.id = self._ids
+            if track.id is None and track.detection_count >= MIN_DETECTIONS:
+                self._last_id += 1
+                track.id = self._last_id
             if track.id is not None:
                 found.append(track.percept(track.id))
         return tuple(sorted(found, key=lambda percept: -percept.box.width * percept.box.height))
 
 
-def _measure(sighting: Sighted[P], camera: Pinhole, gaze: Gaze) -> _Measured[P]:
+def _measure(sighting: TrackableSighting[P], camera: Pinhole, gaze: Gaze) -> _Measurement[P]:
     """Turn a box in the picture into directions."""
-    bearing, elevation = camera.angles(*sighting.box.centre)
-    yaw, pitch = look(gaze, bearing, elevation)
-    return _Measured(sighting, bearing, elevation, yaw, pitch, sighting.distance(camera), gaze.doubt)
+    bearing, elevation = camera.pixel_to_angles(*sighting.box.centre)
+    yaw, pitch = direction_of(gaze, bearing, elevation)
+    return _Measurement(sighting, bearing, elevation, yaw, pitch, sighting.distance(camera), gaze.doubt)
 
 
 # What finders tell of one frame: faces, spots and things of one colour, markers. Plain values, without arrays.
@@ -306,7 +310,7 @@ def _measure(sighting: Sighted[P], camera: Pinhole, gaze: Gaze) -> _Measured[P]:
 SEARCH_WIDTH = 320
 """Pixels of the width to which a picture is shrunk before it is searched: a quarter of the work, half of the noise."""
 
-SMALLEST_SPOT = 8
+MIN_SPOT_PIXELS = 8
 """Pixels of that by which a thing must be wide and high for its shape to be seen."""
 
 BOX_WIDENING = 1.2
@@ -325,17 +329,17 @@ MARKER_FAMILIES = (
 
 
 @dataclass(frozen=True, slots=True)
-class Sighting:
+class FaceSighting:
     """Where a face is in one frame: ``found`` there by the detector, or else carried there by optical flow.
 
-    One that is not ``believed`` is a candidate: so far only the search that found it takes it for a face. ``who`` is
+    One that is not ``is_believed`` is a candidate: so far only the search that found it takes it for a face. ``person`` is
     whose it truly is, which only simulated eyes know.
     """
 
     detection: Detection
     found: bool
-    who: str = ""
-    believed: bool = True
+    person: str = ""
+    is_believed: bool = True
 
     @property
     def box(self) -> Box:
@@ -349,15 +353,15 @@ class Sighting:
 
     def distance(self, camera: Pinhole) -> float:
         """Guess how far away it is, in metres."""
-        return camera.distance(self.box)
+        return camera.face_distance(self.box)
 
-    def percept(self, followed: Percept) -> Face:
+    def percept(self, base: Percept) -> Face:
         """Return what others are told of it."""
-        return Face(**common(followed))
+        return Face(**common_fields(base))
 
 
 @dataclass(frozen=True, slots=True)
-class Spot:
+class ColourSpot:
     """What was found in one picture: where, in its pixels; its colour; its shape, and its width as ``Outline`` has it.
 
     ``width`` is in pixels of the picture.
@@ -373,8 +377,8 @@ class Spot:
 class ThingSighting:
     """A spot in one frame that is what was looked for."""
 
-    spot: Spot
-    wanted: Wanted
+    spot: ColourSpot
+    spec: ThingSpec
     found: bool = True
 
     @property
@@ -385,28 +389,28 @@ class ThingSighting:
     @property
     def kind(self) -> str:
         """What it can be followed as."""
-        return self.wanted.name
+        return self.spec.name
 
     def distance(self, camera: Pinhole) -> float:
         """Return how far away it is in metres, by its size; NaN where that is not known.
 
         A ball's is off by 3 %, a box's by 20 %, as boxes look wider when they are turned.
         """
-        if self.wanted.size is None:
+        if self.spec.size is None:
             return nan
-        bearing, elevation = camera.angles(*self.box.centre)
-        return self.wanted.size * camera.focal / self.spot.width / (cos(bearing) * cos(elevation))
+        bearing, elevation = camera.pixel_to_angles(*self.box.centre)
+        return self.spec.size * camera.focal / self.spot.width / (cos(bearing) * cos(elevation))
 
-    def percept(self, followed: Percept) -> Thing:
+    def percept(self, base: Percept) -> Thing:
         """Return what others are told of it."""
-        wanted = self.wanted
+        wanted = self.spec
         return Thing(
-            **common(followed), name=wanted.name, colour=wanted.colour, shape=self.spot.shape, size=wanted.size
+            **common_fields(base), name=wanted.name, colour=wanted.colour, shape=self.spot.shape, size=wanted.size
         )
 
 
 @dataclass(frozen=True, slots=True)
-class MarkerKind:
+class MarkerSet:
     """The markers that robots wear: their family, the side of their black frame in metres, and whose is which.
 
     ``robots`` are names by number. Raises ValueError for a family that is not known and a side that is not above 0.
@@ -444,6 +448,6 @@ class MarkerSighting:
         del camera  # the range was found with all four corners
         return self.range
 
-    def percept(self, followed: Percept) -> Marker:
+    def percept(self, base: Percept) -> Marker:
         """Return what others are told of it."""
-        return Marker(**common(followed), number=self.number, name=self.name, heading=self.heading)
+        return Marker(**common_fields(base), number=self.number, name=self.name, heading=self.heading)

@@ -8,9 +8,9 @@ lag. The base turns by the head's pan: the head leads, the base follows. A base 
 import math
 from typing import Protocol
 
-from behaviours.tracking.foresight import Ahead, Foresight
-from behaviours.tracking.fuzzy import EDGE, ERROR, PAN, RATE, Law, RuleBases
-from behaviours.tracking.lag import Lag, Turning
+from behaviours.tracking.foresight import BasePredictor, MotionPredictor
+from behaviours.tracking.fuzzy import EDGE, ERROR, PAN, RATE, ControlLaw, RuleBases
+from behaviours.tracking.lag import LagEstimator, TurnState
 from drivers.api import HeadLimits, HeadPose
 from drivers.api.quick import dataclass
 from perception.api import Face, Percept
@@ -28,10 +28,10 @@ class Offset:
     down_rate: float = 0.0
 
 
-class View(Protocol):
+class OffsetSource(Protocol):
     """A way to see a target."""
 
-    def off(self, target: Percept, *, time: float, base: Turning, aim: HeadPose) -> Offset:
+    def offset(self, target: Percept, *, time: float, base: TurnState, aim: HeadPose) -> Offset:
         """Return how far off the target is at ``time``, when the base stands as ``base`` says and the aim is ``aim``.
 
         ``aim`` is in the robot's frame, radians.
@@ -39,7 +39,7 @@ class View(Protocol):
         ...
 
 
-class Expected:
+class PredictedOffset:
     """Where a target will be, as far as that can be foreseen. The rates are its own, as seen from a base that turns.
 
     ``acceleration`` (rad/s^2) is what head or base are able to.
@@ -48,23 +48,27 @@ class Expected:
     def __init__(self, acceleration: float) -> None:
         self._acceleration = acceleration
         self._id: int | None = None
-        self._yaw = self._pitch = Foresight(acceleration)
+        self._yaw = self._pitch = MotionPredictor(acceleration)
 
-    def off(self, target: Percept, *, time: float, base: Turning, aim: HeadPose) -> Offset:
+    def offset(self, target: Percept, *, time: float, base: TurnState, aim: HeadPose) -> Offset:
         """Return how far it will be from the aim."""
         if target.id != self._id:
-            self._id, self._yaw, self._pitch = target.id, Foresight(self._acceleration), Foresight(self._acceleration)
+            self._id, self._yaw, self._pitch = (
+                target.id,
+                MotionPredictor(self._acceleration),
+                MotionPredictor(self._acceleration),
+            )
         ahead = time - target.stamp
         across = target.yaw - target.bearing, base.heading + aim.pan
         down = target.pitch - target.elevation, aim.tilt
-        yaw, yaw_rate = self._yaw.foretell(target.stamp, target.yaw, target.yaw_rate, ahead, across)
-        pitch, pitch_rate = self._pitch.foretell(target.stamp, target.pitch, target.pitch_rate, ahead, down)
+        yaw, yaw_rate = self._yaw.predict(target.stamp, target.yaw, target.yaw_rate, ahead, across)
+        pitch, pitch_rate = self._pitch.predict(target.stamp, target.pitch, target.pitch_rate, ahead, down)
         # The remainder takes the shorter way round to a target behind.
         bearing = math.remainder(yaw - base.heading, math.tau)
         return Offset(bearing - aim.pan, pitch - aim.tilt, yaw_rate - base.rate, pitch_rate)
 
 
-class Shown:
+class PictureOffset:
     """The offset that pictures show, with nothing foreseen: how far off the camera's axis it was in the newest of them.
 
     The rates are how fast that changes from picture to picture.
@@ -73,7 +77,7 @@ class Shown:
     def __init__(self) -> None:
         self._newest: tuple[int, float, Offset] | None = None
 
-    def off(self, target: Percept, *, time: float, base: Turning, aim: HeadPose) -> Offset:
+    def offset(self, target: Percept, *, time: float, base: TurnState, aim: HeadPose) -> Offset:
         """Return how far it was from the camera's axis."""
         del time, base, aim
         found = Offset(target.bearing, target.elevation)
@@ -89,26 +93,26 @@ class Shown:
         return found
 
 
-__all__ = ["Command", "Follower", "RuleBases", "Turning"]
+__all__ = ["FollowCommand", "Follower", "RuleBases", "TurnState"]
 
-LONGEST_STEP = 0.1
+MAX_STEP_TIME = 0.1
 """Seconds: a step counts for no longer, so that a late tick makes no leap."""
 
-PAUSE = 0.5
+RESTART_TIMEOUT = 0.5
 """Seconds without a step after which the follower starts afresh: someone else may have moved the head."""
 
 HEAD_LAG = 0.01
 """Seconds from telling a head where to look to its servos standing there: they need some milliseconds a degree."""
 
-CLOSE = math.radians(1)
+ON_TARGET_ANGLE = math.radians(1)
 """Radians within which a head is with its target: servos that know whole degrees stand no closer."""
 
-STANDS = math.radians(5)
+MAX_STANDING_TURN_RATE = math.radians(5)
 """rad/s: a base that turns faster takes part in catching up, by as much as is not known before its lag is."""
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class FollowCommand:
     """Where the head should look (radians), and how fast the base should turn (rad/s)."""
 
     head: HeadPose
@@ -129,20 +133,20 @@ class Follower:
         *,
         limits: HeadLimits | None,
         max_turn: float,
-        lag: Lag | None = None,
+        lag: LagEstimator | None = None,
     ) -> None:
         self._rules = rules
         self._limits = limits
         self._max_turn = max_turn
-        self._lag = Lag() if lag is None else lag
-        self._ahead = Ahead(self._lag)
-        self._able = self._lag.acceleration if limits is None else limits.acceleration
-        self._view: View = Expected(self._able)
+        self._lag = LagEstimator() if lag is None else lag
+        self._base_predictor = BasePredictor(self._lag)
+        self._acceleration = self._lag.acceleration if limits is None else limits.acceleration
+        self._offset_source: OffsetSource = PredictedOffset(self._acceleration)
         self._by_edge = any(law is not None and EDGE in law.inputs for law in (rules.pan, rules.base, rules.turn))
         self._goal = HeadPose(0.0, 0.0)
         self._last = -math.inf
 
-    def step(self, now: float, target: Percept, *, head: HeadPose, base: Turning) -> Command:
+    def step(self, now: float, target: Percept, *, head: HeadPose, base: TurnState) -> FollowCommand:
         """Return what to command now, to follow ``target``.
 
         ``head`` is the pose last commanded, and matters for a first step, or one after a pause. ``base`` is how the
@@ -156,9 +160,9 @@ class Follower:
             )
         self._lag.learn(base)
         elapsed = now - self._last
-        if elapsed > PAUSE:
-            self._begin(head)
-        span = min(max(elapsed, 0.0), LONGEST_STEP)
+        if elapsed > RESTART_TIMEOUT:
+            self._restart(head)
+        span = min(max(elapsed, 0.0), MAX_STEP_TIME)
         self._last = max(now, self._last)
         known = {EDGE: target.box.x} if isinstance(target, Face) else {}
         if EDGE not in known and self._by_edge:
@@ -168,31 +172,31 @@ class Follower:
         else:
             turn = self._look(now, target, head, base, span, known, self._limits)
         turn = min(max(turn, -self._max_turn), self._max_turn)
-        self._lag.tell(now, turn)
-        return Command(self._goal, turn)
+        self._lag.add_command(now, turn)
+        return FollowCommand(self._goal, turn)
 
-    def _begin(self, head: HeadPose) -> None:
+    def _restart(self, head: HeadPose) -> None:
         """Start afresh from where the head looks."""
         self._goal = HeadPose(0.0, 0.0) if self._limits is None else self._limits.clamp(head)
-        self._lag.forget()
-        self._view = Expected(self._able) if self._rules.predict else Shown()
+        self._lag.forget_commands()
+        self._offset_source = PredictedOffset(self._acceleration) if self._rules.predict else PictureOffset()
 
-    def _turn(self, now: float, target: Percept, base: Turning, span: float, known: dict[str, float]) -> float:
+    def _turn(self, now: float, target: Percept, base: TurnState, span: float, known: dict[str, float]) -> float:
         """Return how fast a base without a head should turn."""
         # A turn rate is in force until the next one: what counts is the middle of that time.
         time = now + self._lag.seconds + span / 2
-        there = self._ahead.at(time, base)
-        off = self._view.off(target, time=time, base=there, aim=self._goal)
+        there = self._base_predictor.at(time, base)
+        off = self._offset_source.offset(target, time=time, base=there, aim=self._goal)
         # The rate is the target's own: the base is to take it up, not to take itself for a target.
         rate = off.left_rate + (there.rate if self._rules.predict else 0.0)
-        return _asked(self._rules.turn, {**known, ERROR: off.left, RATE: rate})
+        return _law_output(self._rules.turn, {**known, ERROR: off.left, RATE: rate})
 
     def _look(
         self,
         now: float,
         target: Percept,
         head: HeadPose,
-        base: Turning,
+        base: TurnState,
         span: float,
         known: dict[str, float],
         limits: HeadLimits,
@@ -201,9 +205,9 @@ class Follower:
         rules, goal = self._rules, self._goal
         # A head has come to its goal for the most part of the time until the next one: it is meant for the middle.
         time = now + HEAD_LAG - span / 2
-        there = self._ahead.at(time, base)
-        off = self._view.off(target, time=time, base=there, aim=goal)
-        left = goal.pan + off.left - head.pan if abs(there.rate) < STANDS else 0.0
+        there = self._base_predictor.at(time, base)
+        off = self._offset_source.offset(target, time=time, base=there, aim=goal)
+        left = goal.pan + off.left - head.pan if abs(there.rate) < MAX_STANDING_TURN_RATE else 0.0
         below = goal.tilt + off.down - head.tilt
         across = {**known, ERROR: off.left + _lead(off.left_rate, left, limits), RATE: off.left_rate}
         down = {ERROR: off.down + _lead(off.down_rate, below, limits), RATE: off.down_rate}
@@ -211,21 +215,21 @@ class Follower:
             across[ERROR], down[ERROR] = off.left, off.down
         pan, tilt = self._stride(rules.pan, across, span, limits), self._stride(rules.tilt, down, span, limits)
         self._goal = limits.clamp(HeadPose(goal.pan + pan, goal.tilt + tilt))
-        return _asked(rules.base, {**across, PAN: self._goal.pan})
+        return _law_output(rules.base, {**across, PAN: self._goal.pan})
 
-    def _stride(self, law: Law | None, known: dict[str, float], span: float, limits: HeadLimits) -> float:
+    def _stride(self, law: ControlLaw | None, known: dict[str, float], span: float, limits: HeadLimits) -> float:
         """Return how far the aim moves in ``span`` seconds: never past where the target will be at their end.
 
         That keeps any rules from swinging about a target that is foreseen, however steep they are and slow the ticks.
         """
-        stride = min(max(_asked(law, known), -limits.speed), limits.speed) * span
+        stride = min(max(_law_output(law, known), -limits.speed), limits.speed) * span
         if not self._rules.predict:
             return stride
         reach = known[ERROR] + known[RATE] * span
         return min(max(stride, min(reach, 0.0)), max(reach, 0.0))
 
 
-def _asked(law: Law | None, known: dict[str, float]) -> float:
+def _law_output(law: ControlLaw | None, known: dict[str, float]) -> float:
     """Return what a law asks for; nothing, where there is none."""
     return 0.0 if law is None else law(known)
 
@@ -239,6 +243,6 @@ def _lead(rate: float, behind: float, limits: HeadLimits) -> float:
     trail = rate * abs(rate) / (2 * limits.acceleration)
     if rate * behind <= 0.0:
         return trail
-    closing = math.sqrt(2 * limits.acceleration * max(0.0, abs(behind) - CLOSE))
+    closing = math.sqrt(2 * limits.acceleration * max(0.0, abs(behind) - ON_TARGET_ANGLE))
     speed = min(abs(rate) + closing, limits.speed)
     return trail + math.copysign(max(0.0, speed**2 - rate**2 - closing**2) / (2 * limits.acceleration), rate)

@@ -12,12 +12,12 @@ from itertools import product
 from math import isnan, prod
 from typing import Any
 
-from behaviours.tracking.terms import Output, Sets, Singletons, Variable, listed
+from behaviours.tracking.terms import FuzzySets, FuzzyVariable, OutputVariable, Singletons, list_text
 from drivers.api.quick import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class LookupTable:
     """A surface as ``heights`` over a grid of rising ``axes``, the last varying fastest, interpolated between.
 
     Raises ValueError for an axis of fewer than two places, or another number of heights than the grid has nodes.
@@ -48,11 +48,11 @@ class Table:
         start = rows[row]
         part = (down - start) / (rows[row + 1] - start)
         if not 0.0 <= part <= 1.0:
-            part = _bounded(part)
+            part = _clamp_share(part)
         start = columns[column]
         share = (across - start) / (columns[column + 1] - start)
         if not 0.0 <= share <= 1.0:
-            share = _bounded(share)
+            share = _clamp_share(share)
         corner = row * width + column
         low, high = heights[corner], heights[corner + width]
         low += share * (heights[corner + 1] - low)
@@ -64,12 +64,12 @@ class Table:
             return self.heights[row]
         axis = self.axes[depth]
         cell = bisect_right(axis, values[depth], 1, len(axis) - 1) - 1
-        share = _bounded((values[depth] - axis[cell]) / (axis[cell + 1] - axis[cell]))
+        share = _clamp_share((values[depth] - axis[cell]) / (axis[cell + 1] - axis[cell]))
         low, high = (self._height(values, depth + 1, row * len(axis) + at) for at in (cell, cell + 1))
         return low + share * (high - low)
 
 
-def _bounded(share: float) -> float:
+def _clamp_share(share: float) -> float:
     """Return the nearest of 0..1. Raises ValueError for NaN."""
     if isnan(share):
         raise ValueError("a value is not a number (NaN)")
@@ -80,13 +80,13 @@ Conjunction = Callable[[Iterable[float]], float]
 CONJUNCTIONS: Mapping[str, Conjunction] = {"product": math.prod, "min": min}
 """How strongly conditions hold together, from their grades."""
 
-METHODS: Mapping[str, tuple[Callable[[str, Any], Output], str]] = {
+METHODS: Mapping[str, tuple[Callable[[str, Any], OutputVariable], str]] = {
     "sugeno": (Singletons, "product"),
-    "mamdani": (Sets.from_points, "min"),
+    "mamdani": (FuzzySets.from_points, "min"),
 }
 """How conclusions become one number: what makes the output, and the conjunction that goes with it by tradition."""
 
-PIECES = 8
+TABLE_PIECES = 8
 """Into how many pieces a table cuts the way from corner to corner."""
 
 _CONDITION = re.compile(r"(\w+) is (\w+)")
@@ -110,8 +110,8 @@ class Controller:
     """Rules from inputs to an output. Raises ValueError for unknown names, and cases decided twice or not at all."""
 
     name: str
-    inputs: tuple[Variable, ...]
-    output: Output
+    inputs: tuple[FuzzyVariable, ...]
+    output: OutputVariable
     rules: tuple[Rule, ...]
     conjunction: Conjunction = math.prod
 
@@ -122,8 +122,8 @@ class Controller:
         if self.multilinear:
             return  # each case has its rule, and at any value some term of each input holds
         for values in product(*(variable.grid(2) for variable in self.inputs)):
-            if not any(strength for _, strength in self.fired(values)):
-                case = " and ".join(v.described(value) for v, value in zip(self.inputs, values, strict=True))
+            if not any(strength for _, strength in self.firing_strengths(values)):
+                case = " and ".join(v.describe(value) for v, value in zip(self.inputs, values, strict=True))
                 raise ValueError(f"{self.name}: no rule fires when {case}")
 
     @classmethod
@@ -131,7 +131,7 @@ class Controller:
         """Make a controller of plain values, as a controller file holds them.
 
         ``inputs`` maps each input to its terms (see ``Variable.from_points``). ``output`` maps one name to its terms:
-        numbers for the ``method`` "sugeno" (unless told otherwise), points (see ``Sets.from_points``) for "mamdani".
+        numbers for the ``method`` "sugeno" (unless told otherwise), points (see ``FuzzySets.from_points``) for "mamdani".
         ``rules`` lists sentences, "if error is left and rate is steady then turn is slow_left", or is a table: its
         first row, "error / rate", heads the columns with terms of the second input; each further row is a term of the
         first with its conclusions. ``and`` is "product" or "min"; unless told otherwise, as the method has it.
@@ -145,12 +145,12 @@ class Controller:
         if unknown := mapping.keys() - {"inputs", "output", "rules", "and", "method"}:
             raise ValueError(f"{name}: has no '{min(unknown)}'; known are: inputs, output, rules, and, method")
         if (method := str(mapping.get("method", "sugeno"))) not in METHODS:
-            raise ValueError(f"{name}: 'method' is one of {listed(METHODS)}, not '{method}'")
+            raise ValueError(f"{name}: 'method' is one of {list_text(METHODS)}, not '{method}'")
         make, usual = METHODS[method]
         if (joined := str(mapping.get("and", usual))) not in CONJUNCTIONS:
-            raise ValueError(f"{name}: 'and' is one of {listed(CONJUNCTIONS)}, not '{joined}'")
+            raise ValueError(f"{name}: 'and' is one of {list_text(CONJUNCTIONS)}, not '{joined}'")
         try:
-            variables = tuple(Variable.from_points(what, terms) for what, terms in inputs.items())
+            variables = tuple(FuzzyVariable.from_points(what, terms) for what, terms in inputs.items())
             (conclusion,) = (make(what, terms) for what, terms in output.items())
             found = tuple(_table(rules) if isinstance(rules, Mapping) else _sentences(rules, conclusion.name))
         except ValueError as error:
@@ -159,7 +159,7 @@ class Controller:
 
     def __call__(self, *values: float) -> float:
         """Infer the output from one value for each input, in their order. Raises ValueError for NaN."""
-        return self.output.combine(self.fired(values))
+        return self.output.combine(self.firing_strengths(values))
 
     @property
     def multilinear(self) -> bool:
@@ -171,20 +171,20 @@ class Controller:
         whole = all(len(rule.conditions) == len(self.inputs) for rule in self.rules)
         cases = math.prod(len(variable.terms) for variable in self.inputs)
         smooth = isinstance(self.output, Singletons) and self.conjunction is math.prod
-        return smooth and whole and len(self.rules) == cases and all(variable.adds_up for variable in self.inputs)
+        return smooth and whole and len(self.rules) == cases and all(variable.is_partition for variable in self.inputs)
 
-    def tabulate(self, pieces: int | None = None) -> Table:
+    def tabulate(self, pieces: int | None = None) -> LookupTable:
         """Work the surface out beforehand: at every corner, and at ``pieces - 1`` places between each two of them.
 
-        Unless told otherwise that is 1 piece for a surface that is multilinear, else ``PIECES``: then the table is off
+        Unless told otherwise that is 1 piece for a surface that is multilinear, else ``TABLE_PIECES``: then the table is off
         by up to 3 % of the output's range.
         """
         if pieces is None:
-            pieces = 1 if self.multilinear else PIECES
+            pieces = 1 if self.multilinear else TABLE_PIECES
         axes = tuple(variable.grid(pieces) for variable in self.inputs)
-        return Table(axes, tuple(self(*node) for node in product(*axes)))
+        return LookupTable(axes, tuple(self(*node) for node in product(*axes)))
 
-    def fired(self, values: Sequence[float]) -> Iterator[tuple[str, float]]:
+    def firing_strengths(self, values: Sequence[float]) -> Iterator[tuple[str, float]]:
         """Yield the conclusion of each rule, and how strongly (0..1) it fires at ``values``."""
         grades = {variable.name: variable.grades(value) for variable, value in zip(self.inputs, values, strict=True)}
         for rule in self.rules:
@@ -196,11 +196,11 @@ class Controller:
         for number, rule in enumerate(self.rules, 1):
             for name, term in rule.conditions.items():
                 if name not in known:
-                    yield number, rule, f"unknown input '{name}'; known are: {listed(known)}"
+                    yield number, rule, f"unknown input '{name}'; known are: {list_text(known)}"
                 elif term not in known[name]:
-                    yield number, rule, f"{name} has no term '{term}'; it has {listed(known[name])}"
+                    yield number, rule, f"{name} has no term '{term}'; it has {list_text(known[name])}"
             if rule.conclusion not in self.output.terms:
-                yield number, rule, f"no conclusion '{rule.conclusion}'; known are: {listed(self.output.terms)}"
+                yield number, rule, f"no conclusion '{rule.conclusion}'; known are: {list_text(self.output.terms)}"
             if (first := decided.setdefault(frozenset(rule.conditions.items()), number)) != number:
                 yield number, rule, f"rule {first} decides this case already"
 
@@ -235,7 +235,7 @@ def _table(table: Mapping[str, Sequence[str]]) -> Iterator[Rule]:
 #
 # A PD controller, the textbook's answer, is among them to compare the fuzzy ones with.
 
-KEYS = ("p", "d", "most")
+PD_KEYS = ("p", "d", "most")
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,8 +252,8 @@ class ProportionalDerivative:
 
         Raises ValueError, as ``name``, for a value that is no number of 0 or more, and for any other key.
         """
-        if unknown := mapping.keys() - set(KEYS):
-            raise ValueError(f"{name}: a PD controller has no '{min(unknown)}'; known are: {', '.join(KEYS)}")
+        if unknown := mapping.keys() - set(PD_KEYS):
+            raise ValueError(f"{name}: a PD controller has no '{min(unknown)}'; known are: {', '.join(PD_KEYS)}")
         found: dict[str, float] = {}
         for key, value in mapping.items():
             if isinstance(value, bool) or not isinstance(value, int | float) or not value >= 0:
@@ -283,7 +283,7 @@ INPUTS: Mapping[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Law:
+class ControlLaw:
     """A control law: a number out of some of the inputs, picked by name and handed to a ``surface`` in that order."""
 
     inputs: tuple[str, ...]
@@ -307,10 +307,10 @@ class RuleBases:
     the head looks; ``edge`` the left edge of a face's box, in pixels of the picture, as the course's tracker had it.
     """
 
-    pan: Law | None = None
-    tilt: Law | None = None
-    base: Law | None = None
-    turn: Law | None = None
+    pan: ControlLaw | None = None
+    tilt: ControlLaw | None = None
+    base: ControlLaw | None = None
+    turn: ControlLaw | None = None
     predict: bool = True
 
     @classmethod
@@ -340,13 +340,13 @@ def controllers(mapping: Mapping[str, Any]) -> dict[str, Controller]:
     }
 
 
-def _law(name: str, found: object) -> Law:
+def _law(name: str, found: object) -> ControlLaw:
     mapping = found if isinstance(found, Mapping) else {}
     if "p" in mapping:
-        law = Law((ERROR, RATE), ProportionalDerivative.from_mapping(name, mapping))
+        law = ControlLaw((ERROR, RATE), ProportionalDerivative.from_mapping(name, mapping))
     else:
         controller = Controller.from_mapping(name, mapping)
-        law = Law(tuple(variable.name for variable in controller.inputs), controller.tabulate())
+        law = ControlLaw(tuple(variable.name for variable in controller.inputs), controller.tabulate())
     if unknown := [given for given in law.inputs if given not in INPUTS[name]]:
         raise ValueError(f"{name}: there is no input '{unknown[0]}' for it; there are {', '.join(INPUTS[name])}")
     return law

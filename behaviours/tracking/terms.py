@@ -26,15 +26,15 @@ class Membership:
     end: float
 
     @classmethod
-    def from_points(cls, points: Sequence[float], who: str = "a term") -> "Membership":
+    def from_points(cls, points: Sequence[float], owner: str = "a term") -> "Membership":
         """Make a shoulder of 2 points (where it begins, where it is full for good), a triangle of 3, a trapezoid of 4.
 
         Raises ValueError, as ``who``, for another number of points, or points that do not rise or are not finite.
         """
         if len(points) not in (2, 3, 4) or not all(map(math.isfinite, points)):
-            raise ValueError(f"{who} needs 2 to 4 finite points, not {listed(points)}")
+            raise ValueError(f"{owner} needs 2 to 4 finite points, not {list_text(points)}")
         if points[0] == points[-1] or (len(points) > 2 and list(points) != sorted(points)):
-            raise ValueError(f"{who} has points that do not rise: {listed(points)}")
+            raise ValueError(f"{owner} has points that do not rise: {list_text(points)}")
         if len(points) > 2:
             return cls(points[0], points[1], points[-2], points[-1])
         foot, full = points
@@ -52,7 +52,7 @@ class Membership:
 
 
 @dataclass(frozen=True, slots=True)
-class Variable:
+class FuzzyVariable:
     """A quantity in words: its terms by name. It reaches from their first corner to their last; others are clamped.
 
     ``corners`` are where some grade bends, in rising order: between two of them, every grade is a straight line.
@@ -66,13 +66,13 @@ class Variable:
     def __post_init__(self) -> None:
         object.__setattr__(self, "corners", corners(self.terms.values()))
         if len(self.terms) < 2:
-            raise ValueError(f"{self.name}: needs two terms at least, has {listed(self.terms)}")
+            raise ValueError(f"{self.name}: needs two terms at least, has {list_text(self.terms)}")
         for value in self.grid(2):
             if not any(self.grades(value).values()):
                 raise ValueError(f"{self.name}: no term covers {value:.4g}; let the terms around it overlap")
 
     @classmethod
-    def from_points(cls, name: str, terms: Mapping[str, float | Sequence[float]]) -> "Variable":
+    def from_points(cls, name: str, terms: Mapping[str, float | Sequence[float]]) -> "FuzzyVariable":
         """Make the terms of their points (see ``Membership.from_points``), or all of them of one peak each.
 
         Between peaks, each term fades as its neighbour grows, so that the grades of a value add up to 1.
@@ -81,7 +81,7 @@ class Variable:
         return cls(name, memberships(name, terms))
 
     @property
-    def adds_up(self) -> bool:
+    def is_partition(self) -> bool:
         """True when the grades of every value add up to 1."""
         return all(math.isclose(sum(self.grades(value).values()), 1.0) for value in self.grid(2))
 
@@ -97,7 +97,7 @@ class Variable:
         held = min(max(value, self.corners[0]), self.corners[-1])
         return {term: membership(held) for term, membership in self.terms.items()}
 
-    def described(self, value: float) -> str:
+    def describe(self, value: float) -> str:
         """Return ``value`` in words, by the term that it belongs to most."""
         grades = self.grades(value)
         return f"{self.name} is {max(grades, key=grades.__getitem__)} ({value:.4g})"
@@ -109,16 +109,16 @@ def corners(terms: Iterable[Membership]) -> tuple[float, ...]:
     return tuple(sorted(filter(math.isfinite, found)))
 
 
-def numbers(who: str, given: object) -> list[float]:
+def as_numbers(owner: str, value: object) -> list[float]:
     """Return one number, or a list of them, as a list. Raises ValueError, as ``who``, for anything else."""
-    items = given if isinstance(given, list | tuple) else [given]
+    items = value if isinstance(value, list | tuple) else [value]
     found = [item for item in items if isinstance(item, int | float)]
     if len(found) < len(items):
-        raise ValueError(f"{who} needs numbers, not {given!r}")
+        raise ValueError(f"{owner} needs numbers, not {value!r}")
     return found
 
 
-def listed(items: Iterable[str | float]) -> str:
+def list_text(items: Iterable[str | float]) -> str:
     """Write words or numbers into a message."""
     return ", ".join(item if isinstance(item, str) else f"{item:.4g}" for item in items) or "none"
 
@@ -131,12 +131,12 @@ def memberships(
     The outermost ones end at their peaks, or with ``whole`` reach as far out as in. Raises ValueError that names the
     variable, ``name``, and the term.
     """
-    points = {term: numbers(f"{name}: '{term}'", given) for term, given in terms.items()}
+    points = {term: as_numbers(f"{name}: '{term}'", given) for term, given in terms.items()}
     if not all(len(given) == 1 for given in points.values()):
         return {term: Membership.from_points(given, f"{name}: '{term}'") for term, given in points.items()}
     peaks = {term: peak for term, (peak,) in points.items()}
     if not all(map(math.isfinite, peaks.values())) or len(set(peaks.values())) < len(peaks):
-        raise ValueError(f"{name}: needs finite peaks, no two in one place, not {listed(peaks.values())}")
+        raise ValueError(f"{name}: needs finite peaks, no two in one place, not {list_text(peaks.values())}")
     above = dict(pairwise(sorted(peaks.values())))
     below = {high: low for low, high in above.items()}
     outermost = {at: 2 * at - above.get(at, below.get(at, at)) for at in peaks.values()} if whole else {}
@@ -146,7 +146,7 @@ def memberships(
     }
 
 
-class Output(Protocol):
+class OutputVariable(Protocol):
     """An output variable of a controller, with what is asked of it."""
 
     @property
@@ -159,7 +159,7 @@ class Output(Protocol):
         """The conclusions that there are, by name."""
         ...
 
-    def combine(self, fired: Iterable[tuple[str, float]]) -> float:
+    def combine(self, strengths: Iterable[tuple[str, float]]) -> float:
         """Return one number for (conclusion, strength) pairs. Raises ValueError when all strengths are 0."""
         ...
 
@@ -175,14 +175,16 @@ class Singletons:
     terms: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        values = [number for term, given in self.terms.items() for number in numbers(f"{self.name}: '{term}'", given)]
+        values = [
+            number for term, given in self.terms.items() for number in as_numbers(f"{self.name}: '{term}'", given)
+        ]
         if not values or len(values) != len(self.terms) or not all(map(math.isfinite, values)):
-            raise ValueError(f"{self.name}: needs terms with one finite number each, has {listed(values)}")
+            raise ValueError(f"{self.name}: needs terms with one finite number each, has {list_text(values)}")
 
-    def combine(self, fired: Iterable[tuple[str, float]]) -> float:
+    def combine(self, strengths: Iterable[tuple[str, float]]) -> float:
         """Return the mean of the conclusions weighted by their strengths. Raises ValueError when all are 0."""
         total = weighted = 0.0
-        for term, strength in fired:
+        for term, strength in strengths:
             total += strength
             weighted += strength * self.terms[term]
         if total == 0:
@@ -191,7 +193,7 @@ class Singletons:
 
 
 @dataclass(frozen=True, slots=True)
-class Sets:
+class FuzzySets:
     """An output whose terms are fuzzy sets: the inference of Mamdani and Assilian (1975).
 
     Each set is cut off at the strength of the strongest rule that concludes it; the output is the centroid of their
@@ -209,7 +211,7 @@ class Sets:
         object.__setattr__(self, "corners", corners(self.terms.values()))
 
     @classmethod
-    def from_points(cls, name: str, terms: Mapping[str, float | Sequence[float]]) -> "Sets":
+    def from_points(cls, name: str, terms: Mapping[str, float | Sequence[float]]) -> "FuzzySets":
         """Make the sets of their points, or of one peak each (see ``terms.memberships``).
 
         Then the outermost sets reach as far out as in, so that alone they mean what their peak says. Raises ValueError
@@ -217,10 +219,10 @@ class Sets:
         """
         return cls(name, memberships(name, terms, whole=True))
 
-    def combine(self, fired: Iterable[tuple[str, float]]) -> float:
+    def combine(self, strengths: Iterable[tuple[str, float]]) -> float:
         """Return the centroid of the union of the sets, each cut off. Raises ValueError when all strengths are 0."""
         cuts: dict[str, float] = {}
-        for term, strength in fired:
+        for term, strength in strengths:
             if strength > cuts.get(term, 0.0):
                 cuts[term] = strength
         if not cuts:

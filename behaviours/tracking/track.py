@@ -7,23 +7,31 @@ from typing import ClassVar
 
 from py_trees.common import Status
 
-from behaviours.clearance import Lookout, free_way, safe_speed
-from behaviours.driving.motion import BRAKING, HELD_OFF, REACTION, Way, disobeyed, held_up, obstacle
+from behaviours.clearance import ObstacleView, free_distance, safe_speed
+from behaviours.driving.motion import (
+    BRAKING_SHARE,
+    RANGE_GUARD_TIMEOUT,
+    REACTION_TIME,
+    MotionDirection,
+    latch_reason,
+    motion_fault_reason,
+    obstacle_reason,
+)
 from behaviours.leaf import SUCCESS, Leaf, argument
-from behaviours.robots import worn_by
-from behaviours.search import named
-from behaviours.sight import KEPT, chosen, may_be
+from behaviours.robots import is_worn_by
+from behaviours.search import matching_things
+from behaviours.sight import FACE_OUTPUT_DOC, face_argument, may_be_same_person
 from behaviours.tracking.follow import Follower
 from behaviours.tracking.fuzzy import RuleBases
-from behaviours.tracking.lag import Turning
-from drivers.api import COMMAND_LIFE, STILL, BaseState, HeadPose, Steering, Velocity, is_guarded
-from perception.api import Face, Marker, Percept, Thing, Wanted
+from behaviours.tracking.lag import TurnState
+from drivers.api import COMMAND_TIMEOUT, ZERO_VELOCITY, BaseState, HeadPose, Steering, Velocity, is_guarded
+from perception.api import Face, Marker, Percept, Thing, ThingSpec
 
-COAST = 0.6
+COAST_TIME = 0.6
 """Seconds without news of the target for which head and base go on turning after it; nothing drives on that long."""
 
 
-class Track(Leaf):
+class TrackLeaf(Leaf):
     """Follows one percept. A subclass says which: ``percepts``, largest first, and ``noun``, what it calls them.
 
     Once it follows one it stays with that, by its id, for as long as it is in view; then with one that may be it. What
@@ -47,21 +55,21 @@ class Track(Leaf):
     _seen_at = 0.0
 
     def initialise(self) -> None:
-        self._target = self.begins_with()
-        self._seen_at = self.run.now()
+        self._target = self.first_target()
+        self._seen_at = self.run.read_value()
         limits = None if self.robot.head_part is None else self.robot.head.limits
         base, lag, max_turn = self.robot.base_part, self.robot.lag, 0.0
         if base is not None:
             lag.acceleration, max_turn = base.limits.turn_acceleration, self.max_turn
             if not lag.learnt:
-                lag.believe(self.lag, learnt=False)
+                lag.set_prior(self.lag, learnt=False)
         self._follower = Follower(self.controller, limits=limits, max_turn=max_turn, lag=lag)
 
     def update(self) -> Status:
-        trouble = self._disobeyed() or self.trouble()
+        trouble = self._motion_fault_reason() or self.stop_reason()
         if trouble:
             return self.fail(trouble)
-        now = self.run.now()
+        now = self.run.read_value()
         target = self._choose([percept for percept in self.percepts() if now - percept.stamp <= self.patience])
         if target is not None:
             if self._target is None or target.stamp > self._target.stamp:
@@ -70,11 +78,11 @@ class Track(Leaf):
         unseen = now - self._seen_at
         if unseen > self.patience:
             return self.fail(f"no {self.noun} for {self.patience:g} s")
-        if self._target is None or self._follower is None or unseen > COAST:
+        if self._target is None or self._follower is None or unseen > COAST_TIME:
             self._drive(0.0, 0.0)
             return self.wait(f"no {self.noun} for {unseen:.1f} s")
         self.result = self._target
-        return self._follow(now, self._target, self._follower, drives=unseen <= COMMAND_LIFE)
+        return self._follow(now, self._target, self._follower, drives=unseen <= COMMAND_TIMEOUT)
 
     def terminate(self, new_status: Status) -> None:
         if new_status is not SUCCESS:
@@ -89,20 +97,20 @@ class Track(Leaf):
     def percepts(self) -> Sequence[Percept]:
         """Return what it may follow, largest first."""
 
-    def begins_with(self) -> Percept | None:
+    def first_target(self) -> Percept | None:
         """Return the one that it is to follow from the start; None for the largest."""
         return None
 
-    def may_be(self, percept: Percept, target: Percept) -> bool:
+    def may_be_target(self, percept: Percept, target: Percept) -> bool:
         """Whether it may be followed in the place of ``target``, which is not in view: any may."""
         del percept, target
         return True
 
-    def trouble(self) -> str:
+    def stop_reason(self) -> str:
         """Return why it cannot go on, or nothing: for those that do more than turn."""
         return ""
 
-    def forward(self, target: Percept, pan: float) -> float:
+    def forward_speed(self, target: Percept, pan: float) -> float:
         """Return how fast the base is to drive (m/s) with the head turned by ``pan``: not at all, on the spot."""
         del target, pan
         return 0.0
@@ -117,7 +125,7 @@ class Track(Leaf):
         same = next((percept for percept in percepts if percept.id == target.id), None)
         if same is not None:
             return same
-        return next((percept for percept in percepts if self.may_be(percept, target)), None)
+        return next((percept for percept in percepts if self.may_be_target(percept, target)), None)
 
     def _follow(self, now: float, target: Percept, follower: Follower, *, drives: bool) -> Status:
         head = None if self.robot.head_part is None else self.robot.head
@@ -125,24 +133,24 @@ class Track(Leaf):
         command = follower.step(now, target, head=looks or HeadPose(0.0, 0.0), base=self._base(now))
         if head is not None:
             head.look(command.head)
-        self._drive(self.forward(target, command.head.pan) if drives else 0.0, command.turn)
+        self._drive(self.forward_speed(target, command.head.pan) if drives else 0.0, command.turn)
         off = math.degrees(max(abs(target.bearing), abs(target.elevation)))
         return self.wait(f"{self.noun} {target.id}, {off:.0f} deg off")
 
-    def _disobeyed(self) -> str:
+    def _motion_fault_reason(self) -> str:
         """Say why the base was stopped because it did not do what it was told, or nothing."""
-        return "" if self.robot.base_part is None else disobeyed(self.robot.base.steering())
+        return "" if self.robot.base_part is None else motion_fault_reason(self.robot.base.steering())
 
-    def _base(self, now: float) -> Turning:
+    def _base(self, now: float) -> TurnState:
         """Return how the base stands and turns; a robot without a base stands still."""
         reading = None if self.robot.base_part is None else self.robot.base.state()
         if reading is None or reading.value is None:
-            return Turning(0.0, 0.0, now, reported=False)
+            return TurnState(0.0, 0.0, now, reported=False)
         heading = reading.value.pose.heading
         if not reading.good:
             # Reports that fail to come say where it was; but not that it still turns, as it stops by itself.
-            return Turning(heading, 0.0, now, reported=False)
-        return Turning(heading, reading.value.velocity.angular, reading.stamp)
+            return TurnState(heading, 0.0, now, reported=False)
+        return TurnState(heading, reading.value.velocity.angular, reading.stamp)
 
     def _drive(self, speed: float, turn: float) -> None:
         if self.robot.base_part is not None:
@@ -152,7 +160,7 @@ class Track(Leaf):
 # The leaf that keeps a face in the middle of the picture.
 
 
-class TrackFace(Track):
+class TrackFace(TrackLeaf):
     """Follow a face with the head, and turn the base when the head nears its limit.
 
     Running while there is a face to follow; it never succeeds. Fails once none was seen for `patience`.
@@ -160,10 +168,10 @@ class TrackFace(Track):
     takes up nobody who is known to be another.
     """
 
-    word = "track_face"
+    tag = "track_face"
     noun = "face"
-    stores = KEPT
-    keeps = Face
+    output_doc = FACE_OUTPUT_DOC
+    output_type = Face
     controller: RuleBases = argument("controller", "the rules to follow by", default="face", principal=True)
     face: Face | None = argument(
         "face", "whom to begin with, as `as` has kept them; else the largest face", default=None
@@ -172,26 +180,26 @@ class TrackFace(Track):
     def percepts(self) -> Sequence[Face]:
         return self.robot.sight.faces()
 
-    def begins_with(self) -> Face | None:
-        return chosen(self.face)
+    def first_target(self) -> Face | None:
+        return face_argument(self.face)
 
-    def may_be(self, percept: Percept, target: Percept) -> bool:
-        return not (isinstance(percept, Face) and isinstance(target, Face)) or may_be(percept, target)
+    def may_be_target(self, percept: Percept, target: Percept) -> bool:
+        return not (isinstance(percept, Face) and isinstance(target, Face)) or may_be_same_person(percept, target)
 
 
 # The leaf that goes after a person: the face stays in the picture, and the person at a distance.
 
-EAGERNESS = 0.8
+SPEED_GAIN = 0.8
 """Speed in m/s for each metre too far: with a Kobuki's dead time of 0.25 s it arrives without overshooting."""
 
-SLACK = 0.1
+DISTANCE_TOLERANCE = 0.1
 """Metres too far that are near enough: the distance is a guess from the size of the face, and trembles."""
 
-NEAREST = 0.6
+MIN_DISTANCE = 0.6
 """Metres to people at least. A TurtleBot 2 (0.18 m) touches a person (0.25 m) at 0.43 m: told to stay 0.5 m behind, it
 bumps into people in the simulated rooms, told 0.6 m it does not; nearer by, a face leaves the picture of its camera."""
 
-AHEAD = math.radians(45)
+MAX_DRIVING_PAN = math.radians(45)
 """With the head turned further aside the base only turns: it would drive past the person."""
 
 
@@ -204,95 +212,99 @@ class FollowPerson(TrackFace):
     stopped until somebody enables it.
     """
 
-    word = "follow_person"
+    tag = "follow_person"
     needs = frozenset({"camera", "head", "base"})
-    uses = frozenset({"range"})
-    distance: float = argument("length", "how far to stay behind the person", default=1.0, low=NEAREST, high=5.0)
+    optional_parts = frozenset({"range"})
+    distance: float = argument("length", "how far to stay behind the person", default=1.0, low=MIN_DISTANCE, high=5.0)
     speed: float = argument("speed", "how fast it may drive", default=0.3, low=0.01, high=0.7)
 
-    _lookout: Lookout | None = None
-    _held_off_since: float | None = None
+    _lookout: ObstacleView | None = None
+    _guarded_since: float | None = None
 
     def initialise(self) -> None:
         super().initialise()
-        self._held_off_since = None
-        self._lookout = Lookout(self.robot)
+        self._guarded_since = None
+        self._lookout = ObstacleView(self.robot)
 
-    def trouble(self) -> str:
+    def stop_reason(self) -> str:
         base = self.robot.base
         state = base.state().value
         steering = base.steering()
         return (
-            held_up(base) or ("" if state is None else obstacle(state, Way.AHEAD, steering)) or self._held_off(steering)
+            latch_reason(base)
+            or ("" if state is None else obstacle_reason(state, MotionDirection.AHEAD, steering))
+            or self._range_guard_reason(steering)
         )
 
-    def _held_off(self, steering: Steering) -> str:
-        """Say what the range guard sees in the way, once the base has stood for ``HELD_OFF`` seconds because of it."""
-        if not is_guarded(steering) or steering.given != STILL:
-            self._held_off_since = None
+    def _range_guard_reason(self, steering: Steering) -> str:
+        """Say what the range guard sees in the way, once the base has stood for ``RANGE_GUARD_TIMEOUT`` seconds because of it."""
+        if not is_guarded(steering) or steering.allowed != ZERO_VELOCITY:
+            self._guarded_since = None
             return ""
-        now = self.run.now()
-        if self._held_off_since is None:
-            self._held_off_since = now
-        return steering.because if now - self._held_off_since > HELD_OFF else ""
+        now = self.run.read_value()
+        if self._guarded_since is None:
+            self._guarded_since = now
+        return steering.reason if now - self._guarded_since > RANGE_GUARD_TIMEOUT else ""
 
-    def forward(self, target: Percept, pan: float) -> float:
-        too_far = target.distance - self.distance - SLACK
+    def forward_speed(self, target: Percept, pan: float) -> float:
+        too_far = target.distance - self.distance - DISTANCE_TOLERANCE
         # Without fresh reports neither an obstacle nor the way gone is known.
         reading = self.robot.base.state()
-        if not too_far > 0.0 or abs(pan) >= AHEAD or reading.value is None or not reading.good:  # nor does it by a NaN
+        if (
+            not too_far > 0.0 or abs(pan) >= MAX_DRIVING_PAN or reading.value is None or not reading.good
+        ):  # nor does it by a NaN
             return 0.0
-        speed = min(EAGERNESS * too_far, self.speed, self._safe_speed(reading.value))
-        return speed * math.cos(pan * math.pi / 2 / AHEAD)
+        speed = min(SPEED_GAIN * too_far, self.speed, self._safe_speed(reading.value))
+        return speed * math.cos(pan * math.pi / 2 / MAX_DRIVING_PAN)
 
     def _safe_speed(self, state: BaseState) -> float:
         """Return how fast it may drive straight ahead, as far as the range finder sees: not while it is silent."""
         if self._lookout is None or self.robot.ranger_part is None:
             return math.inf
-        seen = self._lookout.around(state, self.run.now())
+        seen = self._lookout.points_around(state, self.run.read_value())
         if seen is None:
             return 0.0
-        braking = BRAKING * self.robot.base.limits.acceleration
-        return safe_speed(free_way(seen), braking=braking, reaction=REACTION)
+        braking = BRAKING_SHARE * self.robot.base.limits.acceleration
+        return safe_speed(free_distance(seen), braking=braking, reaction=REACTION_TIME)
 
 
 # The leaf that keeps a coloured object in the middle of the picture.
 
 
-class TrackObject(Track):
+class TrackObject(TrackLeaf):
     """Follow a coloured object with the head, and turn the base when the head nears its limit.
 
     `track_object: red ball`. Running while there is one to follow; it never succeeds. Fails once none was seen for
     `patience`. Once it follows one it stays with that, whatever else of the kind comes into view, until it is lost.
     """
 
-    word = "track_object"
+    tag = "track_object"
     noun = "object"
     senses = frozenset({"things"})
-    stores = "the object: id, name, colour, shape, yaw, pitch, distance"
-    keeps = Thing
-    what: Wanted = argument("object", "a colour and a shape, or the name of an object", principal=True)
+    output_doc = "the object: id, name, colour, shape, yaw, pitch, distance"
+    output_type = Thing
+    what: ThingSpec = argument("object", "a colour and a shape, or the name of an object", principal=True)
 
     def percepts(self) -> Sequence[Thing]:
-        return named(self.robot.sight.things(), self.what)
+        return matching_things(self.robot.sight.things(), self.what)
 
 
 # The leaf that keeps another robot in the middle of the picture, by the marker that it wears.
 
 
-class TrackRobot(Track):
+class TrackRobot(TrackLeaf):
     """Follow another robot with the head, and turn the base when the head nears its limit.
 
     `track_robot: 7` or `track_robot: R2`. Running while its marker is seen; it never succeeds. Fails once it was not
     seen for `patience`.
     """
 
-    word = "track_robot"
+    tag = "track_robot"
     noun = "robot"
     senses = frozenset({"markers"})
-    stores = "the robot: id, number, name, yaw, pitch, distance, heading"
-    keeps = Marker
+    output_doc = "the robot: id, number, name, yaw, pitch, distance, heading"
+    output_type = Marker
     which: str = argument("text", "its marker's number, or its name; else any", default="", principal=True)
 
     def percepts(self) -> Sequence[Marker]:
-        return [marker for marker in self.robot.sight.markers() if worn_by(marker, self.which)]
+        return [marker for marker in self.robot.sight.markers() if is_worn_by(marker, self.which)]

@@ -65,16 +65,16 @@ class DockBeam(IntFlag):
     FAR_RIGHT = 32
 
 
-_NOTHING = DockBeam(0)
+_NO_BEAMS = DockBeam(0)
 
 
 @dataclass(frozen=True, slots=True)
 class DockSignals:
     """What each of the base's infrared receivers hears of the dock; nothing where there is none in sight."""
 
-    left: DockBeam = _NOTHING
-    centre: DockBeam = _NOTHING
-    right: DockBeam = _NOTHING
+    left: DockBeam = _NO_BEAMS
+    centre: DockBeam = _NO_BEAMS
+    right: DockBeam = _NO_BEAMS
 
     def __bool__(self) -> bool:
         return bool(self.left or self.centre or self.right)
@@ -171,14 +171,14 @@ class BaseState:
         return {**moved, "speed": self.velocity.linear, "turn": self.velocity.angular, "battery": self.battery_percent}
 
 
-PERFORMED = ("stand", "sit", "gait")
+LEG_ACTS = ("stand", "sit", "gait")
 """The acts that legs can perform."""
 
-FALLEN = "it has fallen"
+FALLEN_REASON = "it has fallen"
 """Why a base with legs is latched that lies."""
 
 
-def _as_mission(source: Source) -> Source:
+def _require_mission_source(source: Source) -> Source:
     """Return the source of a leaf's command. Raises BadRequest for another than the mission."""
     if source is not Source.MISSION:
         raise BadRequest(f"base: a mission's behaviour cannot drive as '{source}'", hint="leave the source out")
@@ -223,7 +223,7 @@ class Legs(Capability, Protocol):
 
     @command("never", moves=True)
     def perform(self, act: str, gait: GaitKeys | None = None) -> float:
-        """Perform one of ``PERFORMED`` for ``COMMAND_LIFE``, with a ``gait`` for that act alone.
+        """Perform one of ``LEG_ACTS`` for ``COMMAND_TIMEOUT``, with a ``gait`` for that act alone.
 
         Return the progress: a share of 0..1, or the cycles of a gait. An act that is not renewed ends by itself, in a
         stand or on the way to it. Raises BadRequest for an act that the legs cannot perform, NotConnected, and
@@ -265,18 +265,18 @@ class Base(Device, Protocol):
     @command(
         "after",
         moves=True,
-        as_leaf={"source": _as_mission},
-        otherwise=lambda base, velocity, source: base.limits.clamp(velocity),  # noqa: ARG005 - whoever commands
+        leaf_converters={"source": _require_mission_source},
+        default_reply=lambda base, velocity, source: base.limits.clamp(velocity),  # noqa: ARG005 - whoever commands
     )
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
-        """Drive so until told otherwise, for ``COMMAND_LIFE`` at most; return what is in force after limiting.
+        """Drive so until told otherwise, for ``COMMAND_TIMEOUT`` at most; return what is in force after limiting.
 
         That is standing still while a more important source has the wheels. Raises BadRequest for a value that is not
         finite or for ``Source.SAFETY``, NotConnected, and DeviceFault while it is latched.
         """
         ...
 
-    @command("before", as_leaf={"source": lambda _: Source.MISSION})  # a leaf does not stop the base for others
+    @command("before", leaf_converters={"source": lambda _: Source.MISSION})  # a leaf does not stop the base for others
     def stop(self, *, source: Source | None = None) -> None:
         """Stand still now, without a ramp: forget what ``source`` commands, or what anybody does (None).
 

@@ -5,7 +5,7 @@ from dataclasses import field
 from enum import StrEnum
 from typing import Annotated, Generic, Protocol, TypeVar, runtime_checkable
 
-from drivers.api.keys import Mistake, key, keys
+from drivers.api.keys import KeyDiagnostic, key, keys
 from drivers.api.marks import UNSAMPLED, command, direct
 from drivers.api.quick import dataclass
 
@@ -43,33 +43,33 @@ class Health:
 
     ``detail`` says in a few words what is the matter ("/dev/kobuki: no such device"), ``hint`` what to type next;
     both are empty when all is well. ``counters`` are totals since ``open``: frames, misses, checksum errors and so on.
-    ``returned`` is when it was last back (on the driver's clock) from an absence so long that nothing that was decided
-    before is to move it any more, see ``Away``; None if there was none.
+    ``reconnected_at`` is when it was last back (on the driver's clock) from an absence so long that nothing that was decided
+    before is to move it any more, see ``ReconnectPolicy``; None if there was none.
     """
 
     online: bool
     detail: str = ""
     hint: str = ""
     counters: Mapping[str, int] = field(default_factory=dict)
-    returned: float | None = None
+    reconnected_at: float | None = None
 
 
 @keys
-class Away:
+class ReconnectPolicy:
     """What a part that moves does when it is back: after how many seconds away it stays at rest, and for how long.
 
-    After more than ``decide`` until somebody decides anew, after more than ``latch`` until somebody enables it: who
-    stands beside it by then may believe that it is dead. A part that has started anew was away for ``decide`` at least.
+    After more than ``decide_after`` until somebody decides anew, after more than ``latch_after`` until somebody enables it: who
+    stands beside it by then may believe that it is dead. A part that has started anew was away for ``decide_after`` at least.
     """
 
-    decide: float = key(
+    decide_after: float = key(
         "duration",
         default=1.0,
         low=0.1,
         word="decide_after",
         help="Away for longer, it stays at rest until the mission decides anew what it is to do.",
     )
-    latch: float = key(
+    latch_after: float = key(
         "duration",
         default=5.0,
         low=0.1,
@@ -77,11 +77,11 @@ class Away:
         help="Away for longer, it stays at rest until somebody enables it.",
     )
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield what does not go together."""
-        if self.latch < self.decide:
-            message = f"'latch_after' ({self.latch:g} s) is below 'decide_after' ({self.decide:g} s)"
-            yield Mistake(message, ("latch_after",), ("decide_after",))
+        if self.latch_after < self.decide_after:
+            message = f"'latch_after' ({self.latch_after:g} s) is below 'decide_after' ({self.decide_after:g} s)"
+            yield KeyDiagnostic(message, ("latch_after",), ("decide_after",))
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,18 +90,18 @@ class DeviceStatus:
 
     device: str
     kind: str
-    what: str
+    message: str
     hint: str = ""
 
 
-Report = Callable[[DeviceStatus], None]
+StatusCallback = Callable[[DeviceStatus], None]
 """Where a driver sends its status; called mostly from the driver's own thread, must return at once.
 
 What it raises is logged once and goes no further: a driver that reports must not come to harm by it.
 """
 
 
-def ignore(*_told: object) -> None:
+def ignore(*_args: object) -> None:
     """Do nothing: a callback of which nobody wants to be told."""
 
 
@@ -138,7 +138,7 @@ L = TypeVar("L")
 
 
 @runtime_checkable
-class Curbed(Protocol[L]):
+class Limitable(Protocol[L]):
     """A part that keeps within narrower limits than its robot file's while it runs, as all of ours can."""
 
     @property
@@ -146,7 +146,7 @@ class Curbed(Protocol[L]):
         """Those that hold."""
         ...
 
-    def curb(self, limits: L) -> L:
+    def restrict_limits(self, limits: L) -> L:
         """Keep within ``limits`` from now on, where they are narrower than the file's; return those that hold.
 
         From any thread. Raises BadRequest for limits that leave nothing.
@@ -155,8 +155,8 @@ class Curbed(Protocol[L]):
 
 
 @runtime_checkable
-class Latching(Protocol):
-    """A part that moves, and may stand still until somebody enables it: see ``Away``."""
+class Latchable(Protocol):
+    """A part that moves, and may stand still until somebody enables it: see ``ReconnectPolicy``."""
 
     @property
     def latched(self) -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Literal
 
-from drivers.api.keys import Mistake, key, keys
+from drivers.api.keys import KeyDiagnostic, key, keys
 
 Vector = tuple[float, float, float]
 
@@ -45,18 +45,22 @@ class GaitKeys:
     period: float | None = key("duration", default=None, low=0.1, high=60.0, help="The time of a cycle of points.")
     points: tuple[PointKeys, ...] = key(default=(), each="a point", help="Where the soles are, one after another.")
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield a gait that is none, or two, and points that do not follow one another."""
         if (self.walk is None) == (not self.points):
             hint = "such as walk: {step: 50 mm}"
-            yield Mistake("a gait file needs either 'walk' or 'points'", hint=hint, about=(("walk",), ("points",)))
+            yield KeyDiagnostic(
+                "a gait file needs either 'walk' or 'points'", hint=hint, about=(("walk",), ("points",))
+            )
         if self.points and self.period is None:
-            yield Mistake("'points' need a 'period'", ("points",), hint="period: 1 s", about=(("points",), ("period",)))
+            yield KeyDiagnostic(
+                "'points' need a 'period'", ("points",), hint="period: 1 s", about=(("points",), ("period",))
+            )
         if 0 < len(self.points) < 3:
-            yield Mistake("'points' needs at least three", ("points",), about=(("points",),))
+            yield KeyDiagnostic("'points' needs at least three", ("points",), about=(("points",),))
         before = -1.0
         for place, point in enumerate(self.points):
             at = ("points", place, "at")
             if not before < point.at < 1.0:
-                yield Mistake("'at' must be later than the one before, and below 100 %", at, about=(at,))
+                yield KeyDiagnostic("'at' must be later than the one before, and below 100 %", at, about=(at,))
             before = point.at

@@ -62,7 +62,7 @@ class Head(Device, Protocol):
         """How far and how fast it turns."""
         ...
 
-    @command("after", moves=True, otherwise=lambda head, target: head.limits.clamp(target))
+    @command("after", moves=True, default_reply=lambda head, target: head.limits.clamp(target))
     def look(self, target: HeadPose) -> HeadPose:
         """Start moving to ``target``; return the pose accepted after clamping. Raises BadRequest if not finite."""
         ...

@@ -59,7 +59,7 @@ class Coupling:
     offset: float = 0.0
 
 
-def _within(joints: "Joints", goals: Mapping[str, float], _: object) -> Mapping[str, float]:
+def _clamp_goals(joints: "Joints", goals: Mapping[str, float], _: object) -> Mapping[str, float]:
     """Return the goals after clamping."""
     limits = joints.limits
     return {name: limits[name].clamp(goal) for name, goal in goals.items()}
@@ -74,7 +74,7 @@ class Joints(Device, Protocol):
         """The joints by name, in the order of the robot file."""
         ...
 
-    @command("after", moves=True, kept={"goals": dict, "speeds": dict}, otherwise=_within)
+    @command("after", moves=True, converters={"goals": dict, "speeds": dict}, default_reply=_clamp_goals)
     def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
         """Start moving the named joints to ``goals`` (radians), all in one packet; return the goals after clamping.
 
@@ -87,7 +87,7 @@ class Joints(Device, Protocol):
         """The newest state of each joint."""
         ...
 
-    @command("before", kept={"joints": tuple})
+    @command("before", converters={"joints": tuple})
     def hold(self, joints: Collection[str] | None = None) -> None:
         """Let the named joints (None: all) stand still and stiff where they are now.
 
@@ -95,12 +95,12 @@ class Joints(Device, Protocol):
         """
         ...
 
-    @command("before", kept={"joints": tuple})
+    @command("before", converters={"joints": tuple})
     def relax(self, joints: Collection[str] | None = None) -> None:
         """Switch the torque of the named joints (None: all) off. Safe and raising as ``hold``."""
         ...
 
-    @command("after", moves=bool, kept={"couplings": tuple})  # () moves nothing
+    @command("after", moves=bool, converters={"couplings": tuple})  # () moves nothing
     def follow(self, couplings: Sequence[Coupling]) -> None:
         """Let joints follow others from now on, in the driver's own loop; () ends it, and they stand where they are.
 
@@ -110,7 +110,7 @@ class Joints(Device, Protocol):
         """
         ...
 
-    @command("after", moves=True, otherwise=lambda _: ())
+    @command("after", moves=True, default_reply=lambda _: ())
     def recover(self) -> tuple[str, ...]:
         """Make servos that have shut themselves down stiff again where they stand; return the names of the joints.
 
@@ -146,27 +146,27 @@ class Gesture:
     interpolation: Interpolation = "minimum_jerk"
 
 
-def joint_called(arm: str, joint: str) -> str:
+def qualified_joint_name(arm: str, joint: str) -> str:
     """Return what a joint is called among those of all arms: of a further arm, after its name: `right_arm.elbow`."""
     return joint if arm == "arm" else f"{arm}.{joint}"
 
 
 # Joints that follow others: where the followers belong, given where the leaders are. Pure arithmetic.
 
-RUN_IN = radians(50)
+MAX_APPROACH_SPEED = radians(50)
 """rad/s at most for a follower that is brought over to where it is led."""
 
 FOLLOWING_TOLERANCE = radians(5)
 """Within this angle of where it is led a follower has come over, and goes as fast as it may from then on."""
 
-PAUSE = 0.25
+MAX_FOLLOW_GAP = 0.25
 """Seconds without being led after which a follower is brought over anew: its leader may be anywhere by then.
 
 An arm that is read less often leads slowly all the time.
 """
 
 
-class Following:
+class ActiveCouplings:
     """The couplings in force at present; none to begin with. For one thread at a time.
 
     A follower is brought over slowly at first, and again after a pause, so that none leaps.
@@ -174,8 +174,8 @@ class Following:
 
     def __init__(self, couplings: Sequence[Coupling] = ()) -> None:
         self._couplings = {coupling.follower: coupling for coupling in couplings}
-        self._led_at: dict[str, float] = {}
-        self._come: set[str] = set()  # those that were brought over
+        self._goal_set_at: dict[str, float] = {}
+        self._caught_up: set[str] = set()  # those that were brought over
 
     def __bool__(self) -> bool:
         return bool(self._couplings)
@@ -185,12 +185,12 @@ class Following:
         """Those in force."""
         return tuple(self._couplings.values())
 
-    def freed_by(self, couplings: Sequence[Coupling]) -> list[str]:
+    def followers_without(self, couplings: Sequence[Coupling]) -> list[str]:
         """Return the joints that would follow no more if ``couplings`` took the place of these."""
         kept = {coupling.follower for coupling in couplings}
         return [follower for follower in self._couplings if follower not in kept]
 
-    def end(self, joints: Collection[str]) -> None:
+    def release(self, joints: Collection[str]) -> None:
         """Let those of ``joints`` that follow do so no more."""
         for joint in joints:
             self._couplings.pop(joint, None)
@@ -214,14 +214,14 @@ class Following:
         far as that is known just now.
         """
         for follower, goal in goals.items():
-            if now - self._led_at.get(follower, -inf) > PAUSE:
-                self._come.discard(follower)
+            if now - self._goal_set_at.get(follower, -inf) > MAX_FOLLOW_GAP:
+                self._caught_up.discard(follower)
             if abs(positions.get(follower, inf) - goal) <= FOLLOWING_TOLERANCE:
-                self._come.add(follower)
-            self._led_at[follower] = now
-        return {follower: RUN_IN for follower in goals if follower not in self._come}
+                self._caught_up.add(follower)
+            self._goal_set_at[follower] = now
+        return {follower: MAX_APPROACH_SPEED for follower in goals if follower not in self._caught_up}
 
-    def pause(self, followers: Collection[str] | None = None) -> None:
+    def mark_paused(self, followers: Collection[str] | None = None) -> None:
         """Take note that ``followers`` (None: all) did not follow: they are brought over anew."""
         for follower in self._couplings if followers is None else followers:
-            self._led_at.pop(follower, None)
+            self._goal_set_at.pop(follower, None)

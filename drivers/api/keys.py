@@ -53,7 +53,7 @@ Form = Literal[
     "any",
     "rest",
 ]
-"""What a key takes. ``span`` is [low, high], ``vector`` so many quantities. ``list`` and ``named`` hold what is
+"""What a key takes. ``span`` is [low, high], ``vector`` so many quantities. ``list`` and ``marks_key`` hold what is
 ``inner``; ``either`` is one of its ``options``, ``any`` what its reader
 looks at itself. ``rest`` is no key of the file: it takes all that the section has
 besides."""
@@ -99,32 +99,32 @@ class Key:
 
 
 @dataclass(frozen=True, slots=True)
-class Mistake:
+class KeyDiagnostic:
     """What is wrong with the values of a section beyond each by itself.
 
-    ``at`` is where: words, and places in lists, from the section on; where the file lacks it, ``otherwise``, and then
-    what is around it. ``named`` marks the last word itself instead of its value. ``hint`` says what to write; or the
-    ``seen`` word is compared with those ``known``. ``about`` are the keys that it comes of: where one of them is wrong
+    ``at`` is where: words, and places in lists, from the section on; where the file lacks it, ``fallback_at``, and then
+    what is around it. ``marks_key`` marks the last word itself instead of its value. ``hint`` says what to write; or the
+    ``unknown_word`` word is compared with those ``known_words``. ``about`` are the keys that it comes of: where one of them is wrong
     by itself, that is told alone; without any, it comes of all.
     """
 
     message: str
     at: tuple[str | int, ...] = ()
-    otherwise: tuple[str | int, ...] = ()
-    named: bool = False
+    fallback_at: tuple[str | int, ...] = ()
+    marks_key: bool = False
     hint: str = ""
-    seen: str = ""
-    known: Collection[str] = ()
+    unknown_word: str = ""
+    known_words: Collection[str] = ()
     about: tuple[tuple[str | int, ...], ...] = ()
 
 
-class Checked(Protocol):
+class ValidatedKeys(Protocol):
     """A class of keys with rules beyond each key by itself.
 
     It may say in ``unknown`` what messages say of a key that it does not have, with {} for its word.
     """
 
-    def mistakes(self) -> Iterable[Mistake]:
+    def diagnostics(self) -> Iterable[KeyDiagnostic]:
         """Yield what is wrong; asked only where each key is right by itself."""
         ...
 
@@ -184,7 +184,7 @@ def key(
 
 
 @dataclass(frozen=True, slots=True)
-class Inside:
+class ValueConstraints:
     """What is told of the values inside of a key, in an ``Annotated`` type; see ``key``."""
 
     dimension: str = ""
@@ -197,12 +197,12 @@ class Inside:
     blank: bool = False
 
 
-def inside(dimension: str = "", *, among: Iterable[str] = (), **told: Any) -> Inside:
+def inside(dimension: str = "", *, among: Iterable[str] = (), **constraints: Any) -> ValueConstraints:
     """Tell more of what stands in a list, or under names.
 
     Its place is the type of a key: ``tuple[Annotated[int, inside(low=1)], ...]``.
     """
-    return Inside(dimension, among=tuple(among), **told)
+    return ValueConstraints(dimension, among=tuple(among), **constraints)
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(key,))
@@ -211,13 +211,13 @@ def keys(cls: type[T]) -> type[T]:
     return dataclass(frozen=True, kw_only=True)(cls)  # without slots, which two bases cannot both have
 
 
-def declared(cls: type) -> tuple[Key, ...]:
+def declared_keys(cls: type) -> tuple[Key, ...]:
     """Return the keys of a class of keys, in their order. Raises TypeError for a field of which no key can be made."""
-    return _declared(cls)
+    return _read_keys(cls)
 
 
 @cache
-def _declared(cls: Any) -> tuple[Key, ...]:
+def _read_keys(cls: Any) -> tuple[Key, ...]:
     hints = get_type_hints(cls, include_extras=True)
     found = []
     for each in fields(cls):
@@ -228,7 +228,7 @@ def _declared(cls: Any) -> tuple[Key, ...]:
         rest: bool = each.metadata["rest"]
         made = Key(each.name, each.metadata["word"] or each.name, "rest", dimension=told.dimension)
         try:
-            made = made if rest else _key(made.field, made.word, hints[each.name], told)
+            made = made if rest else _make_key(made.field, made.word, hints[each.name], told)
         except TypeError as error:
             raise TypeError(f"{cls.__qualname__}.{each.name}: {error}") from None
         required = default is MISSING and not rest
@@ -237,46 +237,46 @@ def _declared(cls: Any) -> tuple[Key, ...]:
     return tuple(found)
 
 
-def _key(name: str, word: str, hint: Any, told: Inside) -> Key:
+def _make_key(name: str, word: str, hint: Any, constraints: ValueConstraints) -> Key:
     """Return what a key of a type takes. Raises TypeError where no key can hold it."""
     if get_origin(hint) is Annotated:
-        hint, told = get_args(hint)[:2]
+        hint, constraints = get_args(hint)[:2]
     parts = [each for each in get_args(hint) if each is not NoneType] if get_origin(hint) in (Union, UnionType) else []
     if len(parts) == 1:
-        return _key(name, word, parts[0], told)
-    made = Key(name, word, "text", **{each.name: getattr(told, each.name) for each in fields(told)})
+        return _make_key(name, word, parts[0], constraints)
+    made = Key(name, word, "text", **{each.name: getattr(constraints, each.name) for each in fields(constraints)})
     sizes = tuple(len(get_args(each)) for each in parts or [hint] if {*get_args(each)} == {float})
     if sizes and len(sizes) == len(parts or [hint]):
-        return replace(made, form="span" if sizes == (2,) and not told.wrong else "vector", sizes=sizes)
+        return replace(made, form="span" if sizes == (2,) and not constraints.wrong else "vector", sizes=sizes)
     if parts:
-        return _either(made, parts, told)
+        return _make_either_key(made, parts, constraints)
     if get_origin(hint) is Literal:
         return replace(made, form="choice", among=get_args(hint))
     if isinstance(hint, type) and is_dataclass(hint):
         return replace(made, form="section", of=hint)
     if hint in _PLAIN:
-        plain = "quantity" if hint is float and told.dimension else _PLAIN[hint]
-        return replace(made, form="choice" if told.among else plain)
-    return _several(made, hint, told)
+        plain = "quantity" if hint is float and constraints.dimension else _PLAIN[hint]
+        return replace(made, form="choice" if constraints.among else plain)
+    return _make_collection_key(made, hint, constraints)
 
 
-def _either(made: Key, parts: list[Any], told: Inside) -> Key:
+def _make_either_key(key: Key, parts: list[Any], constraints: ValueConstraints) -> Key:
     """Return a key that takes one of several: a quantity or some words, or what differs in its form."""
     words = next((get_args(each) for each in parts if get_origin(each) is Literal), ())
     if words and float in parts:
-        return replace(made, form="quantity", among=words)
-    within = replace(told, wrong="", hint="")
-    return replace(made, form="either", options=tuple(_key(made.field, made.word, each, within) for each in parts))
+        return replace(key, form="quantity", among=words)
+    within = replace(constraints, wrong="", hint="")
+    return replace(key, form="either", options=tuple(_make_key(key.field, key.word, each, within) for each in parts))
 
 
-def _several(made: Key, hint: Any, told: Inside) -> Key:
+def _make_collection_key(key: Key, hint: Any, constraints: ValueConstraints) -> Key:
     """Return a key that takes a list, or values under names. Raises TypeError for another."""
     origin, inner = get_origin(hint), get_args(hint)
     if origin is tuple and inner[1:] == (...,):
-        return replace(made, form="list", inner=_key(made.field, made.word, inner[0], told))
+        return replace(key, form="list", inner=_make_key(key.field, key.word, inner[0], constraints))
     if isinstance(origin, type) and issubclass(origin, Mapping):
-        within = replace(told, wrong="", hint="")
-        return replace(made, form="named", inner=_key(made.field, made.word, inner[1], within))
+        within = replace(constraints, wrong="", hint="")
+        return replace(key, form="named", inner=_make_key(key.field, key.word, inner[1], within))
     raise TypeError(f"no key can hold {hint}")
 
 

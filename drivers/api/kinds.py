@@ -10,18 +10,18 @@ from drivers.api.steering import Source
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class PartKind:
     """A kind of part.
 
     ``name`` stands in files, missions and events; ``field`` is its field in ``behaviours.robot.Robot`` and its name in
-    records, without ``_part``. ``keys`` is what the section of every driver of this kind extends. ``device`` is the
-    dotted name of the protocol of its device, ``seen`` of what leaves see of it, where that is another. ``still`` makes
-    it hold still, None for what does nothing by itself; ``moves`` is False for what is heard and does not move.
-    ``usual`` is the driver of a section that names none; where it is empty, the section must name one. ``wired`` parts
-    have a port, and stand-ins of their own driver. ``after`` are the kinds that are made before it, where the robot has
-    them. ``reading`` is the method of its newest ``Reading``, whose value tells its ``figures``, or of one for each of
-    its joints; empty for what measures nothing. ``step`` is its place among the twins of one moment; None for a part
-    that is not stepped. A robot may have ``several`` of a kind: the others under names of their own, in sections that
+    records, without ``_part``. ``keys`` is what the section of every driver of this kind extends. ``protocol`` is the
+    dotted name of the protocol of its device, ``leaf_protocol`` of what leaves see of it, where that is another. ``hold_still`` makes
+    it hold still, None for what does nothing by itself; ``has_actuators`` is False for what is heard and does not move.
+    ``default_driver`` is the driver of a section that names none; where it is empty, the section must name one. ``has_port`` parts
+    have a port, and stand-ins of their own driver. ``made_after`` are the kinds that are made before it, where the robot has
+    them. ``reading_method`` is the method of its newest ``Reading``, whose value tells its ``figures``, or of one for each of
+    its joints; empty for what measures nothing. ``step_order`` is its place among the twins of one moment; None for a part
+    that is not stepped. A robot may have ``allows_several`` of a kind: the others under names of their own, in sections that
     say ``kind``.
     """
 
@@ -29,115 +29,131 @@ class Kind:
     field: str
     about: str
     keys: type
-    device: str
-    seen: str = ""
-    still: Callable[[Any], None] | None = None
-    moves: bool = True
-    usual: str = ""
-    wired: bool = False
-    after: tuple[str, ...] = ()
-    reading: str = ""
-    step: int | None = None
-    several: bool = False
+    protocol: str
+    leaf_protocol: str = ""
+    hold_still: Callable[[Any], None] | None = None
+    has_actuators: bool = True
+    default_driver: str = ""
+    has_port: bool = False
+    made_after: tuple[str, ...] = ()
+    reading_method: str = ""
+    step_order: int | None = None
+    allows_several: bool = False
 
 
-def _stop(base: Any) -> None:
+def _stop_mission(base: Any) -> None:
     # Others may steer the base besides, and what they do is not a mission's to end.
     base.stop(source=Source.MISSION)
 
 
-KINDS: Mapping[str, Kind] = {
+KINDS: Mapping[str, PartKind] = {
     kind.name: kind
     for kind in (
-        Kind("base", "base", "Wheels.", BaseKeys, "drivers.api:Base", still=_stop, wired=True, reading="state", step=0),
-        Kind(
+        PartKind(
+            "base",
+            "base",
+            "Wheels.",
+            BaseKeys,
+            "drivers.api:Base",
+            hold_still=_stop_mission,
+            has_port=True,
+            reading_method="state",
+            step_order=0,
+        ),
+        PartKind(
             "head",
             "head",
             "A pan/tilt head.",
             HeadKeys,
             "drivers.api:Head",
-            still=lambda it: it.stop(),
-            wired=True,
-            reading="pose",
-            step=1,
-            several=True,
+            hold_still=lambda it: it.stop(),
+            has_port=True,
+            reading_method="pose",
+            step_order=1,
+            allows_several=True,
         ),
-        Kind(
+        PartKind(
             "arm",
             "arm",
             "Joints.",
             ArmKeys,
             "drivers.api:Joints",
-            still=lambda it: it.hold(),
-            wired=True,
-            reading="states",
-            step=2,
-            several=True,
+            hold_still=lambda it: it.hold(),
+            has_port=True,
+            reading_method="states",
+            step_order=2,
+            allows_several=True,
         ),
-        Kind(
-            "imu", "imu", "What feels how the robot leans.", ImuKeys, "drivers.api:Imu", wired=True, reading="attitude"
+        PartKind(
+            "imu",
+            "imu",
+            "What feels how the robot leans.",
+            ImuKeys,
+            "drivers.api:Imu",
+            has_port=True,
+            reading_method="attitude",
         ),
-        Kind(
+        PartKind(
             "range",
             "ranger",
             "A range finder that turns.",
             RangeKeys,
             "drivers.api:Ranger",
-            wired=True,
-            reading="scan",
-            step=5,
+            has_port=True,
+            reading_method="scan",
+            step_order=5,
         ),
-        Kind(
+        PartKind(
             "microphone",
             "hearing",
             "Ears.",
             MicrophoneKeys,
             "drivers.api:Microphone",
-            seen="perception.api:Hearing",
-            usual="microphone",
-            after=("voice",),
-            step=4,
+            leaf_protocol="perception.api:Hearing",
+            default_driver="microphone",
+            made_after=("voice",),
+            step_order=4,
         ),
-        Kind(
+        PartKind(
             "voice",
             "voice",
             "What the robot speaks with.",
             VoiceKeys,
             "drivers.api:Voice",
-            still=lambda it: it.rest(),
-            moves=False,
-            usual="auto",
-            step=3,
+            hold_still=lambda it: it.rest(),
+            has_actuators=False,
+            default_driver="auto",
+            step_order=3,
         ),
-        Kind(
+        PartKind(
             "screen",
             "screen",
             "Where the robot shows its face.",
             ScreenKeys,
             "drivers.api:Screen",
-            usual="page",
-            after=("voice",),
+            default_driver="page",
+            made_after=("voice",),
         ),
-        Kind(
+        PartKind(
             "camera",
             "sight",
             "Eyes.",
             CameraKeys,
             "drivers.api:Camera",
-            seen="perception.api:Sight",
-            usual="opencv",
-            after=("base", "head"),
+            leaf_protocol="perception.api:Sight",
+            default_driver="opencv",
+            made_after=("base", "head"),
         ),
-        Kind(
+        PartKind(
             "ros2",
             "ros2",
             "The nodes of ROS 2 that a robot is made of.",
             Ros2Keys,
             "drivers.api:Ros2",
-            still=lambda it: it.stop(),
-            usual="zenoh",
-            wired=True,
-            step=6,
+            hold_still=lambda it: it.stop(),
+            default_driver="zenoh",
+            has_port=True,
+            step_order=6,
         ),
     )
 }
@@ -148,17 +164,17 @@ last the nodes of ROS 2, by which others say their last word."""
 CAPABILITIES: Mapping[str, str] = {"sounds": "base", "lights": "base", "legs": "base"}
 """Names of optional capabilities, as leaves need them, with the kind of part that may have them."""
 
-SEVERAL = tuple(kind.name for kind in KINDS.values() if kind.several)
+REPEATABLE_KINDS = tuple(kind.name for kind in KINDS.values() if kind.allows_several)
 """The kinds of which a robot may have several. A leaf says which one it means by an argument of such a kind."""
 
-STILLED = tuple(kind.name for kind in KINDS.values() if kind.still is not None)
+STOPPABLE_KINDS = tuple(kind.name for kind in KINDS.values() if kind.hold_still is not None)
 """The kinds of parts that a stop reaches: those that move, and a voice, which is silenced."""
 
-MOVING = tuple(name for name in STILLED if KINDS[name].moves)
+ACTUATOR_KINDS = tuple(name for name in STOPPABLE_KINDS if KINDS[name].has_actuators)
 """The parts with actuators."""
 
-SOUNDING = frozenset(STILLED).difference(MOVING)
+SOUND_KINDS = frozenset(STOPPABLE_KINDS).difference(ACTUATOR_KINDS)
 """The parts that a stop reaches, and that move nothing."""
 
-WIRED = tuple(kind.name for kind in KINDS.values() if kind.wired)
+PORT_KINDS = tuple(kind.name for kind in KINDS.values() if kind.has_port)
 """The parts that have a port."""

@@ -16,8 +16,8 @@ def _never(heard: bytes) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Ask:
-    """A question: ``send`` these bytes at ``baud``, and listen for ``wait`` seconds, or until what came is ``enough``.
+class ProbeRequest:
+    """A question: ``send`` these bytes at ``baud``, and listen for ``timeout`` seconds, or until what came is ``is_complete``.
 
     Without bytes it is only listened. The echo of an adapter is left out of the answer, unless with ``keep_echo``: a
     device may reply with the very bytes of the question.
@@ -25,13 +25,13 @@ class Ask:
 
     baud: int
     send: bytes = b""
-    wait: float = 0.01
-    enough: Callable[[bytes], object] = _never
+    timeout: float = 0.01
+    is_complete: Callable[[bytes], object] = _never
     keep_echo: bool = False
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class BusDevice:
     """One of several devices on a wire, such as a servo: its number there, its model, and what is wrong with it."""
 
     id: int
@@ -40,7 +40,7 @@ class Unit:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class ProbeResult:
     """What answered: ``about`` says it in words; ``keys`` are what its section of a robot file has of it.
 
     ``trouble`` says what is wrong with it, and ``hint`` what to try.
@@ -48,10 +48,10 @@ class Answer:
 
     about: str
     keys: Mapping[str, object] = field(default_factory=dict)
-    units: tuple[Unit, ...] = ()
+    units: tuple[BusDevice, ...] = ()
     trouble: str = ""
     hint: str = ""
 
 
-Probe = Callable[[], Generator[Ask, bytes, Answer | None]]
+Probe = Callable[[], Generator[ProbeRequest, bytes, ProbeResult | None]]
 """Asks a port for one kind of device; returns None where nothing proves that it is there."""

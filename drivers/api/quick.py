@@ -24,39 +24,43 @@ else:
         """Do what ``dataclasses.dataclass`` does, for the options that are used here."""
 
         def make(plain):
-            return _made(plain, frozen=frozen, eq=eq, slots=slots, kw_only=kw_only)
+            return _make_dataclass(plain, frozen=frozen, eq=eq, slots=slots, kw_only=kw_only)
 
         return make if cls is None else make(cls)
 
 
-Values = Callable[[object], tuple[Any, ...]]
+ValuesGetter = Callable[[object], tuple[Any, ...]]
 """Gives the values of some fields of an instance."""
 
 
-def _made(plain: type, *, frozen: bool, eq: bool, slots: bool, kw_only: bool) -> type:
+def _make_dataclass(cls: type, *, frozen: bool, eq: bool, slots: bool, kw_only: bool) -> type:
     """Return ``plain`` as a dataclass; methods that it has of its own stay."""
-    own = frozenset(plain.__dict__)
-    bases = [vars(base)["__dataclass_params__"] for base in plain.__mro__[1:] if "__dataclass_params__" in vars(base)]
+    own = frozenset(cls.__dict__)
+    bases = [vars(base)["__dataclass_params__"] for base in cls.__mro__[1:] if "__dataclass_params__" in vars(base)]
     if any(base.frozen is not frozen for base in bases):
-        raise TypeError(
-            f"{plain.__qualname__} and the dataclasses that it inherits from are frozen, or none of them is"
-        )
-    with _thawed(bases):
-        made: type[Any] = dataclasses.dataclass(init=False, repr=False, eq=False, slots=slots, kw_only=kw_only)(plain)
+        raise TypeError(f"{cls.__qualname__} and the dataclasses that it inherits from are frozen, or none of them is")
+    with _unfreeze_bases(bases):
+        made: type[Any] = dataclasses.dataclass(init=False, repr=False, eq=False, slots=slots, kw_only=kw_only)(cls)
     vars(made)["__dataclass_params__"].frozen = frozen  # so that those of the standard library may inherit from it
     fields = dataclasses.fields(made)
-    methods: dict[str, Callable[..., Any] | None] = {"__init__": _init(made, frozen), "__repr__": _repr(fields)}
+    methods: dict[str, Callable[..., Any] | None] = {
+        "__init__": _make_init(made, frozen),
+        "__repr__": _make_repr(fields),
+    }
     if eq:
-        methods["__eq__"] = _eq(_values(field.name for field in fields if field.compare))
-        hashed = _values(f.name for f in fields if (f.compare if f.hash is None else f.hash))
-        if "__hash__" not in own or ("__eq__" in own and plain.__dict__["__hash__"] is None):
+        methods["__eq__"] = _make_eq(_make_values_getter(field.name for field in fields if field.compare))
+        hashed = _make_values_getter(f.name for f in fields if (f.compare if f.hash is None else f.hash))
+        if "__hash__" not in own or ("__eq__" in own and cls.__dict__["__hash__"] is None):
             own -= {"__hash__"}
-            methods["__hash__"] = _hash(hashed) if frozen else None
+            methods["__hash__"] = _make_hash(hashed) if frozen else None
     if frozen:
         names = frozenset(field.name for field in fields)
-        methods |= {"__setattr__": _frozen(made, names, "assign to"), "__delattr__": _frozen(made, names, "delete")}
+        methods |= {
+            "__setattr__": _make_frozen_setter(made, names, "assign to"),
+            "__delattr__": _make_frozen_setter(made, names, "delete"),
+        }
         if slots:
-            methods |= {"__getstate__": _state, "__setstate__": _restore}
+            methods |= {"__getstate__": _get_state, "__setstate__": _set_state}
     for name, method in methods.items():
         if name not in own:
             if method is not None:
@@ -66,7 +70,7 @@ def _made(plain: type, *, frozen: bool, eq: bool, slots: bool, kw_only: bool) ->
 
 
 @contextmanager
-def _thawed(bases: list[Any]) -> Iterator[None]:
+def _unfreeze_bases(bases: list[Any]) -> Iterator[None]:
     """Let a class inherit from frozen ones that is frozen itself only once its methods are made."""
     were = [base.frozen for base in bases]
     for base in bases:
@@ -78,10 +82,10 @@ def _thawed(bases: list[Any]) -> Iterator[None]:
             base.frozen = frozen
 
 
-def _init(made: type, frozen: bool) -> Callable[..., None]:
+def _make_init(cls: type, frozen: bool) -> Callable[..., None]:
     """Return an ``__init__`` that takes the fields in their order, those that are ``kw_only`` by their names."""
-    fields = dataclasses.fields(made)
-    shape = tuple((_kind(field), field.kw_only) for field in fields)
+    fields = dataclasses.fields(cls)
+    shape = tuple((_value_source(field), field.kw_only) for field in fields)
     names = {f"f{place}": field.name for place, field in enumerate(fields)}
     scope: dict[str, object] = {"_set": object.__setattr__, "_none": dataclasses.MISSING}
     taken: list[object] = []
@@ -94,13 +98,13 @@ def _init(made: type, frozen: bool) -> Callable[..., None]:
         elif (given := field.default) is not dataclasses.MISSING and not field.init:
             names[f"_given_f{place}"] = f"_given_{field.name}"
             scope[f"_given_{field.name}"] = given
-        if not field.init or (given is dataclasses.MISSING and "_new" not in _kind(field)):
+        if not field.init or (given is dataclasses.MISSING and "_new" not in _value_source(field)):
             continue
         if field.kw_only:
             named[field.name] = given
         else:
             taken.append(given)
-    code = _code(shape, frozen, hasattr(made, "__post_init__"))
+    code = _compile_init(shape, frozen, hasattr(cls, "__post_init__"))
     code = code.replace(
         co_varnames=tuple(names.get(name, name) for name in code.co_varnames),
         co_names=tuple(names.get(name, name) for name in code.co_names),
@@ -112,7 +116,7 @@ def _init(made: type, frozen: bool) -> Callable[..., None]:
     return init
 
 
-def _kind(field: dataclasses.Field[Any]) -> str:
+def _value_source(field: dataclasses.Field[Any]) -> str:
     """Return where the value of a field comes from."""
     made_anew = "_new" if field.default_factory is not dataclasses.MISSING else ""
     if field.init:
@@ -121,7 +125,7 @@ def _kind(field: dataclasses.Field[Any]) -> str:
 
 
 @cache
-def _code(shape: tuple[tuple[str, bool], ...], frozen: bool, post_init: bool) -> CodeType:
+def _compile_init(shape: tuple[tuple[str, bool], ...], frozen: bool, post_init: bool) -> CodeType:
     """Return the code of an ``__init__`` for fields of such kinds, named ``f0``, ``f1``... to be named anew.
 
     To compile takes ten times as long as to give names, and many classes are of one shape.
@@ -154,15 +158,15 @@ def _code(shape: tuple[tuple[str, bool], ...], frozen: bool, post_init: bool) ->
     return code
 
 
-def _values(names: Iterable[str]) -> Values:
+def _make_values_getter(names: Iterable[str]) -> ValuesGetter:
     """Return what gives the values of the attributes of these names, in a tuple also where it is one or none."""
     several = tuple(names)
     if len(several) > 1:
-        return cast(Values, attrgetter(*several))
+        return cast(ValuesGetter, attrgetter(*several))
     return lambda instance: tuple(getattr(instance, name) for name in several)
 
 
-def _repr(fields: tuple[dataclasses.Field[Any], ...]) -> Callable[[object], str]:
+def _make_repr(fields: tuple[dataclasses.Field[Any], ...]) -> Callable[[object], str]:
     names = [field.name for field in fields if field.repr]
 
     @recursive_repr()
@@ -173,43 +177,43 @@ def _repr(fields: tuple[dataclasses.Field[Any], ...]) -> Callable[[object], str]
     return shown
 
 
-def _eq(values: Values) -> Callable[[object, object], Any]:
+def _make_eq(values: ValuesGetter) -> Callable[[object, object], Any]:
     def equal(self: object, other: object) -> Any:
         return values(self) == values(other) if other.__class__ is self.__class__ else NotImplemented
 
     return equal
 
 
-def _hash(values: Values) -> Callable[[object], int]:
+def _make_hash(values: ValuesGetter) -> Callable[[object], int]:
     return lambda self: hash(values(self))
 
 
-def _frozen(made: type, names: frozenset[str], what: str) -> Callable[..., None]:
+def _make_frozen_setter(cls: type, names: frozenset[str], action: str) -> Callable[..., None]:
     """Return a ``__setattr__`` or ``__delattr__`` that refuses fields, and all else but of subclasses."""
-    plain = "__setattr__" if what == "assign to" else "__delattr__"
+    plain = "__setattr__" if action == "assign to" else "__delattr__"
 
     def refused(self: object, name: str, *value: object) -> None:
-        if type(self) is made or name in names:
-            raise dataclasses.FrozenInstanceError(f"cannot {what} field {name!r}")
-        getattr(super(made, self), plain)(name, *value)
+        if type(self) is cls or name in names:
+            raise dataclasses.FrozenInstanceError(f"cannot {action} field {name!r}")
+        getattr(super(cls, self), plain)(name, *value)
 
     return refused
 
 
 @cache
-def _names(made: Any) -> tuple[str, ...]:
+def _field_names(cls: Any) -> tuple[str, ...]:
     """Return the names of the fields of a class; asked for each value that is packed."""
-    return tuple(field.name for field in dataclasses.fields(made))
+    return tuple(field.name for field in dataclasses.fields(cls))
 
 
-def _state(self: object) -> list[object]:
+def _get_state(self: object) -> list[object]:
     """Return the values of all fields, for copies and pickles: they cannot be set one by one."""
     made: Any = type(self)
-    return [getattr(self, name) for name in _names(made)]
+    return [getattr(self, name) for name in _field_names(made)]
 
 
-def _restore(self: object, state: list[object]) -> None:
+def _set_state(self: object, state: list[object]) -> None:
     """Set the values of all fields."""
     made: Any = type(self)
-    for name, value in zip(_names(made), state, strict=True):
+    for name, value in zip(_field_names(made), state, strict=True):
         object.__setattr__(self, name, value)

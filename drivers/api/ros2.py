@@ -7,10 +7,10 @@ from drivers.api.device import Device, Reading
 from drivers.api.marks import UNSAMPLED, command
 from drivers.api.quick import dataclass
 
-Place = tuple[float, float, float]
+MapPose = tuple[float, float, float]
 """x and y in metres, and a heading in radians: in a frame that is named beside it."""
 
-START = "start"
+START_FRAME = "start"
 """The frame of ``base.x`` and ``base.y``: where the base was when it was first heard."""
 
 
@@ -26,7 +26,7 @@ class GoalState(StrEnum):
     UNKNOWN = "unknown"  # its server has gone, or does not answer
 
 
-OVER = frozenset({GoalState.SUCCEEDED, GoalState.CANCELLED, GoalState.FAILED, GoalState.UNKNOWN})
+FINAL_STATES = frozenset({GoalState.SUCCEEDED, GoalState.CANCELLED, GoalState.FAILED, GoalState.UNKNOWN})
 """The states after which nothing more comes."""
 
 
@@ -40,9 +40,9 @@ class Progress:
     result: str = ""
 
     @property
-    def over(self) -> bool:
+    def is_final(self) -> bool:
         """True once nothing more comes."""
-        return self.state in OVER
+        return self.state in FINAL_STATES
 
 
 class Ros2(Device, Protocol):
@@ -87,8 +87,8 @@ class Ros2(Device, Protocol):
         """Begin an action; an empty ``kind`` is that of who offers it. Raises BadRequest, NotConnected."""
         ...
 
-    @command("after", moves=True, kept={"places": tuple})
-    def navigate(self, places: tuple[Place, ...], frame: str) -> int:
+    @command("after", moves=True, converters={"places": tuple})
+    def navigate(self, places: tuple[MapPose, ...], frame: str) -> int:
         """Have Nav2 drive to a place, through others before it. Raises NotConnected where there is no Nav2."""
         ...
 

@@ -21,7 +21,7 @@ class Mood(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class ScreenContent:
     """What the screen shows: a mood, words below the face (empty for none), and how far the mouth is open, 0..1."""
 
     mood: Mood = Mood.NEUTRAL
@@ -47,6 +47,6 @@ class Screen(Device, Protocol):
         """Open the mouth so far, 0..1, whatever the mood; it shuts by itself when nothing newer comes for 0.3 s."""
         ...
 
-    def shown(self) -> Shown:
+    def content(self) -> ScreenContent:
         """Return what is to be seen now."""
         ...

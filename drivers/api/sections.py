@@ -9,25 +9,25 @@ from math import degrees, radians
 from typing import Annotated, Literal
 
 from drivers.api.base import BASE_RADIUS
-from drivers.api.device import Away
+from drivers.api.device import ReconnectPolicy
 from drivers.api.joints import JointLimits
-from drivers.api.keys import Mistake, inside, key, keys
+from drivers.api.keys import KeyDiagnostic, inside, key, keys
 from drivers.api.screen import Mood
 from drivers.api.steering import Footprint, RangeGuardKeys, Reflexes
-from drivers.api.voice import Manner
+from drivers.api.voice import SpeechStyle
 
 Sector = tuple[float, float]
 """Two bearings on the base in radians; what is between them, anticlockwise from the first to the second."""
 
-MOUNTED = 0.2
+DEFAULT_RANGE_FINDER_HEIGHT = 0.2
 """Metres above the floor that a range finder sits, where the file does not say: the middle plate of a TurtleBot 2."""
 
-LARGEST_TRIM = radians(45)
+MAX_TRIM = radians(45)
 """Radians by which an axis of a head may be trimmed at most, as in the Rodney project's node."""
 
 
 @keys
-class Wired:
+class SerialKeys:
     """The keys of a part that sits on a serial port; a driver gives ``baud`` the rate of its own device."""
 
     port: str = key(help="The serial port that it is plugged into.")
@@ -47,16 +47,18 @@ class BaseKeys:
         "turn acceleration", default=3.5, low=0.01, help="How fast its turn rate changes at most."
     )
     reflexes: Reflexes = key(default=Reflexes(), help="What it does by itself, whoever commands.")
-    away: Away = key(default=Away(), help="What it does when it is back after it was unplugged, or silent.")
+    away: ReconnectPolicy = key(
+        default=ReconnectPolicy(), help="What it does when it is back after it was unplugged, or silent."
+    )
     range_guard: RangeGuardKeys | Literal["off"] = key(
         default=RangeGuardKeys(),
         help="How it keeps away from what its range finder sees, whoever commands; `off` for not at all.",
     )
 
-    usual_footprint = BASE_RADIUS
+    default_footprint = BASE_RADIUS
     """Metres: the radius of the body where the file does not say."""
 
-    usual_reaction = 0.25
+    default_reaction = 0.25
     """Seconds from a command to its effect where the file does not say: what users measured on a Kobuki, and more."""
 
     @property
@@ -65,7 +67,7 @@ class BaseKeys:
         return frozenset()
 
     @property
-    def guards(self) -> bool:
+    def has_range_guard(self) -> bool:
         """Whether the range guard is on, for a robot with a range finder."""
         return self.range_guard != "off"
 
@@ -73,13 +75,13 @@ class BaseKeys:
     def footprint(self) -> Footprint:
         """The outline of the body."""
         given = None if isinstance(self.range_guard, str) else self.range_guard.footprint
-        return self.usual_footprint if given is None else given
+        return self.default_footprint if given is None else given
 
     @property
     def reaction(self) -> float:
         """Seconds from a command to its effect."""
         given = None if isinstance(self.range_guard, str) else self.range_guard.reaction
-        return self.usual_reaction if given is None else given
+        return self.default_reaction if given is None else given
 
 
 @keys
@@ -90,8 +92,8 @@ class AxisKeys:
     trim: float = key(
         "angle",
         default=0.0,
-        low=-LARGEST_TRIM,
-        high=LARGEST_TRIM,
+        low=-MAX_TRIM,
+        high=MAX_TRIM,
         help="Corrects what sits askew: `mission head trim`.",
     )
 
@@ -105,12 +107,14 @@ class AxisKeys:
         """The highest angle, in radians."""
         return self.limits[1]
 
-    def beyond(self, reach: tuple[float, float], what: str, at: tuple[str, ...] = ()) -> Iterator[Mistake]:
+    def check_reach(self, reach: tuple[float, float], name: str, at: tuple[str, ...] = ()) -> Iterator[KeyDiagnostic]:
         """Yield a mistake where nothing of the limits is within ``reach`` (radians) of ``what``."""
         if max(self.lower, reach[0]) > min(self.upper, reach[1]):
             low, high = (f"{degrees(end):.0f} deg" for end in reach)
             about = tuple((*at, word) for word in ("limits", "trim"))
-            yield Mistake(f"'limits': {what} reaches from {low} to {high}, which is none of them", at, about=about)
+            yield KeyDiagnostic(
+                f"'limits': {name} reaches from {low} to {high}, which is none of them", at, about=about
+            )
 
 
 @keys
@@ -123,7 +127,7 @@ class HeadKeys:
     )
 
     @property
-    def joints_led(self) -> tuple[str, ...]:
+    def led_joints(self) -> tuple[str, ...]:
         """The joints of the arm that it is made of: who turns one of them turns the head."""
         return ()
 
@@ -142,31 +146,31 @@ class ArmKeys:
         raise TypeError(f"{type(self).__name__} does not say which joints there are: give it the property `limits`")
 
     @property
-    def reaches(self) -> Mapping[str, tuple[float, float]]:
+    def ranges(self) -> Mapping[str, tuple[float, float]]:
         """The lower and the upper limit of each joint, in radians."""
         return {name: (each.lower, each.upper) for name, each in self.limits.items()}
 
-    def step(self, joint: str) -> float:  # noqa: ARG002 - a driver's arm may know
+    def resolution(self, joint: str) -> float:  # noqa: ARG002 - a driver's arm may know
         """Return the smallest angle (rad) by which a joint can be sent on; 0 where that is not known."""
         return 0.0
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield what is wrong with the groups."""
         known = self.limits
         for group, members in self.groups.items():
             inside = ("groups", group)
             about: tuple[tuple[str | int, ...], ...] = (inside,)
             if group in known:
-                yield Mistake(f"'{group}' is a joint already", inside, named=True, about=about)
+                yield KeyDiagnostic(f"'{group}' is a joint already", inside, marks_key=True, about=about)
             if not members:
-                yield Mistake(f"group '{group}' needs a list of joints", inside, about=about)
+                yield KeyDiagnostic(f"group '{group}' needs a list of joints", inside, about=about)
             for place, joint in enumerate(members):
                 at = (*inside, place)
                 if joint not in known:
                     message = f"group '{group}': there is no joint '{joint}'"
-                    yield Mistake(message, at, seen=joint, known=known, about=about)
+                    yield KeyDiagnostic(message, at, unknown_word=joint, known_words=known, about=about)
                 elif joint in members[:place]:
-                    yield Mistake(f"group '{group}' has '{joint}' already", at, about=about)
+                    yield KeyDiagnostic(f"group '{group}' has '{joint}' already", at, about=about)
 
 
 @keys
@@ -188,7 +192,7 @@ class RangeKeys:
 
     position: tuple[float, float, float] = key(
         "length",
-        default=(0.0, 0.0, MOUNTED),
+        default=(0.0, 0.0, DEFAULT_RANGE_FINDER_HEIGHT),
         help="Where it sits, from the middle of the base on the floor: [x, y, z].",
     )
     yaw: float = key("angle", default=0.0, help="How far its front is turned from the robot's, to the left.")
@@ -229,9 +233,9 @@ class VoiceKeys:
     device: str = key(default="", help="A part of the loudspeaker's name; else the system's choice.")
 
     @property
-    def manner(self) -> Manner:
+    def style(self) -> SpeechStyle:
         """How the robot speaks, unless its mission says otherwise."""
-        return Manner(self.voice, self.speed, self.language)
+        return SpeechStyle(self.voice, self.speed, self.language)
 
 
 @keys

@@ -10,8 +10,8 @@ from dataclasses import replace
 from math import pi
 from typing import Annotated, Literal
 
-from drivers.api.keys import Mistake, inside, key, keys
-from drivers.api.turn import Turn
+from drivers.api.keys import KeyDiagnostic, inside, key, keys
+from drivers.api.turn import ImageOrientation
 
 MARKER_FAMILIES = ("4x4_50", "4x4_100", "5x5_100", "6x6_250", "apriltag_16h5", "apriltag_25h9", "apriltag_36h11")
 """The families of markers."""
@@ -25,7 +25,7 @@ PHONES = (
 )  # fmt: skip
 """The sounds of which pronunciations are made."""
 
-MOST_SURE = 10.0
+MAX_THRESHOLD = 10.0
 """The highest threshold: so sure it never is."""
 
 _APOSTROPHES = str.maketrans({"\u2019": "'", "\u02bc": "'"})
@@ -60,14 +60,14 @@ class MarkerKeys:
         """Whose each marker is, by its number."""
         return {int(number): name for number, name in self.names.items()}
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield what is no number."""
         for number, name in self.names.items():
             if not name.strip():
-                yield Mistake(f"'{number}' needs a text", ("robots", number))
+                yield KeyDiagnostic(f"'{number}' needs a text", ("robots", number))
             if not re.fullmatch("[0-9]{1,9}", number):
                 message = f"'{number}' is no marker's number"
-                yield Mistake(message, ("robots", number), named=True, hint="robots: {7: R2}")
+                yield KeyDiagnostic(message, ("robots", number), marks_key=True, hint="robots: {7: R2}")
 
 
 @keys
@@ -82,11 +82,11 @@ class IdentityKeys:
     )
     model: str = key(default="", help="The file of the network, for `sface`.")
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield what a method lacks."""
         if self.method == "sface" and not self.model:
             message = "'sface' needs 'model', the file of its network"
-            yield Mistake(message, ("method",), hint="model: ~/sface.onnx")
+            yield KeyDiagnostic(message, ("method",), hint="model: ~/sface.onnx")
 
 
 @keys
@@ -141,20 +141,22 @@ class CameraKeys:
         return self.centre_x, self.centre_y
 
     @property
-    def bent(self) -> tuple[float, ...]:
+    def distortion_coefficients(self) -> tuple[float, ...]:
         """The coefficients by which the lens bends a picture; empty where nothing is known of that."""
         return () if self.distortion is None else self.distortion.coefficients()
 
     @property
-    def turn(self) -> Turn:
+    def orientation(self) -> ImageOrientation:
         """How its pictures are turned and mirrored."""
         quarters = int(self.rotate) / 90 if isinstance(self.rotate, str) else self.rotate / (pi / 2)
         both = self.flip == "both"
-        return Turn(round(quarters) % 4, both or self.flip in ("true", "horizontal"), both or self.flip == "vertical")
+        return ImageOrientation(
+            round(quarters) % 4, both or self.flip in ("true", "horizontal"), both or self.flip == "vertical"
+        )
 
     def upright(self) -> "CameraKeys":
         """Return the camera of the turned pictures: its size, angle of view, centre and distortion."""
-        turn, distortion = self.turn, self.distortion
+        turn, distortion = self.orientation, self.distortion
         width, height = turn.size(self.width, self.height)
         centre_x, centre_y = turn.point(*self.centre)
         if distortion is not None:  # the tangential coefficients are a vector: (p2, p1)
@@ -166,16 +168,16 @@ class CameraKeys:
             flip="false",
             width=width,
             height=height,
-            field_of_view=turn.view(self.field_of_view, width, height),
+            field_of_view=turn.field_of_view(self.field_of_view, width, height),
             centre_x=centre_x,
             centre_y=centre_y,
             distortion=distortion,
         )
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield a turn that is none by right angles."""
         if isinstance(self.rotate, float) and abs(self.rotate / (pi / 2) - round(self.rotate / (pi / 2))) > 1e-3:
-            yield Mistake("'rotate' must be 0, 90, 180 or 270 deg", ("rotate",), hint="rotate: 90 deg")
+            yield KeyDiagnostic("'rotate' must be 0, 90, 180 or 270 deg", ("rotate",), hint="rotate: 90 deg")
 
 
 @keys
@@ -186,9 +188,11 @@ class MicrophoneKeys:
     recogniser: str = key(default="pocketsphinx", among=RECOGNISERS, help="What understands speech.")
     model: str = key(default="", help="The folder of a model for `vosk` or `sherpa`.")
     threshold: float = key(
-        default=0.0, low=-MOST_SURE, high=MOST_SURE, help="What scores less is not accepted; more is stricter."
+        default=0.0, low=-MAX_THRESHOLD, high=MAX_THRESHOLD, help="What scores less is not accepted; more is stricter."
     )
-    said: Mapping[str, Annotated[str, inside(wrong="'{}' needs its phones", hint="write '{}: R AA D N IY'")]] = key(
+    pronunciation_texts: Mapping[
+        str, Annotated[str, inside(wrong="'{}' needs its phones", hint="write '{}: R AA D N IY'")]
+    ] = key(
         default={},
         word="pronunciations",
         help="How words are said that the dictionary lacks, such as `{ada: EY D AH}`.",
@@ -197,22 +201,28 @@ class MicrophoneKeys:
     @property
     def pronunciations(self) -> Mapping[str, str]:
         """Phones with blanks between, by word in small letters: as perception listens for it."""
-        return {_plain(word): " ".join(phones.upper().split()) for word, phones in self.said.items()}
+        return {
+            _normalize_word(word): " ".join(phones.upper().split()) for word, phones in self.pronunciation_texts.items()
+        }
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield what the recogniser lacks, and words and phones that are none."""
         if self.recogniser != RECOGNISERS[0] and not self.model:
             message = f"a microphone with 'recogniser: {self.recogniser}' needs 'model'"
-            yield Mistake(message, hint="model: FOLDER, where its model is unpacked (docs/speech.md)")
-        for word, phones in self.said.items():
+            yield KeyDiagnostic(message, hint="model: FOLDER, where its model is unpacked (docs/speech.md)")
+        for word, phones in self.pronunciation_texts.items():
             at = ("pronunciations", word)
-            if _WORD.fullmatch(_plain(word)) is None:
+            if _WORD.fullmatch(_normalize_word(word)) is None:
                 hint = "what is listened for is split into words, also at hyphens: give each of them its phones"
-                yield Mistake(f"'pronunciations': '{word}' is not one word of letters", at, named=True, hint=hint)
+                yield KeyDiagnostic(
+                    f"'pronunciations': '{word}' is not one word of letters", at, marks_key=True, hint=hint
+                )
             for phone in phones.upper().split():
                 if phone not in PHONES:
-                    yield Mistake(f"'{word}': no phone is called '{phone}'", at, seen=phone, known=PHONES)
+                    yield KeyDiagnostic(
+                        f"'{word}': no phone is called '{phone}'", at, unknown_word=phone, known_words=PHONES
+                    )
 
 
-def _plain(word: str) -> str:
+def _normalize_word(word: str) -> str:
     return unicodedata.normalize("NFC", word.casefold()).translate(_APOSTROPHES)

@@ -90,19 +90,19 @@ class RangeScan:
         """Return where each beam points: shape (n,), radians, wrapped to -pi..pi."""
         import numpy as np  # noqa: PLC0415 - see drivers.api.measures
 
-        return wrapped(self.start + self.step * np.arange(len(self.ranges), dtype=np.float64))
+        return wrap_angles(self.start + self.step * np.arange(len(self.ranges), dtype=np.float64))
 
     def nearest(self, centre: float = 0.0, width: float = tau) -> float:
         """Return the least distance (m) within ``width`` radians about the bearing ``centre``; infinity for none."""
         import numpy as np  # noqa: PLC0415
 
-        off = np.abs(wrapped(self.bearings() - centre))
+        off = np.abs(wrap_angles(self.bearings() - centre))
         inside = self.ranges[off <= width / 2 + 1e-9]
         seen = inside[np.isfinite(inside)]
         return float(seen.min()) if seen.size else inf
 
 
-def wrapped(angles: Angles) -> Angles:
+def wrap_angles(angles: Angles) -> Angles:
     """Return the same directions as angles from -pi to pi."""
     import numpy as np  # noqa: PLC0415
 
@@ -165,7 +165,7 @@ class Imu(Device, Protocol):
 
 
 @runtime_checkable
-class Witnessed(Protocol):
+class WitnessedBase(Protocol):
     """A base whose progress monitor compares its motion with other instruments; those on ``drivers.base`` do."""
 
     def compare_with(self, *, ranger: Ranger | None = None, imu: Imu | None = None) -> None:

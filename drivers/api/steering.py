@@ -5,13 +5,13 @@ from enum import StrEnum
 from math import atan2, hypot, pi, tau
 from typing import Annotated, Literal
 
-from drivers.api.keys import Mistake, inside, key, keys
+from drivers.api.keys import KeyDiagnostic, inside, key, keys
 from drivers.api.quick import dataclass
 
-BUTTONS = 3
+BUTTON_COUNT = 3
 """The buttons of a base are numbered from 0 to one less."""
 
-COMMAND_LIFE = 0.3
+COMMAND_TIMEOUT = 0.3
 """Seconds for which a velocity command is valid; a base that hears no newer one stops."""
 
 
@@ -23,7 +23,7 @@ class Velocity:
     angular: float
 
 
-STILL = Velocity(0.0, 0.0)
+ZERO_VELOCITY = Velocity(0.0, 0.0)
 """Standing."""
 
 
@@ -39,20 +39,20 @@ class Source(StrEnum):
 class Steering:
     """What a base is told now, and why; compared by value, so that a driver tells only what is new.
 
-    ``wanted`` is what ``source`` asked for, ``given`` what of it is in force: within the limits, and what the reflexes
-    permit, but before the ramp that leads there. ``because`` says in words why they differ ("limited", "cliff left"),
+    ``requested`` is what ``source`` asked for, ``allowed`` what of it is in force: within the limits, and what the reflexes
+    permit, but before the ramp that leads there. ``reason`` says in words why they differ ("limited", "cliff left"),
     and is empty where they do not. ``source`` is None while nobody commands. ``fault`` says why ``source`` was stopped
     because the base did not do what it was told; it stands until that source lets go, and commands anew.
     """
 
     source: Source | None
-    wanted: Velocity
-    given: Velocity
-    because: str = ""
+    requested: Velocity
+    allowed: Velocity
+    reason: str = ""
     fault: str = ""
 
 
-Steered = Callable[[Steering], None]
+SteeringCallback = Callable[[Steering], None]
 """Where a driver tells of a new ``Steering``; called from the driver's own thread, must return at once."""
 
 
@@ -61,8 +61,8 @@ class Reflexes:
     """What a base does by itself, whoever commands. What it touches always stops it; the rest can be chosen.
 
     ``stop`` forbids what would make it worse for as long as it is felt; ``latch`` stands still until somebody enables
-    the base again; ``back_off`` drives ``back_off_way`` metres back at ``back_off_speed`` (m/s). Beyond a cliff the
-    base may only go straight back, and nowhere else until it is ``back_off_way`` from there. A battery counts as low or
+    the base again; ``back_off`` drives ``back_off_distance`` metres back at ``back_off_speed`` (m/s). Beyond a cliff the
+    base may only go straight back, and nowhere else until it is ``back_off_distance`` from there. A battery counts as low or
     critical below so many percent, 0 for never. The buttons (0..2) latch and enable it; None for no button.
     """
 
@@ -73,7 +73,7 @@ class Reflexes:
     bumper: Literal["stop", "back_off", "latch"] = key(
         default="back_off", help="What a bump does: `back_off` drives back a little."
     )
-    back_off_way: float = key(
+    back_off_distance: float = key(
         "length", default=0.05, low=0.01, high=0.5, word="back_off", help="How far it drives back then."
     )
     back_off_speed: float = key("speed", default=0.1, low=0.05, high=0.3, help="How fast it drives back.")
@@ -84,32 +84,35 @@ class Reflexes:
         "percent", default=10.0, low=0.0, high=100.0, help="The same for critical: missions end then."
     )
     stop_button: int | None = key(
-        default=None, low=0, high=BUTTONS - 1, help="The button that makes the base stand still until it is enabled."
+        default=None,
+        low=0,
+        high=BUTTON_COUNT - 1,
+        help="The button that makes the base stand still until it is enabled.",
     )
-    enable_button: int | None = key(default=None, low=0, high=BUTTONS - 1, help="The button that enables it.")
+    enable_button: int | None = key(default=None, low=0, high=BUTTON_COUNT - 1, help="The button that enables it.")
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield what does not go together."""
         if 0 < self.battery_low < self.battery_critical:
             low, least = f"{self.battery_low:g} %", f"{self.battery_critical:g} %"
             message = f"'battery_critical' ({least}) is above 'battery_low' ({low})"
-            yield Mistake(message, ("battery_critical",), ("battery_low",))
+            yield KeyDiagnostic(message, ("battery_critical",), ("battery_low",))
         if self.enable_button == self.stop_button is not None:
             message = f"button {self.enable_button} cannot both stop and enable the base"
-            yield Mistake(message, ("enable_button",))
+            yield KeyDiagnostic(message, ("enable_button",))
 
 
 # The range guard of a base: its section of a robot file, and the reasons that it gives for slowing the base down.
 
-IN_THE_WAY = "something is in the way"
+OBSTACLE_REASON = "something is in the way"
 """Begins the reason of a base that is slowed down for what the range finder sees; distance and direction follow."""
 
-SCANS_LATE = "the range finder's scans are late"
-SCANS_MISSING = "the range finder does not report"
-OUT_OF_SIGHT = "the range finder does not see that direction"
-GUARD_FAILED = "the range guard failed"
+SCANS_LATE_REASON = "the range finder's scans are late"
+SCANS_MISSING_REASON = "the range finder does not report"
+OUT_OF_SIGHT_REASON = "the range finder does not see that direction"
+GUARD_FAILED_REASON = "the range guard failed"
 
-_REASONS = (IN_THE_WAY, SCANS_LATE, SCANS_MISSING, OUT_OF_SIGHT, GUARD_FAILED)
+_GUARD_REASONS = (OBSTACLE_REASON, SCANS_LATE_REASON, SCANS_MISSING_REASON, OUT_OF_SIGHT_REASON, GUARD_FAILED_REASON)
 
 MIN_GAP = 0.02
 """Metres: the smallest gap, which covers the noise of a range finder."""
@@ -120,7 +123,7 @@ Footprint = float | tuple[tuple[float, float], ...]
 
 def is_guarded(steering: Steering) -> bool:
     """Return True while the range guard slows the base down or stops it."""
-    return steering.because.startswith(_REASONS)
+    return steering.reason.startswith(_GUARD_REASONS)
 
 
 @keys
@@ -152,7 +155,7 @@ class RangeGuardKeys:
         help="Where the range finder does not look: drive there at 0.1 m/s at most, or as if nothing were there.",
     )
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield a footprint that does not enclose the middle of the base."""
         if not isinstance(self.footprint, tuple):
             return
@@ -163,7 +166,7 @@ class RangeGuardKeys:
         ]
         if len(angles) < 3 or max(gaps) > pi - 1e-6 or min(hypot(x, y) for x, y in self.footprint) < 1e-3:
             message = "'footprint': the corners must enclose the middle between the wheels, [0 m, 0 m]"
-            yield Mistake(
+            yield KeyDiagnostic(
                 message,
                 ("footprint",),
                 hint="footprint: [[15 cm, 10 cm], [15 cm, -10 cm], [-10 cm, -10 cm], [-10 cm, 10 cm]]",

@@ -19,7 +19,7 @@ class Priority(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Manner:
+class SpeechStyle:
     """How to speak: a synthesiser's voice, words per minute, a language; empty and 0 as the robot file says."""
 
     voice: str = ""
@@ -46,7 +46,7 @@ class MouthShape:
     shape: Mouth
 
 
-AS_USUAL = Manner()
+DEFAULT_STYLE = SpeechStyle()
 """As the robot file says."""
 
 
@@ -82,7 +82,7 @@ class Voice(Device, Protocol):
     """What the robot speaks with. One thing is heard at a time: what has the highest priority, else the oldest."""
 
     @command("before")
-    def say(self, text: str, manner: Manner = AS_USUAL, priority: Priority = Priority.NORMAL) -> Utterance:
+    def say(self, text: str, manner: SpeechStyle = DEFAULT_STYLE, priority: Priority = Priority.NORMAL) -> Utterance:
         """Start to speak ``text`` in its turn; returns at once. Raises NotConnected before ``open``."""
         ...
 

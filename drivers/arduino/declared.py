@@ -3,10 +3,10 @@
 from collections.abc import Iterator, Mapping
 from typing import Literal
 
-from drivers.api.device import Away
+from drivers.api.device import ReconnectPolicy
 from drivers.api.driver import Driver
-from drivers.api.keys import Mistake, key, keys
-from drivers.api.sections import Wired
+from drivers.api.keys import KeyDiagnostic, key, keys
+from drivers.api.sections import SerialKeys
 from drivers.head.keys import ServoKeys, TwoServoKeys
 
 
@@ -27,7 +27,7 @@ class TiltKeys(ServoKeys):
 
 
 @keys
-class ArduinoKeys(TwoServoKeys, Wired):
+class ArduinoKeys(TwoServoKeys, SerialKeys):
     """The ``head`` section of a robot with a pan/tilt head on an Arduino with the Rodney sketch, or with ours."""
 
     protocol: Literal["rosserial", "lines"] = key(
@@ -39,43 +39,45 @@ class ArduinoKeys(TwoServoKeys, Wired):
     )
     pan: PanKeys = key(help="The servo that turns the head left and right.")
     tilt: TiltKeys = key(help="The servo that turns the head up and down.")
-    away: Away = key(default=Away(), help="What it does when it is back after it was unplugged, or silent.")
+    away: ReconnectPolicy = key(
+        default=ReconnectPolicy(), help="What it does when it is back after it was unplugged, or silent."
+    )
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield servos that our sketch numbers otherwise."""
-        yield from super().mistakes()
+        yield from super().diagnostics()
         if self.protocol == "lines":
             for word, servo, its in (("pan", self.pan.servo, 0), ("tilt", self.tilt.servo, 1)):
                 if servo != its:
                     message = f"'{word}' is servo {its} of the sketch that speaks lines: change its pins there"
-                    yield Mistake(message, (word, "servo"))
+                    yield KeyDiagnostic(message, (word, "servo"))
 
 
 @keys
-class SecondKeys(TwoServoKeys):
+class SecondPanTiltKeys(TwoServoKeys):
     """A section of one more pan/tilt on the board of the ``head``, such as a mast."""
 
 
-def servos_of_board(second: SecondKeys, others: Mapping[str, object]) -> Iterator[Mistake]:
+def check_board_servos(second: SecondPanTiltKeys, others: Mapping[str, object]) -> Iterator[KeyDiagnostic]:
     """Yield a board that is not there, and servos of it that the head has."""
     head = others.get("head")
     if not isinstance(head, ArduinoKeys):
         told = "'driver: arduino_second' sits on the board of a 'head' with 'driver: arduino', which this robot has not"
-        yield Mistake(told, ("driver",))
+        yield KeyDiagnostic(told, ("driver",))
         return
     if head.protocol == "lines":
-        yield Mistake("the sketch that speaks lines has two servos, both of the 'head'", ("driver",))
+        yield KeyDiagnostic("the sketch that speaks lines has two servos, both of the 'head'", ("driver",))
         return
     taken = {head.pan.servo: "the pan of the 'head'", head.tilt.servo: "the tilt of the 'head'"}
     for name, other in others.items():
         if other is second:
             break  # the one that stands further down is told
-        if isinstance(other, SecondKeys):
+        if isinstance(other, SecondPanTiltKeys):
             taken |= {other.pan.servo: f"the pan of '{name}'", other.tilt.servo: f"the tilt of '{name}'"}
     for axis, its in (("pan", second.pan), ("tilt", second.tilt)):
         if its.servo in taken:
             at = (axis, "servo")
-            yield Mistake(f"servo {its.servo} is {taken[its.servo]}", at, about=(at,))
+            yield KeyDiagnostic(f"servo {its.servo} is {taken[its.servo]}", at, about=(at,))
 
 
 ARDUINO = Driver(
@@ -94,10 +96,10 @@ SECOND = Driver(
     "arduino_second",
     "head",
     "Two more hobby servos on the board of the head.",
-    SecondKeys,
-    make="drivers.arduino.driver:second",
+    SecondPanTiltKeys,
+    make="drivers.arduino.driver:make_second",
     twin="drivers.arduino.twin:make_second",
     virtual="drivers.arduino.virtual:make_second",
     needs=("head",),
-    check=servos_of_board,
+    check=check_board_servos,
 )

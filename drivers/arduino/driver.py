@@ -4,19 +4,19 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from drivers.api import HEAD_ACCELERATION, Head, HeadPose, Health, Quality, Reading, ignore
-from drivers.api.driver import Site
-from drivers.arduino.board import Board
-from drivers.arduino.declared import ArduinoKeys, SecondKeys
+from drivers.api.driver import DriverContext
+from drivers.arduino.board import ArduinoBoard
+from drivers.arduino.declared import ArduinoKeys, SecondPanTiltKeys
 from drivers.arduino.wire import ServoAngle
 from drivers.clock import Clock
-from drivers.head.axis import TRAILING, ServoAxis, next_degrees, servo_axis
+from drivers.head.axis import SERVO_LAG, ServoAxis, make_servo_axis, next_degrees
 from drivers.head.keys import TwoServoKeys
-from drivers.head.memory import Memory
-from drivers.head.pantilt import AHEAD, LedHead, PanTilt
-from drivers.transport.link import Link
+from drivers.head.memory import ServoAngleStore
+from drivers.head.pantilt import STRAIGHT_AHEAD, PanTiltMotion, ProfiledHead
+from drivers.transport.link import SerialLink
 
 
-class ArduinoHead(LedHead[ServoAxis]):
+class ArduinoHead(ProfiledHead[ServoAxis]):
     """A ``drivers.api.Head`` of two hobby servos on ``board``, which may carry a second one.
 
     The servos tell nothing and turn as fast as they can, so the driver leads them: from the angle commanded last it
@@ -31,11 +31,11 @@ class ArduinoHead(LedHead[ServoAxis]):
     ``changed`` is called whenever the pose has changed, mostly from the link's thread.
     """
 
-    TRAILS = TRAILING
+    LAG = SERVO_LAG
 
     def __init__(
         self,
-        board: Board,
+        board: ArduinoBoard,
         clock: Clock,
         *,
         pan: ServoAxis,
@@ -44,16 +44,18 @@ class ArduinoHead(LedHead[ServoAxis]):
         acceleration: float = HEAD_ACCELERATION,
         changed: Callable[[], None] = ignore,
         name: str = "head",
-        start: HeadPose = AHEAD,
+        start: HeadPose = STRAIGHT_AHEAD,
     ) -> None:
         if pan.index == tilt.index:
             raise ValueError(f"{name}: pan and tilt are both servo {pan.index}")
         self.name = name
         self.board = board
-        super().__init__(clock, PanTilt(name, pan, tilt, speed=speed, acceleration=acceleration, start=start), changed)
+        super().__init__(
+            clock, PanTiltMotion(name, pan, tilt, speed=speed, acceleration=acceleration, start=start), changed
+        )
         self._sent: tuple[int, ...] = ()  # degrees; empty before it is known where the servos stand
-        self._newest: Reading[HeadPose] | None = None
-        self._guessed = False  # the degrees are a guess, and no goal has been accepted since
+        self._last_pose: Reading[HeadPose] | None = None
+        self._is_guess = False  # the degrees are a guess, and no goal has been accepted since
         self._resend = False  # send both servos their degrees, also where the guess equals the goal
 
     # --- what behaviours ask ------------------------------------------------------------------------------------------
@@ -64,24 +66,26 @@ class ArduinoHead(LedHead[ServoAxis]):
         Raises BadRequest if it is not finite, NotConnected until the board has said that it takes angles, DeviceFault
         while the head is latched.
         """
-        self._way.check(target)
-        self.board.require()
+        self._motion.check(target)
+        self.board.require_ready()
         accepted = self.limits.clamp(target)
-        pan, tilt = self._way.axes
+        pan, tilt = self._motion.axes
         # The way ends where the servos will stand. From between two degrees the next one would first have to make up
         # for the part of a degree that they never went, and its beginning would wait for that and for a pulse.
-        self._way.look(HeadPose(pan.nearest(accepted.pan), tilt.nearest(accepted.tilt)), self._now())
-        self._settled = False
-        self._guessed, self._resend = False, self._resend or self._guessed
+        self._motion.look(
+            HeadPose(pan.nearest_angle(accepted.pan), tilt.nearest_angle(accepted.tilt)), self._sync_time()
+        )
+        self._is_settled = False
+        self._is_guess, self._resend = False, self._resend or self._is_guess
         self.board.send(self)  # the first degree does not wait for the next pulse
         return accepted
 
     def pose(self) -> Reading[HeadPose]:
         """Where the servos were sent last; stale while the board is not there, and none before it first was."""
-        newest = self._newest
+        newest = self._last_pose
         if newest is None:
-            return Reading(None, self._clock.now(), Quality.NONE)
-        return newest if self.board.ready else replace(newest, quality=Quality.STALE)
+            return Reading(None, self._clock.read_value(), Quality.NONE)
+        return newest if self.board.is_ready else replace(newest, quality=Quality.STALE)
 
     @property
     def latched(self) -> str:
@@ -107,122 +111,124 @@ class ArduinoHead(LedHead[ServoAxis]):
         """Say whether the board takes angles, and what it is waiting for if not."""
         return self.board.health()
 
-    # --- on the board: see drivers.arduino.board.Mounted ---------------------------------------------------------
+    # --- on the board: see drivers.arduino.board.BoardDevice ---------------------------------------------------------
 
     @property
     def servos(self) -> frozenset[int]:
         """The numbers of its servos."""
-        return frozenset(axis.index for axis in self._way.axes)
+        return frozenset(axis.index for axis in self._motion.axes)
 
-    def stands(self, degrees: Mapping[int, int], *, later: bool, known: bool) -> Mapping[int, int]:
+    def set_angles(self, degrees: Mapping[int, int], *, has_encoders: bool, known: bool) -> Mapping[int, int]:
         """Go on from where the servos stand; stay there, but for the first time that it is known where that is."""
-        now = self._clock.now()
-        axes = self._way.axes
-        self._sent = tuple(degrees.get(axis.index, axis.awake_by(later=later)) for axis in axes)
+        now = self._clock.read_value()
+        axes = self._motion.axes
+        self._sent = tuple(
+            degrees.get(axis.index, axis.start_degrees_of_sketch(has_encoders=has_encoders)) for axis in axes
+        )
         pan, tilt = (axis.to_radians(sent) for axis, sent in zip(axes, self._sent, strict=True))
-        if self._began or not known:
-            self._way.let_go(pan=pan, tilt=tilt, now=now)
+        if self._has_start or not known:
+            self._motion.drop_goal(pan=pan, tilt=tilt, now=now)
         else:
-            self._way.place(HeadPose(pan, tilt), now)
-        self._began, self._settled = True, False
-        self._guessed, self._resend = not known, False
-        self._tell(HeadPose(pan, tilt), now)
+            self._motion.set_position(HeadPose(pan, tilt), now)
+        self._has_start, self._is_settled = True, False
+        self._is_guess, self._resend = not known, False
+        self._record_pose(HeadPose(pan, tilt), now)
         return {axis.index: sent for axis, sent in zip(axes, self._sent, strict=True)}
 
-    def lost(self) -> None:
+    def drop_goal(self) -> None:
         """Give up the goal; the first goal is yet to come."""
-        if self._began:
+        if self._has_start:
             self._hold()
 
-    def waits(self, now: float) -> bool:
+    def pause_until(self, now: float) -> bool:
         """Stand still until time ``now``; say whether a degree is to be sent."""
-        self._way.hold(now)
-        if self._newest is not None and self._newest.value is not None:
-            self._tell(self._newest.value, now)
-        return not self._settled
+        self._motion.pause_until(now)
+        if self._last_pose is not None and self._last_pose.value is not None:
+            self._record_pose(self._last_pose.value, now)
+        return not self._is_settled
 
-    def due(self, now: float) -> list[ServoAngle]:
+    def next_angles(self, now: float) -> list[ServoAngle]:
         """Move on; return each axis whose whole degree has changed, and both at the first goal after a guess."""
-        self._settled = self._way.still  # the last degree is sent now, and no other unless somebody wants one
-        pan, tilt = way = self._way.advance(now)
-        degrees = next_degrees(self._way, way, self._sent)
+        self._is_settled = self._motion.is_still  # the last degree is sent now, and no other unless somebody wants one
+        pan, tilt = way = self._motion.advance(now)
+        degrees = next_degrees(self._motion, way, self._sent)
         pose = HeadPose(pan.axis.to_radians(degrees[0]), tilt.axis.to_radians(degrees[1]))
         steps = zip((pan.axis, tilt.axis), degrees, self._sent, strict=True)
         angles = [ServoAngle(axis.index, new) for axis, new, old in steps if new != old or self._resend]
         self._sent, self._resend = degrees, False
-        self._tell(pose, now)
+        self._record_pose(pose, now)
         return angles
 
-    def _tell(self, pose: HeadPose, now: float) -> None:
+    def _record_pose(self, pose: HeadPose, now: float) -> None:
         """Take note of where the servos stand at time ``now``."""
-        turned = self._newest is None or pose != self._newest.value
-        self._newest = Reading(pose, now, Quality.GOOD)
+        turned = self._last_pose is None or pose != self._last_pose.value
+        self._last_pose = Reading(pose, now, Quality.GOOD)
         self._history.add(now, (pose.pan, pose.tilt))
         if turned:
             self._changed()
 
     def _hold(self) -> None:
         """Give up the goal: the servos stay at the degrees sent last, of which the profile may be a little short."""
-        if self._newest is not None and self._newest.value is not None:
-            sent = self._newest.value
-            self._way.let_go(pan=sent.pan, tilt=sent.tilt, now=self._clock.now())
+        if self._last_pose is not None and self._last_pose.value is not None:
+            sent = self._last_pose.value
+            self._motion.drop_goal(pan=sent.pan, tilt=sent.tilt, now=self._clock.read_value())
 
-    def _now(self) -> float:
+    def _sync_time(self) -> float:
         """Return the time, until which nothing has moved if nothing may be sent."""
-        now = self._clock.now()
-        if not self.board.sure:
-            self._way.hold(now, 0.0)
+        now = self._clock.read_value()
+        if not self.board.can_send:
+            self._motion.pause_until(now, 0.0)
         return now
 
 
 # From the keys of a robot file to the driver of a Rodney head.
 
-CURE = "flash docs/keeper_head/keeper_head.ino; look at its power and its cable"
+OFFLINE_HINT = "flash docs/keeper_head/keeper_head.ino; look at its power and its cable"
 
 
-def make(keys: ArduinoKeys, site: Site) -> Head:
+def make(keys: ArduinoKeys, site: DriverContext) -> Head:
     """Return the driver; where its servos were left is kept, but for a virtual one."""
-    link = Link(site.part, site.port, keys.baud, report=site.report)
-    remembered = None if site.state is None else Memory(site.state, site.port)
+    link = SerialLink(site.part, site.port, keys.baud, report=site.report)
+    remembered = None if site.state_folder is None else ServoAngleStore(site.state_folder, site.port)
     if keys.protocol == "lines":
-        from drivers.head.guardian_head import KeeperHead  # noqa: PLC0415 - few boards have that sketch
+        from drivers.head.guardian_head import GuardianHead  # noqa: PLC0415 - few boards have that sketch
 
-        return KeeperHead(
+        return GuardianHead(
             link,
             site.clock,
-            pan=servo_axis(keys.pan),
-            tilt=servo_axis(keys.tilt),
+            pan=make_servo_axis(keys.pan),
+            tilt=make_servo_axis(keys.tilt),
             speed=keys.speed,
             acceleration=keys.acceleration,
             away=keys.away,
             report=site.report,
             name=site.part,
-            remembered=remembered,
-            cure=CURE,
+            angle_store=remembered,
+            hint=OFFLINE_HINT,
         )
-    board = Board(
+    board = ArduinoBoard(
         link,
         site.clock,
-        boot_delay=0.0 if site.virtual else keys.boot,
+        boot_delay=0.0 if site.is_virtual else keys.boot,
         report=site.report,
         away=keys.away,
-        remembered=remembered,
+        angle_store=remembered,
     )
-    return _on(board, keys, site)
+    return _make_head(board, keys, site)
 
 
-def second(keys: SecondKeys, site: Site) -> ArduinoHead:
+def make_second(keys: SecondPanTiltKeys, site: DriverContext) -> ArduinoHead:
     """Return the driver of a second pan/tilt on the board of the robot's head."""
-    first: ArduinoHead = site.parts["head"]
-    return _on(first.board, keys, site)
+    first: ArduinoHead = site.needed_parts["head"]
+    return _make_head(first.board, keys, site)
 
 
-def _on(board: Board, keys: TwoServoKeys, site: Site) -> ArduinoHead:
+def _make_head(board: ArduinoBoard, keys: TwoServoKeys, site: DriverContext) -> ArduinoHead:
     return ArduinoHead(
         board,
         site.clock,
-        pan=servo_axis(keys.pan),
-        tilt=servo_axis(keys.tilt),
+        pan=make_servo_axis(keys.pan),
+        tilt=make_servo_axis(keys.tilt),
         speed=keys.speed,
         acceleration=keys.acceleration,
         name=site.part,

@@ -1,16 +1,16 @@
 """Twins of the heads on an Arduino."""
 
-from drivers.arduino.declared import ArduinoKeys, SecondKeys
-from drivers.head.twin import HeadTwin, twin_of
-from drivers.sim.stage import Stage
+from drivers.arduino.declared import ArduinoKeys, SecondPanTiltKeys
+from drivers.head.twin import ServoHeadTwin, make_head_twin
+from drivers.sim.stage import SimContext
 
 
-def make(keys: ArduinoKeys, stage: Stage) -> HeadTwin:
+def make(keys: ArduinoKeys, stage: SimContext) -> ServoHeadTwin:
     """Return the twin of a head."""
-    return twin_of(keys, keys.away, stage)
+    return make_head_twin(keys, keys.away, stage)
 
 
-def make_second(keys: SecondKeys, stage: Stage) -> HeadTwin:
+def make_second(keys: SecondPanTiltKeys, stage: SimContext) -> ServoHeadTwin:
     """Return the twin of a second pan/tilt on the board of a head."""
-    board: ArduinoKeys = stage.keys["head"]
-    return twin_of(keys, board.away, stage)
+    board: ArduinoKeys = stage.part_keys["head"]
+    return make_head_twin(keys, board.away, stage)

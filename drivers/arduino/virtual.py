@@ -7,22 +7,22 @@ from typing import Final
 
 from drivers.api import HeadPose
 from drivers.arduino import wire
-from drivers.arduino.declared import ArduinoKeys, SecondKeys
-from drivers.arduino.wire import HEADER, Frame
-from drivers.head.axis import FIRST_STARTS, STARTS, servo_axis
+from drivers.arduino.declared import ArduinoKeys, SecondPanTiltKeys
+from drivers.arduino.wire import HEADER, RosserialFrame
+from drivers.head.axis import ENCODER_SKETCH_STARTS, FIRST_SKETCH_STARTS, make_servo_axis
 from drivers.head.keys import TwoServoKeys
 from drivers.sim.servo import SERVO_SPEED, Shaft
-from drivers.sim.stage import Stage
-from drivers.virtual.guardian import VirtualServos, plugged_servos
-from drivers.virtual.plugged import Plugged
+from drivers.sim.stage import SimContext
+from drivers.virtual.guardian import VirtualServos, make_virtual_servos
+from drivers.virtual.plugged import VirtualDevice
 
 # How a board of rosserial reads: byte by byte, with its order of doing things and its limits of time.
 
-FRAME_TIME = 0.02
+FRAME_TIMEOUT = 0.02
 """Seconds in which a frame must be complete."""
 
 
-class Ear:
+class RosserialReceiver:
     """Reads what comes; frames of more than ``buffer`` bytes, and those with wrong sums, are lost."""
 
     def __init__(self, buffer: int) -> None:
@@ -30,9 +30,9 @@ class Ear:
         self._frame = bytearray()
         self._began = 0.0
 
-    def hear(self, data: bytes, now: float) -> Iterator[Frame | None]:
+    def feed(self, data: bytes, now: float) -> Iterator[RosserialFrame | None]:
         """Yield the frames that are complete at time ``now``, and None for each header that was none."""
-        if self._frame and now - self._began > FRAME_TIME:
+        if self._frame and now - self._began > FRAME_TIMEOUT:
             self._frame.clear()
         for byte in data:
             frame = self._frame
@@ -52,28 +52,31 @@ class Ear:
                 sound = sum(frame[5:]) % 256 == 255 and len(body) <= self._buffer
                 frame.clear()
                 if sound:
-                    yield Frame(topic, body)
+                    yield RosserialFrame(topic, body)
 
 
-UNSENT = 92.7
+ATTACHED_ANGLE = 92.7
 """Degrees at which a servo stands that was attached and sent nowhere: pulses of 1500 microseconds."""
 
-FIRST = (*FIRST_STARTS[:2], UNSENT, UNSENT)
+FIRST_SKETCH_ANGLES = (*FIRST_SKETCH_STARTS[:2], ATTACHED_ANGLE, ATTACHED_ANGLE)
 """Where the first sketch (Parts 01 to 04) has its servos when it starts: it sends 0 and 1 to 90 and 120 degrees."""
 
-WITH_ENCODERS = (*STARTS[:2], UNSENT, UNSENT)
+ENCODER_SKETCH_ANGLES = (*ENCODER_SKETCH_STARTS[:2], ATTACHED_ANGLE, ATTACHED_ANGLE)
 """The same of the sketches with encoders for a Nano, which send 0 and 1 only; that for a Teensy sends all."""
 
-BEFORE_PART_1 = (90, 40, UNSENT, UNSENT)
+EARLY_SKETCH_ANGLES = (90, 40, ATTACHED_ANGLE, ATTACHED_ANGLE)
 """The same of a sketch that the project's pages showed before Part 01."""
 
-ATTACHED = (UNSENT, UNSENT, UNSENT, UNSENT)
+UNSENT_SKETCH_ANGLES = (ATTACHED_ANGLE, ATTACHED_ANGLE, ATTACHED_ANGLE, ATTACHED_ANGLE)
 """The same of the oldest ones, which send them nowhere."""
 
-ASKS_EVERY = 2.5  # seconds between two questions for the time
-LOST_AFTER = 11.0  # seconds without an answer after which the board no longer counts as configured
-TACHO_EVERY = 0.05
-FEWEST_MICROSECONDS, MOST_MICROSECONDS = 544, 2400  # the pulses that the Servo library makes for 0 and 180 degrees
+TIME_REQUEST_INTERVAL = 2.5  # seconds between two questions for the time
+SESSION_TIMEOUT = 11.0  # seconds without an answer after which the board no longer counts as configured
+TACHO_INTERVAL = 0.05
+MIN_PULSE_MICROSECONDS, MAX_PULSE_MICROSECONDS = (
+    544,
+    2400,
+)  # the pulses that the Servo library makes for 0 and 180 degrees
 
 
 class SketchState(Enum):
@@ -103,12 +106,12 @@ class VirtualRodney:
 
     It is deaf and dumb for ``boot_delay`` seconds after its first moment, and after each ``reset``. From then on it
     obeys angles, whether it was asked for its topics or not. ``starts`` is where its servos go when it starts, such as
-    ``FIRST``. With ``logs`` it writes a line for each angle, as the sketches for a Nano do.
-    A Nano starts anew when DTR rises as its port is ``opened``, unless the line stayed on when the port was ``closed``;
+    ``FIRST_SKETCH_ANGLES``. With ``logs`` it writes a line for each angle, as the sketches for a Nano do.
+    A Nano starts anew when DTR rises as its port is ``open_port``, unless the line stayed on when the port was ``close_port``;
     a board with native USB (``keeps``) does not. While it is without power or starts, its servos stay.
     ``servo`` is what it calls its topic: another one plays a sketch built from other message definitions.
-    ``commands`` keeps the (index, angle) that it took, as sent, and ``widest`` the degrees of the widest step among
-    them: from where it had sent that servo last, or the sketch when it started. ``widest_start`` is the widest step
+    ``commands`` keeps the (index, angle) that it took, as sent, and ``max_step`` the degrees of the widest step among
+    them: from where it had sent that servo last, or the sketch when it started. ``max_start_step`` is the widest step
     that the sketch itself took as it started.
     ``wheels`` is what its encoders measure.
     """
@@ -120,21 +123,21 @@ class VirtualRodney:
         boot_delay: float = 0.0,
         tacho: bool = False,
         buffer: int = 512,
-        servo: wire.Topic = wire.SERVO,
-        starts: Sequence[float] = STARTS,
-        logs: bool = False,
-        keeps: bool = False,
+        servo_topic: wire.RosserialTopic = wire.SERVO_TOPIC,
+        start_angles: Sequence[float] = ENCODER_SKETCH_STARTS,
+        logs_angles: bool = False,
+        native_usb: bool = False,
     ) -> None:
         self.baud = baud
         self.commands: list[tuple[int, int]] = []
-        self.widest = self.widest_start = 0.0
+        self.max_step = self.max_start_step = 0.0
         self.wheels = wire.Tacho(0.0, 0.0)
         self._boot_delay = boot_delay
         self._buffer = buffer
-        self._listens = wire.TopicInfo(wire.FIRST_USER, servo, buffer)
-        self._publishes = wire.TopicInfo(wire.FIRST_USER + 25, wire.TACHO, buffer) if tacho else None
-        self._starts, self._logs_angles, self._keeps = starts, logs, keeps
-        self._shafts = [Shaft(start, start, SERVO_SPEED) for start in starts]
+        self._servo_info = wire.TopicInfo(wire.FIRST_USER_TOPIC, servo_topic, buffer)
+        self._tacho_info = wire.TopicInfo(wire.FIRST_USER_TOPIC + 25, wire.TACHO_TOPIC, buffer) if tacho else None
+        self._start_angles, self._logs_angles, self._native_usb = start_angles, logs_angles, native_usb
+        self._shafts = [Shaft(start, start, SERVO_SPEED) for start in start_angles]
         self._lock = Lock()  # the world looks at the shafts from a thread of its own
         self._boots_until: float | None = None
         self._state = SketchState.BOOTING
@@ -143,17 +146,17 @@ class VirtualRodney:
 
     def _restart(self) -> None:
         """Forget what the sketch keeps in memory."""
-        self._ear = Ear(self._buffer)
+        self._receiver = RosserialReceiver(self._buffer)
         self._state = TRANSITIONS[self._state, SketchEvent.RESET]
-        self._asked = self._answered = self._measured = 0.0
-        self._logs: list[wire.Log] = []
+        self._time_requested_at = self._replied_at = self._tacho_sent_at = 0.0
+        self._logs: list[wire.RosserialLog] = []
 
     def angle(self, index: int, now: float) -> float:
         """Where servo ``index`` stands at time ``now``, in degrees."""
         with self._lock:
             return self._shafts[index].advance(now)
 
-    def log(self, line: wire.Log) -> None:
+    def log(self, line: wire.RosserialLog) -> None:
         """Let the sketch write a line to its log; it is said as soon as the board is configured."""
         with self._lock:
             self._logs.append(line)
@@ -164,17 +167,17 @@ class VirtualRodney:
             self._restart()
             self._boots_until = now + self._boot_delay
 
-    def opened(self, now: float) -> None:
+    def open_port(self, now: float) -> None:
         """The computer has opened the port at time ``now``, which raises DTR."""
         rises, self._dtr = not self._dtr, True
-        if rises and not self._keeps:
+        if rises and not self._native_usb:
             self.reset(now)
 
-    def closed(self, *, hangs_up: bool) -> None:
+    def close_port(self, *, hangs_up: bool) -> None:
         """The computer has closed the port: DTR falls if it ``hangs_up``, as Linux does unless HUPCL is off."""
         self._dtr = self._dtr and not hangs_up
 
-    def plugged(self, now: float) -> None:
+    def power_on(self, now: float) -> None:
         """The computer was plugged in at time ``now``, which it has its power from."""
         self._dtr = False
         self.reset(now)
@@ -182,107 +185,113 @@ class VirtualRodney:
     def feed(self, data: bytes, now: float) -> bytes:
         """Take bytes from the computer; return the answers."""
         with self._lock:
-            if not self._running(now):
+            if not self._run_sketch(now):
                 return b""
-            self._forget(now)
-            return b"".join(self._answer(frame, now) for frame in self._ear.hear(data, now))
+            self._expire_session(now)
+            return b"".join(self._handle_frame(frame, now) for frame in self._receiver.feed(data, now))
 
     def poll(self, now: float) -> bytes:
         """Let time pass; return what is due."""
         with self._lock:
-            if not self._running(now):
+            if not self._run_sketch(now):
                 return b""
-            self._forget(now)
+            self._expire_session(now)
             if self._state is not SketchState.CONFIGURED:
                 return b""
-            said = b"".join(wire.Frame(wire.LOG, line.pack()).pack() for line in self._logs)
+            said = b"".join(wire.RosserialFrame(wire.LOG, line.pack()).pack() for line in self._logs)
             self._logs.clear()
-            if now - self._asked >= ASKS_EVERY:
-                self._asked = now
+            if now - self._time_requested_at >= TIME_REQUEST_INTERVAL:
+                self._time_requested_at = now
                 said += wire.REQUEST_TIME
-            if self._publishes and now - self._measured >= TACHO_EVERY:
-                self._measured = now
-                said += wire.Frame(self._publishes.id, self.wheels.pack()).pack()
+            if self._tacho_info and now - self._tacho_sent_at >= TACHO_INTERVAL:
+                self._tacho_sent_at = now
+                said += wire.RosserialFrame(self._tacho_info.id, self.wheels.pack()).pack()
             return said
 
-    def _forget(self, now: float) -> None:
+    def _expire_session(self, now: float) -> None:
         """Forget a computer that has answered no question for long."""
-        if now - self._answered > LOST_AFTER:
+        if now - self._replied_at > SESSION_TIMEOUT:
             self._state = TRANSITIONS[self._state, SketchEvent.STOP]
 
-    def _running(self, now: float) -> bool:
+    def _run_sketch(self, now: float) -> bool:
         """Say whether the sketch runs; when it begins to, it sends its servos to their starts."""
         if self._boots_until is None:
             self._boots_until = now + self._boot_delay
         if self._state is SketchState.BOOTING and now >= self._boots_until:
             self._state = TRANSITIONS[self._state, SketchEvent.BOOT]
-            for shaft, start in zip(self._shafts, self._starts, strict=True):
-                self.widest_start = max(self.widest_start, abs(start - shaft.advance(now)))
+            for shaft, start in zip(self._shafts, self._start_angles, strict=True):
+                self.max_start_step = max(self.max_start_step, abs(start - shaft.advance(now)))
                 shaft.goal = start
         return self._state is not SketchState.BOOTING
 
-    def _answer(self, frame: wire.Frame | None, now: float) -> bytes:
+    def _handle_frame(self, frame: wire.RosserialFrame | None, now: float) -> bytes:
         if frame is None:
             return b"" if self._state is SketchState.CONFIGURED else wire.REQUEST_TIME
         if frame.topic == wire.PUBLISHER:
             return self._negotiate(now)
         if frame.topic == wire.TIME:
-            self._answered = now
+            self._replied_at = now
         elif frame.topic == wire.STOP:
             self._state = TRANSITIONS[self._state, SketchEvent.STOP]
-        elif frame.topic == self._listens.id and len(frame.data) >= 3:
+        elif frame.topic == self._servo_info.id and len(frame.data) >= 3:
             command = wire.ServoAngle.unpack(frame.data)
-            self._turn(command, now)
+            self._turn_servo(command, now)
             if self._logs_angles:
-                return wire.Frame(wire.LOG, wire.Log(0, f"Servo {command.index} ").pack()).pack()
+                return wire.RosserialFrame(wire.LOG, wire.RosserialLog(0, f"Servo {command.index} ").pack()).pack()
         return b""
 
     def _negotiate(self, now: float) -> bytes:
         """Ask for the time, then name the topics: what is published first, then what is listened to."""
         self._state = TRANSITIONS[self._state, SketchEvent.NEGOTIATE]
-        self._asked = self._answered = now
-        published = wire.Frame(wire.PUBLISHER, self._publishes.pack()).pack() if self._publishes else b""
-        return wire.REQUEST_TIME + published + wire.Frame(wire.SUBSCRIBER, self._listens.pack()).pack()
+        self._time_requested_at = self._replied_at = now
+        published = wire.RosserialFrame(wire.PUBLISHER, self._tacho_info.pack()).pack() if self._tacho_info else b""
+        return wire.REQUEST_TIME + published + wire.RosserialFrame(wire.SUBSCRIBER, self._servo_info.pack()).pack()
 
-    def _turn(self, command: wire.ServoAngle, now: float) -> None:
+    def _turn_servo(self, command: wire.ServoAngle, now: float) -> None:
         """Do as the sketch and the Servo library do with any number."""
         self.commands.append((command.index, command.angle))
         if command.index >= len(self._shafts):
-            self._logs.append(wire.Log(0, f"no servo {command.index}"))
+            self._logs.append(wire.RosserialLog(0, f"no servo {command.index}"))
             return
         shaft = self._shafts[command.index]
         shaft.advance(now)
         before = shaft.goal
-        if command.angle < FEWEST_MICROSECONDS:
+        if command.angle < MIN_PULSE_MICROSECONDS:
             shaft.goal = float(min(command.angle, 180))
         else:
-            pulse = min(command.angle, MOST_MICROSECONDS)
-            shaft.goal = 180 * (pulse - FEWEST_MICROSECONDS) / (MOST_MICROSECONDS - FEWEST_MICROSECONDS)
-        self.widest = max(self.widest, abs(shaft.goal - before))
+            pulse = min(command.angle, MAX_PULSE_MICROSECONDS)
+            shaft.goal = 180 * (pulse - MIN_PULSE_MICROSECONDS) / (MAX_PULSE_MICROSECONDS - MIN_PULSE_MICROSECONDS)
+        self.max_step = max(self.max_step, abs(shaft.goal - before))
 
 
-def make(keys: ArduinoKeys, stage: Stage) -> Plugged:  # noqa: ARG001
+def make(keys: ArduinoKeys, stage: SimContext) -> VirtualDevice:  # noqa: ARG001
     """Return a virtual Rodney head; its state are its four servos in degrees."""
-    pan, tilt = servo_axis(keys.pan), servo_axis(keys.tilt)
+    pan, tilt = make_servo_axis(keys.pan), make_servo_axis(keys.tilt)
     if keys.protocol == "lines":
-        return plugged_servos(VirtualServos((pan.awake, tilt.awake), baud=keys.baud), pan, tilt, "nano")
+        return make_virtual_servos(
+            VirtualServos((pan.start_degrees, tilt.start_degrees), baud=keys.baud), pan, tilt, "nano"
+        )
     own = {axis.index: axis.start for axis in (pan, tilt) if axis.start is not None}
-    device = VirtualRodney(baud=keys.baud, logs=True, starts=[own.get(index, at) for index, at in enumerate(FIRST)])
-    return Plugged(
+    device = VirtualRodney(
+        baud=keys.baud,
+        logs_angles=True,
+        start_angles=[own.get(index, at) for index, at in enumerate(FIRST_SKETCH_ANGLES)],
+    )
+    return VirtualDevice(
         device,
         "nano",
-        looks=_turned(device, keys),
+        head_pose=_make_head_pose(device, keys),
         state=lambda now: [device.angle(index, now) for index in range(4)],
     )
 
 
-def make_second(keys: SecondKeys, stage: Stage) -> Plugged:
+def make_second(keys: SecondPanTiltKeys, stage: SimContext) -> VirtualDevice:
     """Return a second pan/tilt on the board of a virtual Rodney head, whose wire it is on."""
-    return Plugged(None, looks=_turned(stage.parts["head"].device, keys))
+    return VirtualDevice(None, head_pose=_make_head_pose(stage.parts["head"].device, keys))
 
 
-def _turned(device: VirtualRodney, keys: TwoServoKeys) -> Callable[[float], HeadPose]:
-    pan, tilt = servo_axis(keys.pan), servo_axis(keys.tilt)
+def _make_head_pose(device: VirtualRodney, keys: TwoServoKeys) -> Callable[[float], HeadPose]:
+    pan, tilt = make_servo_axis(keys.pan), make_servo_axis(keys.tilt)
 
     def looks(time: float) -> HeadPose:
         return HeadPose(pan.to_radians(device.angle(pan.index, time)), tilt.to_radians(device.angle(tilt.index, time)))

@@ -20,15 +20,15 @@ SUBSCRIBER = 1  # a TopicInfo of something the board listens to
 LOG = 7
 TIME = 10  # empty or zero from the board: "what is the time?"; from the computer: the answer
 STOP = 11  # the computer takes its leave
-OWN = range(12)  # topics of rosserial itself
-FIRST_USER = 100  # the board's first subscriber
+RESERVED_TOPICS = range(12)  # topics of rosserial itself
+FIRST_USER_TOPIC = 100  # the board's first subscriber
 
 HEADER = b"\xff\xfe"
 MAX_DATA_LENGTH = 1024  # bytes of data; no board of ours has buffers of more than 512
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class RosserialFrame:
     """What one frame carries."""
 
     topic: int
@@ -37,16 +37,16 @@ class Frame:
     def pack(self) -> bytes:
         """Return the bytes of the frame. Raises struct.error when the data are longer than 65535 bytes."""
         length, body = struct.pack("<H", len(self.data)), struct.pack("<H", self.topic) + self.data
-        return HEADER + length + bytes([_check(length)]) + body + bytes([_check(body)])
+        return HEADER + length + bytes([_checksum(length)]) + body + bytes([_checksum(body)])
 
 
-def _check(data: bytes | bytearray) -> int:
+def _checksum(data: bytes | bytearray) -> int:
     return 255 - sum(data) % 256
 
 
-REQUEST_TOPICS = Frame(PUBLISHER, b"").pack()
-STOP_SENDING = Frame(STOP, b"").pack()
-REQUEST_TIME = Frame(TIME, bytes(8)).pack()
+REQUEST_TOPICS = RosserialFrame(PUBLISHER, b"").pack()
+STOP_SENDING = RosserialFrame(STOP, b"").pack()
+REQUEST_TIME = RosserialFrame(TIME, bytes(8)).pack()
 NUDGE = b"\xff\x00"
 """The beginning of no frame: a board whose topics nobody has asked for since it started answers with REQUEST_TIME, one
 that is in step with a computer answers nothing."""
@@ -55,50 +55,50 @@ PROBE = 3 * NUDGE + REQUEST_TOPICS
 """Asks for the topics, and by the way whether it is the first to do so."""
 
 
-class FrameFinder:
+class RosserialFrameFinder:
     """Finds the frames in a stream of bytes that is cut anywhere and may hold noise.
 
     After a failed check it searches again from the byte behind the header, so that noise never eats a good frame.
     ``skipped`` counts the bytes that were in no frame, ``checksum_errors`` the headers whose checks failed.
     """
 
-    def __init__(self, longest: int = MAX_DATA_LENGTH) -> None:
+    def __init__(self, max_data_length: int = MAX_DATA_LENGTH) -> None:
         self.skipped = 0
         self.checksum_errors = 0
-        self._longest = longest
+        self._max_data_length = max_data_length
         self._buffer = bytearray()
 
     @property
-    def waiting(self) -> bool:
+    def has_partial_frame(self) -> bool:
         """True while it holds the beginning of what may become a frame."""
         return bool(self._buffer)
 
-    def feed(self, data: bytes) -> list[Frame]:
+    def feed(self, data: bytes) -> list[RosserialFrame]:
         """Take what has arrived; return the frames that are now complete."""
         self._buffer += data
         return list(self._frames())
 
-    def give_up(self) -> list[Frame]:
+    def drop_partial_frame(self) -> list[RosserialFrame]:
         """Stop waiting for the rest of a frame that does not come; return the frames that it had hidden."""
         self._skip(1)
         return list(self._frames())
 
-    def _frames(self) -> Iterator[Frame]:
+    def _frames(self) -> Iterator[RosserialFrame]:
         while self._seek_header() and len(self._buffer) >= 5:
             length = int.from_bytes(self._buffer[2:4], "little")
             end = 7 + length
-            if _check(self._buffer[2:4]) != self._buffer[4]:
+            if _checksum(self._buffer[2:4]) != self._buffer[4]:
                 self.checksum_errors += 1
                 self._skip(1)
-            elif length > self._longest:
+            elif length > self._max_data_length:
                 self._skip(1)
             elif len(self._buffer) <= end:
                 return
-            elif _check(self._buffer[5:end]) != self._buffer[end]:
+            elif _checksum(self._buffer[5:end]) != self._buffer[end]:
                 self.checksum_errors += 1
                 self._skip(1)
             else:
-                yield Frame(int.from_bytes(self._buffer[5:7], "little"), bytes(self._buffer[7:end]))
+                yield RosserialFrame(int.from_bytes(self._buffer[5:7], "little"), bytes(self._buffer[7:end]))
                 del self._buffer[: end + 1]
 
     def _seek_header(self) -> bool:
@@ -118,7 +118,7 @@ class FrameFinder:
 
 
 @dataclass(frozen=True, slots=True)
-class Topic:
+class RosserialTopic:
     """What both ends must mean by a topic: its name, its type, and the MD5 sum of the type's definition."""
 
     name: str
@@ -126,8 +126,8 @@ class Topic:
     md5: str
 
 
-SERVO = Topic("servo", "servo_msgs/servo_array", "a817c864e9b57c7eb2ecd1a47fde1733")
-TACHO = Topic("tacho", "tacho_msgs/tacho", "1027c9c7c1b5b7503692cfee33924e86")
+SERVO_TOPIC = RosserialTopic("servo", "servo_msgs/servo_array", "a817c864e9b57c7eb2ecd1a47fde1733")
+TACHO_TOPIC = RosserialTopic("tacho", "tacho_msgs/tacho", "1027c9c7c1b5b7503692cfee33924e86")
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +135,7 @@ class TopicInfo:
     """The board's word that it has a topic: by which number, and with how large a buffer in bytes."""
 
     id: int
-    topic: Topic
+    topic: RosserialTopic
     buffer: int
 
     def pack(self) -> bytes:
@@ -151,11 +151,11 @@ class TopicInfo:
         kind, at = _unpack_string(data, at)
         md5, at = _unpack_string(data, at)
         (buffer,) = _unpack("<i", data, at)
-        return cls(number, Topic(name, kind, md5), buffer)
+        return cls(number, RosserialTopic(name, kind, md5), buffer)
 
 
 @dataclass(frozen=True, slots=True)
-class Log:
+class RosserialLog:
     """A line of the board's log. ``level``: 0 debug, 1 info, 2 warning, 3 error, 4 fatal."""
 
     level: int
@@ -173,7 +173,7 @@ class Log:
 
 
 @dataclass(frozen=True, slots=True)
-class Time:
+class RosserialTime:
     """A time in seconds; the wire carries u32 whole seconds and u32 nanoseconds."""
 
     seconds: float

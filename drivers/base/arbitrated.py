@@ -7,7 +7,6 @@ from threading import RLock
 from typing import Protocol, TypedDict, Unpack
 
 from drivers.api import (
-    Away,
     BaseLimits,
     BaseState,
     DeviceStatus,
@@ -18,24 +17,25 @@ from drivers.api import (
     Pose2D,
     Ranger,
     Reading,
+    ReconnectPolicy,
     Reflexes,
-    Report,
     Sounds,
     Source,
-    Steered,
+    StatusCallback,
     Steering,
+    SteeringCallback,
     Velocity,
     ignore,
 )
 from drivers.api.sections import BaseKeys
-from drivers.base.limits import Limits, check, require
+from drivers.base.limits import VelocityLimits, check, require
 from drivers.base.motion_fault import MotionFault, compare
 from drivers.base.progress_monitor import Instruments, ProgressMonitor
 from drivers.base.velocity_multiplexer import VelocityMultiplexer
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.transport.history import History
-from drivers.transport.loop import guarded
+from drivers.transport.history import ValueHistory
+from drivers.transport.loop import guard_callback
 
 NEAR_BEAMS = DockBeam.NEAR_LEFT | DockBeam.NEAR_CENTRE | DockBeam.NEAR_RIGHT
 
@@ -43,7 +43,7 @@ NEAR_BEAMS = DockBeam.NEAR_LEFT | DockBeam.NEAR_CENTRE | DockBeam.NEAR_RIGHT
 class BaseSettings(TypedDict, total=False):
     """Speeds in m/s and rad/s, accelerations in m/s^2 and rad/s^2 (braking is 1.2 times as hard), and callbacks.
 
-    ``changed`` is called whenever a contact, a hazard or a button changes, ``steered`` with each change of steering.
+    ``on_change`` is called whenever a contact, a hazard or a button changes, ``on_steering`` with each change of steering.
     ``guard`` is the section of the robot file, for the range guard.
     """
 
@@ -52,28 +52,28 @@ class BaseSettings(TypedDict, total=False):
     linear_acceleration: float
     angular_acceleration: float
     reflexes: Reflexes | None
-    away: Away | None
+    away: ReconnectPolicy | None
     guard: BaseKeys | None
-    report: Report
+    report: StatusCallback
     changed: Callable[[], None]
-    steered: Steered
+    steered: SteeringCallback
 
 
 class BaseCallbacks(Protocol):
-    """Callbacks of a base: ``drivers.api.driver.Site`` and ``drivers.sim.stage.Stage`` have them."""
+    """Callbacks of a base: ``drivers.api.driver.DriverContext`` and ``drivers.sim.stage.SimContext`` have them."""
 
     @property
-    def report(self) -> Report:
+    def report(self) -> StatusCallback:
         """Receives each status of the device."""
         ...
 
     @property
-    def changed(self) -> Callable[[], None]:
+    def on_change(self) -> Callable[[], None]:
         """Called when a contact, a hazard or a button changes."""
         ...
 
     @property
-    def steered(self) -> Steered:
+    def on_steering(self) -> SteeringCallback:
         """Receives each change of steering."""
         ...
 
@@ -89,8 +89,8 @@ def settings_of(keys: BaseKeys, callbacks: BaseCallbacks) -> BaseSettings:
         away=keys.away,
         guard=keys,
         report=callbacks.report,
-        changed=callbacks.changed,
-        steered=callbacks.steered,
+        changed=callbacks.on_change,
+        steered=callbacks.on_steering,
     )
 
 
@@ -110,22 +110,22 @@ class ArbitratedBase(ABC):
 
     def __init__(self, clock: Clock, instruments: Instruments | None = None, **settings: Unpack[BaseSettings]) -> None:
         self._clock = clock
-        self._report = guarded(settings.get("report", ignore))
-        self._changed = guarded(settings.get("changed", ignore))
-        self._steered = guarded(settings.get("steered", ignore))
-        limits = Limits(
+        self._report = guard_callback(settings.get("report", ignore))
+        self._changed = guard_callback(settings.get("changed", ignore))
+        self._steered = guard_callback(settings.get("steered", ignore))
+        limits = VelocityLimits(
             settings.get("max_linear", 0.5),
             settings.get("max_angular", 1.9),
             settings.get("linear_acceleration", 0.5),
             settings.get("angular_acceleration", 3.5),
         )
-        self._limits = limits.told
+        self._limits = limits.as_base_limits
         monitor = ProgressMonitor(instruments)
         self._mux = VelocityMultiplexer(limits, settings.get("reflexes"), settings.get("away"), monitor)
         self._reported_fault: MotionFault | None = None
         self._reported_steering = self._mux.steering
         self._guard_keys = settings.get("guard")
-        self._poses = History()  # heading, x and y
+        self._poses = ValueHistory()  # heading, x and y
         self._silent = False
         # Held from the selection of a command until it is written: no older command may follow the zero of a stop.
         self._lock = RLock()
@@ -135,8 +135,8 @@ class ArbitratedBase(ABC):
         """Limits of speed and acceleration in force."""
         return self._limits
 
-    def curb(self, limits: BaseLimits) -> BaseLimits:
-        """See ``drivers.api.Curbed``. Only speeds are restricted; a faster base slows down by its ramp."""
+    def restrict_limits(self, limits: BaseLimits) -> BaseLimits:
+        """See ``drivers.api.Limitable``. Only speeds are restricted; a faster base slows down by its ramp."""
         with self._lock:
             self._limits = self._mux.restrict_limits(limits.speed, limits.turn)
         return self._limits
@@ -162,7 +162,7 @@ class ArbitratedBase(ABC):
         )
 
     def compare_with(self, *, ranger: Ranger | None = None, imu: Imu | None = None) -> None:
-        """See ``drivers.api.Witnessed``."""
+        """See ``drivers.api.WitnessedBase``."""
         if not self.has_witnesses:
             return
         # Imported here: they need numpy, a robot without either does not.
@@ -174,14 +174,14 @@ class ArbitratedBase(ABC):
         witnesses += [] if imu is None else [ImuWitness(imu)]
 
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
-        """Request a velocity for ``COMMAND_LIFE``; return the velocity that limits and reflexes permit of it.
+        """Request a velocity for ``COMMAND_TIMEOUT``; return the velocity that limits and reflexes permit of it.
 
         The base approaches it by its acceleration limits. Raises BadRequest for a value that is not finite and for
         ``Source.SAFETY``, DeviceFault while it is latched, and NotConnected while no reports arrive: a base without
         reports is stopped.
         """
         check(self.name, velocity, source)
-        now = self._clock.now()
+        now = self._clock.read_value()
         if (error := self._offline_error(now)) is not None:
             self.stop()
             raise error
@@ -294,7 +294,7 @@ class ArbitratedBase(ABC):
         changed = False
         for state in states:
             change = compare(before, state)
-            changed = changed or change.felt
+            changed = changed or change.inputs_changed
             for fault, hint in change.faults:
                 self._report(DeviceStatus(self.name, "fault", fault, hint))
             before = state

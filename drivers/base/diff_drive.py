@@ -14,7 +14,7 @@ from types import MappingProxyType
 from typing import Protocol, Unpack
 
 from drivers.api import (
-    STILL,
+    ZERO_VELOCITY,
     BaseState,
     DeviceStatus,
     Health,
@@ -32,7 +32,7 @@ from drivers.base.limits import check_light, check_tone
 from drivers.base.progress_monitor import Instruments
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.transport.link import Link
+from drivers.transport.link import SerialLink
 
 RENEWAL_INTERVAL = 0.04
 """Seconds between two commands while no report arrives."""
@@ -51,23 +51,23 @@ FINAL_STOPS = 5
 
 
 @dataclass(frozen=True, slots=True)
-class Timing:
+class DiffDriveTiming:
     """Times of a base, in seconds.
 
     A state is stale ``stale_after`` its measurement, and the base is offline ``offline_after`` its last report.
     A report arrives ``report_delay`` after its measurement. At rest, a command is sent every ``idle_interval``, and
-    reports may gather for ``doze`` before they are read.
+    reports may gather for ``idle_poll_interval`` before they are read.
     """
 
     stale_after: float = 0.15
     offline_after: float = 0.3
     report_delay: float = 0.0
     idle_interval: float = 0.2
-    doze: float = 0.0
+    idle_poll_interval: float = 0.0
 
 
 @dataclass(slots=True)
-class Parsed:
+class ParsedReports:
     """Content of received bytes.
 
     ``states`` are the reported states, oldest first. ``reply`` is to be sent. ``faults`` are pairs of a fault and a
@@ -115,7 +115,7 @@ class DiffDriveProtocol(ABC):
     """
 
     instruments = Instruments()
-    timing = Timing()
+    timing = DiffDriveTiming()
     model = "a base"
     noun = "base"
     sounds: SoundProtocol | None = None
@@ -129,7 +129,7 @@ class DiffDriveProtocol(ABC):
         """Return the start of a connection: settings, and a request for reports. Repeated while the base is silent."""
 
     @abstractmethod
-    def parse(self, data: bytes, now: float) -> Parsed:
+    def parse(self, data: bytes, now: float) -> ParsedReports:
         """Parse received bytes, split anywhere; ``now`` is the time of their measurement."""
 
     @abstractmethod
@@ -138,7 +138,7 @@ class DiffDriveProtocol(ABC):
 
     def stop(self, now: float) -> bytes:
         """Return the command that stops the wheels, repeated if the wire may swallow one."""
-        return self.drive(STILL, now)
+        return self.drive(ZERO_VELOCITY, now)
 
     def query(self, now: float) -> bytes:  # noqa: ARG002
         """Return the question that is due now."""
@@ -199,12 +199,12 @@ class DiffDriveBase(ArbitratedBase):
 
     ``on_stop`` is called when all sources are stopped or the base is latched, to stop other nodes that drive it.
     Callbacks are called from the link's thread, and must return at once. The link also calls the methods of
-    ``drivers.transport.link.Talker`` from there.
+    ``drivers.transport.link.LinkHandler`` from there.
     """
 
     def __init__(
         self,
-        link: Link,
+        link: SerialLink,
         clock: Clock,
         protocol: DiffDriveProtocol,
         *,
@@ -229,21 +229,21 @@ class DiffDriveBase(ArbitratedBase):
         """Start to look for the base; return at once."""
         with self._lock:
             self._closing = False
-            self._mux.absence.begin()
+            self._mux.absence.restart()
         self._link.open(self)
 
     def state(self) -> Reading[BaseState]:
         """Return the last reported state."""
-        latest, now, timing = self._latest, self._clock.now(), self.protocol.timing
+        latest, now, timing = self._latest, self._clock.read_value(), self.protocol.timing
         if latest.value is None:
             return replace(latest, stamp=now)
-        fresh = now - latest.stamp <= timing.stale_after + timing.doze * self._dozing
+        fresh = now - latest.stamp <= timing.stale_after + timing.idle_poll_interval * self._dozing
         return latest if fresh else replace(latest, quality=Quality.STALE)
 
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
         """Request a velocity; see ``ArbitratedBase``. A base at rest is woken."""
         accepted = super().drive(velocity, source=source)
-        if self._dozing and accepted != STILL:
+        if self._dozing and accepted != ZERO_VELOCITY:
             self._link.wake()
         return accepted
 
@@ -266,16 +266,16 @@ class DiffDriveBase(ArbitratedBase):
         """Return whether reports arrive, and the counters of the wire."""
         link = self._link.health()
         counters = {**link.counters, **self.protocol.counters(), **self._mux.command_delays.counters("command")}
-        returned = self._mux.absence.returned
-        if (error := self._offline_error(self._clock.now())) is None:
-            return Health(True, counters=counters, returned=returned)
+        returned = self._mux.absence.reconnected_at
+        if (error := self._offline_error(self._clock.read_value())) is None:
+            return Health(True, counters=counters, reconnected_at=returned)
         return Health(False, str(error), error.hint, counters, returned)
 
-    # --- drivers.transport.link.Talker --------------------------------------------------------------------------------
+    # --- drivers.transport.link.LinkHandler --------------------------------------------------------------------------------
 
-    def connected(self) -> None:
+    def on_connected(self) -> None:
         """Greet the base on a port that was just opened. Commands from before are dropped."""
-        now = self._clock.now()
+        now = self._clock.read_value()
         with self._lock:
             self._mux.stop()
             self.protocol.restart()
@@ -283,9 +283,9 @@ class DiffDriveBase(ArbitratedBase):
         self._silent = False
         self._greet(now)
 
-    def received(self, data: bytes) -> None:
+    def on_data(self, data: bytes) -> None:
         """Parse reports, and respond to them at once."""
-        now = self._bytes_at = self._clock.now()
+        now = self._bytes_at = self._clock.read_value()
         with self._lock, self._stopping_on_error():
             parsed = self.protocol.parse(data, now - self.protocol.timing.report_delay)
             if parsed.restarted is not None:
@@ -298,9 +298,9 @@ class DiffDriveBase(ArbitratedBase):
         if parsed.reply:
             self._link.write(parsed.reply)
 
-    def pulse(self) -> float | None:
+    def on_poll(self) -> float | None:
         """Renew the command, send questions that are due, and detect silence. Return how long reports may gather."""
-        now = self._clock.now()
+        now = self._clock.read_value()
         if now - self._renewed_at >= RENEWAL_INTERVAL:
             self._renew(now)
         if now - max(self._greeted_at, self._heard_at) >= GREETING_INTERVAL:
@@ -311,9 +311,9 @@ class DiffDriveBase(ArbitratedBase):
             self._report(DeviceStatus(self.name, "offline", *self._offline_reason(now)))
         reported = self._heard_at == self._bytes_at and now - self._heard_at < RENEWAL_INTERVAL
         self._dozing = reported and self._is_idle(now)
-        return self.protocol.timing.doze if self._dozing and not self._mux.request_pending else None
+        return self.protocol.timing.idle_poll_interval if self._dozing and not self._mux.request_pending else None
 
-    def ending(self) -> None:
+    def on_closing(self) -> None:
         """Stop the wheels as the thread ends, for whatever reason."""
         self._send_final_stops()
 
@@ -336,8 +336,8 @@ class DiffDriveBase(ArbitratedBase):
     def _is_idle(self, now: float) -> bool:
         """Return whether the base rests and nothing depends on a single report."""
         # A base that counts as disconnected after a short silence needs each report.
-        doze = self.protocol.timing.doze
-        may_doze = doze > 0.0 and self._mux.absence.shortest > 3 * doze
+        doze = self.protocol.timing.idle_poll_interval
+        may_doze = doze > 0.0 and self._mux.absence.min_absence > 3 * doze
         return may_doze and now - self._moved_at >= STOP_TIME and not self._mux.needs_pose
 
     def _greet(self, now: float) -> None:
@@ -355,13 +355,13 @@ class DiffDriveBase(ArbitratedBase):
             if self._closing:
                 self._mux.stop()
             velocity = self._mux.next_velocity(now, state)
-            if velocity != STILL:
+            if velocity != ZERO_VELOCITY:
                 self._moved_at = now
             idle_interval = self.protocol.timing.idle_interval
             if self._mux.latched:
                 idle_interval = min(idle_interval, LATCHED_INTERVAL)
             if now - self._moved_at < STOP_TIME:
-                self._send(self.protocol.stop(now) if velocity == STILL else self.protocol.drive(velocity, now))
+                self._send(self.protocol.stop(now) if velocity == ZERO_VELOCITY else self.protocol.drive(velocity, now))
             elif now - self._sent_at >= idle_interval:
                 self._send(self.protocol.drive(velocity, now))
             steering = self._mux.steering
@@ -369,7 +369,7 @@ class DiffDriveBase(ArbitratedBase):
         self._report_steering(steering)
 
     def _send(self, command: bytes) -> None:
-        self._sent_at = self._clock.now()
+        self._sent_at = self._clock.read_value()
         if command:
             self._link.write(command)
 
@@ -400,12 +400,12 @@ class DiffDriveBase(ArbitratedBase):
 
     def _send_extra(self, make: Callable[[], bytes]) -> None:
         """Send a command that does not move the base. Raises NotConnected."""
-        if (error := self._offline_error(self._clock.now())) is not None:
+        if (error := self._offline_error(self._clock.read_value())) is not None:
             raise error
         self._write(make)
 
     def _send_stop(self) -> None:
-        now = self._clock.now()
+        now = self._clock.read_value()
         self._moved_at = now  # so that renewals repeat it: one may be lost
         with suppress(NotConnected):
             self._send(self.protocol.stop(now))

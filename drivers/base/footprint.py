@@ -22,7 +22,7 @@ class PathPoses:
     heading: Floats
 
 
-class Outline(Protocol):
+class BaseOutline(Protocol):
     """Outline about the middle of a base; ``radius`` in metres is that of the enclosing circle."""
 
     radius: float
@@ -35,7 +35,7 @@ class Outline(Protocol):
         ...
 
 
-class Disc:
+class RoundOutline:
     """Outline of a round base."""
 
     round = True
@@ -46,13 +46,13 @@ class Disc:
         self.rim: Floats = radius * np.stack((np.cos(angles), np.sin(angles)), axis=1)
 
     def clearance(self, x: Floats, y: Floats, path: PathPoses) -> Floats:
-        """See ``Outline``."""
+        """See ``BaseOutline``."""
         ahead, aside = x[:, None] - path.x, y[:, None] - path.y
         distances: Floats = np.sqrt(ahead * ahead + aside * aside) - self.radius
         return distances
 
 
-class Polygon:
+class PolygonOutline:
     """Convex hull of ``corners`` (metres). Raises ValueError unless it encloses the middle of the base."""
 
     round = False
@@ -72,7 +72,7 @@ class Polygon:
         self.rim: Floats = (hull + shares * edges).reshape(-1, 2)
 
     def clearance(self, x: Floats, y: Floats, path: PathPoses) -> Floats:
-        """See ``Outline``. Beyond a corner the result is less than the distance, never more."""
+        """See ``BaseOutline``. Beyond a corner the result is less than the distance, never more."""
         ahead, aside = x[:, None] - path.x, y[:, None] - path.y
         cos, sin = np.cos(path.heading), np.sin(path.heading)
         nearest: Floats = np.full(ahead.shape, -np.inf)
@@ -81,9 +81,9 @@ class Polygon:
         return nearest
 
 
-def outline_of(footprint: Footprint) -> Outline:
+def outline_of(footprint: Footprint) -> BaseOutline:
     """Return the outline for a footprint of a robot file. Raises ValueError for invalid corners."""
-    return Polygon(footprint) if isinstance(footprint, tuple) else Disc(footprint)
+    return PolygonOutline(footprint) if isinstance(footprint, tuple) else RoundOutline(footprint)
 
 
 def radius_of(footprint: Footprint) -> float:

@@ -6,16 +6,16 @@ and its encoders do not count. A base without encoders must have an even rate in
 turn by somebody else is then learnt as bias; afterwards it is recognised.
 """
 
-SETTLED = 0.3
+MIN_STILL_TIME = 0.3
 """Seconds at rest, by command and encoders, after which the bias is learnt."""
 
-LEARNT = 0.5
+MIN_LEARNING_TIME = 0.5
 """Seconds at rest after which the bias is accurate enough for a turn."""
 
-SETTLING_LIMIT = 3.0
+MAX_SETTLING_TIME = 3.0
 """Seconds at rest after which leaves stop waiting for a bias that cannot be learnt."""
 
-GATE = 0.12
+MAX_BIAS_CHANGE = 0.12
 """Deviation from the bias in rad/s above which a base turns although its encoders stand still: it was lifted."""
 
 KNOWN_AFTER, KNOWN_GATE = 2.0, 0.02
@@ -24,20 +24,20 @@ KNOWN_AFTER, KNOWN_GATE = 2.0, 0.02
 RELEARN_AFTER = 60.0
 """Seconds of an even rate that differs from the bias, after which it is the new bias: no turn lasts so long."""
 
-DRIFTS = 0.01
+MAX_DRIFT = 0.01
 """Rate at rest in rad/s above which leaves wait until the bias is known."""
 
-MEMORY = 2.0
+AVERAGING_TIME = 2.0
 """Time constant in seconds of a known bias: it follows the temperature."""
 
-STEADY = 0.02
+MAX_RATE_CHANGE = 0.02
 """Change in rad/s between two reports up to which the rate of a base without encoders is steady."""
 
 SPAN, EVEN, ROUGH = 1.0, 0.005, 3
 """Length of a span in seconds, difference of the means of two spans in rad/s up to which a noisy or rounded rate is
 even, and the number of unsteady reports in a span that make a rate noisy."""
 
-SMOOTHING = 0.2
+SMOOTHING_TIME = 0.2
 """Time constant in seconds of the mean rate: messages that arrive in pairs have no rate one by one."""
 
 
@@ -48,7 +48,7 @@ class GyroBias:
         self.rate = 0.0
         """Bias in rad/s."""
         self.settling = False
-        """True while the base is at rest with a rate that may be an unknown bias, for ``SETTLING_LIMIT`` at most."""
+        """True while the base is at rest with a rate that may be an unknown bias, for ``MAX_SETTLING_TIME`` at most."""
         self._encoders = encoders
         self._learnt_for = 0.0
         self._stood_for = 0.0  # with an even rate or not
@@ -68,24 +68,24 @@ class GyroBias:
         if seconds <= 0.0:
             return turn, rate - self.rate
         before, self._before = self._before, rate
-        steady = self._encoders or (before is not None and abs(rate - before) < STEADY)
+        steady = self._encoders or (before is not None and abs(rate - before) < MAX_RATE_CHANGE)
         if still:
             self._stand(turn, seconds, steady=steady)
         else:
             self._restart()
         self._still_for = self._still_for + seconds if still and (steady or self._even) else 0.0
-        waits = still and self._still_for < LEARNT and self._stood_for < SETTLING_LIMIT
-        self.settling = waits and DRIFTS < abs(rate - self.rate) < GATE
+        waits = still and self._still_for < MIN_LEARNING_TIME and self._stood_for < MAX_SETTLING_TIME
+        self.settling = waits and MAX_DRIFT < abs(rate - self.rate) < MAX_BIAS_CHANGE
         measured = turn / seconds
         if not self._rests(measured, rate, seconds):
             return turn - self.rate * seconds, rate - self.rate
         self._learnt_for += seconds
-        self.rate += min(max(seconds / self._learnt_for, seconds / MEMORY), 1.0) * (measured - self.rate)
+        self.rate += min(max(seconds / self._learnt_for, seconds / AVERAGING_TIME), 1.0) * (measured - self.rate)
         return 0.0, 0.0
 
     def _stand(self, turn: float, seconds: float, *, steady: bool) -> None:
         """Average the turns of a base that is not commanded."""
-        share = min(seconds / SMOOTHING, 1.0) if self._stood_for else 1.0
+        share = min(seconds / SMOOTHING_TIME, 1.0) if self._stood_for else 1.0
         self._mean += share * (turn / seconds - self._mean)
         self._stood_for += seconds
         turned, passed, jumps = self._span
@@ -104,19 +104,19 @@ class GyroBias:
 
     def _rests(self, measured: float, rate: float, seconds: float) -> bool:
         """Return whether the base is at rest, so that the measured rate is the bias."""
-        if self._still_for < SETTLED:
+        if self._still_for < MIN_STILL_TIME:
             self._beside_for = 0.0
             return False
         if self._encoders:
-            return abs(measured - self.rate) < GATE
+            return abs(measured - self.rate) < MAX_BIAS_CHANGE
         beside = abs(self._mean - self.rate)
         if not self._even:
             beside = max(beside, abs(rate - self.rate))
         known = self._learnt_for >= KNOWN_AFTER
-        if beside < (KNOWN_GATE if known else GATE):
+        if beside < (KNOWN_GATE if known else MAX_BIAS_CHANGE):
             self._beside_for = 0.0
             return True
         self._beside_for += seconds
-        if self._beside_for >= RELEARN_AFTER and beside < GATE:
+        if self._beside_for >= RELEARN_AFTER and beside < MAX_BIAS_CHANGE:
             self._learnt_for = self._beside_for = 0.0
         return False

@@ -2,7 +2,7 @@
 
 from math import degrees
 
-from drivers.api.driver import Finding, warning, wrong
+from drivers.api.driver import Finding, failure, warning
 
 DRIFT_WARNING, DRIFT_WRONG = 0.3, 5.0
 """Drift at rest in deg/s from which on there is a warning, or an error."""
@@ -23,4 +23,4 @@ def drift(turned: float, seconds: float) -> Finding:
     )
     if abs(rate) < DRIFT_WRONG:
         return warning("gyro drift", what, "keep the base still while it is switched on; let it warm up")
-    return wrong("gyro drift", what, "switch the base off and on while it stands still; else its gyro is broken")
+    return failure("gyro drift", what, "switch the base off and on while it stands still; else its gyro is broken")

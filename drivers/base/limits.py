@@ -11,7 +11,7 @@ from drivers.errors import BadRequest, DeviceFault
 LIGHTS = (1, 2)
 """Numbers of the lights."""
 
-LOWEST, HIGHEST = 6.0, 20_000.0
+MIN_TONE_FREQUENCY, MAX_TONE_FREQUENCY = 6.0, 20_000.0
 MAX_TONE_DURATION = 0.255
 
 
@@ -40,19 +40,19 @@ def check_light(who: str, number: int) -> None:
 
 def check_tone(who: str, frequency: float, seconds: float) -> None:
     """Raise BadRequest for a tone outside the range of frequencies in Hz and durations."""
-    if not (LOWEST <= frequency <= HIGHEST and 0 < seconds <= MAX_TONE_DURATION):
+    if not (MIN_TONE_FREQUENCY <= frequency <= MAX_TONE_FREQUENCY and 0 < seconds <= MAX_TONE_DURATION):
         raise BadRequest(
             f"{who}: no tone of {frequency} Hz for {seconds} s",
-            hint=f"{LOWEST:g} to {HIGHEST:g} Hz, for {MAX_TONE_DURATION} s at most",
+            hint=f"{MIN_TONE_FREQUENCY:g} to {MAX_TONE_FREQUENCY:g} Hz, for {MAX_TONE_DURATION} s at most",
         )
 
 
-BRAKING = 1.2
+BRAKING_RATIO = 1.2
 """Ratio of the limits of deceleration and acceleration."""
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class VelocityLimits:
     """Maximum speeds (m/s, rad/s) and accelerations (m/s^2, rad/s^2). Raises ValueError unless all are positive."""
 
     max_linear: float
@@ -67,32 +67,32 @@ class Limits:
                 raise ValueError(f"base: {name} must be a positive number, not {value}")
 
     @property
-    def told(self) -> BaseLimits:
+    def as_base_limits(self) -> BaseLimits:
         """The same limits, as leaves see them."""
         return BaseLimits(self.max_linear, self.max_angular, self.linear_acceleration, self.angular_acceleration)
 
-    def clamp(self, wanted: Velocity) -> Velocity:
+    def clamp(self, velocity: Velocity) -> Velocity:
         """Return ``wanted``, scaled down to the speed limits: the path keeps its shape."""
-        excess = max(1.0, abs(wanted.linear) / self.max_linear, abs(wanted.angular) / self.max_angular)
+        excess = max(1.0, abs(velocity.linear) / self.max_linear, abs(velocity.angular) / self.max_angular)
         if excess == 1.0:
-            return wanted
-        return Velocity(wanted.linear / excess, wanted.angular / excess)
+            return velocity
+        return Velocity(velocity.linear / excess, velocity.angular / excess)
 
-    def approach(self, current: Velocity, wanted: Velocity, seconds: float) -> Velocity:
+    def approach(self, current: Velocity, setpoint: Velocity, seconds: float) -> Velocity:
         """Return the velocity ``seconds`` after ``current`` on the ramp to ``wanted``.
 
         Both components change in proportion, so that the base stays on the same arc.
         """
         share = min(
             1.0,
-            _share(current.linear, wanted.linear, self.linear_acceleration * seconds),
-            _share(current.angular, wanted.angular, self.angular_acceleration * seconds),
+            _share(current.linear, setpoint.linear, self.linear_acceleration * seconds),
+            _share(current.angular, setpoint.angular, self.angular_acceleration * seconds),
         )
         if share == 1.0:
-            return wanted  # exactly, without a rounding error
+            return setpoint  # exactly, without a rounding error
         return Velocity(
-            current.linear + share * (wanted.linear - current.linear),
-            current.angular + share * (wanted.angular - current.angular),
+            current.linear + share * (setpoint.linear - current.linear),
+            current.angular + share * (setpoint.angular - current.angular),
         )
 
 
@@ -101,4 +101,4 @@ def _share(current: float, wanted: float, step: float) -> float:
     change = wanted - current
     if change == 0.0:
         return 1.0
-    return step * (BRAKING if change * current < 0 else 1.0) / abs(change)
+    return step * (BRAKING_RATIO if change * current < 0 else 1.0) / abs(change)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from math import degrees
 from types import MappingProxyType
 
-from drivers.api import COMMAND_LIFE, STILL, BaseState, Sides, Source, Velocity
+from drivers.api import COMMAND_TIMEOUT, ZERO_VELOCITY, BaseState, Sides, Source, Velocity
 from drivers.api.quick import dataclass
 
 # Changes between two states of a base: of contacts, buttons and hazards.
@@ -43,18 +43,18 @@ ON_THE_FLOOR = "stand the base on the floor, away from the edge"
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class StateChange:
     """Change between two states.
 
-    ``faults`` are pairs of a fault and a hint, for motions that the base now refuses. ``felt`` is True if a contact,
+    ``faults`` are pairs of a fault and a hint, for motions that the base now refuses. ``describe_causes`` is True if a contact,
     button or hazard changed.
     """
 
     faults: tuple[tuple[str, str], ...]
-    felt: bool
+    inputs_changed: bool
 
 
-def compare(before: BaseState | None, after: BaseState) -> Change:
+def compare(before: BaseState | None, after: BaseState) -> StateChange:
     """Compare two states; ``before`` is None for the first state, which has no contacts before it."""
     faults = []
     if drop := _risen(before.wheel_drop if before else Sides(), after.wheel_drop):
@@ -64,7 +64,7 @@ def compare(before: BaseState | None, after: BaseState) -> Change:
     if after.hazards:
         new = after.hazards - (before.hazards if before else frozenset())
         faults += [fault for hazard in sorted(new) if (fault := describe(hazard)) is not None]
-    return Change(tuple(faults), _contacts(before) != _contacts(after))
+    return StateChange(tuple(faults), _contacts(before) != _contacts(after))
 
 
 def _risen(before: Sides, after: Sides) -> str:
@@ -122,7 +122,7 @@ ANGULAR_CAUSES: Mapping[str, tuple[str, str]] = {
 """Likely cause and hint for each deviation in turning."""
 
 
-def commanded(velocity: Velocity) -> str:
+def describe_command(velocity: Velocity) -> str:
     """Return the commanded velocity as text: "commanded 0.2 m/s"."""
     parts = []
     if velocity.linear or not velocity.angular:
@@ -132,20 +132,20 @@ def commanded(velocity: Velocity) -> str:
     return f"commanded {' and '.join(parts)}"
 
 
-def reported_by(instrument: str) -> str:
+def describe_instrument(instrument: str) -> str:
     """Return the start of a message on a report of an instrument."""
     return f"{instrument} {'report' if instrument.endswith('s') else 'reports'}"
 
 
-def overcurrent(state: BaseState) -> str:
+def describe_overcurrent(state: BaseState) -> str:
     """Return the overloaded wheels as text."""
     wheels = "wheels" if state.overcurrent.left and state.overcurrent.right else "wheel"
     return f"overcurrent on the {state.overcurrent} {wheels}"
 
 
-def felt(state: BaseState) -> str:
+def describe_causes(state: BaseState) -> str:
     """Return other reports of the base that may be the cause, as text."""
-    found = [overcurrent(state)] if state.overcurrent else []
+    found = [describe_overcurrent(state)] if state.overcurrent else []
     return "".join(f"; {each}" for each in (*found, *sorted(state.hazards)))
 
 
@@ -157,27 +157,27 @@ def hint_of(state: BaseState) -> str:
 
 # Hold after a motion fault: the source in command is refused until it lets go; repeated faults latch the base.
 
-LET_GO = 2 * COMMAND_LIFE
+RELEASE_TIMEOUT = 2 * COMMAND_TIMEOUT
 """Seconds without a command after which a source has let go."""
 
 MAX_FAULTS = 3
-"""Faults within ``RECENT`` seconds after which the base is latched: another attempt would not help."""
+"""Faults within ``FAULT_WINDOW`` seconds after which the base is latched: another attempt would not help."""
 
-RECENT = 60.0
+FAULT_WINDOW = 60.0
 
 
 class MotionHold:
     """Refuses the source that was in command at a motion fault. Not thread-safe.
 
     The source is released when it stops the base, commands zero, commands the opposite direction, or is silent for
-    ``LET_GO``. So renewed commands of the same motion never restart the base. A leaf stops the base as it fails, so
+    ``RELEASE_TIMEOUT``. So renewed commands of the same motion never restart the base. A leaf stops the base as it fails, so
     the next leaf may move it at once. A stop of the mission does not release an operator.
     """
 
     def __init__(self) -> None:
         self.fault: MotionFault | None = None
         self._held: dict[Source, float] = {}  # with the time of the last command
-        self.wanted = STILL
+        self.wanted = ZERO_VELOCITY
         """Setpoint of the held source at the fault."""
         self._faults: deque[float] = deque(maxlen=MAX_FAULTS)
 
@@ -187,16 +187,16 @@ class MotionHold:
         self._held = {} if source is None or source is Source.SAFETY else {source: now}
         self.fault = fault if self._held else None
         self._faults.append(now)
-        if len(self._faults) == MAX_FAULTS and now - self._faults[0] <= RECENT:
+        if len(self._faults) == MAX_FAULTS and now - self._faults[0] <= FAULT_WINDOW:
             self._faults.clear()
-            return f"{MAX_FAULTS} motion faults within {RECENT:g} s: {fault.reason}"
+            return f"{MAX_FAULTS} motion faults within {FAULT_WINDOW:g} s: {fault.reason}"
         return ""
 
     def refuses(self, source: Source, wanted: Velocity, now: float) -> bool:
         """Return whether a new command is refused: its source, or an operator, is held."""
         if source not in self._held:
             return source is not Source.TELEOP and self.holder(now) is Source.TELEOP
-        if wanted == STILL or now - self._held[source] > LET_GO or _opposite(wanted, self.wanted):
+        if wanted == ZERO_VELOCITY or now - self._held[source] > RELEASE_TIMEOUT or _opposite(wanted, self.wanted):
             self.release(source)
             return False
         self._held[source] = now
@@ -218,7 +218,7 @@ class MotionHold:
     def holder(self, now: float) -> Source | None:
         """Return the held source; None after it has let go."""
         for source, at in list(self._held.items()):
-            if now - at > LET_GO:
+            if now - at > RELEASE_TIMEOUT:
                 self.release(source)
         return next(iter(self._held), None)
 

@@ -10,18 +10,18 @@ from collections import deque
 from math import cos, degrees, inf, remainder, sin, tau
 from typing import Protocol
 
-from drivers.api import STILL, BaseState, Pose2D, Velocity
+from drivers.api import ZERO_VELOCITY, BaseState, Pose2D, Velocity
 from drivers.api.measures import length_text
 from drivers.api.quick import dataclass
 from drivers.base.motion_fault import (
     ANGULAR_CAUSES,
     LINEAR_CAUSES,
     MotionFault,
-    commanded,
-    felt,
+    describe_causes,
+    describe_command,
+    describe_instrument,
+    describe_overcurrent,
     hint_of,
-    overcurrent,
-    reported_by,
 )
 
 # Commanded and measured motion in a sliding window of time. The commanded motion is an interval.
@@ -34,13 +34,13 @@ from drivers.base.motion_fault import (
 class MotionSums:
     """Motion up to time ``at``, in metres and radians.
 
-    ``low`` and ``high`` are the bounds of the commanded motion, ``moved`` is the measured motion.
+    ``low`` and ``high`` are the bounds of the commanded motion, ``displacement`` is the measured motion.
     """
 
     at: float
-    low: Velocity = STILL
-    high: Velocity = STILL
-    moved: Velocity = STILL
+    low: Velocity = ZERO_VELOCITY
+    high: Velocity = ZERO_VELOCITY
+    moved: Velocity = ZERO_VELOCITY
 
     def since(self, before: "MotionSums") -> "MotionSums":
         """Return the motion since ``before``; its ``at`` is the duration in seconds."""
@@ -57,12 +57,12 @@ class SentVelocities:
 
     def __init__(self, lag: float) -> None:
         self.lag = lag
-        self._sent: deque[tuple[float, Velocity]] = deque([(-inf, STILL)])
+        self._sent: deque[tuple[float, Velocity]] = deque([(-inf, ZERO_VELOCITY)])
 
     @property
     def standing(self) -> bool:
         """Whether only zero was sent within the lag."""
-        return len(self._sent) == 1 and self._sent[0][1] == STILL
+        return len(self._sent) == 1 and self._sent[0][1] == ZERO_VELOCITY
 
     def add(self, now: float, velocity: Velocity) -> None:
         """Add a velocity that is sent from ``now`` on."""
@@ -101,7 +101,7 @@ class MotionWindow:
         return sums.since(kept[0])
 
 
-def moved(before: Pose2D, after: Pose2D) -> Velocity:
+def displacement(before: Pose2D, after: Pose2D) -> Velocity:
     """Return the motion between two poses: metres along the mean heading, and radians."""
     turn = after.heading - before.heading
     along = before.heading + remainder(turn, tau) / 2
@@ -109,7 +109,7 @@ def moved(before: Pose2D, after: Pose2D) -> Velocity:
     return Velocity(way, turn)
 
 
-def plus(one: Velocity, other: Velocity, times: float = 1.0) -> Velocity:
+def add_velocities(one: Velocity, other: Velocity, times: float = 1.0) -> Velocity:
     """Return ``one`` plus ``times`` times ``other``: velocities or motions."""
     return Velocity(one.linear + times * other.linear, one.angular + times * other.angular)
 
@@ -118,14 +118,14 @@ def _minus(one: Velocity, other: Velocity) -> Velocity:
     return Velocity(one.linear - other.linear, one.angular - other.angular)
 
 
-WINDOW, SLOW_WINDOW = 1.0, 3.0
+WINDOW_TIME, SLOW_WINDOW_TIME = 1.0, 3.0
 """Lengths of the windows of comparison in seconds. The longer one shows slow motion and small differences."""
 
-LAG = 0.5
+REACTION_TIME = 0.5
 """Seconds from a command to its effect in the odometry, in addition to the interval of the reports."""
 
 MAX_INTERVAL = 0.5
-"""Longest interval of reports in seconds that is added to ``LAG``."""
+"""Longest interval of reports in seconds that is added to ``REACTION_TIME``."""
 
 NO_DATA_TIMEOUT = 1.0
 """Seconds without a new report after which a moving base is stopped."""
@@ -148,7 +148,7 @@ TURN_PER_WAY = 0.5
 WAY_PER_TURN = 0.03
 """Tolerance of the distance in metres per radian: the centre of rotation is not that of the base."""
 
-CRAWL = 0.05
+MIN_MONITORED_SPEED = 0.05
 """Speed in m/s below which friction may hold a base."""
 
 OVERCURRENT_TIMEOUT = 1.0
@@ -183,14 +183,14 @@ class ProgressMonitor:
 
     def __init__(self, instruments: Instruments | None = None) -> None:
         self._instruments = instruments or Instruments()
-        self._windows = (MotionWindow(WINDOW, 0.04), MotionWindow(SLOW_WINDOW, 0.2))
+        self._windows = (MotionWindow(WINDOW_TIME, 0.04), MotionWindow(SLOW_WINDOW_TIME, 0.2))
         self._interval = 0.0
         self.witnesses: list[Witness] = []
         self.restart()
 
     def restart(self) -> None:
         """Drop all sent and measured motion."""
-        self._sent = SentVelocities(LAG + self._interval)
+        self._sent = SentVelocities(REACTION_TIME + self._interval)
         self._updated_at = 0.0
         self._sums = MotionSums(0.0)
         self._state: BaseState | None = None
@@ -211,7 +211,7 @@ class ProgressMonitor:
         """Update with the velocity ``sent`` and the newest state; return a fault if the base must stop."""
         if self.watching and now - self._updated_at > NO_DATA_TIMEOUT:  # the base was offline, or this computer stalled
             self.restart()
-        if sent == STILL and self._sent.standing:
+        if sent == ZERO_VELOCITY and self._sent.standing:
             self._rest(now, state)
             return None
         if self._sent.standing:
@@ -221,12 +221,12 @@ class ProgressMonitor:
         new = state is not None and state is not self._state
         if new and state is not None:
             self._take(now, state)
-        if state is None or sent == STILL:
+        if state is None or sent == ZERO_VELOCITY:
             self._overloaded_since = None  # a motor at rest is not overloaded: the next start has its own peak
             return None
         if now - self._reported_at > NO_DATA_TIMEOUT:
             return MotionFault(
-                f"{commanded(sent)}, and no report of the base for {NO_DATA_TIMEOUT:g} s", "look at its cable"
+                f"{describe_command(sent)}, and no report of the base for {NO_DATA_TIMEOUT:g} s", "look at its cable"
             )
         if not new:
             return None
@@ -256,11 +256,13 @@ class ProgressMonitor:
         """Add the motion commanded since the last update."""
         before, self._updated_at = self._updated_at, now
         if now - before > GAP:
-            self._sent.add(before + GAP, STILL)
+            self._sent.add(before + GAP, ZERO_VELOCITY)
         if now > before:
             low, high = self._sent.bounds(now)
             sums, seconds = self._sums, now - before
-            self._sums = MotionSums(now, plus(sums.low, low, seconds), plus(sums.high, high, seconds), sums.moved)
+            self._sums = MotionSums(
+                now, add_velocities(sums.low, low, seconds), add_velocities(sums.high, high, seconds), sums.moved
+            )
 
     def _take(self, now: float, state: BaseState) -> None:
         """Add the motion measured since the last report."""
@@ -268,8 +270,10 @@ class ProgressMonitor:
         if before is not None:
             self._interval = min(max(now - self._reported_at, 0.9 * self._interval), MAX_INTERVAL)
             sums = self._sums
-            self._sums = MotionSums(sums.at, sums.low, sums.high, plus(sums.moved, moved(before, state.pose)))
-        self._sent.lag = LAG + self._interval
+            self._sums = MotionSums(
+                sums.at, sums.low, sums.high, add_velocities(sums.moved, displacement(before, state.pose))
+            )
+        self._sent.lag = REACTION_TIME + self._interval
         self._reported_at = now
 
     def _overload(self, now: float, sent: Velocity, state: BaseState) -> MotionFault | None:
@@ -281,7 +285,7 @@ class ProgressMonitor:
             self._overloaded_since = now
         if now - self._overloaded_since < OVERCURRENT_TIMEOUT:
             return None
-        reason = f"{commanded(sent)}, {overcurrent(state)} for {OVERCURRENT_TIMEOUT:g} s: something holds the base"
+        reason = f"{describe_command(sent)}, {describe_overcurrent(state)} for {OVERCURRENT_TIMEOUT:g} s: something holds the base"
         return MotionFault(reason, "free its wheels and its way")
 
     def _compare(self, sent: Velocity, state: BaseState) -> MotionFault | None:
@@ -301,13 +305,13 @@ class ProgressMonitor:
         off = deviation(low, high, measured, TOLERANCE.linear + more, OPPOSITE.linear + more)
         if off is None:
             return None
-        told = commanded(Velocity(sent.linear or (low + high) / 2 / motion.at, 0.0))
-        found = f"{reported_by(self._instruments.linear)} {length_text(measured)}"
+        told = describe_command(Velocity(sent.linear or (low + high) / 2 / motion.at, 0.0))
+        found = f"{describe_instrument(self._instruments.linear)} {length_text(measured)}"
         cause, hint = LINEAR_CAUSES[off]
-        if off == "none" and 0.0 < abs(sent.linear) < CRAWL:
+        if off == "none" and 0.0 < abs(sent.linear) < MIN_MONITORED_SPEED:
             cause += ", or its motors cannot turn so slowly"
         if off in ("none", "less"):
-            cause, hint = cause + felt(state), hint_of(state) or hint
+            cause, hint = cause + describe_causes(state), hint_of(state) or hint
         return MotionFault(f"{told} for {motion.at:.1f} s, {found}: {cause}", hint)
 
     def _turns(self, motion: MotionSums, sent: Velocity, state: BaseState, way: float) -> MotionFault | None:
@@ -316,11 +320,11 @@ class ProgressMonitor:
         off = deviation(low, high, measured, TOLERANCE.angular + more, OPPOSITE.angular + more)
         if off is None:
             return None
-        told = commanded(Velocity(0.0, sent.angular)) if sent.angular or not way else commanded(sent)
-        found = f"{reported_by(self._instruments.angular)} {degrees(measured):.0f} deg"
+        told = describe_command(Velocity(0.0, sent.angular)) if sent.angular or not way else describe_command(sent)
+        found = f"{describe_instrument(self._instruments.angular)} {degrees(measured):.0f} deg"
         cause, hint = ANGULAR_CAUSES[off]
         if off in ("none", "less"):
-            cause, hint = cause + felt(state), hint_of(state) or hint
+            cause, hint = cause + describe_causes(state), hint_of(state) or hint
         return MotionFault(f"{told} for {motion.at:.1f} s, {found}: {cause}", hint)
 
 

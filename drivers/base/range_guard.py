@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.api import STILL, DeviceStatus, Ranger, RangeScan, Report, Velocity
+from drivers.api import ZERO_VELOCITY, DeviceStatus, Ranger, RangeScan, StatusCallback, Velocity
 from drivers.api.measures import length_text
-from drivers.api.steering import IN_THE_WAY, MIN_GAP, OUT_OF_SIGHT, SCANS_LATE, SCANS_MISSING
-from drivers.base.footprint import Floats, Outline, PathPoses
-from drivers.base.limits import Limits
+from drivers.api.steering import MIN_GAP, OBSTACLE_REASON, OUT_OF_SIGHT_REASON, SCANS_LATE_REASON, SCANS_MISSING_REASON
+from drivers.base.footprint import BaseOutline, Floats, PathPoses
+from drivers.base.limits import VelocityLimits
 from drivers.base.seen_points import Placed, SeenPoints, flaw_of
-from drivers.transport.history import History
+from drivers.transport.history import ValueHistory
 
 if TYPE_CHECKING:
     from drivers.api.steering import RangeGuardKeys
@@ -29,7 +29,7 @@ LATE_AFTER, MISSING_AFTER = 0.5, 2.0
 BLIND_SPEED = 0.1
 """Speed of the rim in m/s with late scans, and in directions that the range finder does not see."""
 
-RENEWAL = 0.04
+RENEWAL_INTERVAL = 0.04
 """Seconds until the next check."""
 
 SPACING, MAX_STATIONS = 0.02, 48
@@ -42,7 +42,7 @@ a wall may be nearer than the gap, down to ``MIN_GAP``."""
 OWN_PARTS = 0.02
 """Depth in metres inside the outline from which on a point is a part of the robot."""
 
-START_SPEED, LEAST_SPEED = 0.03, 0.008
+START_SPEED, MIN_SPEED = 0.03, 0.008
 """Permitted speed in m/s at which a stopped base starts, and below which it stops."""
 
 DOCKING_SPEED = 0.06
@@ -53,7 +53,7 @@ SHARES = (1.0, 0.85, 0.7, 0.55, 0.42, 0.32, 0.24, 0.18, 0.13, 0.09, 0.06, 0.04, 
 """Shares of the speed that are tried for moving obstacles."""
 
 ROUNDING = 1e-4
-REPORTED_EVERY = 10.0
+REPORT_INTERVAL = 10.0
 
 
 class RangeGuard:
@@ -68,12 +68,12 @@ class RangeGuard:
         self,
         ranger: Ranger,
         keys: "RangeGuardKeys",
-        outline: Outline,
-        poses: History,
+        outline: BaseOutline,
+        poses: ValueHistory,
         *,
         reaction: float,
         near_dock: Callable[[], bool],
-        report: Report,
+        report: StatusCallback,
         blind: tuple[tuple[float, float], ...] = (),
     ) -> None:
         self.stops = False
@@ -86,30 +86,32 @@ class RangeGuard:
         self._reported: dict[str, float] = {}
 
     def limit(
-        self, going: Velocity, wanted: Velocity, limits: Limits, now: float, *, reflex: bool = False
+        self, going: Velocity, wanted: Velocity, limits: VelocityLimits, now: float, *, reflex: bool = False
     ) -> tuple[Velocity, str]:
         """Return the permitted part of ``going``, which leads to ``wanted``, and the reason for the reduction.
 
         A ``reflex`` is permitted without scans, too: it leads away from an obstacle that the base has touched.
         """
-        age = self._look(now)
+        age = self._update_points(now)
         if age > MISSING_AFTER and not reflex:
             self.stops = True
-            return STILL, self._tell(f"{SCANS_MISSING}{self._failure}", now)
+            return ZERO_VELOCITY, self._report_reason(f"{SCANS_MISSING_REASON}{self._failure}", now)
         reach = self._reach(going)
         if reach == 0.0:
             self.stops = False
             return going, ""
         # A stopped base starts again only if it can go on for a while: scans are noisy.
-        least = min(START_SPEED, self._reach(wanted)) if self.stops else LEAST_SPEED
+        least = min(START_SPEED, self._reach(wanted)) if self.stops else MIN_SPEED
         probe = _scaled(going, max(1.0, least / reach)) if self.stops else going
         share, why = self._allowed(probe, limits, now)
         share *= self._reach(probe) / reach
         if share * reach < least * (1.0 - 1e-9) and why:
             share = 0.0
-        late = SCANS_LATE if age > LATE_AFTER else OUT_OF_SIGHT if self._leaves_sight(going, limits) else ""
+        late = (
+            SCANS_LATE_REASON if age > LATE_AFTER else OUT_OF_SIGHT_REASON if self._leaves_sight(going, limits) else ""
+        )
         if late and share * reach > BLIND_SPEED:
-            share, why = BLIND_SPEED / reach, self._tell(late, now) if late is SCANS_LATE else late
+            share, why = BLIND_SPEED / reach, self._report_reason(late, now) if late is SCANS_LATE_REASON else late
         if share >= 1.0:
             self.stops = False
             return going, ""
@@ -117,12 +119,12 @@ class RangeGuard:
             self.stops = False
             return going, ""
         self.stops = share == 0.0
-        return _scaled(going, share) if share else STILL, why
+        return _scaled(going, share) if share else ZERO_VELOCITY, why
 
     def rest(self, now: float) -> None:
         """Note that no source moves the base. Scans are still read: near obstacles may be invisible later."""
         self.stops = False
-        self._look(now)
+        self._update_points(now)
 
     def _reach(self, velocity: Velocity) -> float:
         """Return the speed in m/s at which the outline leaves its area: 0 for a round base that turns on the spot."""
@@ -130,7 +132,7 @@ class RangeGuard:
             return 0.0
         return abs(velocity.linear) + abs(velocity.angular) * self._outline.radius
 
-    def _look(self, now: float) -> float:
+    def _update_points(self, now: float) -> float:
         """Read the newest scan; return its age in seconds, infinity if there is none."""
         self._failure = ""
         try:
@@ -144,26 +146,26 @@ class RangeGuard:
                 return inf
             pose = self._poses.at(scan.stamp)
             if pose is not None:
-                self._points.add(scan, _placed(pose), now)
+                self._points.add(scan, _to_pose(pose), now)
                 self._scan, self._came_at = scan, now
         if self._scan is None:
             return inf
         # Two clocks may differ: the age of a scan from the future counts from its arrival.
         return now - min(self._scan.stamp, self._came_at)
 
-    def _allowed(self, going: Velocity, limits: Limits, now: float) -> tuple[float, str]:
+    def _allowed(self, going: Velocity, limits: VelocityLimits, now: float) -> tuple[float, str]:
         """Return the share of ``going`` at which the base can stop in time, and the obstacle as text."""
         newest = self._poses.newest()
         if newest is None:
-            return 0.0, SCANS_MISSING
+            return 0.0, SCANS_MISSING_REASON
         stamp, values = newest
-        reaction = self._reaction + RENEWAL + max(0.0, now - stamp)
+        reaction = self._reaction + RENEWAL_INTERVAL + max(0.0, now - stamp)
         braking = max(abs(going.linear) / limits.linear_acceleration, abs(going.angular) / limits.angular_acceleration)
         reach = self._reach(going)
         length = max(reaction + braking / 2, GRAZING / reach)  # of the path, in seconds at full speed
         # Moving obstacles have moved on since the scan.
         age = 0.0 if self._scan is None else max(0.0, now - self._scan.stamp)
-        found = self._near(_placed(values), going, length, age + reaction + braking)
+        found = self._near(_to_pose(values), going, length, age + reaction + braking)
         if found is None:
             return 1.0, ""
         x, y, speeds = found
@@ -206,12 +208,12 @@ class RangeGuard:
         dx, dy, c, s = dx[near], dy[near], cos(heading), sin(heading)
         return dx * c + dy * s, dy * c - dx * s, points.speeds[near]
 
-    def _leaves_sight(self, going: Velocity, limits: Limits) -> bool:
+    def _leaves_sight(self, going: Velocity, limits: VelocityLimits) -> bool:
         """Return whether the body moves in a direction that the range finder does not see."""
         gaps = self._points.gaps
         if not gaps or self._keys.unseen == "free":
             return False
-        length = self._reaction + RENEWAL + abs(going.linear) / limits.linear_acceleration / 2
+        length = self._reaction + RENEWAL_INTERVAL + abs(going.linear) / limits.linear_acceleration / 2
         path = _along(going, np.array([length]))
         rim, c, s = self._outline.rim, cos(float(path.heading[0])), sin(float(path.heading[0]))
         x = rim[:, 0] * c - rim[:, 1] * s + path.x[0]
@@ -221,17 +223,21 @@ class RangeGuard:
         bearings = np.arctan2(y - self._points.place[1], x - self._points.place[0])[outside]
         return any((np.remainder(bearings - first, 2 * np.pi) < width).any() for first, width in gaps)
 
-    def _tell(self, why: str, now: float) -> str:
+    def _report_reason(self, why: str, now: float) -> str:
         """Report a fault of the scans, unless it was reported recently; return it."""
-        if now - self._reported.get(why, -inf) >= REPORTED_EVERY:
+        if now - self._reported.get(why, -inf) >= REPORT_INTERVAL:
             self._reported[why] = now
-            does = "the base stands" if why.startswith(SCANS_MISSING) else f"the base goes {BLIND_SPEED:g} m/s at most"
+            does = (
+                "the base stands"
+                if why.startswith(SCANS_MISSING_REASON)
+                else f"the base goes {BLIND_SPEED:g} m/s at most"
+            )
             hint = "look at the range finder: mission doctor; without it: 'range_guard: off' in the robot file"
             self._report(DeviceStatus("base", "fault", f"{why}: {does}", hint))
         return why
 
 
-def _placed(values: tuple[float, ...]) -> Placed:
+def _to_pose(values: tuple[float, ...]) -> Placed:
     heading, x, y = values
     return heading, x, y
 
@@ -315,4 +321,4 @@ def _words(distance: float, x: float, y: float) -> str:
     else:
         where = "behind" if abs(angle) >= 150 else f"behind on the {side}"
     step = 0.1 if distance > 0.1 else 0.02  # coarse, since each new text is an event
-    return f"{IN_THE_WAY}, {length_text(step * round(max(distance, 0.0) / step))} {where}"
+    return f"{OBSTACLE_REASON}, {length_text(step * round(max(distance, 0.0) / step))} {where}"

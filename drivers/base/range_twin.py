@@ -5,12 +5,12 @@ from math import inf
 
 import numpy as np
 
-from drivers.api import Health, Quality, Ranges, RangeScan, Reading, Report, ignore
+from drivers.api import Health, Quality, Ranges, RangeScan, Reading, StatusCallback, ignore
 from drivers.base.scan_mounting import START, STEP, Mounting, Place, Sector, bearings
 from drivers.clock import Clock
-from drivers.sim.plug import Plug
-from drivers.sim.scanner import Look
-from drivers.transport.loop import guarded
+from drivers.sim.plug import SimulatedPlug
+from drivers.sim.scanner import RangeFunction
+from drivers.transport.loop import guard_callback
 
 STALE_AFTER = 0.5
 """Seconds after which a scan without a successor is stale."""
@@ -32,7 +32,7 @@ class RangerTwin:
 
     def __init__(
         self,
-        look: Look,
+        look: RangeFunction,
         clock: Clock,
         *,
         least: float = 0.15,
@@ -40,7 +40,7 @@ class RangerTwin:
         rate: float = 5.5,
         place: Place = (0.0, 0.0, 0.0),
         blind: Sequence[Sector] = (),
-        report: Report = ignore,
+        report: StatusCallback = ignore,
         changed: Callable[[], None] = ignore,
         noise: float = NOISE,
         dropouts: float = 0.0,
@@ -48,7 +48,7 @@ class RangerTwin:
     ) -> None:
         if not (0 <= least < most and rate > 0 and 0 <= dropouts <= 1 and 0 <= noise < inf):
             raise ValueError(f"{self.name}: {least=}, {most=}, {rate=}, {dropouts=}, {noise=}: out of range")
-        self.plug = Plug(self.name, report, back=self._begin)
+        self.plug = SimulatedPlug(self.name, report, on_online=self._begin)
         self._least, self._most = least, most
         self.PERIOD = 0.5 / rate
         """Seconds between two steps: half a turn."""
@@ -56,7 +56,7 @@ class RangerTwin:
         self._bearings = bearings()
         self._look = look
         self._clock = clock
-        self._changed = guarded(changed)
+        self._changed = guard_callback(changed)
         self._noise = noise
         self._dropouts = dropouts
         self._random = np.random.default_rng([seed, *self.name.encode()])
@@ -72,7 +72,7 @@ class RangerTwin:
 
     def scan(self) -> Reading[RangeScan]:
         """The newest whole turn; stale when the last came longer ago than the real driver's limit."""
-        now = self._clock.now()
+        now = self._clock.read_value()
         if self._latest is None:
             return Reading(None, now, Quality.NONE)
         fresh = now - self._turned_at <= STALE_AFTER
@@ -100,7 +100,7 @@ class RangerTwin:
         """Go on by half a turn: measure in the middle of one, give it out at its end."""
         if not self.plug.online:
             return
-        now = self._clock.now()
+        now = self._clock.read_value()
         if self._measured is None:
             self._measured = RangeScan(self._ranges(now), START, STEP, now, self._number, self._least, self._most)
             return

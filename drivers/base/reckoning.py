@@ -2,7 +2,7 @@
 
 from math import cos, inf, sin
 
-from drivers.api import STILL, BaseState, Odometers, Pose2D, Velocity
+from drivers.api import ZERO_VELOCITY, BaseState, Odometers, Pose2D, Velocity
 from drivers.base.gyro_bias import GyroBias
 
 MIN_TURN = 1e-9
@@ -14,7 +14,7 @@ class Reckoning:
 
     def __init__(self) -> None:
         self.pose = Pose2D(0.0, 0.0, 0.0)
-        self.velocity = STILL
+        self.velocity = ZERO_VELOCITY
         self._stamp: float | None = None
 
     def advance(self, now: float, velocity: Velocity | None = None) -> None:
@@ -27,7 +27,7 @@ class Reckoning:
 
     def pause(self) -> None:
         """Keep the pose until the next ``advance``: the motion until then is unknown."""
-        self._stamp, self.velocity = None, STILL
+        self._stamp, self.velocity = None, ZERO_VELOCITY
 
     def _roll(self, seconds: float) -> None:
         way, turn = self.velocity.linear * seconds, self.velocity.angular * seconds
@@ -48,7 +48,7 @@ class GyroOdometry:
 
     def __init__(self, track: float) -> None:
         self.pose = Pose2D(0.0, 0.0, 0.0)
-        self.velocity = STILL
+        self.velocity = ZERO_VELOCITY
         self.commanded = False
         self.bias = GyroBias()
         self.odometers = Odometers(0.0, 0.0, 0.0, 0.0)

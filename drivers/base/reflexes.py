@@ -3,7 +3,7 @@
 from math import hypot
 from typing import Literal
 
-from drivers.api import STILL, BaseState, Pose2D, Reflexes, Sides, Velocity
+from drivers.api import ZERO_VELOCITY, BaseState, Pose2D, Reflexes, Sides, Velocity
 from drivers.api.quick import dataclass
 
 BACK_OFF_TIME = 1.0
@@ -62,7 +62,7 @@ class SafetyController:
         backing = self._backing
         if backing is None:
             return None
-        gone = _away(state.pose, backing.origin) >= self._reflexes.back_off_way and not state.bumper
+        gone = _away(state.pose, backing.origin) >= self._reflexes.back_off_distance and not state.bumper
         if gone or state.cliff or state.wheel_drop or now > backing.until:
             self._backing = None
             return None
@@ -79,9 +79,9 @@ class SafetyController:
         is far enough from it: a base that turns there falls. A pressed bumper forbids forward.
         """
         if state is None:
-            return STILL, "no reports"
+            return ZERO_VELOCITY, "no reports"
         if state.wheel_drop:
-            return STILL, f"wheel drop {state.wheel_drop}"
+            return ZERO_VELOCITY, f"wheel drop {state.wheel_drop}"
         if state.cliff or self._edge is not None:
             given = Velocity(min(setpoint.linear, 0.0), 0.0)
             return given, "" if given == setpoint else f"cliff {state.cliff}" if state.cliff else "at an edge"
@@ -108,7 +108,7 @@ class SafetyController:
             self._edge = state.pose
         elif self._edge is not None and not state.wheel_drop:
             carried = self._lifted_at is not None and now - self._lifted_at >= CARRIED_TIME
-            if carried or _away(state.pose, self._edge) >= self._reflexes.back_off_way:
+            if carried or _away(state.pose, self._edge) >= self._reflexes.back_off_distance:
                 self._edge = None
         if not state.wheel_drop:
             self._lifted_at = None
@@ -118,7 +118,7 @@ class SafetyController:
         left, right = state.bumper.left, state.bumper.right
         turn = 0.0 if left == right or state.bumper.centre else -BACK_OFF_TURN if left else BACK_OFF_TURN
         command = Velocity(-self._reflexes.back_off_speed, turn)
-        until = now + self._reflexes.back_off_way / self._reflexes.back_off_speed + BACK_OFF_TIME
+        until = now + self._reflexes.back_off_distance / self._reflexes.back_off_speed + BACK_OFF_TIME
         return _BackingOff(state.pose, until, command, f"backing off: bumper {state.bumper}")
 
 

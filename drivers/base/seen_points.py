@@ -99,8 +99,8 @@ class SeenPoints:
     def add(self, scan: RangeScan, pose: Placed, now: float) -> None:
         """Add a new scan, measured at ``pose`` of the base."""
         placed = self._placed(_thinned(scan), pose)
-        speeds = self._inherited(placed, self._speeds(placed), now)
-        kept = self._kept(placed, now)
+        speeds = self._carry_over_speeds(placed, self._speeds(placed), now)
+        kept = self._unconfirmed(placed, now)
         self.x = np.concatenate((placed.points_x, self.x[kept]))
         self.y = np.concatenate((placed.points_y, self.y[kept]))
         self.speeds = np.concatenate((speeds, np.zeros(int(kept.sum()))))
@@ -144,7 +144,7 @@ class SeenPoints:
         speeds[came] = np.where(moves, np.minimum((moved + noise[came]) / past, MAX_SPEED), 0.0)
         return speeds
 
-    def _inherited(self, placed: PlacedScan, speeds: Floats, now: float) -> Floats:
+    def _carry_over_speeds(self, placed: PlacedScan, speeds: Floats, now: float) -> Floats:
         """Return the speeds of new points, raised to those of nearby points that moved recently."""
         while self._moved and now - self._moved[0][0] > MOVING_FOR:
             self._moved.popleft()
@@ -157,7 +157,7 @@ class SeenPoints:
             self._moved.append((now, *_representatives(placed, speeds)))
         return found
 
-    def _kept(self, placed: PlacedScan, now: float) -> npt.NDArray[np.bool_]:
+    def _unconfirmed(self, placed: PlacedScan, now: float) -> npt.NDArray[np.bool_]:
         """Return which of the previous points may still exist although the new scan does not show them."""
         if not len(self.x):
             return np.zeros(0, dtype=np.bool_)

@@ -7,7 +7,7 @@ from random import Random
 from typing import Any, Protocol, Unpack
 
 from drivers.api import (
-    STILL,
+    ZERO_VELOCITY,
     BaseState,
     DeviceStatus,
     Health,
@@ -29,9 +29,9 @@ from drivers.base.progress_monitor import Instruments
 from drivers.base.reckoning import GyroOdometry, Reckoning, TwoWheels
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.sim.body import ENCODER_STEP, NOTHING, Body, either
-from drivers.sim.plug import Plug
-from drivers.sim.stage import Stage
+from drivers.sim.body import ENCODER_STEP, NO_SIDES, BaseBody, merge_sides
+from drivers.sim.plug import SimulatedPlug
+from drivers.sim.stage import SimContext
 from drivers.sim.things import NO_SIGNALS
 from drivers.sim.wheels import DelayLine
 
@@ -44,7 +44,7 @@ class PanelTwin:
     ``played`` are the requested tunes and tones (hertz, seconds), ``colours`` are those of the lights.
     """
 
-    def __init__(self, name: str, plug: Plug) -> None:
+    def __init__(self, name: str, plug: SimulatedPlug) -> None:
         self.name = name
         self.played: list[Tune | tuple[float, float]] = []
         self.colours: dict[int, Lamp] = dict.fromkeys(LIGHTS, Lamp.OFF)
@@ -52,35 +52,35 @@ class PanelTwin:
 
     def play(self, tune: Tune) -> None:
         """Note a tune. Raises NotConnected."""
-        self._plug.require()
+        self._plug.check_online()
         self.played.append(tune)
 
     def tone(self, frequency: float, seconds: float) -> None:
         """Note a tone. Raises BadRequest, NotConnected."""
         check_tone(self.name, frequency, seconds)
-        self._plug.require()
+        self._plug.check_online()
         self.played.append((frequency, seconds))
 
     def light(self, number: int, colour: Lamp) -> None:
         """Switch light 1 or 2. Raises BadRequest for another, NotConnected."""
         check_light(self.name, number)
-        self._plug.require()
+        self._plug.check_online()
         self.colours[number] = colour
 
 
 Contacts = tuple[Sides, Sides, Sides, frozenset[str], frozenset[int], bool]
 """Bumper, cliff, wheel drop, other hazards, buttons, and whether it stands on the contacts of its dock."""
 
-NO_CONTACTS: Contacts = (NOTHING, NOTHING, NOTHING, frozenset(), frozenset(), False)
-NOWHERE = Pose2D(0.0, 0.0, 0.0)
+NO_CONTACTS: Contacts = (NO_SIDES, NO_SIDES, NO_SIDES, frozenset(), frozenset(), False)
+ORIGIN = Pose2D(0.0, 0.0, 0.0)
 
-PERIOD = 0.02
+STEP_INTERVAL = 0.02
 """Seconds between two reports."""
 
 STALE_AFTER, OFFLINE_AFTER = 0.1, 0.25
 """Seconds without a report after which the state is stale, and the base offline."""
 
-GAP = 1.0
+MAX_REPORT_GAP = 1.0
 """Seconds without a report after which differences of the encoders are not used."""
 
 _AT_BACKUP_LIMIT = frozenset({BACKUP_LIMIT})
@@ -100,7 +100,7 @@ class TwinOdometry(Protocol):
         """Note a velocity that is sent; return the velocity that reaches the motors."""
         ...
 
-    def measure(self, body: Body, late: DelayLine[Any], now: float, random: Random) -> None:
+    def measure(self, body: BaseBody, late: DelayLine[Any], now: float, random: Random) -> None:
         """Measure the motion of ``body``; ``late`` delays the measurements."""
         ...
 
@@ -137,18 +137,18 @@ class GyroTwinOdometry:
     def send(self, velocity: Velocity, now: float) -> Velocity:
         """Note a velocity that is sent; return the velocity that reaches the motors."""
         del now
-        self._odometry.commanded = velocity != STILL
+        self._odometry.commanded = velocity != ZERO_VELOCITY
         return velocity
 
-    def measure(self, body: Body, late: DelayLine[Any], now: float, random: Random) -> None:
+    def measure(self, body: BaseBody, late: DelayLine[Any], now: float, random: Random) -> None:
         """Read encoders and gyro, in ticks, hundredths of a degree (per second) and milliseconds."""
         left, right = body.encoders
         noise = random.gauss(0.0, self._noise) if self._noise else 0.0
-        self._error += noise * PERIOD
-        heading = round(100 * degrees(body.pose.heading + self._error + body.gyro.error(now)))
-        rate = round(100 * degrees(body.velocity.angular + noise + body.gyro.rate))
+        self._error += noise * STEP_INTERVAL
+        heading = round(100 * degrees(body.pose.heading + self._error + body.gyro_drift.error(now)))
+        rate = round(100 * degrees(body.velocity.angular + noise + body.gyro_drift.rate))
         late.put(now, (round(1000 * now), left, right, heading, rate))
-        for report in late.due(now):
+        for report in late.pop_due(now):
             self._take(report, now)
 
     def _take(self, report: tuple[int, int, int, int, int], now: float) -> None:
@@ -157,15 +157,15 @@ class GyroTwinOdometry:
         if last is None:
             return
         seconds = (time_ms - last[0]) / 1000
-        if max(seconds, now - last[5]) > GAP:
-            self._odometry.velocity = STILL
+        if max(seconds, now - last[5]) > MAX_REPORT_GAP:
+            self._odometry.velocity = ZERO_VELOCITY
             return
         travel = ENCODER_STEP * (left - last[1]), ENCODER_STEP * (right - last[2])
         self._odometry.add(*travel, radians((heading - last[3]) / 100), radians(rate / 100), seconds)
 
     def pause(self) -> None:
         """Keep the pose until the next measurement: the connection was lost."""
-        self._last, self._odometry.velocity = None, STILL
+        self._last, self._odometry.velocity = None, ZERO_VELOCITY
 
     def complete(self, state: BaseState) -> BaseState:
         """Return a state with pose, velocity and odometers."""
@@ -201,32 +201,32 @@ class WheelTwinOdometry:
 
     def send(self, velocity: Velocity, now: float) -> Velocity:
         """Note a velocity that is sent; return the velocity that reaches the motors."""
-        self._commanded = velocity != STILL
+        self._commanded = velocity != ZERO_VELOCITY
         given = self._wheels.within(velocity)
         if self._reckoned:
             self._reckoning.advance(now, given)
         return given
 
-    def measure(self, body: Body, late: DelayLine[Any], now: float, random: Random) -> None:
+    def measure(self, body: BaseBody, late: DelayLine[Any], now: float, random: Random) -> None:
         """Read the wheel speeds, whether the wheels slip or not."""
         del random
         if self._reckoned:
             self._reckoning.advance(now)
             return
-        left, right = body.counters.speeds
-        drift = body.gyro.rate if self._gyro else 0.0
+        left, right = body.wheel_encoders.speeds
+        drift = body.gyro_drift.rate if self._gyro else 0.0
         late.put(now, (now, Velocity((left + right) / 2, (right - left) / body.wheels.separation + drift)))
-        for at, rolls in late.due(now):
-            self._reckoning.advance(at, self._corrected(rolls) if self._gyro else rolls)
+        for at, rolls in late.pop_due(now):
+            self._reckoning.advance(at, self._correct_gyro(rolls) if self._gyro else rolls)
         if not self._gyro:  # which sends a fused pose alone
-            left, right = body.counters.travel
+            left, right = body.wheel_encoders.travel
             self._odometers = Odometers(left, right, (right - left) / body.wheels.separation)
 
-    def _corrected(self, rolls: Velocity) -> Velocity:
+    def _correct_gyro(self, rolls: Velocity) -> Velocity:
         """Return a velocity without the bias of the gyro."""
         still = not self._commanded and rolls.linear == 0.0
-        turn, _ = self._bias.correct(rolls.angular * PERIOD, rolls.angular, PERIOD, still=still)
-        return Velocity(rolls.linear, turn / PERIOD)
+        turn, _ = self._bias.correct(rolls.angular * STEP_INTERVAL, rolls.angular, STEP_INTERVAL, still=still)
+        return Velocity(rolls.linear, turn / STEP_INTERVAL)
 
     def pause(self) -> None:
         """Keep the pose until the next measurement: the connection was lost."""
@@ -245,21 +245,21 @@ class WheelTwinOdometry:
 
 
 class BaseTwin(ArbitratedBase):
-    """Simulated base: a ``drivers.api.Base`` with a ``body`` and an ``odometry``. Call ``step`` every ``PERIOD``.
+    """Simulated base: a ``drivers.api.Base`` with a ``body`` and an ``odometry``. Call ``step`` every ``STEP_INTERVAL``.
 
     A base that does not ``feel`` has no contacts, one without a ``gauge`` no battery voltage. ``dropouts`` is the share
     0..1 of lost reports, drawn from ``seed``. ``capabilities`` are its optional ones. Arbitration, limits and reflexes
     are those of the drivers. For one thread. Raises ValueError for values out of range.
     """
 
-    PERIOD = PERIOD
+    PERIOD = STEP_INTERVAL
 
     def __init__(
         self,
         clock: Clock,
         *,
         odometry: TwinOdometry | None = None,
-        body: Body | None = None,
+        body: BaseBody | None = None,
         feels: bool = True,
         gauge: bool = True,
         gyro_noise: float = 0.0,
@@ -272,19 +272,19 @@ class BaseTwin(ArbitratedBase):
             raise ValueError(f"{self.name}: {dropouts=}: out of range")
         self._odometry = odometry or GyroTwinOdometry(gyro_noise)
         super().__init__(clock, self._odometry.instruments, **settings)
-        self.plug = Plug(self.name, self._report, back=self._connected)
+        self.plug = SimulatedPlug(self.name, self._report, on_online=self._connected)
         self.panel = PanelTwin(self.name, self.plug)
         if "sounds" in capabilities:
             self.sounds = self.panel
         if "lights" in capabilities:
             self.lights = self.panel
-        self.body = body or Body()
+        self.body = body or BaseBody()
         self._feels, self._gauge = feels, gauge
         self._random = Random(f"{seed} {self.name}")  # noqa: S311 - chance, not a secret
         self._dropouts = dropouts
         self.late: DelayLine[Any] = DelayLine()
         """Delays what is measured of its motion."""
-        self._pressed: tuple[Sides, Sides, frozenset[int]] = (NOTHING, NOTHING, frozenset())  # by hand
+        self._pressed: tuple[Sides, Sides, frozenset[int]] = (NO_SIDES, NO_SIDES, frozenset())  # by hand
         self._contacts: Contacts = NO_CONTACTS  # of the newest report
         self._signals = NO_SIGNALS  # of the dock, likewise
         self._felt: BaseState | None = None  # the state when they last changed; None before the first report
@@ -296,7 +296,7 @@ class BaseTwin(ArbitratedBase):
 
     def state(self) -> Reading[BaseState]:
         """The newest report; stale when it is older than the real driver's limit."""
-        now = self._clock.now()
+        now = self._clock.read_value()
         if self._felt is None:
             return Reading(None, now, Quality.NONE)
         if self._latest is None:
@@ -308,7 +308,7 @@ class BaseTwin(ArbitratedBase):
 
     def open(self) -> None:
         """Be there at once, unless it is unplugged."""
-        self._mux.absence.begin()
+        self._mux.absence.restart()
         self.plug.open()
 
     def close(self) -> None:
@@ -318,15 +318,15 @@ class BaseTwin(ArbitratedBase):
 
     def health(self) -> Health:
         """Say whether reports arrive."""
-        health = replace(self.plug.health({"frames": self._frames}), returned=self._mux.absence.returned)
-        if health.online and not self._hears(self._clock.now()):
-            detail, hint = self._silence()
+        health = replace(self.plug.health({"frames": self._frames}), reconnected_at=self._mux.absence.reconnected_at)
+        if health.online and not self._is_reporting(self._clock.read_value()):
+            detail, hint = self._offline_reason()
             return replace(health, online=False, detail=detail, hint=hint)
         return health
 
     def step(self) -> None:
         """Let the body roll on to now, report, and renew the command, as the real one does 50 times a second."""
-        now = self._clock.now()
+        now = self._clock.read_value()
         self.body.advance(now)
         if not self.plug.online:
             return
@@ -335,15 +335,15 @@ class BaseTwin(ArbitratedBase):
 
     def _renew(self, now: float) -> None:
         if not (self._dropouts and self._random.random() < self._dropouts):
-            self._hear(now)
-        elif not (self._silent or self._hears(now)):
+            self._on_report(now)
+        elif not (self._silent or self._is_reporting(now)):
             self._silent = True
-            self._report(DeviceStatus(self.name, "offline", *self._silence()))
+            self._report(DeviceStatus(self.name, "offline", *self._offline_reason()))
         felt = self._reflex_state(now)
         if felt is not None:
             self._mux.on_state(felt, now)
         velocity = self._mux.next_velocity(now, felt)
-        self._obey(velocity, now)
+        self._move_body(velocity, now)
         self._report_steering(self._mux.steering)
 
     # --- the hand of whoever tests a mission --------------------------------------------------------------------------
@@ -352,7 +352,9 @@ class BaseTwin(ArbitratedBase):
         """Where it really is at time ``now``, in the world's frame."""
         return self.body.advance(now)
 
-    def press(self, bumper: Sides = NOTHING, *, cliff: Sides = NOTHING, buttons: frozenset[int] = frozenset()) -> None:
+    def press(
+        self, bumper: Sides = NO_SIDES, *, cliff: Sides = NO_SIDES, buttons: frozenset[int] = frozenset()
+    ) -> None:
         """Make it feel this from the next report on, beside what the ground gives; without arguments, let go."""
         self._pressed = (bumper, cliff, buttons)
 
@@ -360,9 +362,9 @@ class BaseTwin(ArbitratedBase):
         """Take it off the floor, or put it down where it was: in the air both wheels drop and drive nothing."""
         self.body.lifted = up
 
-    def feed(self, *, on: bool = True) -> None:
+    def set_power(self, *, on: bool = True) -> None:
         """Have its contacts fed as a dock does, wherever it stands, or no more."""
-        self.body.fed = on
+        self.body.force_docked = on
 
     def drain(self, percent: float) -> None:
         """Leave ``percent`` (0..100) of the battery. Raises ValueError for another value."""
@@ -378,21 +380,21 @@ class BaseTwin(ArbitratedBase):
         self._mux.stop()
         self._odometry.pause()
         self._silent = False
-        now = self._clock.now()
+        now = self._clock.read_value()
         self.body.advance(now)
-        self._hear(now)
+        self._on_report(now)
 
-    def _hear(self, now: float) -> None:
+    def _on_report(self, now: float) -> None:
         """Take one report of the body."""
         self._odometry.measure(self.body, self.late, now, self._random)
         if self._feels:
-            self._signals = self.body.signals()
+            self._signals = self.body.dock_signals()
         self._remember(now, self._odometry.pose)
         self._heard_at = now
         self._mux.on_report(now)
         self._latest = None
         self._frames += 1
-        self._feel()
+        self._report_state_changes()
 
     def _touches(self) -> Contacts:
         """Return the contacts now."""
@@ -400,15 +402,22 @@ class BaseTwin(ArbitratedBase):
             return NO_CONTACTS
         bumper, cliff, buttons = self._pressed
         body = self.body
-        hazards = _AT_BACKUP_LIMIT if body.backup_limit is not None and body.backup_limit.reached else frozenset()
-        return either(bumper, body.bumper), either(cliff, body.cliff), body.wheel_drop, hazards, buttons, body.docked
+        hazards = _AT_BACKUP_LIMIT if body.backup_limit is not None and body.backup_limit.is_reached else frozenset()
+        return (
+            merge_sides(bumper, body.bumper),
+            merge_sides(cliff, body.cliff),
+            body.wheel_drop,
+            hazards,
+            buttons,
+            body.docked,
+        )
 
-    def _obey(self, velocity: Velocity, now: float) -> None:
+    def _move_body(self, velocity: Velocity, now: float) -> None:
         """Send a velocity to the body."""
         given = self._odometry.send(velocity, now)
         self.body.command(given.linear, given.angular, now)
 
-    def _feel(self) -> None:
+    def _report_state_changes(self) -> None:
         """Tell what has changed of contacts and buttons, and that the base is back if it was silent."""
         self._report_online(f"{self.name}: the base reports again")
         contacts = self._touches()
@@ -423,16 +432,16 @@ class BaseTwin(ArbitratedBase):
         bumper, cliff, wheel_drop, hazards, buttons, docked = self._contacts
         battery = self.body.battery
         state = BaseState(
-            NOWHERE,
-            STILL,
+            ORIGIN,
+            ZERO_VELOCITY,
             bumper=bumper,
             cliff=cliff,
             wheel_drop=wheel_drop,
             hazards=hazards,
             buttons=buttons,
             battery_voltage=battery.voltage if self._gauge else 0.0,
-            battery_percent=battery.told if self._gauge else 100.0,
-            charging=battery.charging and self._gauge,
+            battery_percent=battery.reported_percent if self._gauge else 100.0,
+            charging=battery.is_charging and self._gauge,
             docked=docked,
             dock=self._signals,
             overcurrent=self.body.overcurrent,
@@ -441,7 +450,7 @@ class BaseTwin(ArbitratedBase):
 
     def _reflex_state(self, now: float) -> BaseState | None:
         """Return what the reflexes go by: what it touches, and where that is while it matters."""
-        if not self._hears(now):
+        if not self._is_reporting(now):
             return None
         if not (self._mux.needs_pose or self._mux.request_pending):
             return self._felt
@@ -454,31 +463,31 @@ class BaseTwin(ArbitratedBase):
         return self._felt
 
     def _offline_error(self, now: float) -> NotConnected | None:
-        if self._hears(now):
+        if self._is_reporting(now):
             return None
         if not self.plug.online:
-            return self.plug.absent()
-        detail, hint = self._silence()
+            return self.plug.offline_error()
+        detail, hint = self._offline_reason()
         return NotConnected(detail, hint=hint)
 
     def _send_stop(self) -> None:
         if self.plug.online:
-            self._obey(STILL, self._clock.now())
+            self._move_body(ZERO_VELOCITY, self._clock.read_value())
 
-    def _hears(self, now: float) -> bool:
+    def _is_reporting(self, now: float) -> bool:
         return self.plug.online and now - self._heard_at <= OFFLINE_AFTER
 
-    def _silence(self) -> tuple[str, str]:
+    def _offline_reason(self) -> tuple[str, str]:
         """Say what is the matter with a base that is there but does not report, and what to try."""
         return f"{self.name}: connected but silent: too many reports are lost", "lower the dropouts of the world"
 
 
-def make(keys: BaseKeys, stage: Stage, odometry: TwinOdometry | None = None) -> BaseTwin:
+def make(keys: BaseKeys, stage: SimContext, odometry: TwinOdometry | None = None) -> BaseTwin:
     """Return the twin of a base with contacts, for any brand."""
     return BaseTwin(
         stage.clock,
         odometry=odometry or GyroTwinOdometry(stage.physics.gyro_noise),
-        body=stage.body(),
+        body=stage.make_body(),
         dropouts=stage.physics.dropouts,
         seed=stage.seed,
         capabilities=keys.capabilities,
@@ -486,12 +495,12 @@ def make(keys: BaseKeys, stage: Stage, odometry: TwinOdometry | None = None) -> 
     )
 
 
-def make_plain(keys: BaseKeys, stage: Stage, odometry: WheelTwinOdometry, *, gauge: bool = True) -> BaseTwin:
+def make_wheel_base(keys: BaseKeys, stage: SimContext, odometry: WheelTwinOdometry, *, gauge: bool = True) -> BaseTwin:
     """Return the twin of a base without contacts."""
     return BaseTwin(
         stage.clock,
         odometry=odometry,
-        body=stage.body(),
+        body=stage.make_body(),
         feels=False,
         gauge=gauge,
         dropouts=stage.physics.dropouts,

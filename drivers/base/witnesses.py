@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from drivers.api import BaseState, Imu, Pose2D, Ranger
 from drivers.api.measures import Ranges, length_text
 from drivers.api.quick import dataclass
-from drivers.base.footprint import Floats, Outline, PathPoses
+from drivers.base.footprint import BaseOutline, Floats, PathPoses
 from drivers.base.motion_fault import MotionFault
-from drivers.base.progress_monitor import moved
+from drivers.base.progress_monitor import displacement
 from drivers.base.seen_points import flaw_of
 
 INTERVAL, MAX_INTERVAL = 1.0, 2.0
@@ -64,7 +64,7 @@ class _Look:
 class ScanWitness:
     """Compares scans of ``ranger`` about a second apart with the odometry; points within ``outline`` are ignored."""
 
-    def __init__(self, ranger: Ranger, outline: Outline) -> None:
+    def __init__(self, ranger: Ranger, outline: BaseOutline) -> None:
         self._ranger, self._outline = ranger, outline
         self._looks: deque[_Look] = deque(maxlen=64)
         self._number = -1
@@ -101,7 +101,7 @@ class ScanWitness:
         self._said = said
         if not said or self._times < CONFIRMATIONS:
             return None
-        motion = moved(before.pose, look.pose)
+        motion = displacement(before.pose, look.pose)
         how = "was commanded to move" if state.reckoned else "measures"
         believed = f"{length_text(motion.linear)} and {degrees(motion.angular):.0f} deg"
         what = f"the base {how} {believed} in {now - before.at:.1f} s, but {said}"
@@ -119,7 +119,7 @@ class ScanWitness:
 
 def _verdict(before: _Look, after: _Look, bearings: Floats) -> str:
     """Return the motion that two scans show against the odometry, as text; empty if there is none."""
-    motion = moved(before.pose, after.pose)
+    motion = displacement(before.pose, after.pose)
     if abs(motion.linear) < MIN_WAY and abs(motion.angular) < MIN_TURN:
         return ""
     old, new = before.ranges, after.ranges

@@ -9,23 +9,25 @@ from http import HTTPStatus
 from http.client import BadStatusLine, HTTPException, RemoteDisconnected
 from urllib.parse import urlsplit
 
-from drivers.camera.source import Kind, Source, kind_of, shown
+from drivers.camera.source import Source, SourceKind, display_name, source_kind
 from drivers.errors import NotConnected
 
 Cause = tuple[str, str]
 """A reason, and a hint."""
 
-ADDRESSES = (
+ADDRESS_HINT = (
     "usual ones: :81/stream and /capture (ESP32-CAM), /?action=stream (mjpg-streamer), :8080/video (IP Webcam), "
     "/stream.mjpg; its manual or its page in a browser has the right one"
 )
-_ONE_VIEWER = "most small cameras have one viewer at a time: close it in the browser and in other programs"
-_PORTS = {"http": 80, "https": 443, "rtsp": 554, "rtmp": 1935}
+_ONE_VIEWER_HINT = "most small cameras have one viewer at a time: close it in the browser and in other programs"
+_DEFAULT_PORTS = {"http": 80, "https": 443, "rtsp": 554, "rtmp": 1935}
 
-_SIGN_IN = r"""basic\b|digest (?!.*algorithm="?(?!(?:md5|sha)"?(?:[,\s]|$)))(?!.*qop="?auth-int"?(?:[,\s]|$)).*="""
+_SUPPORTED_AUTH = (
+    r"""basic\b|digest (?!.*algorithm="?(?!(?:md5|sha)"?(?:[,\s]|$)))(?!.*qop="?auth-int"?(?:[,\s]|$)).*="""
+)
 """The ways to sign in that ``urllib`` knows."""
 
-_LOG = (
+_FFMPEG_LOG_PATTERNS = (
     (r"(?:failed: |error )(401|403|404|503)\b", 0),
     (r"refused", errno.ECONNREFUSED),
     (r"timed out|timeout", errno.ETIMEDOUT),
@@ -35,85 +37,85 @@ _LOG = (
 """What FFmpeg writes in its log, and what that is."""
 
 
-def missing(name: str, source: Source, cause: Cause) -> NotConnected:
+def source_error(name: str, source: Source, cause: Cause) -> NotConnected:
     """Return the error for a source that is not there for a cause."""
-    return NotConnected(f"{name}: {shown(source)}: {cause[0]}", hint=cause[1])
+    return NotConnected(f"{name}: {display_name(source)}: {cause[0]}", hint=cause[1])
 
 
-def with_cause(trouble: NotConnected, log: bytes, source: Source) -> NotConnected:
+def add_cause(failure: NotConnected, log: bytes, source: Source) -> NotConnected:
     """Return the error with what the log of FFmpeg says of an address; the same where it says nothing."""
-    if kind_of(source) is not Kind.URL:
-        return trouble
+    if source_kind(source) is not SourceKind.URL:
+        return failure
     text = log.decode("utf-8", "replace")
-    for pattern, what in _LOG:
+    for pattern, what in _FFMPEG_LOG_PATTERNS:
         found = re.search(pattern, text, re.IGNORECASE)
         if found is None:
             continue
         error = socket.gaierror() if what == socket.EAI_NONAME else OSError(what, "")
-        reason, hint = of_status(int(found[1]), source) if found.groups() else of_error(error, source)
-        return NotConnected(f"{trouble}: {reason}", hint=hint)
-    return trouble
+        reason, hint = cause_of_status(int(found[1]), source) if found.groups() else cause_of_error(error, source)
+        return NotConnected(f"{failure}: {reason}", hint=hint)
+    return failure
 
 
-def of_status(status: int, source: Source, given: bool | None = None) -> Cause:
+def cause_of_status(status: int, source: Source, has_credentials: bool | None = None) -> Cause:
     """Return what a status code means; ``given`` says whether the address has a name and a password."""
     told = f"{status} {HTTPStatus(status).phrase}" if status in HTTPStatus._value2member_map_ else str(status)
     scheme, rest = str(source).split("://", 1)
     if status == HTTPStatus.UNAUTHORIZED:
-        if "@" in rest if given is None else given:
+        if "@" in rest if has_credentials is None else has_credentials:
             return (
                 f"refuses this user name or password ({told})",
                 "its page in a browser shows whether they are right; in an address @ is %40, / is %2F, : is %3A",
             )
-        place = shown(source).split("://", 1)[1]
+        place = display_name(source).split("://", 1)[1]
         return (
             f"wants a user name and a password ({told})",
             f"write them into its address: {scheme}://NAME:PASSWORD@{place}",
         )
     if status == HTTPStatus.FORBIDDEN:
-        return f"forbids to look ({told})", f"its page in a browser says who may; {_ONE_VIEWER}"
+        return f"forbids to look ({told})", f"its page in a browser says who may; {_ONE_VIEWER_HINT}"
     if status in (HTTPStatus.NOT_FOUND, HTTPStatus.GONE):
-        return f"has nothing at this address ({told})", ADDRESSES
+        return f"has nothing at this address ({told})", ADDRESS_HINT
     if status >= 500:
-        return f"is busy or faulty ({told})", f"{_ONE_VIEWER}; else restart the camera"
+        return f"is busy or faulty ({told})", f"{_ONE_VIEWER_HINT}; else restart the camera"
     if 300 <= status < 400:
-        return f"redirects for ever ({told})", ADDRESSES
-    return f"answers {told}", ADDRESSES
+        return f"redirects for ever ({told})", ADDRESS_HINT
+    return f"answers {told}", ADDRESS_HINT
 
 
-def of_sign_in(ways: Sequence[str]) -> Cause | None:
+def cause_of_sign_in(methods: Sequence[str]) -> Cause | None:
     """Return what it means that a camera offers only these ``ways`` to sign in; None where one of them is known."""
-    if not ways or any(re.match(_SIGN_IN, way, re.IGNORECASE) for way in ways):
+    if not methods or any(re.match(_SUPPORTED_AUTH, way, re.IGNORECASE) for way in methods):
         return None
-    names = ", ".join(repr(way[:60]) for way in ways)
+    names = ", ".join(repr(way[:60]) for way in methods)
     hint = "choose Basic, or Digest with MD5, on the settings page of the camera"
     return f"offers only ways to sign in that are not supported: {names}", hint
 
 
-def of_page(page: str) -> Cause:
+def cause_of_page(page: str) -> Cause:
     """Return what a web page in the place of pictures means."""
     title = re.search(r"<title[^>]*>\s*([^<]{1,60})", page, re.IGNORECASE)
     named = f": {title[1].strip()!r}" if title else ""
     if re.search(r"type\s*=\s*[\"']?password|log.?in|sign.?in", page, re.IGNORECASE):
-        hint = f"the stream has an address of its own, which takes NAME:PASSWORD@ before the host; {ADDRESSES}"
+        hint = f"the stream has an address of its own, which takes NAME:PASSWORD@ before the host; {ADDRESS_HINT}"
         return f"shows a web page to log in, and no pictures{named}", hint
-    return f"shows a web page, and no pictures{named}", f"the stream has an address of its own; {ADDRESSES}"
+    return f"shows a web page, and no pictures{named}", f"the stream has an address of its own; {ADDRESS_HINT}"
 
 
-def of_error(error: Exception, source: Source) -> Cause:
+def cause_of_error(error: Exception, source: Source) -> Cause:
     """Return what an error of a connection means."""
     try:
         parts = urlsplit(str(source))
-        host, port = parts.hostname or "", parts.port or _PORTS.get(parts.scheme.lower(), 0)
+        host, port = parts.hostname or "", parts.port or _DEFAULT_PORTS.get(parts.scheme.lower(), 0)
     except ValueError:
         hint = "a port is 0 to 65535; in a password : is %3A, / is %2F, @ is %40, [ is %5B"
         return "its host or port cannot be read", hint
     if not host:
         return "names no host", f"{parts.scheme}://HOST/"
     if isinstance(error, ssl.SSLError):
-        return _of_tls(error, host, port)
+        return _cause_of_tls_error(error, host, port)
     if isinstance(error, HTTPException) and not isinstance(error, RemoteDisconnected):
-        return _of_answer(error, port)
+        return _cause_of_http_error(error, port)
     if isinstance(error, socket.gaierror | UnicodeError):
         return f"no such host: {host}", f"`ping {host}`; or write its number (a name in .local needs avahi-daemon)"
     if isinstance(error, TimeoutError) or getattr(error, "errno", None) == errno.ETIMEDOUT:
@@ -124,13 +126,13 @@ def of_error(error: Exception, source: Source) -> Cause:
         )
         return f"connection refused: nothing listens on port {port} of {host}", hint
     if isinstance(error, RemoteDisconnected | ConnectionError):
-        return "closes the connection without an answer", f"{_ONE_VIEWER}; else restart the camera"
+        return "closes the connection without an answer", f"{_ONE_VIEWER_HINT}; else restart the camera"
     if getattr(error, "errno", None) in (errno.EHOSTUNREACH, errno.ENETUNREACH):
         return f"there is no way to {host}", f"`ping {host}`: is it on, and in the same network?"
     return f"{getattr(error, 'strerror', None) or error}", f"`ping {host}`"
 
 
-def _of_tls(error: ssl.SSLError, host: str, port: int) -> Cause:
+def _cause_of_tls_error(error: ssl.SSLError, host: str, port: int) -> Cause:
     if not isinstance(error, ssl.SSLCertVerificationError):
         return f"does not speak TLS on port {port} ({error.reason})", "write http:// instead of https://"
     if "expired" in error.verify_message or "not yet valid" in error.verify_message:
@@ -143,11 +145,15 @@ def _of_tls(error: ssl.SSLError, host: str, port: int) -> Cause:
     return f"its TLS certificate is not trusted: {error.verify_message}", hint
 
 
-def _of_answer(error: HTTPException, port: int) -> Cause:
+def _cause_of_http_error(error: HTTPException, port: int) -> Cause:
     if not isinstance(error, BadStatusLine):
-        return f"its answer is no HTTP: {type(error).__name__}", ADDRESSES
+        return f"its answer is no HTTP: {type(error).__name__}", ADDRESS_HINT
     line = str(error).strip().strip("'")
     hint = (
-        "write https://" if line[:1] == "\x15" or "HTTPS" in line else "write rtsp://" if "RTSP" in line else ADDRESSES
+        "write https://"
+        if line[:1] == "\x15" or "HTTPS" in line
+        else "write rtsp://"
+        if "RTSP" in line
+        else ADDRESS_HINT
     )
     return f"does not speak HTTP on port {port}: it begins with {line[:30]!r}", hint

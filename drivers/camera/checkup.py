@@ -5,84 +5,88 @@ from contextlib import closing
 from pathlib import Path
 
 from drivers.api import CameraFrame, Image
-from drivers.api.driver import Finding, Site, warning, wrong
+from drivers.api.driver import DriverContext, Finding, failure, warning
 from drivers.api.senses import CameraKeys
 from drivers.camera.make import make
-from drivers.camera.source import Kind, is_number, kind_of
-from drivers.pictures.capture import NOT_YET
+from drivers.camera.source import SourceKind, is_number, source_kind
+from drivers.pictures.capture import NOT_YET_TEXT
 
-FIRST = 6.0
+FIRST_PICTURE_TIMEOUT = 6.0
 """Seconds in which the first picture must come: a camera in the network says why not within 5 s."""
 
-FAILED = 2.0
+FAILURE_TIMEOUT = 2.0
 """Seconds after which a camera is not waited for that has said why it shows nothing."""
 
-WATCH = 1.0
+RATE_WINDOW = 1.0
 """Seconds for which pictures are counted."""
 
-SLOW = 12.0
+MIN_RATE = 12.0
 """Pictures a second below which a head that follows is late."""
 
-BLACK, DARK, BRIGHT = 6.0, 35.0, 225.0
+MAX_BLACK_BRIGHTNESS, MAX_DARK_BRIGHTNESS, MIN_OVEREXPOSED_BRIGHTNESS = 6.0, 35.0, 225.0
 """Mean brightness, of 255: a lid on the lens, a dark room, a lamp in the picture."""
 
-FLAT = 2.0
+MIN_CONTRAST = 2.0
 """Grey levels by which a picture of anything differs from its mean, at the least."""
 
 
-def checkup(keys: CameraKeys, site: Site) -> Iterator[Finding]:
+def checkup(keys: CameraKeys, site: DriverContext) -> Iterator[Finding]:
     """Look through it for a second."""
     frames, device = list[CameraFrame](), f"/dev/video{keys.source}" if is_number(keys.source) else str(keys.source)
-    if kind_of(keys.source) is Kind.DEVICE and not Path(device).exists():
-        yield wrong("pictures", f"{device} is not there", "mission robot camera list")
+    if source_kind(keys.source) is SourceKind.DEVICE and not Path(device).exists():
+        yield failure("pictures", f"{device} is not there", "mission robot camera list")
         return
     with closing(make(keys, site)) as camera:
         camera.open()
-        end = site.clock.now() + FIRST
-        while (left := end - site.clock.now()) > 0:
+        end = site.clock.read_value() + FIRST_PICTURE_TIMEOUT
+        while (left := end - site.clock.read_value()) > 0:
             frame = camera.read(min(left, 0.5))
             if frame is not None:
-                end = end if frames else site.clock.now() + WATCH
+                end = end if frames else site.clock.read_value() + RATE_WINDOW
                 frames.append(frame)
-            elif not frames and left < FIRST - FAILED and not camera.health().detail.endswith(NOT_YET):
+            elif (
+                not frames
+                and left < FIRST_PICTURE_TIMEOUT - FAILURE_TIMEOUT
+                and not camera.health().detail.endswith(NOT_YET_TEXT)
+            ):
                 break
         health = camera.health()
     if not frames:
-        yield wrong("pictures", health.detail or "none came", health.hint or "mission robot camera list")
+        yield failure("pictures", health.detail or "none came", health.hint or "mission robot camera list")
         return
     height, width = frames[-1].image.shape[:2]
-    width, height = keys.turn.size(width, height)  # of the camera itself
+    width, height = keys.orientation.size(width, height)  # of the camera itself
     if (width, height) != (keys.width, keys.height):
         cure = f"write width: {width} and height: {height}; the sizes that it can: mission robot camera list"
         yield warning("pictures", f"{width}x{height}, the robot file says {keys.width}x{keys.height}", cure)
-    live = kind_of(keys.source) in {Kind.DEVICE, Kind.URL}
-    yield from _rate(frames, device=device, live=live)
-    yield from _exposure(frames[-1].image)
+    live = source_kind(keys.source) in {SourceKind.DEVICE, SourceKind.URL}
+    yield from _check_rate(frames, device=device, live=live)
+    yield from _check_exposure(frames[-1].image)
 
 
-def _rate(frames: list[CameraFrame], device: str, *, live: bool) -> Iterator[Finding]:
+def _check_rate(frames: list[CameraFrame], device: str, *, live: bool) -> Iterator[Finding]:
     """Judge how many pictures come, by their numbers: one that nobody took in time came too."""
     first, last = frames[0], frames[-1]
     span = last.stamp - first.stamp
     rate = (last.number - first.number) / span if span > 0 else 0.0
-    if live and rate < SLOW:
+    if live and rate < MIN_RATE:
         cure = f"more light; or: v4l2-ctl -d {device} -c exposure_dynamic_framerate=0"
         yield warning("rate", f"{rate:.0f} pictures a second: many cameras halve them in the dark", cure)
     else:
         yield Finding("rate", f"{rate:.0f} pictures a second")
 
 
-def _exposure(image: Image) -> Iterator[Finding]:
+def _check_exposure(image: Image) -> Iterator[Finding]:
     brightness = float(image.mean())
     told = f"mean brightness {brightness:.0f} of 255"
-    if brightness < BLACK:
-        yield wrong("exposure", f"the pictures are black ({told})", "take the lid off the lens; make light")
-    elif brightness < DARK:
+    if brightness < MAX_BLACK_BRIGHTNESS:
+        yield failure("exposure", f"the pictures are black ({told})", "take the lid off the lens; make light")
+    elif brightness < MAX_DARK_BRIGHTNESS:
         yield warning("exposure", f"the pictures are dark ({told})", "make light, in front of the robot")
-    elif brightness > BRIGHT:
+    elif brightness > MIN_OVEREXPOSED_BRIGHTNESS:
         yield warning("exposure", f"the pictures are overexposed ({told})", "turn it from the lamp or the window")
-    elif float(image.std()) < FLAT:
+    elif float(image.std()) < MIN_CONTRAST:
         cure = "look whether something covers the lens; mission robot camera list  (is it another camera?)"
-        yield wrong("exposure", f"the pictures are all of one colour ({told})", cure)
+        yield failure("exposure", f"the pictures are all of one colour ({told})", cure)
     else:
         yield Finding("exposure", told)

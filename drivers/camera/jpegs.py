@@ -10,24 +10,24 @@ from collections.abc import Callable, Iterator
 from urllib.parse import urlsplit
 
 from drivers.api import Image
-from drivers.camera.causes import missing, of_error
+from drivers.camera.causes import cause_of_error, source_error
 from drivers.camera.opencv import VideoFeed
-from drivers.pictures.decode import UNWANTED, decoded
+from drivers.pictures.decode import SKIPPED_PICTURE, decode_picture
 
-LARGEST_PICTURE = 32_000_000
+MAX_PICTURE_BYTES = 32_000_000
 """Bytes that a picture may have; what is longer is no picture."""
 
-BEGIN = b"\xff\xd8\xff"
+JPEG_START = b"\xff\xd8\xff"
 """How a JPEG begins."""
 
 _EOI, _SOI, _SOS = 0xD9, 0xD8, 0xDA
-_ALONE = frozenset({0x01, *range(0xD0, 0xD8)})
+_SEGMENTLESS_MARKERS = frozenset({0x01, *range(0xD0, 0xD8)})
 """Markers without a segment."""
 
-_HOLDING = frozenset({0xE1, 0xE2})
+_THUMBNAIL_MARKERS = frozenset({0xE1, 0xE2})
 """The segments that may hold another picture: a small one of the same."""
 
-_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
+_SCAN_END = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 """What ends the data of a scan: in it, 0xff stands before 0 or the number of a restart."""
 
 
@@ -36,66 +36,72 @@ class JpegFinder:
 
     def __init__(self) -> None:
         self._data = bytearray()
-        self._at = 0  # up to here the picture at the beginning is read
-        self._scanning = False
+        self._position = 0  # up to here the picture at the beginning is read
+        self._is_in_scan = False
 
     def feed(self, data: bytes) -> Iterator[bytes]:
         """Yield the pictures that ``data`` completes."""
         self._data += data
-        while self._begin():
-            end = self._end()
+        while self._find_start():
+            end = self._find_end()
             if end is None:
-                if len(self._data) <= LARGEST_PICTURE:
+                if len(self._data) <= MAX_PICTURE_BYTES:
                     return
-                self._drop(len(BEGIN))
+                self._drop(len(JPEG_START))
             elif end > 0:
                 yield bytes(self._data[:end])
                 self._drop(end)
             else:
                 self._drop(-end)
 
-    def _begin(self) -> bool:
+    def _find_start(self) -> bool:
         """Have the next picture at the beginning; False where none has begun."""
-        if self._at:
+        if self._position:
             return True
-        place = self._data.find(BEGIN)
+        place = self._data.find(JPEG_START)
         if place < 0:
-            self._drop(max(0, len(self._data) - len(BEGIN) + 1))
+            self._drop(max(0, len(self._data) - len(JPEG_START) + 1))
             return False
         self._drop(place)
-        self._at = 2
+        self._position = 2
         return True
 
     def _drop(self, count: int) -> None:
         del self._data[:count]
-        self._at, self._scanning = 0, False
+        self._position, self._is_in_scan = 0, False
 
-    def _end(self) -> int | None:
+    def _find_end(self) -> int | None:
         """Return where the picture ends; None for not yet; below 0, how many bytes are none of a picture."""
         data = self._data
         while True:
-            if self._scanning:
-                found = _MARKER.search(data, self._at)
+            if self._is_in_scan:
+                found = _SCAN_END.search(data, self._position)
                 if found is None:
-                    self._at = max(self._at, len(data) - 1)
+                    self._position = max(self._position, len(data) - 1)
                     return None
-                self._at, self._scanning = found.start(), False
-            while self._at + 1 < len(data) and data[self._at] == data[self._at + 1] == 0xFF:
-                self._at += 1  # padding
-            if self._at + 4 > len(data) and not (self._at + 2 <= len(data) and data[self._at + 1] == _EOI):
+                self._position, self._is_in_scan = found.start(), False
+            while self._position + 1 < len(data) and data[self._position] == data[self._position + 1] == 0xFF:
+                self._position += 1  # padding
+            if self._position + 4 > len(data) and not (
+                self._position + 2 <= len(data) and data[self._position + 1] == _EOI
+            ):
                 return None
-            if data[self._at] != 0xFF or data[self._at + 1] == _SOI:
-                return -self._at
-            marker = data[self._at + 1]
+            if data[self._position] != 0xFF or data[self._position + 1] == _SOI:
+                return -self._position
+            marker = data[self._position + 1]
             if marker == _EOI:
-                return self._at + 2
-            end = self._at + (2 if marker in _ALONE else 2 + int.from_bytes(data[self._at + 2 : self._at + 4]))
-            other = -1 if marker in _HOLDING else data.find(BEGIN, self._at, end)
+                return self._position + 2
+            end = self._position + (
+                2
+                if marker in _SEGMENTLESS_MARKERS
+                else 2 + int.from_bytes(data[self._position + 2 : self._position + 4])
+            )
+            other = -1 if marker in _THUMBNAIL_MARKERS else data.find(JPEG_START, self._position, end)
             if other > 0:
                 return -other  # this one was torn
             if end > len(data):
                 return None
-            self._at, self._scanning = end, marker == _SOS
+            self._position, self._is_in_scan = end, marker == _SOS
 
 
 # A camera that is read by TCP, as ``rpicam-vid --listen`` sends it: JPEG after JPEG, or a stream for FFmpeg.
@@ -103,10 +109,10 @@ class JpegFinder:
 ANSWER_TIMEOUT = 5.0
 """Seconds that a camera has to take the connection, and to send more."""
 
-LATE = 4_000_000
+MAX_BACKLOG_BYTES = 4_000_000
 """Bytes that are read on while more lies ready, to get to the newest picture."""
 
-_BLOCK = 262144
+_READ_SIZE = 262144
 
 
 class TcpFeed:
@@ -120,7 +126,7 @@ class TcpFeed:
         self._source = source
         self._socket: socket.socket | None = None
         self._finder = JpegFinder()
-        self._film: VideoFeed | None = None
+        self._video_feed: VideoFeed | None = None
 
     def start(self) -> float | None:
         """Connect, and look at the first bytes. Raises NotConnected with the reason."""
@@ -128,48 +134,50 @@ class TcpFeed:
             parts = urlsplit(self._source)
             place = parts.hostname, parts.port
             connection = self._socket = None if None in place else socket.create_connection(place, ANSWER_TIMEOUT)
-            begin = b"" if connection is None else connection.recv(len(BEGIN), socket.MSG_PEEK | socket.MSG_WAITALL)
+            begin = (
+                b"" if connection is None else connection.recv(len(JPEG_START), socket.MSG_PEEK | socket.MSG_WAITALL)
+            )
         except (OSError, ValueError) as error:
             self.stop()
-            raise missing(self._name, self._source, of_error(error, self._source)) from error
+            raise source_error(self._name, self._source, cause_of_error(error, self._source)) from error
         if connection is None:
-            raise missing(self._name, self._source, ("names no host, or no port", "tcp://HOST:8888"))
+            raise source_error(self._name, self._source, ("names no host, or no port", "tcp://HOST:8888"))
         self._finder = JpegFinder()
-        if begin == BEGIN:
+        if begin == JPEG_START:
             return None
         connection.setblocking(True)
-        self._film = VideoFeed(self._name, self._source, connection=connection.fileno())
-        return self._film.start()
+        self._video_feed = VideoFeed(self._name, self._source, connection=connection.fileno())
+        return self._video_feed.start()
 
-    def grab(self, wanted: Callable[[], bool]) -> Image | None:
+    def grab(self, is_needed: Callable[[], bool]) -> Image | None:
         """Return the next picture that can be decoded; None when there is no more: see BlockingFeed."""
-        if self._film is not None:
-            return self._film.grab(wanted)
-        while found := self._read():
-            if not wanted():
-                return UNWANTED
-            image = decoded(found[-1])
+        if self._video_feed is not None:
+            return self._video_feed.grab(is_needed)
+        while found := self._read_pictures():
+            if not is_needed():
+                return SKIPPED_PICTURE
+            image = decode_picture(found[-1])
             if image is not None:
                 return image
         return None
 
     def stop(self) -> None:
         """Close the connection."""
-        film, self._film = self._film, None
+        film, self._video_feed = self._video_feed, None
         if film is not None:
             film.stop()
         connection, self._socket = self._socket, None
         if connection is not None:
             connection.close()
 
-    def _read(self) -> list[bytes]:
+    def _read_pictures(self) -> list[bytes]:
         """Return the pictures that come next, oldest first; none at the end."""
         found, size = list[bytes](), 0
         while self._socket is not None:
-            if found and (size > LATE or not select.select([self._socket], [], [], 0)[0]):
+            if found and (size > MAX_BACKLOG_BYTES or not select.select([self._socket], [], [], 0)[0]):
                 break
             try:
-                data = self._socket.recv(_BLOCK)
+                data = self._socket.recv(_READ_SIZE)
             except OSError:
                 data = b""
             if not data:

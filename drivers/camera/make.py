@@ -2,10 +2,10 @@
 
 from math import radians
 
-from drivers.api import Report, ignore
-from drivers.api.driver import Site
+from drivers.api import StatusCallback, ignore
+from drivers.api.driver import DriverContext
 from drivers.api.senses import CameraKeys
-from drivers.api.turn import UPRIGHT, Turn
+from drivers.api.turn import UPRIGHT, ImageOrientation
 from drivers.camera.reader import ReaderFeed
 from drivers.camera.source import Source
 from drivers.clock import Clock
@@ -22,8 +22,8 @@ def open_source(
     loop: bool = True,
     retry: float = 1.0,
     rate: float = 5.0,
-    report: Report = ignore,
-    turn: Turn = UPRIGHT,
+    report: StatusCallback = ignore,
+    turn: ImageOrientation = UPRIGHT,
 ) -> ThreadedCamera:
     """Return a camera over ``source``, not opened yet: a number or path of a device, an address, a video, pictures.
 
@@ -46,7 +46,7 @@ def open_source(
     )
 
 
-def make(keys: CameraKeys, site: Site) -> ThreadedCamera:
+def make(keys: CameraKeys, site: DriverContext) -> ThreadedCamera:
     """Return the camera on the source of the keys: an index, a device, a file, a URL or a folder."""
     return open_source(
         keys.source,
@@ -54,5 +54,5 @@ def make(keys: CameraKeys, site: Site) -> ThreadedCamera:
         field_of_view=keys.upright().field_of_view,
         size=(keys.width, keys.height),
         report=site.report,
-        turn=keys.turn,
+        turn=keys.orientation,
     )

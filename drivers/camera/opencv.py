@@ -8,10 +8,10 @@ from pathlib import Path
 import cv2
 
 from drivers.api import Image
-from drivers.camera.source import Kind, Source, advice, is_live, is_number, kind_of, shown
+from drivers.camera.source import Source, SourceKind, display_name, is_live, is_number, source_hint, source_kind
 from drivers.errors import BadRequest, NotConnected
 from drivers.finding.video import CSI_HINT, CSI_TROUBLE, is_csi
-from drivers.pictures.decode import grab, opened
+from drivers.pictures.decode import grab_picture, open_video
 from drivers.transport.programs import explain_denied
 
 _FALLBACK_RATE = 25.0  # frames a second of a video that does not say
@@ -28,9 +28,9 @@ class VideoFeed:
         self, name: str, source: Source, size: tuple[int, int] | None = None, connection: int | None = None
     ) -> None:
         self._name = name
-        self._kind = kind_of(source)
-        self._what = shown(source)
-        self._live = is_live(source)
+        self._kind = source_kind(source)
+        self._source_name = display_name(source)
+        self._is_live = is_live(source)
         self._source = int(str(source)) if is_number(source) else str(source)
         self._size = size
         self._connection = connection
@@ -41,24 +41,24 @@ class VideoFeed:
 
         Raises NotConnected with the reason as far as the file system can tell it.
         """
-        self._check()
+        self._check_path()
         try:
-            video = self._opened()
+            video = self._open_video()
         except BadRequest as error:
             raise NotConnected(f"{self._name}: {error}", hint=error.hint) from error
         if not video.isOpened():
             video.release()
-            what = f"{self._name}: {self._what}: cannot be opened as a {self._kind}"
-            raise NotConnected(what, hint=advice(self._source))
+            what = f"{self._name}: {self._source_name}: cannot be opened as a {self._kind}"
+            raise NotConnected(what, hint=source_hint(self._source))
         self._video = video
-        if self._live:
+        if self._is_live:
             return None
         rate = video.get(cv2.CAP_PROP_FPS)
         return 1.0 / (rate if 1.0 <= rate <= 240.0 else _FALLBACK_RATE)
 
-    def grab(self, wanted: Callable[[], bool]) -> Image | None:
+    def grab(self, is_needed: Callable[[], bool]) -> Image | None:
         """Return the next picture, None when there is no more: see Feed."""
-        return None if self._video is None else grab(self._video, wanted)
+        return None if self._video is None else grab_picture(self._video, is_needed)
 
     def stop(self) -> None:
         """Release the source."""
@@ -66,25 +66,29 @@ class VideoFeed:
         if video is not None:
             video.release()
 
-    def _check(self) -> None:
+    def _check_path(self) -> None:
         """Raise NotConnected for a path that is absent or forbidden: OpenCV says the same of all failures."""
-        if self._kind is Kind.URL or (self._kind is Kind.DEVICE and not self._what.startswith("/")):
+        if self._kind is SourceKind.URL or (self._kind is SourceKind.DEVICE and not self._source_name.startswith("/")):
             return
-        device = self._kind is Kind.DEVICE
-        if not Path(self._what).exists():
+        device = self._kind is SourceKind.DEVICE
+        if not Path(self._source_name).exists():
             what, hint = ("no such device", "`mission ports` lists the cameras that are there") if device else (
-                "no such file", f"`ls {Path(self._what).parent}` lists what is there")  # fmt: skip
-            raise NotConnected(f"{self._name}: {self._what}: {what}", hint=hint)
-        if device and is_csi(Path(self._what)):
-            raise NotConnected(f"{self._name}: {self._what}: {CSI_TROUBLE}", hint=CSI_HINT)
-        if not os.access(self._what, os.R_OK):
-            why, hint = explain_denied(Path(self._what)) if device else ("permission denied", f"`ls -l {self._what}`")
-            raise NotConnected(f"{self._name}: {self._what}: {why}", hint=hint)
+                "no such file", f"`ls {Path(self._source_name).parent}` lists what is there")  # fmt: skip
+            raise NotConnected(f"{self._name}: {self._source_name}: {what}", hint=hint)
+        if device and is_csi(Path(self._source_name)):
+            raise NotConnected(f"{self._name}: {self._source_name}: {CSI_TROUBLE}", hint=CSI_HINT)
+        if not os.access(self._source_name, os.R_OK):
+            why, hint = (
+                explain_denied(Path(self._source_name))
+                if device
+                else ("permission denied", f"`ls -l {self._source_name}`")
+            )
+            raise NotConnected(f"{self._name}: {self._source_name}: {why}", hint=hint)
 
-    def _opened(self) -> cv2.VideoCapture:
-        if self._kind is Kind.DEVICE:
+    def _open_video(self) -> cv2.VideoCapture:
+        if self._kind is SourceKind.DEVICE:
             backend = cv2.CAP_V4L2 if sys.platform == "linux" else cv2.CAP_ANY
-            video = opened(self._source, backend, [], what=self._what)
+            video = open_video(self._source, backend, [], name=self._source_name)
             video.set(cv2.CAP_PROP_BUFFERSIZE, 1)
             if self._size is not None:
                 video.set(cv2.CAP_PROP_FRAME_WIDTH, self._size[0])
@@ -97,4 +101,4 @@ class VideoFeed:
             _STREAM_TIMEOUT_MS,
         ]
         source = self._source if self._connection is None else f"pipe:{self._connection}"
-        return opened(source, cv2.CAP_FFMPEG, limits, what=self._what)
+        return open_video(source, cv2.CAP_FFMPEG, limits, name=self._source_name)

@@ -8,13 +8,13 @@ import cv2
 from drivers.api import Image
 from drivers.camera.source import PICTURES, VIDEOS
 from drivers.errors import BadRequest
-from drivers.pictures.decode import grab, hush, load, opened
+from drivers.pictures.decode import grab_picture, load_picture, open_video, silence_opencv
 
-Picture = tuple[Path, int, Image]
+NumberedPicture = tuple[Path, int, Image]
 """The file, the number of the frame in it from 0, and the frame."""
 
 
-def pictures(paths: Iterable[str | Path]) -> Iterator[Picture]:
+def iter_pictures(paths: Iterable[str | Path]) -> Iterator[NumberedPicture]:
     """Yield every frame of the files at ``paths``; of a folder those of its pictures and videos, sorted by name.
 
     Raises BadRequest at once when paths are absent or folders empty, all of them named; while iterating when a file
@@ -23,27 +23,27 @@ def pictures(paths: Iterable[str | Path]) -> Iterator[Picture]:
     files: list[Path] = []
     faults: list[str] = []
     for path in map(Path, paths):
-        found = _files(path)
+        found = _list_files(path)
         files += found
         if not found:
             faults.append(f"{path}: {'holds no pictures or videos' if path.is_dir() else 'no such file'}")
     if faults:
         raise BadRequest("; ".join(faults), hint=f"pictures and videos end in {' '.join(sorted(PICTURES | VIDEOS))}")
-    return (picture for file in files for picture in _frames(file))
+    return (picture for file in files for picture in _iter_frames(file))
 
 
-def _files(path: Path) -> list[Path]:
+def _list_files(path: Path) -> list[Path]:
     if path.is_dir():
         return sorted(file for file in path.iterdir() if file.suffix.lower() in PICTURES | VIDEOS)
     return [path] if path.is_file() else []
 
 
-def _frames(path: Path) -> Iterator[Picture]:
+def _iter_frames(path: Path) -> Iterator[NumberedPicture]:
     if path.suffix.lower() in PICTURES:
-        yield path, 0, load(path)
+        yield path, 0, load_picture(path)
         return
     number = -1
-    for number, image in enumerate(_video(path)):
+    for number, image in enumerate(_iter_video(path)):
         yield path, number, image
     if number < 0:
         raise BadRequest(
@@ -51,11 +51,11 @@ def _frames(path: Path) -> Iterator[Picture]:
         )
 
 
-def _video(path: Path) -> Iterator[Image]:
-    hush()
-    video = opened(str(path), cv2.CAP_FFMPEG, [], what=str(path))
+def _iter_video(path: Path) -> Iterator[Image]:
+    silence_opencv()
+    video = open_video(str(path), cv2.CAP_FFMPEG, [], name=str(path))
     try:
-        while (image := grab(video)) is not None:
+        while (image := grab_picture(video)) is not None:
             yield image
     finally:
         video.release()

@@ -22,13 +22,13 @@ from typing import Any
 import numpy as np
 
 from drivers.api import Image
-from drivers.camera.source import Source, advice, shown
+from drivers.camera.source import Source, display_name, source_hint
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
-from drivers.pictures.decode import FFMPEG_LOG_LEVEL, NOTHING, SILENT, UNWANTED
-from drivers.transport.pipe import Unframer, frame
+from drivers.pictures.decode import FFMPEG_LOG_LEVEL, FFMPEG_SILENT, NO_PICTURE, SKIPPED_PICTURE
+from drivers.transport.pipe import MessageParser, pack_message
 
-GLANCE = 0.2
+GRAB_TIMEOUT = 0.2
 """Seconds that ``grab`` waits at most."""
 
 OPEN_TIMEOUT = 12.0
@@ -40,29 +40,29 @@ STALL_TIMEOUT = 6.0
 QUIT_TIMEOUT = 0.5
 """Seconds that a reader has to release its source."""
 
-START, GRAB, FROM, RELEASE, QUIT = b"sgfxq"
+START, GRAB, SKIP_TO, RELEASE, QUIT = b"sgfxq"
 """The commands of a reader, a byte each: open the source, hand over the next picture that is needed, release the
-source, end. ``FROM`` is followed by the number, counted from the start, of the first picture that is needed."""
+source, end. ``SKIP_TO`` is followed by the number, counted from the start, of the first picture that is needed."""
 
 NUMBER = Struct(">I")
 
-_LAST = 2**32 - 1
+_MAX_NUMBER = 2**32 - 1
 
-_KEPT_COMPLAINT = 4000
+_MAX_ERROR_OUTPUT = 4000
 """Bytes that are kept of what a reader writes to its standard error."""
 
 
 class ReaderProcess:
     """A process that reads a source, and the memory that it shares with us. For one thread. Raises OSError."""
 
-    def __init__(self, order: Mapping[str, Any]) -> None:
-        self.complaint = b""
-        self._unframer = Unframer()
-        self._memory = _shared_memory()
+    def __init__(self, request: Mapping[str, Any]) -> None:
+        self.error_output = b""
+        self._unframer = MessageParser()
+        self._memory = _create_shared_memory()
         self._map: mmap.mmap | None = None
         paths = [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths)), "OPENBLAS_NUM_THREADS": "1"}
-        if environment.get(FFMPEG_LOG_LEVEL) == SILENT:  # of this process; from the reader it is to be heard
+        if environment.get(FFMPEG_LOG_LEVEL) == FFMPEG_SILENT:  # of this process; from the reader it is to be heard
             del environment[FFMPEG_LOG_LEVEL]
         try:
             self._process = subprocess.Popen(
@@ -79,21 +79,21 @@ class ReaderProcess:
             os.close(self._memory)
             raise
         self._pipes = [pipe for pipe in (self._process.stdin, self._process.stdout, self._process.stderr) if pipe]
-        self._ready = poll()
+        self._poll = poll()
         for pipe in reversed(self._pipes[1:]):  # first what it complains of, then what comes of it
-            self._ready.register(pipe, POLLIN)
-        self.send(frame({**order, "memory": self._memory}))
+            self._poll.register(pipe, POLLIN)
+        self.send(pack_message({**request, "memory": self._memory}))
 
     def send(self, data: bytes) -> None:
-        """Send commands; a reader that has ended does not mind, for ``reply`` tells."""
+        """Send commands; a reader that has ended does not mind, for ``next_reply`` tells."""
         with suppress(BrokenPipeError):
             os.write(self._pipes[0].fileno(), data)
 
-    def reply(self, patience: float) -> Mapping[str, Any] | None:
+    def next_reply(self, timeout: float) -> Mapping[str, Any] | None:
         """Return the next reply; None if there is none after ``patience`` seconds. Raises EOFError at its end."""
         out, clock = self._pipes[1].fileno(), SystemClock()
-        while (left := patience - clock.now()) >= 0:
-            for pipe, _ in self._ready.poll(1000 * left):
+        while (left := timeout - clock.read_value()) >= 0:
+            for pipe, _ in self._poll.poll(1000 * left):
                 data = os.read(pipe, 65536)
                 if pipe == out:
                     if not data:
@@ -101,12 +101,12 @@ class ReaderProcess:
                     for message, _ in self._unframer.feed(data):
                         return message
                 elif data:
-                    self.complaint = (self.complaint + data)[-_KEPT_COMPLAINT:]
+                    self.error_output = (self.error_output + data)[-_MAX_ERROR_OUTPUT:]
                 else:
-                    self._ready.unregister(pipe)
+                    self._poll.unregister(pipe)
         return None
 
-    def picture(self, shape: tuple[int, int]) -> Image:
+    def copy_picture(self, shape: tuple[int, int]) -> Image:
         """Return a copy of the picture that lies in the shared memory, of so many rows and columns."""
         size = 3 * shape[0] * shape[1]
         if self._map is None or len(self._map) < size:
@@ -114,7 +114,7 @@ class ReaderProcess:
             self._map = mmap.mmap(self._memory, os.fstat(self._memory).st_size)
         return np.frombuffer(self._map, np.uint8, size).reshape(*shape, 3).copy()
 
-    def ending(self) -> str:
+    def exit_reason(self) -> str:
         """Return how it ended, in words."""
         with suppress(subprocess.TimeoutExpired):
             code = self._process.wait(QUIT_TIMEOUT)
@@ -142,7 +142,7 @@ class ReaderProcess:
 
 
 class ReaderFeed:
-    """A ``drivers.pictures.capture.Feed`` of any source: of a device, an address, a film, or pictures.
+    """A ``drivers.pictures.capture.CameraFeed`` of any source: of a device, an address, a film, or pictures.
 
     ``size`` (width, height in pixels) is asked of a device; ``rate`` is that of pictures without a film, a second.
     """
@@ -150,131 +150,135 @@ class ReaderFeed:
     def __init__(self, name: str, source: Source, size: tuple[int, int] | None = None, rate: float = 5.0) -> None:
         self._name = name
         self._source = source
-        self._order = {"name": name, "source": source if isinstance(source, int) else str(source), "size": size,
+        self._request = {"name": name, "source": source if isinstance(source, int) else str(source), "size": size,
                        "rate": rate}  # fmt: skip
         self._clock = SystemClock()
         self._process: ReaderProcess | None = None
-        self._using = Lock()  # over the process: it is not closed while another thread sends to it
-        self._asked: float | None = None  # when the picture was asked for that has not come
+        self._lock = Lock()  # over the process: it is not closed while another thread sends to it
+        self._pending_since: float | None = None  # when the picture was asked for that has not come
         self._count = 0  # pictures since the start
-        self._first = 0  # the first of them that the reader was told to hand over
+        self._first_needed = 0  # the first of them that the reader was told to hand over
         self._results = deque[Image | None]()  # of the reader, which ``grab`` has not returned yet
-        self._ending = Event()
+        self._closing = Event()
 
     @property
-    def what(self) -> str:
+    def source_name(self) -> str:
         """The path, the device, or the address without its password."""
-        return shown(self._source)
+        return display_name(self._source)
 
     @property
     def hint(self) -> str:
         """What to type next when it opens and yet gives no picture."""
-        return advice(self._source)
+        return source_hint(self._source)
 
-    def start(self, ending: Event) -> float | None:
+    def start(self, closing: Event) -> float | None:
         """Open the source; return the seconds between the pictures of a recording, None for a live source.
 
         Raises NotConnected with the reason.
         """
-        self._ending = ending
+        self._closing = closing
         try:
-            process = self._process = self._process or ReaderProcess(self._order)
+            process = self._process = self._process or ReaderProcess(self._request)
         except OSError as error:
             raise NotConnected(
-                f"{self._name}: {self.what}: no process to read it: {error}", hint="ulimit -u"
+                f"{self._name}: {self.source_name}: no process to read it: {error}", hint="ulimit -u"
             ) from error
-        process.complaint = b""
-        self._count = self._first = 0
+        process.error_output = b""
+        self._count = self._first_needed = 0
         self._results.clear()
-        process.send(bytes([FROM, *NUMBER.pack(0), START]))
-        self._asked = self._clock.now()
-        reply = self._wait(OPEN_TIMEOUT)
+        process.send(bytes([SKIP_TO, *NUMBER.pack(0), START]))
+        self._pending_since = self._clock.read_value()
+        reply = self._wait_for_reply(OPEN_TIMEOUT)
         if reply is None:
             trouble = NotConnected(
-                f"{self._name}: {self.what}: does not open within {OPEN_TIMEOUT:g} s", hint=self.hint
+                f"{self._name}: {self.source_name}: does not open within {OPEN_TIMEOUT:g} s", hint=self.hint
             )
-            raise self._with_cause(trouble, process)
-        self._asked = None
+            raise self._add_cause(trouble, process)
+        self._pending_since = None
         if "error" in reply:
-            raise self._with_cause(NotConnected(reply["error"], hint=reply["hint"]), process)
+            raise self._add_cause(NotConnected(reply["error"], hint=reply["hint"]), process)
         period: float | None = reply["period"]
         return period
 
-    def grab(self, spare: Callable[[], int]) -> Image | None:
+    def grab(self, skip_count: Callable[[], int]) -> Image | None:
         """Return the next picture, NOTHING if none comes for a moment, None when there is no more: see Feed."""
         if not self._results:
             if (process := self._process) is None:
                 return None
-            self.let_by(spare())
-            if self._asked is None:
+            self.skip_next(skip_count())
+            if self._pending_since is None:
                 process.send(bytes([GRAB]))
-                self._asked = self._clock.now()
-            reply = self._reply(process, GLANCE)
+                self._pending_since = self._clock.read_value()
+            reply = self._next_reply(process, GRAB_TIMEOUT)
             if reply is None:
-                return NOTHING if self._clock.now() - self._asked < STALL_TIMEOUT else None
-            self._asked = None
+                return NO_PICTURE if self._clock.read_value() - self._pending_since < STALL_TIMEOUT else None
+            self._pending_since = None
             if "error" in reply:
                 raise NotConnected(reply["error"], hint=reply["hint"])
-            self._results += [UNWANTED] * reply["gone_by"]
+            self._results += [SKIPPED_PICTURE] * reply["gone_by"]
             if reply["shape"] is not None:
-                self._results.append(process.picture(reply["shape"]))
+                self._results.append(process.copy_picture(reply["shape"]))
             elif reply["ended"]:
                 self._results.append(None)
         self._count += 1
         return self._results.popleft()
 
-    def let_by(self, pictures: int) -> None:
+    def skip_next(self, pictures: int) -> None:
         """Let so many of the next pictures go by without decoding them, instead of as many as before. From any thread.
 
         The reader counts by itself: to ask for each picture whether it is needed would wake both programs twice.
         """
-        with self._using:
-            first = min(self._count + pictures, _LAST)
-            if self._process is not None and max(first, self._first) > self._count and first != self._first:
-                self._first = first
-                self._process.send(bytes([FROM, *NUMBER.pack(first)]))
+        with self._lock:
+            first = min(self._count + pictures, _MAX_NUMBER)
+            if (
+                self._process is not None
+                and max(first, self._first_needed) > self._count
+                and first != self._first_needed
+            ):
+                self._first_needed = first
+                self._process.send(bytes([SKIP_TO, *NUMBER.pack(first)]))
 
     def stop(self) -> None:
         """Release the source. Safe from any state, more than once."""
         process = self._process
         if process is None:
             return
-        if self._ending.is_set() or self._asked is not None:
-            self._close(process, orderly=self._asked is None)
+        if self._closing.is_set() or self._pending_since is not None:
+            self._close(process, orderly=self._pending_since is None)
         else:  # it is quicker to go on with the same process
             process.send(bytes([RELEASE]))
-        self._asked = None
+        self._pending_since = None
 
     def _close(self, process: ReaderProcess, *, orderly: bool) -> None:
-        with self._using:
+        with self._lock:
             self._process = None
         process.close(orderly=orderly)
 
-    def _with_cause(self, trouble: NotConnected, process: ReaderProcess) -> NotConnected:
-        from drivers.camera.causes import with_cause  # noqa: PLC0415 - it imports ssl and http, for failures alone
+    def _add_cause(self, error: NotConnected, process: ReaderProcess) -> NotConnected:
+        from drivers.camera.causes import add_cause  # noqa: PLC0415 - it imports ssl and http, for failures alone
 
-        return with_cause(trouble, process.complaint, self._source)
+        return add_cause(error, process.error_output, self._source)
 
-    def _wait(self, seconds: float) -> Mapping[str, Any] | None:
+    def _wait_for_reply(self, timeout: float) -> Mapping[str, Any] | None:
         """Return the next reply; None if there is none in time, or when the camera is closed meanwhile."""
-        begin = self._clock.now()
-        while self._process is not None and not self._ending.is_set() and self._clock.now() - begin < seconds:
-            reply = self._reply(self._process, GLANCE)
+        begin = self._clock.read_value()
+        while self._process is not None and not self._closing.is_set() and self._clock.read_value() - begin < timeout:
+            reply = self._next_reply(self._process, GRAB_TIMEOUT)
             if reply is not None:
                 return reply
         return None
 
-    def _reply(self, process: ReaderProcess, patience: float) -> Mapping[str, Any] | None:
+    def _next_reply(self, process: ReaderProcess, timeout: float) -> Mapping[str, Any] | None:
         try:
-            return process.reply(patience)
+            return process.next_reply(timeout)
         except (EOFError, ValueError) as error:
-            how = process.ending()
+            how = process.exit_reason()
             self._close(process, orderly=False)
-            what = f"{self._name}: {self.what}: the process that reads it {how}"
+            what = f"{self._name}: {self.source_name}: the process that reads it {how}"
             raise NotConnected(what, hint=self.hint) from error
 
 
-def _shared_memory() -> int:
+def _create_shared_memory() -> int:
     """Return a file in memory, or a nameless one where the system has no such thing."""
     with suppress(OSError, AttributeError):
         return os.memfd_create("camera")

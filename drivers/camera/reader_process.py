@@ -17,24 +17,24 @@ from typing import Any, Protocol
 import numpy as np
 
 from drivers.api import Image
-from drivers.camera.reader import FROM, GRAB, NUMBER, QUIT, RELEASE, START
-from drivers.camera.source import PICTURES, Kind, kind_of
+from drivers.camera.reader import GRAB, NUMBER, QUIT, RELEASE, SKIP_TO, START
+from drivers.camera.source import PICTURES, SourceKind, source_kind
 from drivers.errors import BadRequest, DriverError, NotConnected
-from drivers.pictures.decode import UNWANTED, load
-from drivers.transport.pipe import Unframer, frame
+from drivers.pictures.decode import SKIPPED_PICTURE, load_picture
+from drivers.transport.pipe import MessageParser, pack_message
 
 REPORT_INTERVAL = 0.5
 """Seconds after which a reader reports pictures of a live source that it has let go by."""
 
 
 class BlockingFeed(Protocol):
-    """A source of pictures as ``drivers.pictures.capture.Feed`` has it, that waits as long as it likes."""
+    """A source of pictures as ``drivers.pictures.capture.CameraFeed`` has it, that waits as long as it likes."""
 
     def start(self) -> float | None:
         """Open it; return the seconds between the pictures of a recording, or None for one that is live."""
         ...
 
-    def grab(self, wanted: Callable[[], bool]) -> Image | None:
+    def grab(self, is_needed: Callable[[], bool]) -> Image | None:
         """Return the next picture, waiting for it if it is live; None when there is no more."""
         ...
 
@@ -43,12 +43,12 @@ class BlockingFeed(Protocol):
         ...
 
 
-def feed_of(order: Mapping[str, Any]) -> BlockingFeed:
+def make_feed(request: Mapping[str, Any]) -> BlockingFeed:
     """Return what reads the source of an order."""
-    name, source, kind = order["name"], order["source"], kind_of(order["source"])
-    if kind in {Kind.FOLDER, Kind.PICTURE}:
-        return FolderFeed(name, source, order["rate"])
-    scheme = str(source).partition("://")[0].lower() if kind is Kind.URL else ""
+    name, source, kind = request["name"], request["source"], source_kind(request["source"])
+    if kind in {SourceKind.FOLDER, SourceKind.PICTURE}:
+        return FolderFeed(name, source, request["rate"])
+    scheme = str(source).partition("://")[0].lower() if kind is SourceKind.URL else ""
     if scheme in {"http", "https"}:
         from drivers.camera.web import WebFeed  # noqa: PLC0415 - each process has one kind of source
 
@@ -59,22 +59,22 @@ def feed_of(order: Mapping[str, Any]) -> BlockingFeed:
         return TcpFeed(name, source)
     from drivers.camera.opencv import VideoFeed  # noqa: PLC0415
 
-    return VideoFeed(name, source, order["size"])
+    return VideoFeed(name, source, request["size"])
 
 
 class FolderFeed:
     """The pictures of a folder in the order of their names, or one picture. Files that do not decode are skipped.
 
-    So are those with too many pixels (``decode.MOST_PIXELS``). Where nothing else is there, the first one is told.
+    So are those with too many pixels (``decode.MAX_PIXELS``). Where nothing else is there, the first one is told.
     """
 
     def __init__(self, name: str, path: str | Path, rate: float) -> None:
         self._name = name
         self._path = Path(path)
         self._rate = rate
-        self._left: Iterator[Path] = iter(())
-        self._shown = False
-        self._trouble: BadRequest | None = None
+        self._remaining: Iterator[Path] = iter(())
+        self._has_decoded = False
+        self._first_error: BadRequest | None = None
 
     def start(self) -> float:
         """List the folder anew; return the seconds between pictures. Raises NotConnected when it holds none."""
@@ -88,36 +88,36 @@ class FolderFeed:
         if not found:
             kinds = " ".join(sorted(PICTURES))
             raise NotConnected(f"{self._name}: {self._path}: holds no pictures", hint=f"pictures end in {kinds}")
-        self._left, self._shown, self._trouble = iter(found), False, None
+        self._remaining, self._has_decoded, self._first_error = iter(found), False, None
         return 1.0 / self._rate
 
-    def grab(self, wanted: Callable[[], bool]) -> Image | None:
+    def grab(self, is_needed: Callable[[], bool]) -> Image | None:
         """Return the next picture that decodes, None after the last: see Feed. Raises NotConnected where none does."""
-        for path in self._left:
-            if not wanted():
-                return UNWANTED
+        for path in self._remaining:
+            if not is_needed():
+                return SKIPPED_PICTURE
             try:
-                image = load(path)
+                image = load_picture(path)
             except BadRequest as error:
-                self._trouble = self._trouble or error
+                self._first_error = self._first_error or error
             else:
-                self._shown = True
+                self._has_decoded = True
                 return image
-        if self._trouble is not None and not self._shown:
-            raise NotConnected(f"{self._name}: gives no picture: {self._trouble}", hint=self._trouble.hint)
+        if self._first_error is not None and not self._has_decoded:
+            raise NotConnected(f"{self._name}: gives no picture: {self._first_error}", hint=self._first_error.hint)
         return None
 
     def stop(self) -> None:
         """Forget the list."""
-        self._left = iter(())
+        self._remaining = iter(())
 
 
-class Reader:
-    """Obeys ``commands``, one after the other, and ``first``: another thread sets both at any time."""
+class SourceReader:
+    """Obeys ``commands``, one after the other, and ``first_needed``: another thread sets both at any time."""
 
     def __init__(self, memory: int, out: int) -> None:
         self.commands = SimpleQueue[int]()
-        self.first = 0  # the number of the first picture that is needed, counted from the start
+        self.first_needed = 0  # the number of the first picture that is needed, counted from the start
         self._memory = memory
         self._out = out
         self._map: mmap.mmap | None = None
@@ -133,13 +133,13 @@ class Reader:
                     self._count = 0
                     period = feed.start()
                     self._is_live = period is None
-                    self._tell(period=period)
+                    self._send(period=period)
                 elif command == RELEASE:
                     feed.stop()
                 elif command == GRAB:
                     self._grab(feed)
             except DriverError as error:
-                self._tell(error=str(error), hint=error.hint)
+                self._send(error=str(error), hint=error.hint)
         feed.stop()
 
     def _grab(self, feed: BlockingFeed) -> None:
@@ -148,61 +148,61 @@ class Reader:
         The pictures of a recording are paced by the run.
         """
         before, report_at = self._count, time.monotonic() + (REPORT_INTERVAL if self._is_live else 0.0)
-        while (image := feed.grab(self._wanted)) is UNWANTED:
+        while (image := feed.grab(self._is_needed)) is SKIPPED_PICTURE:
             self._count += 1
             if time.monotonic() >= report_at:
                 break
         gone_by, shape = self._count - before, None
-        if image is not None and image is not UNWANTED:
+        if image is not None and image is not SKIPPED_PICTURE:
             self._count += 1
-            self._share(image)
+            self._write_to_memory(image)
             shape = image.shape[:2]
-        self._tell(gone_by=gone_by, shape=shape, ended=image is None)
+        self._send(gone_by=gone_by, shape=shape, ended=image is None)
 
-    def _wanted(self) -> bool:
-        return self._count >= self.first
+    def _is_needed(self) -> bool:
+        return self._count >= self.first_needed
 
-    def _share(self, image: Image) -> None:
+    def _write_to_memory(self, image: Image) -> None:
         if self._map is None or len(self._map) < image.nbytes:
             os.ftruncate(self._memory, image.nbytes)
             self._map = mmap.mmap(self._memory, image.nbytes)
         np.copyto(np.frombuffer(self._map, np.uint8, image.nbytes).reshape(image.shape), image)
 
-    def _tell(self, **message: object) -> None:
-        os.write(self._out, frame(message))
+    def _send(self, **message: object) -> None:
+        os.write(self._out, pack_message(message))
 
 
 def main() -> None:
     """Read what the standard input says, and obey, until that ends."""
     out = os.dup(1)
     os.dup2(2, 1)  # what libraries in C print is no reply
-    unframer, order = Unframer(), None
+    unframer, order = MessageParser(), None
     while order is None:
         data = os.read(0, 1)  # up to the end of the line: commands may follow it
         if not data:
             return
         for message, _ in unframer.feed(data):
             order = message
-    reader = Reader(order["memory"], out)
-    Thread(target=_listen, args=(reader,), daemon=True).start()
+    reader = SourceReader(order["memory"], out)
+    Thread(target=_read_commands, args=(reader,), daemon=True).start()
     gc.disable()  # while modules are imported, which stay
-    feed = feed_of(order)
+    feed = make_feed(order)
     gc.freeze()
     gc.enable()
     reader.run(feed)
 
 
-def _listen(reader: Reader) -> None:
+def _read_commands(reader: SourceReader) -> None:
     """Pass commands on; the end of the input, and so of the run, ends this process, whatever it does."""
     data = b""
     while more := os.read(0, 64):
         data += more
-        while data and (data[0] != FROM or len(data) > NUMBER.size):
-            if data[0] == FROM:
-                (reader.first,) = NUMBER.unpack_from(data, 1)
+        while data and (data[0] != SKIP_TO or len(data) > NUMBER.size):
+            if data[0] == SKIP_TO:
+                (reader.first_needed,) = NUMBER.unpack_from(data, 1)
             else:
                 reader.commands.put(data[0])
-            data = data[1 + NUMBER.size if data[0] == FROM else 1 :]
+            data = data[1 + NUMBER.size if data[0] == SKIP_TO else 1 :]
     os._exit(0)
 
 

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from math import radians
 from random import Random
 
-from drivers.api import CameraFrame, Health, Image, Report, ignore
+from drivers.api import CameraFrame, Health, Image, StatusCallback, ignore
 from drivers.clock import Clock
-from drivers.sim.plug import Plug
+from drivers.sim.plug import SimulatedPlug
 
 
 def black_like(picture: Image) -> Image:
@@ -33,7 +33,7 @@ class CameraTwin:
         *,
         rate: float = 20.0,
         field_of_view: float = radians(60.0),
-        report: Report = ignore,
+        report: StatusCallback = ignore,
         dropouts: float = 0.0,
         seed: int = 0,
         black: Callable[[Image], Image] = black_like,
@@ -41,7 +41,7 @@ class CameraTwin:
         if not (rate > 0 and 0 < field_of_view < 3.14 and 0 <= dropouts <= 1):
             raise ValueError(f"{self.name}: {rate=}, {field_of_view=}, {dropouts=}: out of range")
         self.field_of_view = field_of_view
-        self.plug = Plug(self.name, report)
+        self.plug = SimulatedPlug(self.name, report)
         self.period = 1 / rate
         self._draw = draw
         self._black = black
@@ -50,15 +50,15 @@ class CameraTwin:
         self._random = Random(f"{seed} {self.name}")  # noqa: S311 - chance, not a secret
         self._picture: Image | None = None  # the newest
         self._frozen = self._covered = False
-        self._pace = 1  # one picture of so many comes through
-        self._opened: float | None = None
+        self._keep_every = 1  # one picture of so many comes through
+        self._opened_at: float | None = None
         self._number = -1
         self._frames = 0
 
     def open(self) -> None:
         """Be there at once, unless it is unplugged; the first picture is due at once. Does nothing while open."""
-        if self._opened is None:
-            self._opened = self._clock.now()
+        if self._opened_at is None:
+            self._opened_at = self._clock.read_value()
             self._number, self._frames = -1, 0
             self.plug.open()
 
@@ -67,7 +67,7 @@ class CameraTwin:
 
     def close(self) -> None:
         """Give no more pictures. Safe from any state, more than once."""
-        self._opened = None
+        self._opened_at = None
         self.plug.close()
 
     def health(self) -> Health:
@@ -79,11 +79,11 @@ class CameraTwin:
         if not self.plug.online:
             return None
         self._number += 1
-        if self._number % self._pace or (self._dropouts and self._random.random() < self._dropouts):
+        if self._number % self._keep_every or (self._dropouts and self._random.random() < self._dropouts):
             return None
         self._frames += 1
         if self._picture is None or not self._frozen:
-            self._picture = self._seen(now)
+            self._picture = self._picture_through_lens(now)
         return CameraFrame(self._picture, now, self._number)
 
     def read(self, timeout: float) -> CameraFrame | None:
@@ -92,10 +92,10 @@ class CameraTwin:
         It does not wait for the ``timeout``: simulated time stands still while somebody reads.
         """
         del timeout
-        now = self._clock.now()
-        if self._opened is None or not self.plug.online:
+        now = self._clock.read_value()
+        if self._opened_at is None or not self.plug.online:
             return None
-        due = int((now - self._opened) / self.period + 1e-6)  # a clock moved on in such steps is a hair early
+        due = int((now - self._opened_at) / self.period + 1e-6)  # a clock moved on in such steps is a hair early
         if due <= self._number:
             return None
         self._number = due - 1
@@ -119,11 +119,11 @@ class CameraTwin:
         """Take it off the lens."""
         self._covered = False
 
-    def slow_down(self, pace: int = 8) -> None:
+    def slow_down(self, keep_every: int = 8) -> None:
         """Let one picture of ``pace`` through and lose the others; 1 is all of them."""
-        self._pace = pace
+        self._keep_every = keep_every
 
-    def _seen(self, now: float) -> Image:
+    def _picture_through_lens(self, now: float) -> Image:
         """Return what comes through the lens at time ``now``."""
         if not self._covered:
             return self._draw(now)

@@ -25,13 +25,13 @@ from urllib.request import (
 
 from drivers.api import Image
 from drivers.api.secrets import without_secrets
-from drivers.camera.causes import missing, of_error, of_page, of_sign_in, of_status
-from drivers.camera.jpegs import BEGIN, LARGEST_PICTURE, JpegFinder
+from drivers.camera.causes import cause_of_error, cause_of_page, cause_of_sign_in, cause_of_status, source_error
+from drivers.camera.jpegs import JPEG_START, MAX_PICTURE_BYTES, JpegFinder
 from drivers.camera.opencv import VideoFeed
 from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
-from drivers.pictures.capture import SILENCE
-from drivers.pictures.decode import UNWANTED, decoded
+from drivers.pictures.capture import OFFLINE_TIMEOUT
+from drivers.pictures.decode import SKIPPED_PICTURE, decode_picture
 
 ANSWER_TIMEOUT = 5.0
 """Seconds that a camera has to answer, and to send more of what it has begun."""
@@ -42,15 +42,15 @@ SNAPSHOT_INTERVAL = 0.125
 RETRY_INTERVAL = 0.5
 """Seconds from a question that was not answered to the next one."""
 
-LATE = 4_000_000
+MAX_BACKLOG_BYTES = 4_000_000
 """Bytes that are read on while more lies ready, to get to the newest picture."""
 
-_BLOCK = 65536
-_PAGE = 4096  # bytes of a web page that are looked at
-_FAULTS = (OSError, HTTPException, ValueError, UnicodeError)
+_READ_SIZE = 65536
+_MAX_PAGE_BYTES = 4096  # bytes of a web page that are looked at
+_CONNECTION_ERRORS = (OSError, HTTPException, ValueError, UnicodeError)
 
 
-class _KnownWays:
+class _SupportedAuthMixin:
     """Passes over a way to sign in that ``urllib`` does not support: the camera may offer another one."""
 
     def http_error_401(self, *args: Any) -> Any:
@@ -65,11 +65,11 @@ class _KnownWays:
         return None
 
 
-class _BasicHandler(_KnownWays, HTTPBasicAuthHandler):
+class _BasicHandler(_SupportedAuthMixin, HTTPBasicAuthHandler):
     pass
 
 
-class _DigestHandler(_KnownWays, HTTPDigestAuthHandler):
+class _DigestHandler(_SupportedAuthMixin, HTTPDigestAuthHandler):
     pass
 
 
@@ -82,26 +82,26 @@ class WebFeed:
         self._clock = clock or SystemClock()
         self._response: HTTPResponse | None = None
         self._finder = JpegFinder()
-        self._whole = self._repeats = False  # each answer is a picture; it is asked for again and again
-        self._due = self._came = 0.0
-        self._film: VideoFeed | None = None
+        self._is_single_picture = self._is_polled = False  # each answer is a picture; it is asked for again and again
+        self._poll_at = self._last_picture_at = 0.0
+        self._video_feed: VideoFeed | None = None
 
     def start(self) -> float | None:
         """Ask for pictures. Raises NotConnected with the reason when there are none."""
-        self._due = self._came = self._clock.now()
-        self._repeats = False
-        self._ask()
-        return None if self._film is None else self._film.start()
+        self._poll_at = self._last_picture_at = self._clock.read_value()
+        self._is_polled = False
+        self._send_request()
+        return None if self._video_feed is None else self._video_feed.start()
 
-    def grab(self, wanted: Callable[[], bool]) -> Image | None:
+    def grab(self, is_needed: Callable[[], bool]) -> Image | None:
         """Return the next picture that can be decoded; None when there is no more: see BlockingFeed."""
-        if self._film is not None:
-            return self._film.grab(wanted)
-        while (data := self._next()) is not None:
-            self._came = self._clock.now()
-            if not wanted():
-                return UNWANTED
-            image = decoded(data)
+        if self._video_feed is not None:
+            return self._video_feed.grab(is_needed)
+        while (data := self._next_picture()) is not None:
+            self._last_picture_at = self._clock.read_value()
+            if not is_needed():
+                return SKIPPED_PICTURE
+            image = decode_picture(data)
             if image is not None:
                 return image
         return None
@@ -111,56 +111,58 @@ class WebFeed:
         response, self._response = self._response, None
         if response is not None:
             response.close()
-        film, self._film = self._film, None
+        film, self._video_feed = self._video_feed, None
         if film is not None:
             film.stop()
 
-    def _next(self) -> bytes | None:
+    def _next_picture(self) -> bytes | None:
         """Return the newest picture that has come; None when there is no more."""
         while True:
             try:
-                found = self._read()
+                found = self._read_pictures()
             except NotConnected:
-                if not self._repeats or self._clock.now() - self._came > SILENCE:
+                if not self._is_polled or self._clock.read_value() - self._last_picture_at > OFFLINE_TIMEOUT:
                     raise
-                self._due = self._clock.now() + RETRY_INTERVAL  # one question that goes wrong is no camera lost
+                self._poll_at = (
+                    self._clock.read_value() + RETRY_INTERVAL
+                )  # one question that goes wrong is no camera lost
                 found = []
             if found:
                 return found[-1]
-            if self._response is None and not self._repeats:
+            if self._response is None and not self._is_polled:
                 return None
 
-    def _read(self) -> list[bytes]:
+    def _read_pictures(self) -> list[bytes]:
         """Return the pictures that come next, oldest first; none where there is no whole one yet."""
         if self._response is None:
-            Event().wait(max(0.0, self._due - self._clock.now()))
-            self._due = self._clock.now() + SNAPSHOT_INTERVAL
-            self._ask()
+            Event().wait(max(0.0, self._poll_at - self._clock.read_value()))
+            self._poll_at = self._clock.read_value() + SNAPSHOT_INTERVAL
+            self._send_request()
         response = self._response
         if response is None:
             return []
         found, size = list[bytes](), 0
         try:
-            if self._whole:
-                found, data = [response.read(LARGEST_PICTURE)], b""
+            if self._is_single_picture:
+                found, data = [response.read(MAX_PICTURE_BYTES)], b""
             else:
-                data = response.read1(_BLOCK)
+                data = response.read1(_READ_SIZE)
                 found += self._finder.feed(data)
-            while data and found and (size := size + len(data)) < LATE and _has_more(response):
-                data = response.read1(_BLOCK)
+            while data and found and (size := size + len(data)) < MAX_BACKLOG_BYTES and _has_more(response):
+                data = response.read1(_READ_SIZE)
                 found += self._finder.feed(data)
-        except _FAULTS:
+        except _CONNECTION_ERRORS:
             data = b""
         if not data:  # it is over
             self.stop()
         return [each for each in found if each]
 
-    def _ask(self) -> None:
+    def _send_request(self) -> None:
         """Send the request, and see what kind of answer comes. Raises NotConnected where it is no picture."""
         try:
-            url, opener, given = _prepared(self._source)
+            url, opener, given = _build_request(self._source)
         except (ValueError, UnicodeError) as error:
-            raise missing(self._name, self._source, of_error(error, self._source)) from error
+            raise source_error(self._name, self._source, cause_of_error(error, self._source)) from error
         try:
             response = opener.open(Request(url, headers={"Accept": "*/*"}), timeout=ANSWER_TIMEOUT)  # noqa: S310 - http
         except HTTPError as error:
@@ -170,31 +172,31 @@ class WebFeed:
                 cause = f"redirects to {without_secrets(target)}", "write that address"
             else:
                 ways = error.headers.get_all("WWW-Authenticate", []) if error.code == HTTPStatus.UNAUTHORIZED else []
-                cause = of_sign_in(ways) or of_status(error.code, self._source, given)
-            raise missing(self._name, self._source, cause) from error
+                cause = cause_of_sign_in(ways) or cause_of_status(error.code, self._source, given)
+            raise source_error(self._name, self._source, cause) from error
         except URLError as error:
             reason = error.reason if isinstance(error.reason, Exception) else error
-            raise missing(self._name, self._source, of_error(reason, self._source)) from error
-        except _FAULTS as error:
-            raise missing(self._name, self._source, of_error(error, self._source)) from error
+            raise source_error(self._name, self._source, cause_of_error(reason, self._source)) from error
+        except _CONNECTION_ERRORS as error:
+            raise source_error(self._name, self._source, cause_of_error(error, self._source)) from error
         self._response = response
-        self._look_at(response)
+        self._classify_response(response)
 
-    def _look_at(self, response: HTTPResponse) -> None:
+    def _classify_response(self, response: HTTPResponse) -> None:
         """See by its head, or by its beginning, what an answer is. Raises NotConnected for a web page."""
         kind = response.headers.get("Content-Type", "").partition(";")[0].strip().lower()
-        self._finder, self._whole = JpegFinder(), False
+        self._finder, self._is_single_picture = JpegFinder(), False
         if kind in {"", "application/octet-stream", "text/plain"}:
-            kind = _kind_of(_peeked(response), response)
+            kind = _guess_content_type(_peek(response), response)
         if kind.startswith("image/"):
-            self._whole, self._repeats = kind not in {"image/jpeg", "image/jpg", "image/pjpeg"}, True
+            self._is_single_picture, self._is_polled = kind not in {"image/jpeg", "image/jpg", "image/pjpeg"}, True
         elif kind in {"text/html", "application/xhtml+xml"}:
-            page = _peeked(response).decode("utf-8", "replace")
+            page = _peek(response).decode("utf-8", "replace")
             self.stop()
-            raise missing(self._name, self._source, of_page(page))
+            raise source_error(self._name, self._source, cause_of_page(page))
         elif not kind.startswith("multipart/"):
             self.stop()
-            self._film = VideoFeed(self._name, self._source)
+            self._video_feed = VideoFeed(self._name, self._source)
 
 
 def _has_more(response: HTTPResponse) -> bool:
@@ -202,24 +204,24 @@ def _has_more(response: HTTPResponse) -> bool:
     return not response.isclosed() and bool(select.select([response], [], [], 0)[0])
 
 
-def _peeked(response: HTTPResponse) -> bytes:
+def _peek(response: HTTPResponse) -> bytes:
     """Return the first bytes of an answer, which stay there; none where it breaks off."""
     try:
-        return response.peek(_PAGE)
-    except _FAULTS:
+        return response.peek(_MAX_PAGE_BYTES)
+    except _CONNECTION_ERRORS:
         return b""
 
 
-def _kind_of(begin: bytes, response: HTTPResponse) -> str:
+def _guess_content_type(begin: bytes, response: HTTPResponse) -> str:
     """Return what an answer is that does not say so, by its beginning."""
     if begin.lstrip()[:1] == b"<":
         return "text/html"
-    if begin.startswith(BEGIN) and response.length is not None:
+    if begin.startswith(JPEG_START) and response.length is not None:
         return "image/jpeg"
-    return "multipart/mixed" if BEGIN in begin or begin.lstrip().startswith(b"--") else "video"
+    return "multipart/mixed" if JPEG_START in begin or begin.lstrip().startswith(b"--") else "video"
 
 
-def _prepared(source: str) -> tuple[str, OpenerDirector, bool]:
+def _build_request(source: str) -> tuple[str, OpenerDirector, bool]:
     """Return an address without name and password, what asks with them, and whether it has them. Raises ValueError."""
     parts = urlsplit(source)
     host, port = parts.hostname or "", parts.port

@@ -9,33 +9,33 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Protocol
 
-from drivers.api.driver import BrokenDriver, Driver, resolved
-from drivers.api.probing import Answer, Ask, Probe
+from drivers.api.driver import BrokenDriver, Driver, resolve_name
+from drivers.api.probing import Probe, ProbeRequest, ProbeResult
 from drivers.clock import Clock
 from drivers.errors import DriverError
-from drivers.finding.serial_ports import ADAPTERS, SerialPort, Trouble
-from drivers.transport.adapter import quicken
+from drivers.finding.serial_ports import ADAPTERS, DeviceProblem, SerialPortInfo
+from drivers.transport.adapter import reduce_latency
 from drivers.transport.ports import SerialPort as OpenPort
-from drivers.transport.ports import explain, open_port
+from drivers.transport.ports import make_port_error, open_port
 
-PATIENCE = 0.002
+EXTRA_TIMEOUT = 0.002
 """Seconds beyond what a question waits that this computer may be late."""
 
 
-class Wire(Protocol):
+class ProbeWire(Protocol):
     """A port that is open."""
 
-    def ask(self, question: Ask) -> bytes:
+    def exchange(self, request: ProbeRequest) -> bytes:
         """Send what is to be sent and return what came back, without the echo. Raises NotConnected when it has gone."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class IdentifiedDevice:
     """A driver whose device has answered, and what it said."""
 
     driver: Driver
-    answer: Answer
+    result: ProbeResult
 
     @property
     def title(self) -> str:
@@ -44,36 +44,36 @@ class Found:
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class PortScan:
     """What came of asking a port: who answered, or why it was not asked, or that nobody did."""
 
-    found: Found | None = None
-    unasked: Trouble | None = None
-    trouble: Trouble | None = None
+    device: IdentifiedDevice | None = None
+    skip_reason: DeviceProblem | None = None
+    trouble: DeviceProblem | None = None
 
 
-class OpenedPort:
+class ExclusivePort:
     """A real port, at the rate of the newest question; nobody else may have it meanwhile."""
 
-    def __init__(self, path: str, clock: Clock, *, patience: float = PATIENCE) -> None:
+    def __init__(self, path: str, clock: Clock, *, extra_timeout: float = EXTRA_TIMEOUT) -> None:
         self._path = path
         self._clock = clock
-        self._extra = self._patience = patience
+        self._total_extra_timeout = self._extra_timeout = extra_timeout
         self._port: OpenPort | None = None
 
-    def ask(self, question: Ask) -> bytes:
+    def exchange(self, request: ProbeRequest) -> bytes:
         """Ask."""
         try:
-            port = self._opened(question.baud)
-            port.write(question.send)
-            heard, echo, end = b"", b"", self._clock.now() + question.wait + self._extra
-            while not question.enough(heard) and (left := end - self._clock.now()) > 0:
-                heard += port.arrived(left)
-                if question.send and not echo and heard.startswith(question.send):
-                    heard, echo = heard.removeprefix(question.send), question.send
-            return echo + heard if question.keep_echo else heard
+            port = self._open_at(request.baud)
+            port.write(request.send)
+            heard, echo, end = b"", b"", self._clock.read_value() + request.timeout + self._total_extra_timeout
+            while not request.is_complete(heard) and (left := end - self._clock.read_value()) > 0:
+                heard += port.read_available(left)
+                if request.send and not echo and heard.startswith(request.send):
+                    heard, echo = heard.removeprefix(request.send), request.send
+            return echo + heard if request.keep_echo else heard
         except OSError as error:
-            raise explain("ports", self._path, error) from error
+            raise make_port_error("ports", self._path, error) from error
 
     def close(self) -> None:
         """Let the port go, with DTR as it is: a lidar stays at rest, a board is not started once more."""
@@ -83,84 +83,86 @@ class OpenedPort:
                 port.set_dtr(on=True)
             port.close()
 
-    def _opened(self, baud: int) -> OpenPort:
+    def _open_at(self, baud: int) -> OpenPort:
         if self._port is None:
             self._port = open_port("ports", self._path, baud)
-            self._extra = self._patience + quicken(self._port)
+            self._total_extra_timeout = self._extra_timeout + reduce_latency(self._port)
         elif self._port.baudrate != baud:
             self._port.baudrate = baud
             self._port.reset_input_buffer()
         return self._port
 
 
-def unasked(port: SerialPort) -> Trouble | None:
+def skip_reason(port: SerialPortInfo) -> DeviceProblem | None:
     """Say why nothing is sent to a port of which the user has not said that it may be asked; None where it is asked."""
     if port.shut is not None:
         return port.shut
     consent = f"mission ports --ask {port.path}"
     if port.usb is None:
-        return Trouble("not asked: nobody knows what is behind it", consent)
-    if port.usb.resets:
+        return DeviceProblem("not asked: nobody knows what is behind it", consent)
+    if port.usb.resets_on_open:
         what = "not asked: opening it starts an Arduino anew, which may move its servos"
-        return Trouble(what, f"{consent}  (hands off the robot)")
+        return DeviceProblem(what, f"{consent}  (hands off the robot)")
     if port.usb.ids not in ADAPTERS:
-        return Trouble("not asked: it is no adapter that robots usually have", consent)
+        return DeviceProblem("not asked: it is no adapter that robots usually have", consent)
     return None
 
 
-def who_answers(port: SerialPort, drivers: Iterable[Driver], wire: Wire, *, consent: bool = False) -> Heard:
+def identify_device(
+    port: SerialPortInfo, drivers: Iterable[Driver], wire: ProbeWire, *, consent: bool = False
+) -> PortScan:
     """Ask a port who is there. Raises DriverError when it goes meanwhile, or cannot be opened after all."""
-    reason = port.shut if consent else unasked(port)
+    reason = port.shut if consent else skip_reason(port)
     if reason is not None:
-        return Heard(unasked=reason)
-    candidates = _candidates(port, drivers, every=consent)
+        return PortScan(skip_reason=reason)
+    candidates = _candidates(port, drivers, include_all=consent)
     for driver in candidates:
-        answer = put(resolved(driver.probe), wire)
+        answer = run_probe(resolve_name(driver.probe), wire)
         if answer is not None:
-            trouble = Trouble(answer.trouble, answer.hint.replace("PORT", port.call)) if answer.trouble else None
-            return Heard(Found(driver, answer), trouble=trouble)
-    return Heard(trouble=_silence(port, candidates))
+            trouble = DeviceProblem(answer.trouble, answer.hint.replace("PORT", port.call)) if answer.trouble else None
+            return PortScan(IdentifiedDevice(driver, answer), trouble=trouble)
+    return PortScan(trouble=_no_reply_problem(port, candidates))
 
 
-def put(probe: Probe, wire: Wire) -> Answer | None:
+def run_probe(probe: Probe, wire: ProbeWire) -> ProbeResult | None:
     """Put the questions of a probe to a wire; return what it concludes."""
-    asking: Generator[Ask, bytes, Answer | None] = probe()
+    asking: Generator[ProbeRequest, bytes, ProbeResult | None] = probe()
     try:
         question = next(asking)
         while True:
-            question = asking.send(wire.ask(question))
+            question = asking.send(wire.exchange(question))
     except StopIteration as done:
-        answer: Answer | None = done.value
+        answer: ProbeResult | None = done.value
         return answer
     finally:
         asking.close()
 
 
-def drivers_that_probe(all_drivers: Iterable[tuple[str, str, Driver | BrokenDriver]]) -> list[Driver]:
+def probing_drivers(all_drivers: Iterable[tuple[str, str, Driver | BrokenDriver]]) -> list[Driver]:
     """Return the drivers that say how they are recognised."""
     return [driver for _, _, driver in all_drivers if isinstance(driver, Driver) and driver.probe]
 
 
-def look(
-    port: SerialPort,
+def probe_port(
+    port: SerialPortInfo,
     drivers: Iterable[Driver],
     clock: Clock,
     *,
     consent: bool = False,
-    patience: float = PATIENCE,
+    extra_timeout: float = EXTRA_TIMEOUT,
     path: str = "",
-) -> Heard:
+) -> PortScan:
     """Open a port and ask who is there; what goes wrong is what came of it. ``path`` is where it lies, if elsewhere."""
-    opened = OpenedPort(path or port.path, clock, patience=patience)
+    opened = ExclusivePort(path or port.path, clock, extra_timeout=extra_timeout)
     try:
-        return who_answers(port, drivers, opened, consent=consent)
+        return identify_device(port, drivers, opened, consent=consent)
     except DriverError as error:
-        return Heard(trouble=Trouble(str(error), error.hint))
+        return PortScan(trouble=DeviceProblem(str(error), error.hint))
     finally:
         opened.close()
 
 
-def certain(port: SerialPort, drivers: Iterable[Driver]) -> Driver | None:
+def driver_by_serial_number(port: SerialPortInfo, drivers: Iterable[Driver]) -> Driver | None:
     """Return the driver whose device alone has such an adapter, by its serial number."""
     usb = port.usb
     if usb is None:
@@ -169,26 +171,26 @@ def certain(port: SerialPort, drivers: Iterable[Driver]) -> Driver | None:
     return next((driver for driver, pattern in sure if usb.matches(pattern)), None)
 
 
-def _candidates(port: SerialPort, drivers: Iterable[Driver], *, every: bool) -> Sequence[Driver]:
+def _candidates(port: SerialPortInfo, drivers: Iterable[Driver], *, include_all: bool) -> Sequence[Driver]:
     """Return those who may be behind an adapter, the likely ones first; of a port that the user names, all."""
     drivers = list(drivers)
-    sure = certain(port, drivers)
+    sure = driver_by_serial_number(port, drivers)
     if sure is not None:
         return [sure]
     usb = port.usb
     likely = [driver for driver in drivers if usb is not None and any(usb.matches(each) for each in driver.usb)]
-    rest = [driver for driver in drivers if driver not in likely and (every or not driver.usb)]
+    rest = [driver for driver in drivers if driver not in likely and (include_all or not driver.usb)]
     return [*likely, *rest]
 
 
-def _silence(port: SerialPort, asked: Sequence[Driver]) -> Trouble:
-    if len(asked) == 1 and certain(port, asked) is asked[0]:
-        name = asked[0].about.partition(",")[0].rstrip(".")
-        return Trouble(
+def _no_reply_problem(port: SerialPortInfo, drivers: Sequence[Driver]) -> DeviceProblem:
+    if len(drivers) == 1 and driver_by_serial_number(port, drivers) is drivers[0]:
+        name = drivers[0].about.partition(",")[0].rstrip(".")
+        return DeviceProblem(
             f"{name[0].lower()}{name[1:]}, by its adapter, but it is silent", "switch it on, and look at its battery"
         )
-    names = ", ".join(f"{driver.kind}.{driver.name}" for driver in asked) or "no driver"
+    names = ", ".join(f"{driver.kind}.{driver.name}" for driver in drivers) or "no driver"
     what = f"nothing answers; asked were: {names}"
-    scan = any(driver.name == "dynamixel" for driver in asked)
+    scan = any(driver.name == "dynamixel" for driver in drivers)
     cure = "switch on the power of what is behind it: USB feeds the adapter alone; look at the cable"
-    return Trouble(what, f"{cure}; mission servo scan --all-bauds --port {port.call}" if scan else cure)
+    return DeviceProblem(what, f"{cure}; mission servo scan --all-bauds --port {port.call}" if scan else cure)

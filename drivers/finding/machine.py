@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from drivers.transport.programs import Program, explain_denied, named
+from drivers.transport.programs import Program, explain_denied, identify_program
 
-LARGEST = 4096
+MAX_FILE_BYTES = 4096
 """Bytes that are read of a file: files of /sys are at most a page."""
 
 
@@ -17,7 +17,7 @@ def _my_groups() -> frozenset[int]:
 
 
 @dataclass(frozen=True, slots=True)
-class Machine:
+class HostMachine:
     """A machine whose files lie under ``root``, seen by the user ``uid`` who is in these ``groups``.
 
     Paths are those of the machine itself, such as ``/dev/ttyUSB0``. What cannot be read is as if it were not there.
@@ -28,46 +28,46 @@ class Machine:
     groups: frozenset[int] = field(default_factory=_my_groups)
     pid: int = field(default_factory=os.getpid)
 
-    def at(self, path: str) -> Path:
+    def local_path(self, path: str) -> Path:
         """Return where a file of the machine lies here."""
         return self.root / path.lstrip("/")
 
-    def text(self, path: str) -> str:
+    def read_text(self, path: str) -> str:
         """Return what a file says, without blanks at its ends; nothing where there is none."""
         try:
             # A recorded tree may hold a pipe, which would be waited for.
-            with os.fdopen(os.open(self.at(path), os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
+            with os.fdopen(os.open(self.local_path(path), os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
                 regular = stat.S_ISREG(os.fstat(file.fileno()).st_mode)
-                return file.read(LARGEST).decode(errors="replace").strip() if regular else ""
+                return file.read(MAX_FILE_BYTES).decode(errors="replace").strip() if regular else ""
         except OSError:
             return ""
 
-    def names(self, folder: str) -> list[str]:
+    def list_names(self, folder: str) -> list[str]:
         """Return what is in a folder: ``tty2`` comes before ``tty10``."""
         try:
-            return sorted((each.name for each in self.at(folder).iterdir()), key=lambda name: (len(name), name))
+            return sorted((each.name for each in self.local_path(folder).iterdir()), key=lambda name: (len(name), name))
         except OSError:
             return []
 
-    def real(self, path: str) -> str:
+    def resolve(self, path: str) -> str:
         """Return where the links of a path lead, as a path of the machine."""
         try:
-            return "/" + str(self.at(path).resolve().relative_to(self.root.resolve()))
+            return "/" + str(self.local_path(path).resolve().relative_to(self.root.resolve()))
         except (OSError, ValueError, RuntimeError):  # links that lead in a circle, too
             return path
 
-    def target(self, path: str) -> str:
+    def read_link(self, path: str) -> str:
         """Return where one link leads, as a path of the machine; nothing for what is no link."""
         try:
-            told = self.at(path).readlink()
+            told = self.local_path(path).readlink()
         except OSError:
             return ""
         return os.path.normpath(Path(path).parent / told)
 
-    def may_open(self, path: str) -> bool | None:
+    def can_open(self, path: str) -> bool | None:
         """Say whether the user may read and write a device; None where there is none."""
         try:
-            status = self.at(path).stat()
+            status = self.local_path(path).stat()
         except OSError:
             return None
         if self.uid == 0:
@@ -77,20 +77,22 @@ class Machine:
 
     def explain_denied(self, path: str) -> tuple[str, str]:
         """Return why the user may not open a device, and the next command to type."""
-        return explain_denied(self.at(path), path, self.groups)
+        return explain_denied(self.local_path(path), path, self.groups)
 
     def processes(self) -> Iterator[Program]:
         """Yield the programs that run."""
-        for name in self.names("/proc"):
+        for name in self.list_names("/proc"):
             if name.isdecimal():
-                yield named(int(name), *(self.text(f"/proc/{name}/{each}") for each in ("comm", "cmdline")))
+                yield identify_program(
+                    int(name), *(self.read_text(f"/proc/{name}/{each}") for each in ("comm", "cmdline"))
+                )
 
-    def holders(self) -> dict[str, list[Program]]:
+    def device_holders(self) -> dict[str, list[Program]]:
         """Return who has which device open, but for this program itself, as far as the user may look."""
         found: dict[str, list[Program]] = {}
         for process in self.processes():
             folder = f"/proc/{process.pid}/fd"
-            opened = {self.target(f"{folder}/{number}") for number in self.names(folder)}
+            opened = {self.read_link(f"{folder}/{number}") for number in self.list_names(folder)}
             for path in opened if process.pid != self.pid else ():
                 if path.startswith("/dev/"):
                     found.setdefault(path, []).append(process)

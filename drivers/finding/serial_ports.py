@@ -7,15 +7,15 @@ from fnmatch import fnmatchcase
 from pathlib import PurePosixPath
 from types import MappingProxyType
 
-from drivers.finding.machine import Machine
-from drivers.transport.ports import DEBUG_CONNECTOR, PINS, UART_ON, is_raspberry_pi_5
+from drivers.finding.machine import HostMachine
+from drivers.transport.ports import DEBUG_CONNECTOR, PINS_PORT, UART_SETTING, is_raspberry_pi_5
 from drivers.transport.programs import Program, end_command
 
 # What a USB device says of itself, and which adapters there are.
 
 
 @dataclass(frozen=True, slots=True)
-class Usb:
+class UsbDevice:
     """A device on USB: its ids (four hexadecimal digits each), what it says of itself, and the socket it is in."""
 
     vendor: str
@@ -38,7 +38,7 @@ class Usb:
         return (known.name if known else "") or told or ("an Arduino" if self.vendor in _ARDUINO else "a USB device")
 
     @property
-    def resets(self) -> bool:
+    def resets_on_open(self) -> bool:
         """Whether it may be a board that starts anew when its port is opened."""
         return self.vendor in _ARDUINO or (self.ids in ADAPTERS and ADAPTERS[self.ids].resets)
 
@@ -80,32 +80,33 @@ ADAPTERS: Mapping[str, Adapter] = MappingProxyType(
 """Adapters that robots have, by their ids. Others are not asked unless the user names their port."""
 
 
-def usb_of(machine: Machine, device: str) -> Usb | None:
+def find_usb_device(machine: HostMachine, device: str) -> UsbDevice | None:
     """Return the USB device that a device of /sys is on; None where it is on none."""
-    here = PurePosixPath(machine.real(device))
+    here = PurePosixPath(machine.resolve(device))
     for folder in map(str, (here, *here.parents)):
-        vendor = machine.text(f"{folder}/idVendor")
+        vendor = machine.read_text(f"{folder}/idVendor")
         if vendor:
             told = {
-                each: machine.text(f"{folder}/{each}") for each in ("idProduct", "serial", "manufacturer", "product")
+                each: machine.read_text(f"{folder}/{each}")
+                for each in ("idProduct", "serial", "manufacturer", "product")
             }
             socket = PurePosixPath(folder).name
-            return Usb(vendor, told["idProduct"], told["serial"], told["manufacturer"], told["product"], socket)
+            return UsbDevice(vendor, told["idProduct"], told["serial"], told["manufacturer"], told["product"], socket)
     return None
 
 
-def all_usb(machine: Machine) -> Iterator[tuple[str, Usb]]:
+def iter_usb_devices(machine: HostMachine) -> Iterator[tuple[str, UsbDevice]]:
     """Yield every USB device that is plugged in, with its folder in /sys."""
-    for name in machine.names("/sys/bus/usb/devices"):
-        folder = machine.real(f"/sys/bus/usb/devices/{name}")
-        if machine.text(f"{folder}/idVendor") and (found := usb_of(machine, folder)) is not None:
+    for name in machine.list_names("/sys/bus/usb/devices"):
+        folder = machine.resolve(f"/sys/bus/usb/devices/{name}")
+        if machine.read_text(f"{folder}/idVendor") and (found := find_usb_device(machine, folder)) is not None:
             yield folder, found
 
 
-SLOW = 1
+MAX_LATENCY_MS = 1
 """Milliseconds that an adapter may hold bytes back without doing harm."""
 
-CURES = {
+PORT_GRABBER_FIXES = {
     "ModemManager": "sudo systemctl disable --now ModemManager  (it takes robots for modems)",
     "brltty": "sudo systemctl mask --now brltty-udev brltty  (it takes adapters for Braille displays)",
 }
@@ -113,18 +114,18 @@ CURES = {
 
 
 @dataclass(frozen=True, slots=True)
-class Trouble:
+class DeviceProblem:
     """What is wrong, and what to try."""
 
-    what: str
-    cure: str = ""
+    message: str
+    fix: str = ""
 
     def __str__(self) -> str:
-        return self.what + (f"\n  try: {self.cure}" if self.cure else "")
+        return self.message + (f"\n  try: {self.fix}" if self.fix else "")
 
 
 @dataclass(frozen=True, slots=True)
-class SerialPort:
+class SerialPortInfo:
     """A serial port: its ``path``, its other ``names``, and the one to ``call`` it in a robot file, which stays.
 
     ``latency`` is for how many milliseconds its adapter holds bytes back, None where it does not tell. ``holders`` have
@@ -134,11 +135,11 @@ class SerialPort:
     path: str
     call: str
     names: tuple[str, ...] = ()
-    usb: Usb | None = None
+    usb: UsbDevice | None = None
     latency: int | None = None
     holders: tuple[Program, ...] = ()
-    shut: Trouble | None = None
-    troubles: tuple[Trouble, ...] = ()
+    shut: DeviceProblem | None = None
+    troubles: tuple[DeviceProblem, ...] = ()
     own: str = "a port of the computer itself"
 
     @property
@@ -147,37 +148,39 @@ class SerialPort:
         return self.own if self.usb is None else f"{self.usb.title}, {self.usb.ids}"
 
 
-def serial_ports(machine: Machine) -> list[SerialPort]:
+def find_serial_ports(machine: HostMachine) -> list[SerialPortInfo]:
     """Return the serial ports of a machine, in the order of their names."""
-    paths = list(_paths(machine))
-    links, holders = _links(machine), machine.holders()
-    found = [_port(machine, path, links.get(path, ()), tuple(holders.get(path, ()))) for path in paths]
+    paths = list(_iter_paths(machine))
+    links, holders = _read_links(machine), machine.device_holders()
+    found = [_read_port(machine, path, links.get(path, ()), tuple(holders.get(path, ()))) for path in paths]
     alike = Counter(port.usb.ids + port.usb.serial for port in found if port.usb is not None)
-    called = [_called(port, alone=port.usb is None or alike[port.usb.ids + port.usb.serial] == 1) for port in found]
-    return [_of_pi_5(port) for port in called] if is_raspberry_pi_5(machine.root) else called
+    called = [
+        _with_stable_name(port, unique=port.usb is None or alike[port.usb.ids + port.usb.serial] == 1) for port in found
+    ]
+    return [_with_pi_5_name(port) for port in called] if is_raspberry_pi_5(machine.root) else called
 
 
-def _of_pi_5(port: SerialPort) -> SerialPort:
+def _with_pi_5_name(port: SerialPortInfo) -> SerialPortInfo:
     """Tell the pins of a Raspberry Pi 5 from its debug connector, to which /dev/serial0 leads on this model alone."""
     if port.path == DEBUG_CONNECTOR:
-        own = f"the debug connector of this Raspberry Pi 5; its pins (GPIO 14 and 15) are {PINS}, after {UART_ON}"
+        own = f"the debug connector of this Raspberry Pi 5; its pins (GPIO 14 and 15) are {PINS_PORT}, after {UART_SETTING}"
         return replace(port, own=own, call=port.path)
-    return replace(port, own="the pins GPIO 14 and 15", call=port.path) if port.path == PINS else port
+    return replace(port, own="the pins GPIO 14 and 15", call=port.path) if port.path == PINS_PORT else port
 
 
-def lost_adapters(machine: Machine) -> list[tuple[Usb, Trouble]]:
+def find_portless_adapters(machine: HostMachine) -> list[tuple[UsbDevice, DeviceProblem]]:
     """Return adapters that are plugged in and have no port, with what may have taken it."""
-    devices = (f"/sys/class/tty/{name}/device" for name in machine.names("/sys/class/tty"))
-    sockets = {usb.socket for device in devices if (usb := usb_of(machine, device)) is not None}
+    devices = (f"/sys/class/tty/{name}/device" for name in machine.list_names("/sys/class/tty"))
+    sockets = {usb.socket for device in devices if (usb := find_usb_device(machine, device)) is not None}
     brltty = any(process.name == "brltty" for process in machine.processes())
     lost = []
-    for _, usb in all_usb(machine):
+    for _, usb in iter_usb_devices(machine):
         if usb.ids in ADAPTERS and usb.socket not in sockets:
             what = "it has no port"
             trouble = (
-                Trouble(f"{what}: brltty has taken it", CURES["brltty"])
+                DeviceProblem(f"{what}: brltty has taken it", PORT_GRABBER_FIXES["brltty"])
                 if brltty
-                else Trouble(
+                else DeviceProblem(
                     f"{what}: the kernel has no driver for it, or another program has taken it", "sudo dmesg | tail -20"
                 )
             )
@@ -185,62 +188,65 @@ def lost_adapters(machine: Machine) -> list[tuple[Usb, Trouble]]:
     return lost
 
 
-def _paths(machine: Machine) -> Iterator[str]:
+def _iter_paths(machine: HostMachine) -> Iterator[str]:
     """Yield ports behind which there is hardware: not consoles, nor the empty places of a PC's four UARTs."""
-    for name in machine.names("/sys/class/tty"):
+    for name in machine.list_names("/sys/class/tty"):
         here = f"/sys/class/tty/{name}"
-        if machine.at(f"{here}/device").exists() and machine.text(f"{here}/type") != "0":
+        if machine.local_path(f"{here}/device").exists() and machine.read_text(f"{here}/type") != "0":
             yield f"/dev/{name}"
 
 
-def _links(machine: Machine) -> dict[str, tuple[str, ...]]:
+def _read_links(machine: HostMachine) -> dict[str, tuple[str, ...]]:
     """Return the names that udev gives to devices, those of rules first."""
     found: dict[str, tuple[str, ...]] = {}
     for folder in ("/dev", "/dev/serial/by-id", "/dev/serial/by-path"):
-        for name in machine.names(folder):
-            if (target := machine.target(f"{folder}/{name}")).startswith("/dev/tty"):
+        for name in machine.list_names(folder):
+            if (target := machine.read_link(f"{folder}/{name}")).startswith("/dev/tty"):
                 found[target] = (*found.get(target, ()), f"{folder}/{name}")
     return found
 
 
-def _port(machine: Machine, path: str, names: tuple[str, ...], holders: tuple[Program, ...]) -> SerialPort:
+def _read_port(machine: HostMachine, path: str, names: tuple[str, ...], holders: tuple[Program, ...]) -> SerialPortInfo:
     name = path.removeprefix("/dev/")
-    told = machine.text(f"/sys/bus/usb-serial/devices/{name}/latency_timer")
+    told = machine.read_text(f"/sys/bus/usb-serial/devices/{name}/latency_timer")
     latency = int(told) if told.isdecimal() else None
-    slow = Trouble(
+    slow = DeviceProblem(
         f"its adapter holds bytes back for {latency} ms: servos and a Kobuki answer late",
-        f"echo {SLOW} | sudo tee /sys/bus/usb-serial/devices/{name}/latency_timer  (or for good: mission robot udev)",
+        f"echo {MAX_LATENCY_MS} | sudo tee /sys/bus/usb-serial/devices/{name}/latency_timer  (or for good: mission robot udev)",
     )
-    shut = _shut(machine, path, holders)
-    troubles = (slow,) if latency is not None and latency > SLOW else ()
-    return SerialPort(
-        path, path, names, usb_of(machine, f"/sys/class/tty/{name}/device"), latency, holders, shut, troubles
+    shut = _find_obstacle(machine, path, holders)
+    troubles = (slow,) if latency is not None and latency > MAX_LATENCY_MS else ()
+    return SerialPortInfo(
+        path, path, names, find_usb_device(machine, f"/sys/class/tty/{name}/device"), latency, holders, shut, troubles
     )
 
 
-def _shut(machine: Machine, path: str, holders: tuple[Program, ...]) -> Trouble | None:
+def _find_obstacle(machine: HostMachine, path: str, holders: tuple[Program, ...]) -> DeviceProblem | None:
     """Say why a port cannot be opened; None where it can."""
     if holders:
         who = ", ".join(str(each) for each in holders)
         usual = end_command(holders, f"end that program, or: fuser -v {path}")
-        return Trouble(f"in use by {who}", next((CURES[each.name] for each in holders if each.name in CURES), usual))
-    if machine.may_open(path) is None:
-        return Trouble("the kernel has it, but there is no such device in /dev", "sudo udevadm trigger")
-    if not machine.may_open(path):
-        return Trouble(*machine.explain_denied(path))
+        return DeviceProblem(
+            f"in use by {who}",
+            next((PORT_GRABBER_FIXES[each.name] for each in holders if each.name in PORT_GRABBER_FIXES), usual),
+        )
+    if machine.can_open(path) is None:
+        return DeviceProblem("the kernel has it, but there is no such device in /dev", "sudo udevadm trigger")
+    if not machine.can_open(path):
+        return DeviceProblem(*machine.explain_denied(path))
     return None
 
 
-def _called(port: SerialPort, *, alone: bool) -> SerialPort:
+def _with_stable_name(port: SerialPortInfo, *, unique: bool) -> SerialPortInfo:
     """Give a port the name that stays with it: of a rule, of its serial number; of its socket where two are alike."""
     own = [name for name in port.names if not name.startswith("/dev/serial/")]
     by_id = [name for name in port.names if "/by-id/" in name]
     by_path = [name for name in port.names if "/by-path/" in name]
-    call = next(iter([*own, *(by_id if alone else []), *by_path, *by_id]), port.path)
-    if alone or own:
+    call = next(iter([*own, *(by_id if unique else []), *by_path, *by_id]), port.path)
+    if unique or own:
         return replace(port, call=call)
     where = f"socket {port.usb.socket}" if port.usb is not None else "its socket"
-    twin = Trouble(
+    twin = DeviceProblem(
         f"another adapter is just like it: only {where} tells them apart",
         "leave both in their sockets; mission ports --find  (which is which)",
     )

@@ -7,9 +7,16 @@ from dataclasses import dataclass
 
 from drivers.api.driver import Driver
 from drivers.clock import Clock
-from drivers.finding.asking import PATIENCE, Heard, look
-from drivers.finding.machine import Machine
-from drivers.finding.serial_ports import SerialPort, Trouble, Usb, lost_adapters, serial_ports, usb_of
+from drivers.finding.asking import EXTRA_TIMEOUT, PortScan, probe_port
+from drivers.finding.machine import HostMachine
+from drivers.finding.serial_ports import (
+    DeviceProblem,
+    SerialPortInfo,
+    UsbDevice,
+    find_portless_adapters,
+    find_serial_ports,
+    find_usb_device,
+)
 from drivers.finding.video import CSI_HINT, CSI_SOURCE, Ioctl, list_devices
 from drivers.transport.programs import Program, end_command
 
@@ -22,7 +29,7 @@ _EVENT = re.compile(r"\bevent\d+\b")
 
 
 @dataclass(frozen=True, slots=True)
-class CameraFound:
+class ConnectedCamera:
     """A camera: its device, its name, its pictures' sizes, who has it open, and what is wrong with it.
 
     ``source`` is what a robot file calls it: a CSI camera is read by TCP, from ``rpicam-vid``.
@@ -31,9 +38,9 @@ class CameraFound:
     path: str
     name: str
     sizes: tuple[tuple[int, int], ...] = ()
-    usb: Usb | None = None
+    usb: UsbDevice | None = None
     holders: tuple[Program, ...] = ()
-    trouble: Trouble | None = None
+    trouble: DeviceProblem | None = None
     source: int | str = 0
 
 
@@ -48,42 +55,42 @@ class SoundCard:
 
 
 @dataclass(frozen=True, slots=True)
-class PadFound:
+class ConnectedGamePad:
     """A game pad: its device, its name, and what is wrong with it."""
 
     path: str
     name: str
-    trouble: Trouble | None = None
+    trouble: DeviceProblem | None = None
 
 
-def cameras(machine: Machine, ioctl: Ioctl = fcntl.ioctl) -> list[CameraFound]:
+def find_cameras(machine: HostMachine, ioctl: Ioctl = fcntl.ioctl) -> list[ConnectedCamera]:
     """Return the cameras that are plugged in, each once; no picture is taken."""
-    holders = machine.holders()
+    holders = machine.device_holders()
     found = []
-    for device in list_devices(machine.at("/sys/class/video4linux"), machine.at("/dev"), ioctl):
+    for device in list_devices(machine.local_path("/sys/class/video4linux"), machine.local_path("/dev"), ioctl):
         path = f"/dev/{device.path.name}"
         held = tuple(holders.get(path, ()))
-        usb = usb_of(machine, f"/sys/class/video4linux/{device.path.name}/device")
-        trouble = Trouble(device.trouble, f"ls -l {path}") if device.trouble else None
+        usb = find_usb_device(machine, f"/sys/class/video4linux/{device.path.name}/device")
+        trouble = DeviceProblem(device.trouble, f"ls -l {path}") if device.trouble else None
         source: int | str = int(device.path.name.removeprefix("video"))
         if device.csi:
-            source, trouble = CSI_SOURCE, Trouble(device.trouble, CSI_HINT)
-        elif machine.may_open(path) is False:
-            trouble = Trouble(*machine.explain_denied(path))
+            source, trouble = CSI_SOURCE, DeviceProblem(device.trouble, CSI_HINT)
+        elif machine.can_open(path) is False:
+            trouble = DeviceProblem(*machine.explain_denied(path))
         elif held:
-            trouble = Trouble(
+            trouble = DeviceProblem(
                 f"in use by {', '.join(map(str, held))}", end_command(held, f"end that program, or: fuser -v {path}")
             )
-        found.append(CameraFound(path, device.name, device.sizes, usb, held, trouble, source))
+        found.append(ConnectedCamera(path, device.name, device.sizes, usb, held, trouble, source))
     return found
 
 
-def sound_cards(machine: Machine) -> list[SoundCard]:
+def find_sound_cards(machine: HostMachine) -> list[SoundCard]:
     """Return the sound cards, as ALSA tells of them."""
     streams: dict[int, str] = {}
-    for number, told in _STREAM.findall(machine.text("/proc/asound/pcm")):
+    for number, told in _STREAM.findall(machine.read_text("/proc/asound/pcm")):
         streams[int(number)] = streams.get(int(number), "") + told
-    cards = _CARD.findall(machine.text("/proc/asound/cards"))
+    cards = _CARD.findall(machine.read_text("/proc/asound/cards"))
     return [
         SoundCard(
             int(number), name, "capture" in streams.get(int(number), ""), "playback" in streams.get(int(number), "")
@@ -92,83 +99,85 @@ def sound_cards(machine: Machine) -> list[SoundCard]:
     ]
 
 
-def pads(machine: Machine) -> list[PadFound]:
+def find_game_pads(machine: HostMachine) -> list[ConnectedGamePad]:
     """Return the game pads, by the nodes that `mission teleop --pad` takes."""
     found = []
-    for block in machine.text("/proc/bus/input/devices").split("\n\n"):
+    for block in machine.read_text("/proc/bus/input/devices").split("\n\n"):
         event = _EVENT.search(block)
         if _JOYSTICK.search(block) and event:
             path, name = f"/dev/input/{event[0]}", re.search(r'^N: Name="(.*)"$', block, re.MULTILINE)
-            denied = None if machine.may_open(path) else Trouble(*machine.explain_denied(path))
-            found.append(PadFound(path, name[1] if name else path, denied))
+            denied = None if machine.can_open(path) else DeviceProblem(*machine.explain_denied(path))
+            found.append(ConnectedGamePad(path, name[1] if name else path, denied))
     return found
 
 
 @dataclass(frozen=True, slots=True)
-class Plug:
-    """A serial port, and what came of asking it; ``heard`` is None where it was not to be asked."""
+class ScannedPort:
+    """A serial port, and what came of asking it; ``scan`` is None where it was not to be asked."""
 
-    port: SerialPort
-    heard: Heard | None = None
+    port: SerialPortInfo
+    scan: PortScan | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Desk:
-    """What is plugged in. ``lost`` are adapters that have no port."""
+class HardwareScan:
+    """What is plugged in. ``portless_adapters`` are adapters that have no port."""
 
-    plugs: tuple[Plug, ...] = ()
-    lost: tuple[tuple[Usb, Trouble], ...] = ()
-    cameras: tuple[CameraFound, ...] = ()
-    sounds: tuple[SoundCard, ...] = ()
-    pads: tuple[PadFound, ...] = ()
+    ports: tuple[ScannedPort, ...] = ()
+    portless_adapters: tuple[tuple[UsbDevice, DeviceProblem], ...] = ()
+    cameras: tuple[ConnectedCamera, ...] = ()
+    sound_cards: tuple[SoundCard, ...] = ()
+    game_pads: tuple[ConnectedGamePad, ...] = ()
 
     @property
-    def named(self) -> list[tuple[str, str]]:
+    def device_names(self) -> list[tuple[str, str]]:
         """The devices of its cameras and pads, each with its name."""
-        return [(camera.path, camera.name) for camera in self.cameras] + [(pad.path, pad.name) for pad in self.pads]
+        return [(camera.path, camera.name) for camera in self.cameras] + [
+            (pad.path, pad.name) for pad in self.game_pads
+        ]
 
     @property
     def paths(self) -> frozenset[str]:
         """The devices of its ports, cameras and pads."""
-        return frozenset(path for path, _ in self.named) | {plug.port.path for plug in self.plugs}
+        return frozenset(path for path, _ in self.device_names) | {plug.port.path for plug in self.ports}
 
     @property
-    def found(self) -> list[tuple[SerialPort, Heard]]:
+    def identified(self) -> list[tuple[SerialPortInfo, PortScan]]:
         """The ports on which a driver's device has answered."""
-        return [
-            (plug.port, plug.heard) for plug in self.plugs if plug.heard is not None and plug.heard.found is not None
-        ]
+        return [(plug.port, plug.scan) for plug in self.ports if plug.scan is not None and plug.scan.device is not None]
 
 
-Asker = Callable[[SerialPort], Heard | None]
+PortProber = Callable[[SerialPortInfo], PortScan | None]
 """Asks a port who is there; None for one that is not to be asked."""
 
 
-def survey(machine: Machine, ask: Asker | None = None, ioctl: Ioctl = fcntl.ioctl) -> Desk:
+def scan_hardware(machine: HostMachine, ask: PortProber | None = None, ioctl: Ioctl = fcntl.ioctl) -> HardwareScan:
     """Return what is plugged in; with ``ask`` each serial port is asked who is behind it, one after another."""
-    plugs = tuple(Plug(port, None if ask is None else ask(port)) for port in serial_ports(machine))
-    return Desk(
+    plugs = tuple(ScannedPort(port, None if ask is None else ask(port)) for port in find_serial_ports(machine))
+    return HardwareScan(
         plugs,
-        tuple(lost_adapters(machine)),
-        tuple(cameras(machine, ioctl)),
-        tuple(sound_cards(machine)),
-        tuple(pads(machine)),
+        tuple(find_portless_adapters(machine)),
+        tuple(find_cameras(machine, ioctl)),
+        tuple(find_sound_cards(machine)),
+        tuple(find_game_pads(machine)),
     )
 
 
-def asker(
-    machine: Machine,
+def make_prober(
+    machine: HostMachine,
     drivers: Iterable[Driver],
     clock: Clock,
     *,
-    consented: Iterable[str] = (),
-    patience: float = PATIENCE,
-) -> Asker:
+    consented_ports: Iterable[str] = (),
+    extra_timeout: float = EXTRA_TIMEOUT,
+) -> PortProber:
     """Return what asks ports by the probes of ``drivers``; those ``consented`` without scruple."""
-    drivers, consented = tuple(drivers), frozenset(consented)
+    drivers, consented_ports = tuple(drivers), frozenset(consented_ports)
 
-    def ask(port: SerialPort) -> Heard:
-        consent = bool(consented & {port.path, port.call, *port.names})
-        return look(port, drivers, clock, consent=consent, patience=patience, path=str(machine.at(port.path)))
+    def ask(port: SerialPortInfo) -> PortScan:
+        consent = bool(consented_ports & {port.path, port.call, *port.names})
+        return probe_port(
+            port, drivers, clock, consent=consent, extra_timeout=extra_timeout, path=str(machine.local_path(port.path))
+        )
 
     return ask

@@ -15,8 +15,8 @@ from pathlib import Path
 Ioctl = Callable[[int, int, bytearray], object]
 """``fcntl.ioctl``, or what stands in for it: changes the bytes, and raises OSError for what the device refuses."""
 
-SYSTEM = Path("/sys/class/video4linux")
-DEVICES = Path("/dev")
+SYSTEM_FOLDER = Path("/sys/class/video4linux")
+DEVICE_FOLDER = Path("/dev")
 
 _QUERYCAP, _QUERYCAP_SIZE = 0x80685600, 104
 _ENUM_FMT, _ENUM_FMT_SIZE = 0xC0405602, 64
@@ -58,7 +58,9 @@ class CameraDevice:
     csi: bool = False
 
 
-def list_devices(system: Path = SYSTEM, devices: Path = DEVICES, ioctl: Ioctl = fcntl.ioctl) -> list[CameraDevice]:
+def list_devices(
+    system: Path = SYSTEM_FOLDER, devices: Path = DEVICE_FOLDER, ioctl: Ioctl = fcntl.ioctl
+) -> list[CameraDevice]:
     """Return the cameras in the order of their numbers, without those devices of them that give no pictures.
 
     A webcam shows up twice or more: as its pictures, and as data about them. Empty also where there is no V4L2.
@@ -74,11 +76,11 @@ def list_devices(system: Path = SYSTEM, devices: Path = DEVICES, ioctl: Ioctl = 
                 found.append(CameraDevice(path, name, trouble=CSI_TROUBLE, csi=True))
             received.add(receiver)
         elif not name.startswith(CSI_PROCESSORS):
-            found.append(_asked(path, name, ioctl))
+            found.append(_query_camera(path, name, ioctl))
     return [device for device in found if device is not None]
 
 
-def is_csi(path: Path, system: Path = SYSTEM) -> bool:
+def is_csi(path: Path, system: Path = SYSTEM_FOLDER) -> bool:
     """Whether a device is that of a CSI camera, which OpenCV cannot read."""
     return _name(system / path.resolve().name).startswith((*CSI_RECEIVERS, *CSI_PROCESSORS))
 
@@ -90,22 +92,22 @@ def _name(entry: Path) -> str:
         return entry.name
 
 
-def _asked(path: Path, name: str, ioctl: Ioctl) -> CameraDevice | None:
+def _query_camera(path: Path, name: str, ioctl: Ioctl) -> CameraDevice | None:
     """Ask a device what it gives; None when that is no pictures."""
     try:
         number = os.open(path, os.O_RDWR | os.O_NONBLOCK)
     except OSError as error:
-        return CameraDevice(path, name, trouble=_words(error))
+        return CameraDevice(path, name, trouble=_error_text(error))
     try:
         ask = partial(ioctl, number)
         return CameraDevice(path, name, _sizes(ask)) if _captures(ask) else None
     except OSError as error:
-        return CameraDevice(path, name, trouble=_words(error))
+        return CameraDevice(path, name, trouble=_error_text(error))
     finally:
         os.close(number)
 
 
-def _words(error: OSError) -> str:
+def _error_text(error: OSError) -> str:
     if error.errno == errno.EACCES:
         return "permission denied"
     return error.strerror or str(error)
@@ -124,13 +126,13 @@ def _sizes(ask: Callable[[int, bytearray], object]) -> tuple[tuple[int, int], ..
     for form in range(_MAX_ENTRIES):
         data = bytearray(_ENUM_FMT_SIZE)
         struct.pack_into("=II", data, 0, form, _BUFFER_CAPTURE)
-        if not _answered(ask, _ENUM_FMT, data):
+        if not _query_entry(ask, _ENUM_FMT, data):
             break
         (pixels,) = struct.unpack_from("=I", data, 44)
         for index in range(_MAX_ENTRIES):
             size = bytearray(_ENUM_FRAMESIZES_SIZE)
             struct.pack_into("=II", size, 0, index, pixels)
-            if not _answered(ask, _ENUM_FRAMESIZES, size):
+            if not _query_entry(ask, _ENUM_FRAMESIZES, size):
                 break
             kind, *numbers = struct.unpack_from("=7I", size, 8)
             found.add((numbers[0], numbers[1]) if kind == _DISCRETE else (numbers[1], numbers[4]))
@@ -139,7 +141,7 @@ def _sizes(ask: Callable[[int, bytearray], object]) -> tuple[tuple[int, int], ..
     return tuple(sorted(found))
 
 
-def _answered(ask: Callable[[int, bytearray], object], request: int, data: bytearray) -> bool:
+def _query_entry(ask: Callable[[int, bytearray], object], request: int, data: bytearray) -> bool:
     """Ask for one entry of a list; False behind its end."""
     try:
         ask(request, data)

@@ -14,44 +14,44 @@ from drivers.api import (
     JointState,
     Quality,
     Reading,
-    Report,
+    StatusCallback,
     ignore,
 )
 from drivers.api.quick import dataclass
 from drivers.clock import Clock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
-from drivers.head.pantilt import AHEAD, LARGEST_TRIM, LedHead, PanTilt
-from drivers.transport.loop import Loop, MakeLoop, ThreadLoop, guarded
+from drivers.head.pantilt import MAX_TRIM, STRAIGHT_AHEAD, PanTiltMotion, ProfiledHead
+from drivers.transport.loop import Loop, LoopFactory, ThreadLoop, guard_callback
 
-PERIOD = 0.02
+STEP_INTERVAL = 0.02
 """Seconds from one step to the next: as often as the Rodney head is told an angle."""
 
-TURNED = math.radians(0.25)
+MIN_POSE_CHANGE = math.radians(0.25)
 """A change of the pose by less is not worth a word: it is within a step of a servo's sensor."""
 
 
-BEHIND, ASTRAY = 0.2, math.radians(2)
+MAX_LAG, MAX_DEVIATION = 0.2, math.radians(2)
 """Seconds of its way by which a joint may be behind where it is led, as servos and readings are, and radians besides:
 one that is farther off is kept back by somebody."""
 
 
 @dataclass(frozen=True, slots=True)
 class JointAxis:
-    """One joint of a neck, a ``drivers.head.pantilt.Axis``. The joint's own description says which way it is mounted.
+    """One joint of a neck, a ``drivers.head.pantilt.HeadAxis``. The joint's own description says which way it is mounted.
 
-    ``lower`` and ``upper`` (radians) bound the head's angle; ``least`` and ``most`` are what the joint can have.
+    ``lower`` and ``upper`` (radians) bound the head's angle; ``joint_min`` and ``joint_max`` are what the joint can have.
     ``trim`` (radians, +-45 degrees) is added to the joint's angle. Raises ValueError for what no joint can have.
     """
 
     joint: str
     lower: float
     upper: float
-    least: float = -math.inf
-    most: float = math.inf
+    joint_min: float = -math.inf
+    joint_max: float = math.inf
     trim: float = 0.0
 
     def __post_init__(self) -> None:
-        if not abs(self.trim) <= LARGEST_TRIM:
+        if not abs(self.trim) <= MAX_TRIM:
             raise ValueError(f"{self.joint}: a trim of {math.degrees(self.trim):.1f} deg is not within -45..45 deg")
         if not self.range[0] <= self.range[1]:
             raise ValueError(f"{self.joint}: nothing of {self.lower}..{self.upper} rad is within its reach")
@@ -62,16 +62,16 @@ class JointAxis:
         return 1
 
     @property
-    def measured(self) -> bool:
+    def is_measured(self) -> bool:
         """True: the joint reports its angle."""
         return True
 
     @property
     def range(self) -> tuple[float, float]:
         """The angles in radians that the head may have and the joint can reach, least and greatest."""
-        return max(self.lower, self.least - self.trim), min(self.upper, self.most - self.trim)
+        return max(self.lower, self.joint_min - self.trim), min(self.upper, self.joint_max - self.trim)
 
-    def trimmed(self, trim: float) -> Self:
+    def with_trim(self, trim: float) -> Self:
         """Return the same joint with another trim (radians). Raises ValueError for one that it cannot have."""
         return replace(self, trim=trim)
 
@@ -79,16 +79,16 @@ class JointAxis:
 J = TypeVar("J", bound=Joints)
 
 
-class JointsHead(LedHead[JointAxis], Generic[J]):
+class JointsHead(ProfiledHead[JointAxis], Generic[J]):
     """A ``drivers.api.Head`` of two of the ``joints``, which somebody else opens and closes.
 
     It leads them to the goal within ``speed`` (rad/s) and ``acceleration`` (rad/s^2), in small steps: ``step`` is to
-    be called every ``PERIOD``. The pose is what the joints measure. Once they are there, the head goes to ``start``; a
+    be called every ``STEP_INTERVAL``. The pose is what the joints measure. Once they are there, the head goes to ``start``; a
     goal does not survive the loss of a joint, nor that somebody relaxes it. ``changed`` is called by ``step``.
     Raises BadRequest for a joint that is not there, ValueError for other values that make no sense.
     """
 
-    PERIOD = PERIOD
+    PERIOD = STEP_INTERVAL
 
     def __init__(
         self,
@@ -99,25 +99,28 @@ class JointsHead(LedHead[JointAxis], Generic[J]):
         tilt: JointAxis,
         speed: float,
         acceleration: float = HEAD_ACCELERATION,
-        report: Report = ignore,
+        report: StatusCallback = ignore,
         changed: Callable[[], None] = ignore,
-        start: HeadPose = AHEAD,
+        start: HeadPose = STRAIGHT_AHEAD,
         name: str = "head",
     ) -> None:
         self.name = name
         if pan.joint == tilt.joint:
             raise ValueError(f"{self.name}: pan and tilt are both joint '{pan.joint}'")
         self._joints = joints
-        self._report = guarded(report)
-        pan, tilt = self._built = _within(self.name, pan, joints), _within(self.name, tilt, joints)
-        super().__init__(
-            clock, PanTilt(self.name, pan, tilt, speed=speed, acceleration=acceleration, start=start), changed
+        self._report = guard_callback(report)
+        pan, tilt = self._untrimmed_axes = (
+            _with_joint_limits(self.name, pan, joints),
+            _with_joint_limits(self.name, tilt, joints),
         )
-        self._open = self._there = False
+        super().__init__(
+            clock, PanTiltMotion(self.name, pan, tilt, speed=speed, acceleration=acceleration, start=start), changed
+        )
+        self._is_open = self._is_online = False
         self._sent: Mapping[str, float] = {}  # on this connection
-        self._stiff = (False, False)  # as last seen
-        self._newest: Reading[HeadPose] = Reading(None, 0.0, Quality.NONE)
-        self._told: HeadPose | None = None
+        self._were_led = (False, False)  # as last seen
+        self._last_pose: Reading[HeadPose] = Reading(None, 0.0, Quality.NONE)
+        self._reported_pose: HeadPose | None = None
 
     # --- what behaviours ask ------------------------------------------------------------------------------------------
 
@@ -127,150 +130,154 @@ class JointsHead(LedHead[JointAxis], Generic[J]):
         Raises BadRequest if it is not finite, NotConnected while one of its joints is not there, DeviceFault while they
         are latched, or one is blocked.
         """
-        self._way.check(target)
-        if not self._there:
+        self._motion.check(target)
+        if not self._is_online:
             health = self.health()
             raise NotConnected(health.detail or f"{self.name}: not there yet", hint=health.hint)
         self._joints.move({})  # may they be moved at all?
-        self._try_again(target)
-        return self._way.look(target, self._clock.now())
+        self._retry_blocked(target)
+        return self._motion.look(target, self._clock.read_value())
 
     def stop(self) -> None:
         """Brake, within its acceleration, and hold; a joint that somebody has kept back stays where it is."""
         super().stop()
-        here, now = self._newest.value, self._now()
-        if self._there and here is not None:
+        here, now = self._last_pose.value, self._sync_time()
+        if self._is_online and here is not None:
             # What was read a while ago is behind by what the joint has turned since.
-            far = (BEHIND + now - self._newest.stamp) * self.limits.speed + ASTRAY
-            led = zip((here.pan, here.tilt), self._way.advance(now), strict=True)
+            far = (MAX_LAG + now - self._last_pose.stamp) * self.limits.speed + MAX_DEVIATION
+            led = zip((here.pan, here.tilt), self._motion.advance(now), strict=True)
             pan, tilt = (stands if abs(step.angle - stands) > far else None for stands, step in led)
-            self._way.let_go(pan=pan, tilt=tilt, now=now)
-        if blocked := self._blocked():
+            self._motion.drop_goal(pan=pan, tilt=tilt, now=now)
+        if blocked := self._blocked_joints():
             self._joints.hold(blocked)  # which may be tried again from now on
 
     def pose(self) -> Reading[HeadPose]:
         """Where the joints were measured last; stale while one is not there, and none before both first were."""
-        newest = self._newest
-        return newest if self._there or newest.value is None else replace(newest, quality=Quality.STALE)
+        newest = self._last_pose
+        return newest if self._is_online or newest.value is None else replace(newest, quality=Quality.STALE)
 
     # --- life ---------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
         """Use the joints as soon as they are there."""
-        self._open = True
+        self._is_open = True
 
     def close(self) -> None:
         """Hold at once. Safe from any state, more than once."""
-        self._open = self._there = False
-        self._way.halt()
+        self._is_open = self._is_online = False
+        self._motion.halt()
 
     def health(self) -> Health:
         """Say whether both joints are there."""
-        if not self._open:
+        if not self._is_open:
             return Health(False, f"{self.name}: not opened yet", "open it first")
         health, states = self._joints.health(), self._joints.states()
-        returned = health.returned
-        silent = [axis.joint for axis in self._way.axes if not states[axis.joint].good]
+        returned = health.reconnected_at
+        silent = [axis.joint for axis in self._motion.axes if not states[axis.joint].good]
         if silent or not health.online:
             what = f"nothing heard of joint {' and '.join(silent)}" if silent else "its joints are gone"
             detail = f"{self.name}: {what}" + (f": {health.detail}" if health.detail else "")
-            return Health(False, detail, _cure(health), returned=returned)
-        return Health(self._there, "" if self._there else f"{self.name}: about to start", returned=returned)
+            return Health(False, detail, _offline_hint(health), reconnected_at=returned)
+        return Health(
+            self._is_online, "" if self._is_online else f"{self.name}: about to start", reconnected_at=returned
+        )
 
     # --- whoever steps it ---------------------------------------------------------------------------------------------
 
     def step(self) -> None:
         """Move on: take in where the joints are, and tell them where to be."""
-        if not self._open:
+        if not self._is_open:
             return
-        now, states = self._clock.now(), self._joints.states()
-        pan, tilt = (states[axis.joint] for axis in self._way.axes)
+        now, states = self._clock.read_value(), self._joints.states()
+        pan, tilt = (states[axis.joint] for axis in self._motion.axes)
         if not (pan.good and tilt.good) or pan.value is None or tilt.value is None:
-            self._lose()
+            self._go_offline()
             return
-        if not self._there and not self._joints.health().online:
+        if not self._is_online and not self._joints.health().online:
             return  # what was read last is not stale yet, but whoever read it has gone
-        here = self._take(pan.value, tilt.value, min(pan.stamp, tilt.stamp))
-        if not self._there:
-            self._appear(here, now)
-        self._yield(here, _led(pan.value), _led(tilt.value), now)
+        here = self._record_pose(pan.value, tilt.value, min(pan.stamp, tilt.stamp))
+        if not self._is_online:
+            self._go_online(here, now)
+        self._release_limp_joints(here, _follows_goals(pan.value), _follows_goals(tilt.value), now)
         try:
-            self._lead(now)
+            self._move_joints(now)
         except NotConnected:
-            self._lose()
+            self._go_offline()
         except DeviceFault:  # latched: whoever looks somewhere is told so
-            self._way.halt()
+            self._motion.halt()
 
-    def _take(self, pan: JointState, tilt: JointState, stamp: float) -> HeadPose:
+    def _record_pose(self, pan: JointState, tilt: JointState, stamp: float) -> HeadPose:
         """Take in where the joints are; tell it when that has changed."""
-        axes = self._way.axes
+        axes = self._motion.axes
         here = HeadPose(pan.position - axes[0].trim, tilt.position - axes[1].trim)
-        self._newest = Reading(here, stamp, Quality.GOOD)
+        self._last_pose = Reading(here, stamp, Quality.GOOD)
         self._history.add(stamp, (here.pan, here.tilt))
-        told = self._told
-        if told is None or max(abs(here.pan - told.pan), abs(here.tilt - told.tilt)) > TURNED:
-            self._told = here
+        told = self._reported_pose
+        if told is None or max(abs(here.pan - told.pan), abs(here.tilt - told.tilt)) > MIN_POSE_CHANGE:
+            self._reported_pose = here
             self._changed()
         return here
 
-    def _appear(self, here: HeadPose, now: float) -> None:
+    def _go_online(self, here: HeadPose, now: float) -> None:
         """Begin from where the joints were found: go to the start at first, later stay there."""
-        if self._began:
-            self._way.let_go(pan=here.pan, tilt=here.tilt, now=now)
+        if self._has_start:
+            self._motion.drop_goal(pan=here.pan, tilt=here.tilt, now=now)
         else:
-            self._way.place(here, now)
-        self._sent, self._stiff = {}, (False, False)
-        self._there = self._began = True
+            self._motion.set_position(here, now)
+        self._sent, self._were_led = {}, (False, False)
+        self._is_online = self._has_start = True
         self._report(DeviceStatus(self.name, "online", "both joints are there"))
 
-    def _yield(self, here: HeadPose, pan: bool, tilt: bool, now: float) -> None:
+    def _release_limp_joints(self, here: HeadPose, pan: bool, tilt: bool, now: float) -> None:
         """Go on from where it stands with a joint that is led no more: relaxed, shut down, or blocked."""
-        limp = [was and not now_is for was, now_is in zip(self._stiff, (pan, tilt), strict=True)]
-        self._stiff = (pan, tilt)
+        limp = [was and not now_is for was, now_is in zip(self._were_led, (pan, tilt), strict=True)]
+        self._were_led = (pan, tilt)
         if any(limp):
-            self._way.let_go(pan=here.pan if limp[0] else None, tilt=here.tilt if limp[1] else None, now=now)
+            self._motion.drop_goal(pan=here.pan if limp[0] else None, tilt=here.tilt if limp[1] else None, now=now)
             self._sent = self._goals(now)  # else the next step would make them stiff again
 
     def _goals(self, now: float) -> dict[str, float]:
         """Return where the joints are to be now, in radians."""
-        return {step.axis.joint: step.angle + step.axis.trim for step in self._way.advance(now)}
+        return {step.axis.joint: step.angle + step.axis.trim for step in self._motion.advance(now)}
 
-    def _lead(self, now: float) -> None:
+    def _move_joints(self, now: float) -> None:
         goals = self._goals(now)
         if goals != self._sent:
-            blocked = self._blocked()
+            blocked = self._blocked_joints()
             self._joints.move({joint: goal for joint, goal in goals.items() if joint not in blocked})
             self._sent = goals
 
-    def _blocked(self) -> list[str]:
+    def _blocked_joints(self) -> list[str]:
         """Return the joints that their driver has given up."""
-        readings = ((axis.joint, self._joints.states()[axis.joint].value) for axis in self._way.axes)
+        readings = ((axis.joint, self._joints.states()[axis.joint].value) for axis in self._motion.axes)
         return [joint for joint, state in readings if state is not None and state.blocked]
 
-    def _try_again(self, target: HeadPose) -> None:
+    def _retry_blocked(self, target: HeadPose) -> None:
         """Let joints that are blocked go on by a step. Raises DeviceFault for one that does not go that way."""
-        blocked, here = self._blocked(), self._newest.value
-        for axis, wanted, stands in zip(self._way.axes, (target.pan, target.tilt), _angles(here), strict=True):
+        blocked, here = self._blocked_joints(), self._last_pose.value
+        for axis, wanted, stands in zip(self._motion.axes, (target.pan, target.tilt), _angles(here), strict=True):
             if axis.joint in blocked:
-                step = math.copysign(ASTRAY, wanted - stands)
+                step = math.copysign(MAX_DEVIATION, wanted - stands)
                 self._joints.move({axis.joint: stands + axis.trim + step})
 
-    def _lose(self) -> None:
+    def _go_offline(self) -> None:
         """Give up the goal, but not the first one before it was ever pursued."""
-        if self._began:
-            self._way.halt()
-        if self._there:
-            self._there = False
+        if self._has_start:
+            self._motion.halt()
+        if self._is_online:
+            self._is_online = False
             health = self.health()
             self._report(
-                DeviceStatus(self.name, "offline", health.detail or f"{self.name}: a joint is gone", _cure(health))
+                DeviceStatus(
+                    self.name, "offline", health.detail or f"{self.name}: a joint is gone", _offline_hint(health)
+                )
             )
 
 
 class NeckDriver(JointsHead[Joints]):
     """A ``JointsHead`` that steps itself, on a thread of its own, while it is open; its joints are opened besides."""
 
-    make_loop: MakeLoop = ThreadLoop
+    make_loop: LoopFactory = ThreadLoop
     """Makes what steps it."""
     _loop: Loop | None = None
     _fault = ""
@@ -279,7 +286,7 @@ class NeckDriver(JointsHead[Joints]):
         """Use the joints as soon as they are there; does nothing while it is open."""
         super().open()
         if self._loop is None:
-            self._loop = self.make_loop(f"{self.name} joints", self._turn, ignore)
+            self._loop = self.make_loop(f"{self.name} joints", self._run_step, ignore)
         self._loop.start()
 
     def close(self) -> None:
@@ -288,26 +295,26 @@ class NeckDriver(JointsHead[Joints]):
             self._loop.end()
         super().close()
 
-    def _turn(self) -> float:
+    def _run_step(self) -> float:
         try:
             self.step()
         except BaseException as error:  # SystemExit too: without this thread the head would not even brake
             if (fault := f"{type(error).__name__}: {error}") != self._fault:
                 self._fault = fault
                 self._report(DeviceStatus(self.name, "fault", fault))
-        return PERIOD
+        return STEP_INTERVAL
 
 
-def _within(name: str, axis: JointAxis, joints: Joints) -> JointAxis:
+def _with_joint_limits(name: str, axis: JointAxis, joints: Joints) -> JointAxis:
     """Return ``axis`` with the limits of its joint."""
     limits = joints.limits.get(axis.joint)
     if limits is None:
         known = ", ".join(joints.limits)
         raise BadRequest(f"{name}: no joint '{axis.joint}' (there are {known})", hint="look at the arm's joints")
-    return replace(axis, least=limits.lower, most=limits.upper)
+    return replace(axis, joint_min=limits.lower, joint_max=limits.upper)
 
 
-def _led(state: JointState) -> bool:
+def _follows_goals(state: JointState) -> bool:
     """Whether a joint goes where it is sent."""
     return state.torque and not state.blocked
 
@@ -316,5 +323,5 @@ def _angles(pose: HeadPose | None) -> tuple[float, float]:
     return (0.0, 0.0) if pose is None else (pose.pan, pose.tilt)
 
 
-def _cure(health: Health) -> str:
+def _offline_hint(health: Health) -> str:
     return health.hint or "look at the power and the cable of its servos"

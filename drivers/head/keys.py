@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from math import pi
 
-from drivers.api.keys import Mistake, key, keys
+from drivers.api.keys import KeyDiagnostic, key, keys
 from drivers.api.sections import AxisKeys, HeadKeys
 
 
@@ -21,11 +21,11 @@ class ServoKeys(AxisKeys):
         default=None, low=0, high=180, help="Where the sketch sends it at its start, in degrees as the sketch has them."
     )
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield what no servo can have."""
         way = -1 if self.flip else 1
         least, most = sorted((way * (-pi / 2 - self.trim), way * (pi / 2 - self.trim)))
-        yield from self.beyond((least, most), f"servo {self.servo}")
+        yield from self.check_reach((least, most), f"servo {self.servo}")
 
 
 @keys
@@ -35,8 +35,8 @@ class TwoServoKeys(HeadKeys):
     pan: ServoKeys = key(help="The servo that turns the head left and right.")
     tilt: ServoKeys = key(help="The servo that turns the head up and down.")
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield two axes on one servo."""
         if self.pan.servo == self.tilt.servo:
             about = (("pan", "servo"), ("tilt", "servo"))
-            yield Mistake(f"'pan' and 'tilt' are both on servo {self.pan.servo}", about=about)
+            yield KeyDiagnostic(f"'pan' and 'tilt' are both on servo {self.pan.servo}", about=about)

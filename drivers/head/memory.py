@@ -14,7 +14,7 @@ RECORD_SIZE = 256
 """Bytes that are written at once: a record is shorter, and filled up with spaces."""
 
 
-class Memory:
+class ServoAngleStore:
     """What is kept of the board at ``port``, in a file of its own in ``folder``.
 
     It holds only while the port is the very one that the kernel made then: a board with native USB that starts anew
@@ -26,13 +26,13 @@ class Memory:
         self._path = folder / f"servos{port.replace('/', '-')}.json"
         self._file = -1
 
-    def keep(self, degrees: Mapping[int, int]) -> None:
+    def save(self, degrees: Mapping[int, int]) -> None:
         """Keep where the servos were sent last, by their numbers; where that cannot be, nothing is kept.
 
         One write of a fixed size replaces the one before, so that a program that is killed leaves either of them.
         """
         try:
-            text = json.dumps({"of": self._node(), "degrees": dict(degrees)}).ljust(RECORD_SIZE).encode()
+            text = json.dumps({"of": self._port_identity(), "degrees": dict(degrees)}).ljust(RECORD_SIZE).encode()
             if self._file < 0:
                 self._path.parent.mkdir(parents=True, exist_ok=True)
                 self._path.unlink(missing_ok=True)  # whatever stands there
@@ -40,9 +40,9 @@ class Memory:
             if os.pwrite(self._file, text, 0) < len(text):
                 raise OSError(errno.ENOSPC, "not written whole")
         except OSError:
-            self.forget()
+            self.delete()
 
-    def forget(self) -> None:
+    def delete(self) -> None:
         """Keep nothing: a wrong place would make the head leap."""
         self.close()
         with suppress(OSError):
@@ -54,21 +54,21 @@ class Memory:
         if file >= 0:
             os.close(file)
 
-    def take(self) -> dict[int, int]:
+    def pop(self) -> dict[int, int]:
         """Return what was kept, if it still holds, and keep it no longer: from now on the servos are moved."""
         try:
             if not self._path.is_file():  # a pipe would be waited for
                 return {}
             with self._path.open("rb") as file:
                 found = json.loads(file.read(MAX_FILE_SIZE))
-            self.forget()
-            if found["of"] != self._node():
+            self.delete()
+            if found["of"] != self._port_identity():
                 return {}
             return {int(index): min(max(int(angle), 0), 180) for index, angle in found["degrees"].items()}
         except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError):
             return {}
 
-    def _node(self) -> list[int]:
+    def _port_identity(self) -> list[int]:
         """Return what tells this port from all others: its inode, and when that was made (ns). Raises OSError."""
         status = Path(self._port).stat()
         return [status.st_dev, status.st_ino, status.st_ctime_ns]

@@ -13,22 +13,22 @@ from drivers.api import HEAD_ACCELERATION, HeadLimits, HeadPose
 from drivers.api.quick import dataclass
 from drivers.clock import Clock
 from drivers.errors import BadRequest
-from drivers.transport.history import History
-from drivers.transport.loop import guarded
+from drivers.transport.history import ValueHistory
+from drivers.transport.loop import guard_callback
 
 # How a commanded angle gets to its goal: the motion profile of drivers whose servos know none of their own.
 
-LONGEST_STEP = 0.1
+MAX_STEP = 0.1
 """Seconds that one step covers at most: a thread that was held up must not turn into a jump."""
 
 
 @dataclass(slots=True)
-class Profile:
+class MotionProfile:
     """Goes to its goal in the shortest time that ``speed`` (rad/s) and ``acceleration`` (rad/s^2) allow.
 
     That is the trapezoidal profile: speed up, go on, brake. Its phases are worked out exactly for whatever time has
     passed, so it does not matter how often it is asked; a new goal is taken up in full motion, without a jerk of the
-    angle. ``position`` in radians, ``velocity`` in rad/s; it starts at rest. ``braked`` is which way it went (1 or -1)
+    angle. ``position`` in radians, ``velocity`` in rad/s; it starts at rest. ``braking_direction`` is which way it went (1 or -1)
     when it was told to brake, and 0 once it has a goal.
     """
 
@@ -38,21 +38,24 @@ class Profile:
     velocity: float = 0.0
     goal: float = field(init=False)
     stamp: float = 0.0
-    braked: float = 0.0
+    braking_direction: float = 0.0
 
     def __post_init__(self) -> None:
         self.goal = self.position
 
-    def aim(self, goal: float, now: float) -> None:
+    def set_goal(self, goal: float, now: float) -> None:
         """Start for ``goal`` at time ``now``, from where it has got to."""
         self.advance(now)
-        self.goal, self.braked = goal, 0.0
+        self.goal, self.braking_direction = goal, 0.0
 
     def brake(self, now: float) -> None:
         """Come to rest as soon as the acceleration allows, from time ``now`` on."""
         self.advance(now)
         way = self.velocity or self.goal - self.position
-        self.goal, self.braked = self._standstill(), copysign(1.0, way) if way else self.braked
+        self.goal, self.braking_direction = (
+            self._stopping_position(),
+            copysign(1.0, way) if way else self.braking_direction,
+        )
 
     def advance(self, now: float) -> float:
         """Move on until time ``now`` and return the position. Time that does not rise changes nothing."""
@@ -62,7 +65,7 @@ class Profile:
         self.stamp = now
         if self.position == self.goal and self.velocity == 0.0:
             return self.position
-        left = min(left, LONGEST_STEP)
+        left = min(left, MAX_STEP)
         for seconds, acceleration in self._phases():
             step = min(seconds, left)
             self.position += (self.velocity + acceleration * step / 2) * step
@@ -76,12 +79,12 @@ class Profile:
     @property
     def heading(self) -> float:
         """Where it is going now: to its goal, or, while it still goes the other way, to where it will have braked."""
-        standstill = self._standstill()
+        standstill = self._stopping_position()
         return standstill if (self.goal - standstill) * self.velocity < 0 else self.goal
 
-    def place(self, position: float, now: float) -> None:
+    def set_position(self, position: float, now: float) -> None:
         """Go on from ``position`` (radians), where it turned out to stand at time ``now``; the goal stays."""
-        self.position, self.velocity, self.stamp, self.braked = position, 0.0, now, 0.0
+        self.position, self.velocity, self.stamp, self.braking_direction = position, 0.0, now, 0.0
 
     def shift(self, angle: float) -> None:
         """Call the present position by another number, ``angle`` (radians) greater; the goal's number stays."""
@@ -91,7 +94,7 @@ class Profile:
         """Stand still at the present position at once."""
         self.goal, self.velocity = self.position, 0.0
 
-    def _standstill(self) -> float:
+    def _stopping_position(self) -> float:
         """Where it would come to rest if it braked now."""
         return self.position + self.velocity * abs(self.velocity) / (2 * self.acceleration)
 
@@ -100,7 +103,7 @@ class Profile:
 
         Worked out as if the goal lay ahead: where it would overshoot, ahead is back. ``peak`` is the speed reached.
         """
-        ahead = copysign(1.0, self.goal - self._standstill())
+        ahead = copysign(1.0, self.goal - self._stopping_position())
         way, begin = ahead * (self.goal - self.position), ahead * self.velocity
         peak = min(self.speed, sqrt(max(0.0, self.acceleration * way + begin**2 / 2)))
         gain, loss = (peak - begin) / self.acceleration, peak / self.acceleration
@@ -112,12 +115,12 @@ class Profile:
         )
 
 
-AHEAD = HeadPose(0.0, 0.0)
+STRAIGHT_AHEAD = HeadPose(0.0, 0.0)
 
-CATCH_UP = 0.02
+MAX_CATCH_UP = 0.02
 """Seconds of its way that a head makes up for at most in one step, after nothing might be sent for a while."""
 
-LARGEST_TRIM = radians(45)
+MAX_TRIM = radians(45)
 """As far as the Rodney project's node lets a servo be trimmed."""
 
 
@@ -125,7 +128,7 @@ LARGEST_TRIM = radians(45)
 class Trimmable(Protocol):
     """A head that can be put straight while it runs, and left where it stands, as all of ours can."""
 
-    def stay(self) -> None:
+    def skip_start_move(self) -> None:
         """Go nowhere when the hardware is there. To be called before ``open``."""
         ...
 
@@ -134,7 +137,7 @@ class Trimmable(Protocol):
         ...
 
 
-class Axis(Protocol):
+class HeadAxis(Protocol):
     """How one axis is built in. ``trim`` (radians) corrects what sits askew, in the direction of the motor."""
 
     @property
@@ -148,7 +151,7 @@ class Axis(Protocol):
         ...
 
     @property
-    def measured(self) -> bool:
+    def is_measured(self) -> bool:
         """Whether the motor reports its angle."""
         ...
 
@@ -157,28 +160,28 @@ class Axis(Protocol):
         """The angles of the head (radians) that it may have and can reach, least and greatest."""
         ...
 
-    def trimmed(self, trim: float) -> Self:
+    def with_trim(self, trim: float) -> Self:
         """Return the same axis with another trim (radians). Raises ValueError for one that it cannot have."""
         ...
 
 
-A = TypeVar("A", bound=Axis)
+A = TypeVar("A", bound=HeadAxis)
 
 
 @dataclass(frozen=True, slots=True)
-class Step(Generic[A]):
+class AxisStep(Generic[A]):
     """Where an axis is to be now, ``angle``, and where it is ``heading``, in radians of the head.
 
-    ``braked`` is which way it went (1 or -1) when it was told to brake, and 0 once it has a goal.
+    ``braking_direction`` is which way it went (1 or -1) when it was told to brake, and 0 once it has a goal.
     """
 
     axis: A
     angle: float
     heading: float
-    braked: float
+    braking_direction: float
 
 
-class PanTilt(Generic[A]):
+class PanTiltMotion(Generic[A]):
     """The goal of a head, and how far it has come.
 
     ``speed`` (rad/s) and ``acceleration`` (rad/s^2) are those of each axis. It begins at rest at ``start``, which is
@@ -193,7 +196,7 @@ class PanTilt(Generic[A]):
         *,
         speed: float,
         acceleration: float = HEAD_ACCELERATION,
-        start: HeadPose = AHEAD,
+        start: HeadPose = STRAIGHT_AHEAD,
     ) -> None:
         if not (speed > 0 and isfinite(speed)):
             raise ValueError(f"{name}: a speed of {speed} rad/s gets it nowhere")
@@ -201,12 +204,12 @@ class PanTilt(Generic[A]):
             raise ValueError(f"{name}: an acceleration of {acceleration} rad/s^2 gets it nowhere")
         self._name = name
         self._axes = (pan, tilt)
-        self._speed = self._fastest = speed
+        self._speed = self._max_speed = speed
         self._acceleration = acceleration
         self._lock = Lock()  # over the axes and the profiles, which the caller and the driver's thread both touch
         self._limits = self._limits_now()
         begin = self._limits.clamp(start)
-        self._profiles = (Profile(begin.pan, speed, acceleration), Profile(begin.tilt, speed, acceleration))
+        self._profiles = (MotionProfile(begin.pan, speed, acceleration), MotionProfile(begin.tilt, speed, acceleration))
 
     @property
     def axes(self) -> tuple[A, A]:
@@ -221,11 +224,11 @@ class PanTilt(Generic[A]):
     def _limits_now(self) -> HeadLimits:
         pan, tilt = self._axes
         return HeadLimits(
-            pan.range, tilt.range, self._speed, self._acceleration, measured=pan.measured and tilt.measured
+            pan.range, tilt.range, self._speed, self._acceleration, measured=pan.is_measured and tilt.is_measured
         )
 
     @property
-    def still(self) -> bool:
+    def is_still(self) -> bool:
         """True while both axes are at rest at their goals."""
         pan, tilt = self._profiles
         return pan.position == pan.goal and tilt.position == tilt.goal and pan.velocity == tilt.velocity == 0.0
@@ -242,8 +245,8 @@ class PanTilt(Generic[A]):
         with self._lock:
             accepted = self.limits.clamp(target)
             pan, tilt = self._profiles
-            pan.aim(accepted.pan, now)
-            tilt.aim(accepted.tilt, now)
+            pan.set_goal(accepted.pan, now)
+            tilt.set_goal(accepted.tilt, now)
         return accepted
 
     def brake(self, now: float) -> None:
@@ -258,76 +261,76 @@ class PanTilt(Generic[A]):
             for profile in self._profiles:
                 profile.halt()
 
-    def place(self, pose: HeadPose, now: float) -> None:
+    def set_position(self, pose: HeadPose, now: float) -> None:
         """Go on from ``pose``, where it turned out to stand at time ``now``; the goal stays."""
         with self._lock:
             for profile, angle in zip(self._profiles, (pose.pan, pose.tilt), strict=True):
-                profile.place(angle, now)
+                profile.set_position(angle, now)
 
-    def hold(self, now: float, behind: float = CATCH_UP) -> None:
+    def pause_until(self, now: float, catch_up: float = MAX_CATCH_UP) -> None:
         """Let the time pass until ``now`` while nothing may be sent: so much of it (s) is made up for at most."""
         with self._lock:
             for profile in self._profiles:
-                profile.stamp = max(profile.stamp, now - behind)
+                profile.stamp = max(profile.stamp, now - catch_up)
 
-    def let_go(self, *, pan: float | None = None, tilt: float | None = None, now: float) -> None:
+    def drop_goal(self, *, pan: float | None = None, tilt: float | None = None, now: float) -> None:
         """Give up the goal of each axis that is given: somebody has let go of it, and it stands at this angle."""
         with self._lock:
             for profile, angle in zip(self._profiles, (pan, tilt), strict=True):
                 if angle is not None:
-                    profile.place(angle, now)
+                    profile.set_position(angle, now)
                     profile.halt()
 
-    def stand(self, angles: Iterable[float | None]) -> None:
+    def settle_at(self, angles: Iterable[float | None]) -> None:
         """Go on from each of these angles (pan, tilt; None for no change) once it rests there, stopped and not told."""
         with self._lock:
             for profile, angle in zip(self._profiles, angles, strict=True):
-                if angle is not None and profile.braked and profile.position == profile.goal:
-                    profile.place(angle, profile.stamp)
+                if angle is not None and profile.braking_direction and profile.position == profile.goal:
+                    profile.set_position(angle, profile.stamp)
                     profile.halt()
 
-    def curb(self, speed: float, now: float) -> HeadLimits:
+    def restrict_speed(self, speed: float, now: float) -> HeadLimits:
         """Turn no faster than so (rad/s), and no faster than it was made for; return the limits that hold."""
         if not speed > 0:
             raise BadRequest(f"{self._name}: a speed of {speed} rad/s gets it nowhere")
         with self._lock:
-            self._speed = min(speed, self._fastest)
+            self._speed = min(speed, self._max_speed)
             for profile in self._profiles:
                 profile.advance(now)
                 profile.speed = self._speed
             self._limits = self._limits_now()
         return self._limits
 
-    def advance(self, now: float) -> tuple[Step[A], Step[A]]:
+    def advance(self, now: float) -> tuple[AxisStep[A], AxisStep[A]]:
         """Move on until time ``now``; return where pan and tilt are to be."""
         with self._lock:
             (pan_axis, tilt_axis), (pan, tilt) = self._axes, self._profiles
             return (
-                Step(pan_axis, pan.advance(now), pan.heading, pan.braked),
-                Step(tilt_axis, tilt.advance(now), tilt.heading, tilt.braked),
+                AxisStep(pan_axis, pan.advance(now), pan.heading, pan.braking_direction),
+                AxisStep(tilt_axis, tilt.advance(now), tilt.heading, tilt.braking_direction),
             )
 
     def trim(self, *, pan: float | None = None, tilt: float | None = None, now: float) -> tuple[float, float]:
         """Set what is given (radians); return both trims. The head goes over to them as smoothly as to a new goal.
 
-        Raises BadRequest for more than ``LARGEST_TRIM``, or a trim that leaves nothing of the range; nothing changes.
+        Raises BadRequest for more than ``MAX_TRIM``, or a trim that leaves nothing of the range; nothing changes.
         """
         with self._lock:
-            wanted = [self._trimmed(axis, trim) for axis, trim in zip(self._axes, (pan, tilt), strict=True)]
+            wanted = [self._with_trim(axis, trim) for axis, trim in zip(self._axes, (pan, tilt), strict=True)]
             for profile, old, new in zip(self._profiles, self._axes, wanted, strict=True):
                 profile.advance(now)
                 # The motor stands where it stood; what has changed is which angle of the head that is.
                 profile.shift(-new.sign * (new.trim - old.trim))
-                profile.aim(min(max(profile.goal, new.range[0]), new.range[1]), now)
+                profile.set_goal(min(max(profile.goal, new.range[0]), new.range[1]), now)
             self._axes = (wanted[0], wanted[1])
             self._limits = self._limits_now()
         return wanted[0].trim, wanted[1].trim
 
-    def _trimmed(self, axis: A, trim: float | None) -> A:
+    def _with_trim(self, axis: A, trim: float | None) -> A:
         if trim is None:
             return axis
         try:
-            return axis.trimmed(trim)
+            return axis.with_trim(trim)
         except ValueError as error:
             raise BadRequest(f"{self._name}: {error}", hint="mount the horn anew, nearer to the middle") from error
 
@@ -335,7 +338,7 @@ class PanTilt(Generic[A]):
 # The half of a head that leads two axes to where it is told: what all heads obey and answer alike.
 
 
-class LedHead(Generic[A]):
+class ProfiledHead(Generic[A]):
     """The part of a ``drivers.api.Head`` that is the same on all: it leads the axes of ``way``, a step at a time.
 
     A subclass has the wire, or the bodies, of its servos, and calls ``changed`` whenever its pose has changed.
@@ -343,52 +346,52 @@ class LedHead(Generic[A]):
 
     name = "head"
 
-    TRAILS = 0.0
+    LAG = 0.0
     """Seconds by which its servos are behind the poses that it notes."""
 
-    def __init__(self, clock: Clock, way: PanTilt[A], changed: Callable[[], None]) -> None:
+    def __init__(self, clock: Clock, motion: PanTiltMotion[A], changed: Callable[[], None]) -> None:
         self._clock = clock
-        self._way = way
-        self._changed = guarded(changed)
-        self._history = History()
-        self._began = False  # it has gone for its start, or is not to
-        self._settled = False  # it stands, and nothing is left to be sent
+        self._motion = motion
+        self._changed = guard_callback(changed)
+        self._history = ValueHistory()
+        self._has_start = False  # it has gone for its start, or is not to
+        self._is_settled = False  # it stands, and nothing is left to be sent
 
     @property
     def limits(self) -> HeadLimits:
         """How far, how fast and how hard it turns."""
-        return self._way.limits
+        return self._motion.limits
 
     def pose_at(self, stamp: float) -> HeadPose | None:
         """Where the servos stood at a past time, interpolated; None when that is not known."""
-        values = self._history.at(stamp - self.TRAILS)
+        values = self._history.at(stamp - self.LAG)
         return None if values is None else HeadPose(*values)
 
     def stop(self) -> None:
         """Brake, within its acceleration, and hold."""
-        self._way.brake(self._now())
-        self._settled = False
+        self._motion.brake(self._sync_time())
+        self._is_settled = False
 
     def trim(self, *, pan: float | None = None, tilt: float | None = None) -> tuple[float, float]:
         """Set the trims that are given, in radians of the servo, while it runs; return both.
 
         Raises BadRequest for more than 45 degrees. May be called from any thread, connected or not.
         """
-        self._settled = False
-        return self._way.trim(pan=pan, tilt=tilt, now=self._now())
+        self._is_settled = False
+        return self._motion.trim(pan=pan, tilt=tilt, now=self._sync_time())
 
-    def curb(self, limits: HeadLimits) -> HeadLimits:
-        """See ``drivers.api.Curbed``: of its speed, at once and within its acceleration."""
-        return self._way.curb(limits.speed, self._now())
+    def restrict_limits(self, limits: HeadLimits) -> HeadLimits:
+        """See ``drivers.api.Limitable``: of its speed, at once and within its acceleration."""
+        return self._motion.restrict_speed(limits.speed, self._sync_time())
 
-    def stay(self) -> None:
+    def skip_start_move(self) -> None:
         """Go nowhere when its servos are there. To be called before ``open``."""
-        self._began = True
+        self._has_start = True
 
     def rest(self) -> None:
         """Hold: hobby servos know no other rest, and what rest means for the torque of joints is up to the arm."""
         self.stop()
 
-    def _now(self) -> float:
+    def _sync_time(self) -> float:
         """Return the time, until which it has moved as far as it could."""
-        return self._clock.now()
+        return self._clock.read_value()

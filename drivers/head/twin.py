@@ -6,25 +6,25 @@ from math import inf
 
 from drivers.api import (
     HEAD_ACCELERATION,
-    Away,
     HeadPose,
     Health,
     Quality,
     Reading,
-    Report,
+    ReconnectPolicy,
+    StatusCallback,
     ignore,
 )
 from drivers.clock import Clock
-from drivers.head.axis import FULL, TRAILING, ServoAxis, next_degrees, servo_axis
+from drivers.head.axis import MAX_DEGREES, SERVO_LAG, ServoAxis, make_servo_axis, next_degrees
 from drivers.head.keys import TwoServoKeys
-from drivers.head.pantilt import AHEAD, LedHead, PanTilt
-from drivers.sim.plug import Plug
+from drivers.head.pantilt import STRAIGHT_AHEAD, PanTiltMotion, ProfiledHead
+from drivers.sim.plug import SimulatedPlug
 from drivers.sim.servo import SERVO_SPEED, Shaft
-from drivers.sim.stage import Stage
-from drivers.transport.reconnect import Absence, Enabling
+from drivers.sim.stage import SimContext
+from drivers.transport.reconnect import LatchingPart, ReconnectTracker
 
 
-class HeadTwin(LedHead[ServoAxis], Enabling):
+class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
     """A ``drivers.api.Head`` made of arithmetic. ``step`` is to be called every ``PERIOD``; for one thread.
 
     ``pan``, ``tilt``, ``speed`` (rad/s), ``acceleration`` (rad/s^2) and ``start`` as for ``ArduinoHead``: from where
@@ -36,7 +36,7 @@ class HeadTwin(LedHead[ServoAxis], Enabling):
     """
 
     PERIOD = 0.02
-    TRAILS = TRAILING
+    LAG = SERVO_LAG
 
     def __init__(
         self,
@@ -46,22 +46,24 @@ class HeadTwin(LedHead[ServoAxis], Enabling):
         tilt: ServoAxis,
         speed: float,
         acceleration: float = HEAD_ACCELERATION,
-        away: Away | None = None,
-        report: Report = ignore,
+        away: ReconnectPolicy | None = None,
+        report: StatusCallback = ignore,
         changed: Callable[[], None] = ignore,
-        start: HeadPose = AHEAD,
+        start: HeadPose = STRAIGHT_AHEAD,
         name: str = "head",
     ) -> None:
         self.name = name
-        self.plug = Plug(self.name, report, back=self._connected, gone=self._gone)
+        self.plug = SimulatedPlug(self.name, report, on_online=self._on_plugged, on_offline=self._on_unplugged)
         super().__init__(
-            clock, PanTilt(self.name, pan, tilt, speed=speed, acceleration=acceleration, start=start), changed
+            clock, PanTiltMotion(self.name, pan, tilt, speed=speed, acceleration=acceleration, start=start), changed
         )
-        self._built = (pan, tilt)  # what it is trimmed to later turns it in truth
-        self._shafts = tuple(Shaft(float(axis.awake), float(axis.awake), SERVO_SPEED) for axis in (pan, tilt))
-        self._absence = Absence(away)
+        self._untrimmed_axes = (pan, tilt)  # what it is trimmed to later turns it in truth
+        self._shafts = tuple(
+            Shaft(float(axis.start_degrees), float(axis.start_degrees), SERVO_SPEED) for axis in (pan, tilt)
+        )
+        self._reconnect = ReconnectTracker(away)
         self._sent: tuple[int, ...] | None = None  # degrees; None before it was ever there
-        self._pose = AHEAD
+        self._pose = STRAIGHT_AHEAD
         self._stamp = -inf
         self._reversed = False
 
@@ -72,51 +74,53 @@ class HeadTwin(LedHead[ServoAxis], Enabling):
 
         Raises BadRequest if it is not finite, NotConnected while it is not there, DeviceFault while it is latched.
         """
-        self._way.check(target)
-        self.plug.require()
-        self._absence.require(self.name)
+        self._motion.check(target)
+        self.plug.check_online()
+        self._reconnect.require_unlatched(self.name)
         accepted = self.limits.clamp(target)
-        pan, tilt = self._way.axes  # as the real one: its way ends where the servos will stand
-        self._way.look(HeadPose(pan.nearest(accepted.pan), tilt.nearest(accepted.tilt)), self._clock.now())
+        pan, tilt = self._motion.axes  # as the real one: its way ends where the servos will stand
+        self._motion.look(
+            HeadPose(pan.nearest_angle(accepted.pan), tilt.nearest_angle(accepted.tilt)), self._clock.read_value()
+        )
         self.step()
         return accepted
 
     def pose(self) -> Reading[HeadPose]:
         """Where the servos were sent last; stale while it is not there, and none before it first was."""
         if self._sent is None:
-            return Reading(None, self._clock.now(), Quality.NONE)
+            return Reading(None, self._clock.read_value(), Quality.NONE)
         return Reading(self._pose, self._stamp, Quality.GOOD if self.plug.online else Quality.STALE)
 
     # --- life ---------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
         """Be there at once, unless it is unplugged."""
-        self._absence.begin()
+        self._reconnect.restart()
         self.plug.open()
 
     def close(self) -> None:
         """Hold at once, and let the servos stand where they are. Safe from any state, more than once."""
-        self._gone()
+        self._on_unplugged()
         self.plug.close()
 
     def health(self) -> Health:
         """Say whether it is there."""
-        return replace(self.plug.health({}), returned=self._absence.returned)
+        return replace(self.plug.health({}), reconnected_at=self._reconnect.reconnected_at)
 
     def step(self) -> None:
         """Move on: send each axis the next whole degree, where it is not that already."""
         if not self.plug.online:
             return
-        now = self._clock.now()
-        self._absence.heard(now)
-        still = self._way.still
-        if still and self._settled:
+        now = self._clock.read_value()
+        self._reconnect.on_report(now)
+        still = self._motion.is_still
+        if still and self._is_settled:
             self._stamp = now
             self._history.add(now, (self._pose.pan, self._pose.tilt))
             return
-        self._settled = still
-        pan, tilt = way = self._way.advance(now)
-        sent = next_degrees(self._way, way, self._sent)
+        self._is_settled = still
+        pan, tilt = way = self._motion.advance(now)
+        sent = next_degrees(self._motion, way, self._sent)
         pose = HeadPose(pan.axis.to_radians(sent[0]), tilt.axis.to_radians(sent[1]))
         turned = self._sent is None or pose != self._pose
         self._pose = pose
@@ -124,7 +128,7 @@ class HeadTwin(LedHead[ServoAxis], Enabling):
             self._sent = sent
             for shaft, goal in zip(self._shafts, sent, strict=True):
                 shaft.advance(now)
-                shaft.goal = float(FULL - goal if self._reversed else goal)
+                shaft.goal = float(MAX_DEGREES - goal if self._reversed else goal)
         self._stamp = now
         self._history.add(now, (self._pose.pan, self._pose.tilt))
         if turned:
@@ -132,45 +136,47 @@ class HeadTwin(LedHead[ServoAxis], Enabling):
 
     def true_pose(self, now: float) -> HeadPose:
         """Where the servos really stand at time ``now``: they lag a little behind what they were sent."""
-        pan, tilt = (axis.to_radians(shaft.advance(now)) for axis, shaft in zip(self._built, self._shafts, strict=True))
+        pan, tilt = (
+            axis.to_radians(shaft.advance(now)) for axis, shaft in zip(self._untrimmed_axes, self._shafts, strict=True)
+        )
         return HeadPose(pan, tilt)
 
     def fail(self, fault: str = "") -> None:
         """Let its servos be "blocked" or "reversed", or as they should be; nobody measures where they stand."""
         self._reversed = fault == "reversed"
         for shaft in self._shafts:
-            shaft.advance(self._clock.now())
-            shaft.grip = 0.0 if fault == "blocked" else 1.0
+            shaft.advance(self._clock.read_value())
+            shaft.motion_factor = 0.0 if fault == "blocked" else 1.0
         self._sent = None
-        self._settled = False
+        self._is_settled = False
 
-    def _connected(self) -> None:
+    def _on_plugged(self) -> None:
         """Go on from where a sketch that has just started has put its servos; stay there, but for the first time."""
-        now, axes = self._clock.now(), self._way.axes
-        self._absence.heard(now, anew=True)
-        pan, tilt = (axis.to_radians(axis.awake) for axis in axes)
-        if self._began:
-            self._way.let_go(pan=pan, tilt=tilt, now=now)
+        now, axes = self._clock.read_value(), self._motion.axes
+        self._reconnect.on_report(now, restarted=True)
+        pan, tilt = (axis.to_radians(axis.start_degrees) for axis in axes)
+        if self._has_start:
+            self._motion.drop_goal(pan=pan, tilt=tilt, now=now)
         else:
-            self._way.place(HeadPose(pan, tilt), now)
-        self._began, self._sent, self._settled = True, None, False
+            self._motion.set_position(HeadPose(pan, tilt), now)
+        self._has_start, self._sent, self._is_settled = True, None, False
         self.step()
 
-    def _gone(self) -> None:
+    def _on_unplugged(self) -> None:
         """Give up the goal: the servos stay at the degrees sent last."""
         if self._sent is not None:
-            self._way.let_go(pan=self._pose.pan, tilt=self._pose.tilt, now=self._clock.now())
+            self._motion.drop_goal(pan=self._pose.pan, tilt=self._pose.tilt, now=self._clock.read_value())
 
 
-def twin_of(keys: TwoServoKeys, away: Away, stage: Stage) -> HeadTwin:
+def make_head_twin(keys: TwoServoKeys, away: ReconnectPolicy, stage: SimContext) -> ServoHeadTwin:
     """Return the twin of a head of two hobby servos."""
-    return HeadTwin(
+    return ServoHeadTwin(
         stage.clock,
-        pan=servo_axis(keys.pan),
-        tilt=servo_axis(keys.tilt),
+        pan=make_servo_axis(keys.pan),
+        tilt=make_servo_axis(keys.tilt),
         speed=keys.speed,
         acceleration=keys.acceleration,
         away=away,
         report=stage.report,
-        name=stage.part,
+        name=stage.part_name,
     )

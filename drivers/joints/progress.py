@@ -19,13 +19,13 @@ FULL_LOAD, LOADED_TOLERANCE = 0.8, radians(4)
 BLOCKED_AFTER = 0.8
 """Seconds without progress after which a joint is blocked: a servo that protects itself lets the limb fall at 1 s."""
 
-STEP, RESOLUTION = radians(2), radians(0.6)
+PROGRESS_STEP, RESOLUTION = radians(2), radians(0.6)
 """Progress within ``BLOCKED_AFTER`` that is enough, and the least that sensors tell from none."""
 
-SLOW = 0.25
+MIN_SPEED_SHARE = 0.25
 """Share of the commanded speed that is enough progress, too."""
 
-SETTLED = 0.3
+SETTLE_TIME = 0.3
 """Seconds near its goal after which a joint has arrived."""
 
 WRONG_WAY, WRONG_WAY_AFTER = radians(12), 0.5
@@ -34,7 +34,7 @@ WRONG_WAY, WRONG_WAY_AFTER = radians(12), 0.5
 RETRY_AFTER = 2.0
 """Seconds without a command after which a joint that was given up may be tried again."""
 
-LONGEST_GAP = 0.25
+MAX_READING_GAP = 0.25
 """Seconds between two readings that count: while nothing is read, nothing is known of its progress."""
 
 HINT = "free the joint; if nothing holds it, look at its cable and its sensor"
@@ -98,8 +98,10 @@ class JointProgress:
         self._pushed = False  # away from where it holds, and that was reported
         self._direction = 0  # in which the goal lies, once it is too far away
         self._front = self._mark = 0.0  # how far it has come in that direction; and where progress was counted last
-        self._front_at = self._near = 0.0
-        self._stood = self._patience = 0.0  # seconds without progress, and the share of what it is given at its speed
+        self._front_at = self._near_goal_for = 0.0
+        self._stalled_for = self._stall_share = (
+            0.0  # seconds without progress, and the share of what it is given at its speed
+        )
 
     @property
     def runs_away(self) -> bool:
@@ -147,9 +149,9 @@ class JointProgress:
             self._goal = self._settled = self._left_at = place
         self._restart()
 
-    def look(self, here: float, load: float, stamp: float) -> str:
+    def update(self, here: float, load: float, stamp: float) -> str:
         """Take a reading; return what is new: why it is given up, or that it was pushed away from where it holds."""
-        passed, self._stamp = min(max(stamp - self._stamp, 0.0), LONGEST_GAP), max(stamp, self._stamp)
+        passed, self._stamp = min(max(stamp - self._stamp, 0.0), MAX_READING_GAP), max(stamp, self._stamp)
         held = self.state in (ProgressState.WRONG_WAY, ProgressState.WATCHED)
         if held and abs(here - self._left_at) > WRONG_WAY:
             self._handle(ProgressEvent.RUN_AWAY)
@@ -162,13 +164,13 @@ class JointProgress:
         error = self._goal - here
         loaded = abs(load) >= FULL_LOAD
         if abs(error) <= (LOADED_TOLERANCE if loaded and self.state is ProgressState.MOVING else TOLERANCE):
-            self._near += passed
-            if self._near >= SETTLED:
+            self._near_goal_for += passed
+            if self._near_goal_for >= SETTLE_TIME:
                 self._handle(ProgressEvent.ARRIVE)
                 self._settled = self._goal
                 self._restart()
             return ""
-        self._near = 0.0
+        self._near_goal_for = 0.0
         self._advance(here, 1 if error > 0 else -1, passed)
         if self.state is not ProgressState.MOVING:
             return self._pushed_away(here)
@@ -177,9 +179,9 @@ class JointProgress:
             self._left_at = here
             self._handle(ProgressEvent.TURN_WRONG)
             return self._give_up(here, f"turned the wrong way, from {self._front:.2f} to {here:.2f} rad", load)
-        if self._patience >= 1.0:
+        if self._stall_share >= 1.0:
             self._handle(ProgressEvent.BLOCK)
-            return self._give_up(here, f"stands at {here:.2f} rad since {self._stood:.1f} s: blocked?", load)
+            return self._give_up(here, f"stands at {here:.2f} rad since {self._stalled_for:.1f} s: blocked?", load)
         return ""
 
     def _handle(self, event: ProgressEvent) -> None:
@@ -191,16 +193,16 @@ class JointProgress:
             self._direction, self._front, self._front_at, self._mark = direction, here, self._stamp, here
         if (here - self._front) * direction > 0:
             self._front, self._front_at = here, self._stamp
-        enough = min(STEP, max(RESOLUTION, SLOW * self._speed * BLOCKED_AFTER))
+        enough = min(PROGRESS_STEP, max(RESOLUTION, MIN_SPEED_SHARE * self._speed * BLOCKED_AFTER))
         if (self._front - self._mark) * direction >= enough:
-            self._mark, self._stood, self._patience = self._front, 0.0, 0.0
+            self._mark, self._stalled_for, self._stall_share = self._front, 0.0, 0.0
             return
-        self._stood += passed
-        self._patience += passed / max(BLOCKED_AFTER, 4 * RESOLUTION / max(self._speed, RESOLUTION))
+        self._stalled_for += passed
+        self._stall_share += passed / max(BLOCKED_AFTER, 4 * RESOLUTION / max(self._speed, RESOLUTION))
 
     def _pushed_away(self, here: float) -> str:
         """Say, once until it is back, that it does not stay where it holds."""
-        if self._patience < 1.0 or self._pushed:
+        if self._stall_share < 1.0 or self._pushed:
             return ""
         self._pushed = True
         return f"{self.title}: holds {self._goal:.2f} rad, stands at {here:.2f} rad: pushed away, or overloaded?"
@@ -214,4 +216,4 @@ class JointProgress:
     def _restart(self) -> None:
         """Count from the next reading on."""
         self._direction, self._pushed = 0, False
-        self._near = self._stood = self._patience = 0.0
+        self._near_goal_for = self._stalled_for = self._stall_share = 0.0

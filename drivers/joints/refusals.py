@@ -8,42 +8,44 @@ from drivers.api import Coupling, JointLimits
 from drivers.errors import BadRequest
 
 
-def check_names(who: str, names: AbstractSet[str], joints: Mapping[str, object]) -> None:
+def check_names(part: str, names: AbstractSet[str], joints: Mapping[str, object]) -> None:
     """Raise BadRequest for names that none of ``joints`` has."""
-    if wrong := _unknown(names, joints):
-        raise BadRequest(f"{who}: {'; '.join(wrong)}")
+    if wrong := _unknown_joints(names, joints):
+        raise BadRequest(f"{part}: {'; '.join(wrong)}")
 
 
-def narrowed(
-    who: str, wanted: Mapping[str, JointLimits], widest: Mapping[str, JointLimits]
+def narrow_limits(
+    part: str, limits: Mapping[str, JointLimits], widest: Mapping[str, JointLimits]
 ) -> Mapping[str, JointLimits]:
     """Return ``wanted`` limits within the ``widest`` of those joints.
 
     Raises BadRequest for an unknown joint, and for limits that leave nothing.
     """
-    check_names(who, set(wanted), widest)
+    check_names(part, set(limits), widest)
     found = {}
-    for name, its in wanted.items():
+    for name, its in limits.items():
         bounds = widest[name]
         lower, upper = max(its.lower, bounds.lower), min(its.upper, bounds.upper)
         found[name] = JointLimits(lower, upper, min(its.speed, bounds.speed))
         if not (lower < upper and found[name].speed > 0):
-            raise BadRequest(f"{who}: limits {its} of {name} leave nothing of {bounds}")
+            raise BadRequest(f"{part}: limits {its} of {name} leave nothing of {bounds}")
     return found
 
 
-def check_move(who: str, goals: Mapping[str, float], speeds: Mapping[str, float], joints: Mapping[str, object]) -> None:
+def check_move(
+    part: str, goals: Mapping[str, float], speeds: Mapping[str, float], joints: Mapping[str, object]
+) -> None:
     """Raise BadRequest for a move of unknown joints, or with values that are not finite."""
-    wrong = _unknown(goals.keys() | speeds.keys(), joints)
+    wrong = _unknown_joints(goals.keys() | speeds.keys(), joints)
     for what, values in (("goal", goals), ("speed", speeds)):
         wrong += [f"{name}: a {what} of {value} is not finite" for name, value in values.items() if not isfinite(value)]
     if wrong:
-        raise BadRequest(f"{who}: {'; '.join(wrong)}")
+        raise BadRequest(f"{part}: {'; '.join(wrong)}")
 
 
-def check_couplings(who: str, couplings: Sequence[Coupling], joints: Mapping[str, object]) -> None:
+def check_couplings(part: str, couplings: Sequence[Coupling], joints: Mapping[str, object]) -> None:
     """Raise BadRequest for couplings of unknown joints, of joints that two lead or that both lead and follow."""
-    wrong = _unknown({name for coupling in couplings for name in (coupling.leader, coupling.follower)}, joints)
+    wrong = _unknown_joints({name for coupling in couplings for name in (coupling.leader, coupling.follower)}, joints)
     leaders = {coupling.leader for coupling in couplings}
     followers: set[str] = set()
     for coupling in couplings:
@@ -56,8 +58,8 @@ def check_couplings(who: str, couplings: Sequence[Coupling], joints: Mapping[str
             wrong.append(f"{pair}: scale {coupling.scale} and offset {coupling.offset} must be finite")
         followers.add(coupling.follower)
     if wrong:
-        raise BadRequest(f"{who}: {'; '.join(wrong)}", hint="a joint follows one other, which follows none")
+        raise BadRequest(f"{part}: {'; '.join(wrong)}", hint="a joint follows one other, which follows none")
 
 
-def _unknown(names: AbstractSet[str], joints: Mapping[str, object]) -> list[str]:
+def _unknown_joints(names: AbstractSet[str], joints: Mapping[str, object]) -> list[str]:
     return [f"no joint {name!r} (there are {', '.join(joints)})" for name in sorted(names - joints.keys())]

@@ -3,55 +3,57 @@
 from collections.abc import Iterator
 from math import radians
 
-from drivers.api.driver import Finding, Site, warning, wrong
-from drivers.api.probing import Ask
+from drivers.api.driver import DriverContext, Finding, failure, warning
+from drivers.api.probing import ProbeRequest
 from drivers.base.gyro_drift import drift
-from drivers.finding.asking import OpenedPort
+from drivers.finding.asking import ExclusivePort
 from drivers.kobuki.commands import Extra, RequestExtra
 from drivers.kobuki.declared import KobukiKeys
 from drivers.kobuki.feedback import FEEDBACK, Core, FirmwareVersion, Inertia
 from drivers.kobuki.odometry import EMPTY_VOLTAGE, LOW_VOLTAGE
-from drivers.kobuki.wire import FrameFinder, Part, decode, encode
+from drivers.kobuki.wire import KobukiFrameFinder, KobukiSubpayload, decode, encode
 
-LISTEN = 1.5
+LISTEN_TIME = 1.5
 """Seconds of reading: 75 reports, enough to measure the drift of the gyro to 0.01 deg/s."""
 
-STEADY = 0.9
+MIN_REPORT_SHARE = 0.9
 """Smallest share of the 50 reports per second that must arrive."""
 
-LATE = 0.05
+MAX_REPORT_INTERVAL = 0.05
 """Additional timeout in seconds for a virtual base."""
 
 
-def checkup(keys: KobukiKeys, site: Site) -> Iterator[Finding]:
+def checkup(keys: KobukiKeys, site: DriverContext) -> Iterator[Finding]:
     """Request the version, which moves nothing, and read reports; yield the findings."""
-    port = OpenedPort(site.port, site.clock, patience=LATE if site.virtual else 0.0)
+    port = ExclusivePort(site.port, site.clock, extra_timeout=MAX_REPORT_INTERVAL if site.is_virtual else 0.0)
     try:
-        heard = port.ask(Ask(keys.baud, encode(RequestExtra(Extra.FIRMWARE)), LISTEN))
+        heard = port.exchange(ProbeRequest(keys.baud, encode(RequestExtra(Extra.FIRMWARE)), LISTEN_TIME))
     finally:
         port.close()
-    yield from judged([part for payload in FrameFinder().feed(heard) for part in decode(payload, FEEDBACK).parts])
+    yield from check_reports(
+        [part for payload in KobukiFrameFinder().feed(heard) for part in decode(payload, FEEDBACK).parts]
+    )
 
 
-def judged(parts: list[Part]) -> Iterator[Finding]:
-    """Yield the findings from the reports of ``LISTEN`` seconds."""
+def check_reports(parts: list[KobukiSubpayload]) -> Iterator[Finding]:
+    """Yield the findings from the reports of ``LISTEN_TIME`` seconds."""
     reports = [part for part in parts if isinstance(part, Core)]
     if not reports:
-        yield wrong("reports", "it is silent", "switch it on; look at its battery, and at the USB cable")
+        yield failure("reports", "it is silent", "switch it on; look at its battery, and at the USB cable")
         return
     version = next((part for part in parts if isinstance(part, FirmwareVersion)), None)
     yield Finding("firmware", "not told" if version is None else str(version))
     last = reports[-1]
     span = (last.time_ms - reports[0].time_ms) % 0x10000 / 1000
     rate = (len(reports) - 1) / span if span else 0.0
-    if rate < 50 * STEADY:
+    if rate < 50 * MIN_REPORT_SHARE:
         yield warning("reports", f"{rate:.0f} of 50 a second arrive", "another cable, and a USB socket without a hub")
     else:
         yield Finding("reports", f"{rate:.0f} a second")
     yield from _gyro(parts, reports, span)
     charge = "put it on its dock, or plug its charger in"
     if last.voltage < EMPTY_VOLTAGE and not last.charging:
-        yield wrong("battery", f"{last.voltage:.1f} V: it is empty", charge)
+        yield failure("battery", f"{last.voltage:.1f} V: it is empty", charge)
     elif last.voltage < LOW_VOLTAGE and not last.charging:
         yield warning("battery", f"{last.voltage:.1f} V: it is low", charge)
     else:
@@ -70,7 +72,7 @@ def judged(parts: list[Part]) -> Iterator[Finding]:
             yield warning("senses", what, cure)
 
 
-def _gyro(parts: list[Part], reports: list[Core], span: float) -> Iterator[Finding]:
+def _gyro(parts: list[KobukiSubpayload], reports: list[Core], span: float) -> Iterator[Finding]:
     """Yield the finding on the drift of the gyro, unless the wheels turned."""
     turns = [part for part in parts if isinstance(part, Inertia)]
     stood = all(

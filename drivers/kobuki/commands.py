@@ -9,7 +9,7 @@ from struct import Struct
 from typing import ClassVar, Self
 
 from drivers.api.quick import dataclass
-from drivers.kobuki.wire import Part
+from drivers.kobuki.wire import KobukiSubpayload
 
 WHEEL_SEPARATION = 0.23
 """Distance of the wheels in metres."""
@@ -21,7 +21,7 @@ _NOTE_PERIOD = 0.00000275  # s
 
 
 @dataclass(frozen=True, slots=True)
-class BaseControl(Part):
+class BaseControl(KobukiSubpayload):
     """Command to drive: ``speed_mm`` in mm/s and ``radius_mm`` in mm. Radius 0 is straight on, 1 turns on the spot.
 
     A positive radius has its centre on the left. On a circle the speed is that of the outer wheel, with the sign of
@@ -59,7 +59,7 @@ class BaseControl(Part):
 
 
 @dataclass(frozen=True, slots=True)
-class Sound(Part):
+class KobukiSound(KobukiSubpayload):
     """Command to play a tone; ``note`` is its period in steps of 2.75 microseconds."""
 
     note: int
@@ -73,7 +73,7 @@ class Sound(Part):
         return cls(int(1 / (frequency * _NOTE_PERIOD)), int(1000 * duration))
 
 
-class Tune(IntEnum):
+class KobukiTune(IntEnum):
     """Built-in tunes of the base, by their number in the protocol."""
 
     ON = 0
@@ -86,8 +86,8 @@ class Tune(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class SoundSequence(Part):
-    """Command to play a ``Tune``."""
+class SoundSequence(KobukiSubpayload):
+    """Command to play a ``KobukiTune``."""
 
     tune: int
     ID: ClassVar[int] = 4
@@ -103,7 +103,7 @@ class Extra(IntFlag):
 
 
 @dataclass(frozen=True, slots=True)
-class RequestExtra(Part):
+class RequestExtra(KobukiSubpayload):
     """Request for the values whose ``Extra`` flags are set."""
 
     flags: int
@@ -111,7 +111,7 @@ class RequestExtra(Part):
     LAYOUT: ClassVar[Struct] = Struct("<H")
 
 
-class Output(IntFlag):
+class KobukiOutput(IntFlag):
     """Bits of the output word: digital outputs, external supplies and the two lights.
 
     Both bits of a light together are orange.
@@ -131,13 +131,15 @@ class Output(IntFlag):
     LED2_GREEN = 0x0800
 
 
-OUTPUTS_AT_START = Output.SUPPLY_3V3 | Output.SUPPLY_5V | Output.SUPPLY_12V_5A | Output.SUPPLY_12V_1A5
+OUTPUTS_AT_START = (
+    KobukiOutput.SUPPLY_3V3 | KobukiOutput.SUPPLY_5V | KobukiOutput.SUPPLY_12V_5A | KobukiOutput.SUPPLY_12V_1A5
+)
 """Output word of a base that was just switched on: supplies on, the rest off. Each write must keep the supply bits."""
 
 
 @dataclass(frozen=True, slots=True)
-class SetOutputs(Part):
-    """Command to set all ``Output`` bits."""
+class SetOutputs(KobukiSubpayload):
+    """Command to set all ``KobukiOutput`` bits."""
 
     word: int
     ID: ClassVar[int] = 12
@@ -145,7 +147,7 @@ class SetOutputs(Part):
 
 
 @dataclass(frozen=True, slots=True)
-class SetGains(Part):
+class SetGains(KobukiSubpayload):
     """Command to set the gains of the wheel controller; ``user`` 0 restores the factory's. Firmware >= 1.2."""
 
     user: int
@@ -157,7 +159,7 @@ class SetGains(Part):
 
 
 @dataclass(frozen=True, slots=True)
-class GetGains(Part):
+class GetGains(KobukiSubpayload):
     """Request for the gains of the wheel controller; its byte is not used."""
 
     unused: int = 0
@@ -165,8 +167,8 @@ class GetGains(Part):
     LAYOUT: ClassVar[Struct] = Struct("<B")
 
 
-COMMANDS: Mapping[int, type[Part]] = {
-    kind.ID: kind for kind in (BaseControl, Sound, SoundSequence, RequestExtra, SetOutputs, SetGains, GetGains)
+COMMANDS: Mapping[int, type[KobukiSubpayload]] = {
+    kind.ID: kind for kind in (BaseControl, KobukiSound, SoundSequence, RequestExtra, SetOutputs, SetGains, GetGains)
 }
 """Commands by ID. The vendor's table has 1 for 13 and 14 by mistake."""
 

@@ -2,11 +2,11 @@
 
 from drivers.api.driver import Driver
 from drivers.api.keys import key, keys
-from drivers.api.sections import BaseKeys, Wired
+from drivers.api.sections import BaseKeys, SerialKeys
 
 
 @keys
-class KobukiKeys(BaseKeys, Wired):
+class KobukiKeys(BaseKeys, SerialKeys):
     """``base`` section of a robot on a Kobuki, with the limits of that base."""
 
     max_speed: float = key("speed", default=0.5, low=0.01, high=0.7, help="The highest speed.")

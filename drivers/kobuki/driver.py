@@ -9,11 +9,11 @@ from math import inf
 from types import MappingProxyType
 from typing import Unpack
 
-from drivers.api import STILL, BaseState, Lamp, Tune, Velocity
-from drivers.api.driver import Site
+from drivers.api import ZERO_VELOCITY, BaseState, Lamp, Tune, Velocity
+from drivers.api.driver import DriverContext
 from drivers.api.quick import dataclass
 from drivers.base.arbitrated import BaseSettings, settings_of
-from drivers.base.diff_drive import DiffDriveBase, DiffDriveProtocol, Parsed, Timing
+from drivers.base.diff_drive import DiffDriveBase, DiffDriveProtocol, DiffDriveTiming, ParsedReports
 from drivers.base.progress_monitor import Instruments
 from drivers.clock import Clock
 from drivers.kobuki import commands
@@ -21,18 +21,18 @@ from drivers.kobuki.commands import (
     OUTPUTS_AT_START,
     BaseControl,
     Extra,
-    Output,
+    KobukiOutput,
+    KobukiSound,
     RequestExtra,
     SetOutputs,
-    Sound,
     SoundSequence,
 )
 from drivers.kobuki.declared import KobukiKeys
 from drivers.kobuki.feedback import FEEDBACK, Core, DockInfrared, FirmwareVersion, HardwareVersion, Inertia, UniqueId
-from drivers.kobuki.odometry import Senses
-from drivers.kobuki.wire import FrameFinder, decode, encode
-from drivers.transport.history import Delays
-from drivers.transport.link import Link
+from drivers.kobuki.odometry import KobukiStateBuilder
+from drivers.kobuki.wire import KobukiFrameFinder, decode, encode
+from drivers.transport.history import DelayStatistics
+from drivers.transport.link import SerialLink
 
 STALE_AFTER = 0.1
 """Seconds after which a report is stale: five were missed."""
@@ -45,7 +45,7 @@ FRAME_TIME = 0.0075
 """Seconds that a report is on the wire (87 bytes at 115200 baud). The USB adapter adds 1 ms with its latency timer set,
 else up to 16 ms, which cannot be known here."""
 
-DOZE = 0.06
+IDLE_POLL_INTERVAL = 0.06
 """Seconds for which reports gather while the base rests: three are read at once, which saves CPU time. A command wakes
 the thread."""
 
@@ -59,27 +59,27 @@ QUERY_INTERVAL = 0.5
 FIRMWARE_MAJOR = 1
 """The one generation of the firmware that speaks this protocol."""
 
-TUNES: Mapping[Tune, commands.Tune] = MappingProxyType({tune: commands.Tune[tune.name] for tune in Tune})
+TUNES: Mapping[Tune, commands.KobukiTune] = MappingProxyType({tune: commands.KobukiTune[tune.name] for tune in Tune})
 
-LIGHTS: Mapping[int, tuple[Output, Output]] = MappingProxyType(
-    {1: (Output.LED1_RED, Output.LED1_GREEN), 2: (Output.LED2_RED, Output.LED2_GREEN)}
+LIGHTS: Mapping[int, tuple[KobukiOutput, KobukiOutput]] = MappingProxyType(
+    {1: (KobukiOutput.LED1_RED, KobukiOutput.LED1_GREEN), 2: (KobukiOutput.LED2_RED, KobukiOutput.LED2_GREEN)}
 )
 """Red and green output of each light; both together are orange."""
 
 
-def make(keys: KobukiKeys, site: Site) -> DiffDriveBase:
+def make(keys: KobukiKeys, site: DriverContext) -> DiffDriveBase:
     """Return the driver of a robot file's section."""
-    link = Link("base", site.port, keys.baud, report=site.report)
+    link = SerialLink("base", site.port, keys.baud, report=site.report)
     return kobuki_base(link, site.clock, **settings_of(keys, site))
 
 
-def kobuki_base(link: Link, clock: Clock, **settings: Unpack[BaseSettings]) -> DiffDriveBase:
+def kobuki_base(link: SerialLink, clock: Clock, **settings: Unpack[BaseSettings]) -> DiffDriveBase:
     """Return the driver over ``link``, which it owns."""
     return DiffDriveBase(link, clock, KobukiProtocol(), **settings)
 
 
 @dataclass(frozen=True, slots=True)
-class Identity:
+class KobukiIdentity:
     """Versions and ID of a base; None if the base has not sent them on this connection."""
 
     hardware: HardwareVersion | None = None
@@ -97,22 +97,27 @@ class KobukiProtocol(DiffDriveProtocol):
     """Protocol of the Kobuki. ``identity`` and ``counters`` may be read from any thread."""
 
     instruments = Instruments("encoders", "gyro")
-    timing = Timing(stale_after=STALE_AFTER, offline_after=OFFLINE_AFTER, report_delay=FRAME_TIME, doze=DOZE)
+    timing = DiffDriveTiming(
+        stale_after=STALE_AFTER,
+        offline_after=OFFLINE_AFTER,
+        report_delay=FRAME_TIME,
+        idle_poll_interval=IDLE_POLL_INTERVAL,
+    )
     model = "a Kobuki"
 
     def __init__(self) -> None:
         self.sounds = self.lights = self
-        self.identity = Identity()
+        self.identity = KobukiIdentity()
         self._outputs = OUTPUTS_AT_START
-        self._finder = FrameFinder()
-        self._senses = Senses()
+        self._finder = KobukiFrameFinder()
+        self._senses = KobukiStateBuilder()
         self._unknown = self._malformed = 0
-        self._report_gaps = Delays()
+        self._report_gaps = DelayStatistics()
         self._reported_at: float | None = None
         self._queried_at = -inf
 
     def restart(self) -> None:
-        self.identity = Identity()  # it may be another base
+        self.identity = KobukiIdentity()  # it may be another base
         self._finder.clear()
         self._reported_at, self._queried_at = None, -inf
         self._senses.odometry.anchor()
@@ -126,10 +131,10 @@ class KobukiProtocol(DiffDriveProtocol):
         self._queried_at = now
         return encode(RequestExtra(self.identity.missing))
 
-    def parse(self, data: bytes, now: float) -> Parsed:
+    def parse(self, data: bytes, now: float) -> ParsedReports:
         known = self.identity.firmware
         found = (self._read(payload, now) for payload in self._finder.feed(data))
-        parsed = Parsed([state for state in found if state is not None])
+        parsed = ParsedReports([state for state in found if state is not None])
         if parsed.states:
             if self._reported_at is not None:
                 self._report_gaps.add(now - self._reported_at)
@@ -141,17 +146,17 @@ class KobukiProtocol(DiffDriveProtocol):
 
     def drive(self, velocity: Velocity, now: float) -> bytes:
         del now
-        self._senses.odometry.commanded = velocity != STILL
+        self._senses.odometry.commanded = velocity != ZERO_VELOCITY
         return encode(BaseControl.of(velocity.linear, velocity.angular))
 
     def stop(self, now: float) -> bytes:
-        return self.drive(STILL, now) * STOP_REPEATS
+        return self.drive(ZERO_VELOCITY, now) * STOP_REPEATS
 
     def play(self, tune: Tune) -> bytes:
         return encode(SoundSequence(TUNES[tune]))
 
     def tone(self, frequency: float, seconds: float) -> bytes:
-        return encode(Sound.of(frequency, seconds))
+        return encode(KobukiSound.of(frequency, seconds))
 
     def light(self, number: int, colour: Lamp) -> bytes:
         red, green = LIGHTS[number]

@@ -11,7 +11,7 @@ from struct import Struct, pack, unpack
 from typing import ClassVar, Self
 
 from drivers.api.quick import dataclass
-from drivers.kobuki.wire import Part
+from drivers.kobuki.wire import KobukiSubpayload
 
 METRES_PER_TICK = 0.0000852920905
 """Travel of a wheel for one tick of its encoder."""
@@ -45,7 +45,7 @@ _POWERED, _CHARGING, _ADAPTER = (flag.value for flag in Charger)
 
 
 @dataclass(frozen=True, slots=True)
-class Core(Part):
+class Core(KobukiSubpayload):
     """Report in every frame. Encoders count up forward; they and the time wrap at 16 bits."""
 
     time_ms: int = 0
@@ -85,7 +85,7 @@ class Core(Part):
 
 
 @dataclass(frozen=True, slots=True)
-class DockInfrared(Part):
+class DockInfrared(KobukiSubpayload):
     """Beams of the dock at each receiver: 1, 2, 4 near left, centre, right; 8, 16, 32 far centre, left, right."""
 
     right: int = 0
@@ -96,7 +96,7 @@ class DockInfrared(Part):
 
 
 @dataclass(frozen=True, slots=True)
-class Inertia(Part):
+class Inertia(KobukiSubpayload):
     """Heading and turn rate of the gyro, anticlockwise positive, in hundredths of a degree (per second)."""
 
     heading_cdeg: int = 0
@@ -111,7 +111,7 @@ class Inertia(Part):
 
 
 @dataclass(frozen=True, slots=True)
-class CliffDistance(Part):
+class CliffDistance(KobukiSubpayload):
     """Raw values of the floor sensors: 12 bits for 2 to 15 cm, not linear."""
 
     right: int = 0
@@ -122,7 +122,7 @@ class CliffDistance(Part):
 
 
 @dataclass(frozen=True, slots=True)
-class MotorCurrent(Part):
+class MotorCurrent(KobukiSubpayload):
     """Currents of the wheel motors in steps of 10 mA. The vendor's table has 2 bytes each, the wire has 1."""
 
     left_10ma: int = 0
@@ -132,7 +132,7 @@ class MotorCurrent(Part):
 
 
 @dataclass(frozen=True, slots=True)
-class Version(Part):
+class Version(KobukiSubpayload):
     """Version number, in the order of the wire."""
 
     patch: int
@@ -170,7 +170,7 @@ class FirmwareVersion(Version):
 
 
 @dataclass(frozen=True, slots=True)
-class RawGyro(Part):
+class RawGyro(KobukiSubpayload):
     """Last two or three samples of the gyro (100 Hz): x, y, z of the chip, in steps of 0.00875 degrees/s."""
 
     number: int
@@ -197,7 +197,7 @@ class RawGyro(Part):
 
 
 @dataclass(frozen=True, slots=True)
-class Inputs(Part):
+class Inputs(KobukiSubpayload):
     """Input sockets for users: four digital bits, and four analogue values 0..4095 for 0..3.3 V."""
 
     digital: int = 0
@@ -210,7 +210,7 @@ class Inputs(Part):
 
 
 @dataclass(frozen=True, slots=True)
-class UniqueId(Part):
+class UniqueId(KobukiSubpayload):
     """Unique ID of a base; sent on request."""
 
     first: int
@@ -221,7 +221,7 @@ class UniqueId(Part):
 
 
 @dataclass(frozen=True, slots=True)
-class Gains(Part):
+class KobukiGains(KobukiSubpayload):
     """Gains of the wheel controller in thousandths; sent on request."""
 
     user: int = 0
@@ -232,7 +232,7 @@ class Gains(Part):
     LAYOUT: ClassVar[Struct] = Struct("<BIII")
 
 
-FEEDBACK: Mapping[int, type[Part]] = {
+FEEDBACK: Mapping[int, type[KobukiSubpayload]] = {
     kind.ID: kind
     for kind in (
         Core,
@@ -245,7 +245,7 @@ FEEDBACK: Mapping[int, type[Part]] = {
         RawGyro,
         Inputs,
         UniqueId,
-        Gains,
+        KobukiGains,
     )
 }
 """Sub-payloads of the base by ID."""

@@ -6,17 +6,17 @@ Distances come from the encoders, headings from the gyro. Frames and signs are t
 from functools import cache
 from math import radians
 
-from drivers.api import STILL, BaseState, DockBeam, DockSignals, Sides
+from drivers.api import ZERO_VELOCITY, BaseState, DockBeam, DockSignals, Sides
 from drivers.base.reckoning import GyroOdometry
 from drivers.kobuki.commands import WHEEL_SEPARATION
 from drivers.kobuki.feedback import DROPPED_LEFT, DROPPED_RIGHT, METRES_PER_TICK, Core, DockInfrared, Inertia, Side
 
-GAP = 1.0
+MAX_REPORT_GAP = 1.0
 """Seconds without a report after which differences of the encoders are not used: the base may have been switched off
 and on, which resets its counters. After 4 s at full speed they may also have wrapped."""
 
 
-class Odometry(GyroOdometry):
+class KobukiOdometry(GyroOdometry):
     """Odometry from reports. The pose starts at zero with the first report, at any heading of the gyro."""
 
     def __init__(self) -> None:
@@ -26,7 +26,7 @@ class Odometry(GyroOdometry):
     def anchor(self) -> None:
         """Keep the pose at the next report: the base may have reset its counters."""
         self._last = None
-        self.velocity = STILL
+        self.velocity = ZERO_VELOCITY
 
     def update(self, core: Core, inertia: Inertia, now: float) -> None:
         """Add the motion since the last report; ``now`` in seconds is the time of this report."""
@@ -36,8 +36,8 @@ class Odometry(GyroOdometry):
         core_before, inertia_before, before = last
         # By the clock of the base: several reports may arrive at once.
         elapsed = ((core.time_ms - core_before.time_ms) & 0xFFFF) / 1000
-        if max(elapsed, now - before) > GAP:
-            self.velocity = STILL
+        if max(elapsed, now - before) > MAX_REPORT_GAP:
+            self.velocity = ZERO_VELOCITY
             return
         left = METRES_PER_TICK * _wrap(core.left_encoder - core_before.left_encoder, 0x10000)
         right = METRES_PER_TICK * _wrap(core.right_encoder - core_before.right_encoder, 0x10000)
@@ -57,11 +57,11 @@ LOW_VOLTAGE = 14.0
 NO_DOCK = DockSignals()
 
 
-class Senses:
+class KobukiStateBuilder:
     """Combines reports into states: keeps the pose, the last heading, and the voltage of the full battery."""
 
     def __init__(self) -> None:
-        self.odometry = Odometry()
+        self.odometry = KobukiOdometry()
         self._inertia: Inertia | None = None
         self._full_voltage = FULL_VOLTAGE
         self._dock = DockInfrared()
@@ -91,7 +91,7 @@ class Senses:
             battery_percent=battery_percent(core.voltage, self._full_voltage),
             charging=core.charging,
             docked=core.docked,
-            dock=_heard(self._dock),
+            dock=_dock_signals(self._dock),
             overcurrent=_wheels(core.overcurrent, left=1, right=2),
             settling=self.odometry.bias.settling,
             odometers=self.odometry.odometers,
@@ -103,7 +103,7 @@ def battery_percent(voltage: float, full_voltage: float = FULL_VOLTAGE) -> float
     return min(max(5 + 95 * (voltage - EMPTY_VOLTAGE) / (full_voltage - EMPTY_VOLTAGE), 0.0), 100.0)
 
 
-def _heard(dock: DockInfrared) -> DockSignals:
+def _dock_signals(dock: DockInfrared) -> DockSignals:
     if not (dock.left or dock.centre or dock.right):
         return NO_DOCK
     return DockSignals(DockBeam(dock.left), DockBeam(dock.centre), DockBeam(dock.right))

@@ -5,7 +5,7 @@ from drivers.base.twin import BaseTwin, GyroTwinOdometry
 from drivers.base.twin import make as make_twin
 from drivers.kobuki.commands import WHEEL_SEPARATION, BaseControl
 from drivers.kobuki.declared import KobukiKeys
-from drivers.sim.stage import Stage
+from drivers.sim.stage import SimContext
 
 
 class KobukiTwinOdometry(GyroTwinOdometry):
@@ -20,6 +20,6 @@ class KobukiTwinOdometry(GyroTwinOdometry):
         return Velocity(*BaseControl.of(velocity.linear, velocity.angular).velocity)
 
 
-def make(keys: KobukiKeys, stage: Stage) -> BaseTwin:
+def make(keys: KobukiKeys, stage: SimContext) -> BaseTwin:
     """Return the twin of a robot file's section."""
     return make_twin(keys, stage, KobukiTwinOdometry(stage.physics.gyro_noise))

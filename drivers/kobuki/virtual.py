@@ -12,23 +12,23 @@ from drivers.kobuki.commands import (
     BaseControl,
     Extra,
     GetGains,
-    Output,
+    KobukiOutput,
+    KobukiSound,
     RequestExtra,
     SetGains,
     SetOutputs,
-    Sound,
     SoundSequence,
 )
 from drivers.kobuki.declared import KobukiKeys
-from drivers.kobuki.wire import BAUD, MAX_PAYLOAD, FrameFinder, Part, decode, frame, subpayload
+from drivers.kobuki.wire import BAUD, MAX_PAYLOAD, KobukiFrameFinder, KobukiSubpayload, decode, frame, subpayload
 from drivers.sim.battery import Battery
-from drivers.sim.body import Body, either
-from drivers.sim.stage import Stage
+from drivers.sim.body import BaseBody, merge_sides
+from drivers.sim.stage import SimContext
 from drivers.sim.things import Ground
-from drivers.sim.wheels import DelayLine, Wheels
-from drivers.virtual.plugged import Plugged, plugged_base
+from drivers.sim.wheels import DelayLine, SimulatedWheels
+from drivers.virtual.plugged import VirtualDevice, make_virtual_base
 
-PERIOD = 0.02
+REPORT_INTERVAL = 0.02
 """Seconds between two reports."""
 
 FULL_SPEED = 0.7
@@ -65,12 +65,12 @@ class VirtualKobuki:
     def __init__(
         self,
         *,
-        wheels: Wheels | None = None,
+        wheels: SimulatedWheels | None = None,
         ground: Ground | None = None,
         battery: Battery | None = None,
         firmware: tuple[int, int, int] = (1, 2, 0),
     ) -> None:
-        self.body = Body(wheels=wheels, ground=ground, battery=battery)
+        self.body = BaseBody(wheels=wheels, ground=ground, battery=battery)
         self.wheels = self.body.wheels
         self.bumper = self.cliff = self.wheel_drop = Sides()
         self.buttons: frozenset[int] = frozenset()
@@ -84,10 +84,10 @@ class VirtualKobuki:
         self.chatty = False
         self.played: list[Tune | tuple[float, float]] = []
         self.outputs = int(OUTPUTS_AT_START)
-        self.gains = feedback.Gains()
+        self.gains = feedback.KobukiGains()
         self._firmware = firmware
-        self._finder = FrameFinder()
-        self._answers: list[Part] = []
+        self._finder = KobukiFrameFinder()
+        self._answers: list[KobukiSubpayload] = []
         self._started_at = self._next_at = 0.0
         self._reports = self._samples = 0
         self._lock = RLock()
@@ -103,7 +103,7 @@ class VirtualKobuki:
             self.body.advance(now)
             for payload in self._finder.feed(data):
                 for command in decode(payload, COMMANDS).parts:
-                    self._obey(command, now)
+                    self._execute(command, now)
         return b""
 
     def poll(self, now: float) -> bytes:
@@ -115,10 +115,10 @@ class VirtualKobuki:
                 self.body.advance(self._next_at)
                 self.late.put(self._next_at, self._report(self._next_at))
                 self._reports += 1
-                self._next_at = self._started_at + self._reports * PERIOD
-            return b"".join(self.late.due(now))
+                self._next_at = self._started_at + self._reports * REPORT_INTERVAL
+            return b"".join(self.late.pop_due(now))
 
-    def next_at(self) -> float | None:
+    def next_poll_time(self) -> float | None:
         """Return when the next report is due; None before it is switched on."""
         with self._lock:
             return self._next_at if self._reports else None
@@ -132,10 +132,10 @@ class VirtualKobuki:
     @property
     def lights(self) -> dict[int, Lamp]:
         """What its two lights show."""
-        word = Output(self.outputs)
+        word = KobukiOutput(self.outputs)
         return {
-            1: _lamp(Output.LED1_RED in word, Output.LED1_GREEN in word),
-            2: _lamp(Output.LED2_RED in word, Output.LED2_GREEN in word),
+            1: _lamp(KobukiOutput.LED1_RED in word, KobukiOutput.LED1_GREEN in word),
+            2: _lamp(KobukiOutput.LED2_RED in word, KobukiOutput.LED2_GREEN in word),
         }
 
     def pose(self, now: float) -> Pose2D:
@@ -143,7 +143,7 @@ class VirtualKobuki:
         with self._lock:
             return self.body.advance(now)
 
-    def _obey(self, command: Part, now: float) -> None:
+    def _execute(self, command: KobukiSubpayload, now: float) -> None:
         match command:
             case BaseControl():
                 self.body.command(*command.velocity, now)
@@ -151,22 +151,22 @@ class VirtualKobuki:
                 self._answers += self._extras(flags)
             case SetOutputs(word=word):
                 self.outputs = word
-            case SoundSequence(tune=tune) if tune in list(commands.Tune):
-                self.played.append(Tune[commands.Tune(tune).name])
-            case Sound(note=note, duration_ms=milliseconds) if note:
+            case SoundSequence(tune=tune) if tune in list(commands.KobukiTune):
+                self.played.append(Tune[commands.KobukiTune(tune).name])
+            case KobukiSound(note=note, duration_ms=milliseconds) if note:
                 self.played.append((1 / (note * NOTE_STEP), milliseconds / 1000))
             case SetGains(user=user) if self._firmware >= GAINS_SINCE:
                 self.gains = (
-                    feedback.Gains(user, command.p_thousandths, command.i_thousandths, command.d_thousandths)
+                    feedback.KobukiGains(user, command.p_thousandths, command.i_thousandths, command.d_thousandths)
                     if user
-                    else feedback.Gains()
+                    else feedback.KobukiGains()
                 )
             case GetGains() if self._firmware >= GAINS_SINCE:
                 self._answers.append(self.gains)
             case _:
                 pass  # what it does not know, it does not do
 
-    def _extras(self, flags: int) -> Iterable[Part]:
+    def _extras(self, flags: int) -> Iterable[KobukiSubpayload]:
         if flags & Extra.HARDWARE:
             yield feedback.HardwareVersion(patch=4, minor=0, major=1)
         if flags & Extra.FIRMWARE:
@@ -195,21 +195,21 @@ class VirtualKobuki:
             del self._answers[0]
         return frame(payload)
 
-    def _subpayload(self, part: Part) -> bytes:
+    def _subpayload(self, part: KobukiSubpayload) -> bytes:
         data = part.pack()
         return subpayload(part.ID, data[:-1] if self.shortened == part.ID else data)
 
     def _core(self, now: float) -> feedback.Core:
         left, right = self.wheels.speeds
         left_encoder, right_encoder = self.body.encoders
-        wheel_drop = either(self.wheel_drop, self.body.wheel_drop)
+        wheel_drop = merge_sides(self.wheel_drop, self.body.wheel_drop)
         overcurrent, voltage = self.body.overcurrent, self.battery_voltage
         return feedback.Core(
             time_ms=round(1000 * (now - self._started_at)) & 0xFFFF,
-            bumper=_bits(either(self.bumper, self.body.bumper)),
+            bumper=_bits(merge_sides(self.bumper, self.body.bumper)),
             wheel_drop=(feedback.DROPPED_LEFT if wheel_drop.left else 0)
             | (feedback.DROPPED_RIGHT if wheel_drop.right else 0),
-            cliff=_bits(either(self.cliff, self.body.cliff)),
+            cliff=_bits(merge_sides(self.cliff, self.body.cliff)),
             left_encoder=left_encoder & 0xFFFF,
             right_encoder=right_encoder & 0xFFFF,
             left_pwm=_clip(0x7F * left / FULL_SPEED, 0x7F),
@@ -224,10 +224,10 @@ class VirtualKobuki:
         charger = feedback.Charger
         if not self.body.docked:
             return 0
-        return int(charger.POWERED | charger.CHARGING) if self.body.battery.charging else int(charger.POWERED)
+        return int(charger.POWERED | charger.CHARGING) if self.body.battery.is_charging else int(charger.POWERED)
 
     def _dock(self) -> feedback.DockInfrared:
-        heard = self.body.signals()
+        heard = self.body.dock_signals()
         return feedback.DockInfrared(right=heard.right, centre=heard.centre, left=heard.left)
 
     def _currents(self) -> feedback.MotorCurrent:
@@ -236,13 +236,13 @@ class VirtualKobuki:
         return feedback.MotorCurrent(left, right)
 
     def _inertia(self, now: float) -> feedback.Inertia:
-        gyro = self.body.gyro
+        gyro = self.body.gyro_drift
         heading = round(100 * degrees(self.body.pose.heading + self.gyro_offset + gyro.error(now)))
         rate = 100 * degrees(self.body.velocity.angular + gyro.rate)
         return feedback.Inertia((heading + 18000) % 36000 - 18000, _clip(rate, 0x7FFF))
 
     def _floor(self) -> feedback.CliffDistance:
-        cliff = either(self.cliff, self.body.cliff)
+        cliff = merge_sides(self.cliff, self.body.cliff)
         seen = [NO_FLOOR if side else FLOOR for side in (cliff.right, cliff.centre, cliff.left)]
         return feedback.CliffDistance(*seen)
 
@@ -268,7 +268,7 @@ def _clip(value: float, most: int) -> int:
     return max(-most, min(round(value), most))
 
 
-def make(keys: KobukiKeys, stage: Stage) -> Plugged:  # noqa: ARG001 - all makers are called with both
+def make(keys: KobukiKeys, stage: SimContext) -> VirtualDevice:  # noqa: ARG001 - all makers are called with both
     """Return the virtual device of a robot file's section."""
-    device = VirtualKobuki(wheels=stage.wheels(), ground=stage.world, battery=stage.physics.battery)
-    return plugged_base(device, "kobuki")
+    device = VirtualKobuki(wheels=stage.make_wheels(), ground=stage.world, battery=stage.physics.battery)
+    return make_virtual_base(device, "kobuki")

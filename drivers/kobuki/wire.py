@@ -22,7 +22,7 @@ MIN_PAYLOAD, MAX_PAYLOAD = 3, 255
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class KobukiSubpayload:
     """A sub-payload: its fields are the raw integers of the wire, in the order of ``LAYOUT``."""
 
     ID: ClassVar[int]
@@ -39,14 +39,14 @@ class Part:
 
 
 @dataclass(frozen=True, slots=True)
-class Decoded:
+class DecodedPayload:
     """Valid parts of a payload, and the numbers of other parts.
 
     ``unknown`` parts have an ID that was not looked for; ``malformed`` parts do not fit their layout, or exceed the
     payload.
     """
 
-    parts: tuple[Part, ...]
+    parts: tuple[KobukiSubpayload, ...]
     unknown: int = 0
     malformed: int = 0
 
@@ -64,7 +64,7 @@ def frame(payload: bytes) -> bytes:
     return HEADER + body + bytes([checksum(body)])
 
 
-def encode(*parts: Part) -> bytes:
+def encode(*parts: KobukiSubpayload) -> bytes:
     """Return one frame with these parts. Raises struct.error or ValueError for values or lengths out of range."""
     return frame(b"".join(subpayload(part.ID, part.pack()) for part in parts))
 
@@ -74,12 +74,12 @@ def subpayload(identifier: int, data: bytes) -> bytes:
     return bytes([identifier, len(data)]) + data
 
 
-def decode(payload: bytes, kinds: Mapping[int, type[Part]]) -> Decoded:
+def decode(payload: bytes, kinds: Mapping[int, type[KobukiSubpayload]]) -> DecodedPayload:
     """Decode the parts of a payload; ``kinds`` maps the IDs to look for to their classes.
 
     Unknown and malformed parts are skipped by their SIZE; the others are decoded.
     """
-    parts: list[Part] = []
+    parts: list[KobukiSubpayload] = []
     unknown = malformed = 0
     for identifier, data in _split(payload):
         kind = kinds.get(identifier)
@@ -89,14 +89,14 @@ def decode(payload: bytes, kinds: Mapping[int, type[Part]]) -> Decoded:
             unknown += 1
         else:
             try:
-                parts.append(_unpacked(kind.unpack, data))
+                parts.append(_try_unpack(kind.unpack, data))
             except (error, ValueError):
                 malformed += 1
-    return Decoded(tuple(parts), unknown, malformed)
+    return DecodedPayload(tuple(parts), unknown, malformed)
 
 
 @lru_cache(maxsize=64)
-def _unpacked(unpack: Callable[[bytes], Part], data: bytes) -> Part:
+def _try_unpack(unpack: Callable[[bytes], KobukiSubpayload], data: bytes) -> KobukiSubpayload:
     """Decode a part. Cached, since most parts are the same as in the last report."""
     return unpack(data)
 
@@ -111,7 +111,7 @@ def _split(payload: bytes) -> Iterator[tuple[int, bytes | None]]:
         at = end
 
 
-class FrameFinder:
+class KobukiFrameFinder:
     """Finds frames in a stream that is split anywhere and may contain noise.
 
     After a wrong checksum the search continues at the byte after the false header, so that frames after or inside noise

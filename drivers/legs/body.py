@@ -19,7 +19,7 @@ SIDES: tuple[Side, Side] = ("left", "right")
 
 AXES: Mapping[str, tuple[float, float, float]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
-FLIPPED = np.array([1.0, -1.0, 1.0])
+MIRROR_SIGNS = np.array([1.0, -1.0, 1.0])
 """What mirrors a place, left to right."""
 
 
@@ -48,7 +48,7 @@ class Leg:
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class LeggedBody:
     """A body of N joints, each of which turns one link, parents before children; -1 is the trunk as a parent.
 
     ``offset`` leads from the origin of the parent to that of the link, on the joint's ``axis``; ``centre`` to the
@@ -75,17 +75,17 @@ class Body:
         return {name: place for place, name in enumerate(self.joints)}
 
     @cached_property
-    def total(self) -> float:
+    def total_mass(self) -> float:
         """The mass of it all."""
         return self.trunk.mass + float(self.mass.sum())
 
     @cached_property
-    def walking(self) -> tuple[str, ...]:
+    def leg_joints(self) -> tuple[str, ...]:
         """The joints of both legs, the left ones first."""
         return tuple(self.joints[place] for side in SIDES for place in self.legs[side].joints)
 
     @cached_property
-    def leg_places(self) -> npt.NDArray[np.intp]:
+    def leg_indices(self) -> npt.NDArray[np.intp]:
         """Where those stand among the joints."""
         return np.array([place for side in SIDES for place in self.legs[side].joints])
 
@@ -93,13 +93,13 @@ class Body:
         """Return the angles (N) of a pose by name; joints that it does not name are at 0."""
         return np.array([angles.get(name, 0.0) for name in self.joints])
 
-    def mirrored(self, q: Floats) -> Floats:
+    def mirror(self, q: Floats) -> Floats:
         """Return the mirror image of poses (..., N)."""
         image: Floats = self.sign * q[..., self.swap]
         return image
 
 
-def body_of(keys: BodyKeys) -> Body:
+def body_of(keys: BodyKeys) -> LeggedBody:
     """Return the body that a robot file describes, with the right half made of the left one."""
     names = keys.joints
     place = {name: at for at, name in enumerate(names)}
@@ -108,7 +108,7 @@ def body_of(keys: BodyKeys) -> Body:
     links = written + mirrored
 
     def row(get: str) -> Floats:
-        return np.array([FLIPPED * getattr(link, get) if flip else getattr(link, get) for _, link, flip in links])
+        return np.array([MIRROR_SIGNS * getattr(link, get) if flip else getattr(link, get) for _, link, flip in links])
 
     def parent(link: LinkKeys, *, flip: bool) -> int:
         name = keys.mirror(link.parent) if flip else link.parent
@@ -122,12 +122,12 @@ def body_of(keys: BodyKeys) -> Body:
 
     def leg(side: Side) -> Leg:
         joints = tuple(place[name if side == "left" else keys.mirror(name)] for name in keys.leg)
-        centre = np.array(foot.centre) * (1.0 if side == "left" else FLIPPED)
+        centre = np.array(foot.centre) * (1.0 if side == "left" else MIRROR_SIGNS)
         return Leg(joints, centre, foot.length, foot.width, foot.thickness)
 
-    sign = np.array([_middle(keys.links[name]) if name in middle else turned for name in names])
+    sign = np.array([_mirror_sign(keys.links[name]) if name in middle else turned for name in names])
     trunk = keys.trunk
-    return Body(
+    return LeggedBody(
         names,
         tuple(parent(link, flip=flip) for _, link, flip in links),
         row("offset"),
@@ -146,9 +146,9 @@ def body_of(keys: BodyKeys) -> Body:
 def _axis(link: LinkKeys, *, flip: bool, turned: float) -> Floats:
     """Return the axis of a joint. A mirrored rotation goes the other way round about x and z."""
     axis = np.array(AXES[link.axis[-1]]) * (-1.0 if link.axis.startswith("-") else 1.0)
-    return -turned * FLIPPED * axis if flip else axis
+    return -turned * MIRROR_SIGNS * axis if flip else axis
 
 
-def _middle(link: LinkKeys) -> float:
+def _mirror_sign(link: LinkKeys) -> float:
     """Return the sign of a joint of the middle in the mirror: what turns or rolls does so the other way."""
     return 1.0 if link.axis[-1] == "y" else -1.0

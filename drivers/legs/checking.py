@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.api import JointLimits
-from drivers.legs.body import SIDES, Body, Floats
-from drivers.legs.engine import whole
+from drivers.legs.body import SIDES, Floats, LeggedBody
+from drivers.legs.engine import whole_body_pose
 from drivers.legs.gait import Gait
-from drivers.legs.kinematics import Placed, axes, centre_of_mass, centres, forward
-from drivers.legs.leg_ik import REASONS
-from drivers.legs.pressure import margins
+from drivers.legs.kinematics import LinkPoses, centre_of_mass, forward_kinematics, joint_axes, link_centres
+from drivers.legs.leg_ik import UNREACHABLE_REASONS
+from drivers.legs.pressure import support_margins
 from drivers.legs.walker import GRAVITY
 
 # Links of a body that would hit each other: capsules; the trunk's box and the soles are such, too.
@@ -34,7 +34,7 @@ class Capsule:
 
 
 @lru_cache(maxsize=16)
-def capsules(body: Body) -> tuple[Capsule, ...]:
+def capsules(body: LeggedBody) -> tuple[Capsule, ...]:
     """Return the capsules of a body: of its links, of its trunk, and two along the edges of each sole."""
     found = [
         Capsule(name, place, np.zeros(3), body.end[place], float(body.radius[place]))
@@ -56,27 +56,29 @@ def capsules(body: Body) -> tuple[Capsule, ...]:
 
 
 @lru_cache(maxsize=16)
-def pairs(body: Body) -> tuple[tuple[Capsule, Capsule], ...]:
+def collision_pairs(body: LeggedBody) -> tuple[tuple[Capsule, Capsule], ...]:
     """Return the pairs that may hit each other: those that are apart at angle 0, and not on neighbouring links."""
     near = {frozenset((place, parent)) for place, parent in enumerate(body.parent)}
     return tuple(
         (one, other)
         for one, other in combinations(capsules(body), 2)
-        if one.link != other.link and frozenset((one.link, other.link)) not in near and not _joined(body, one, other)
+        if one.link != other.link
+        and frozenset((one.link, other.link)) not in near
+        and not _are_joined(body, one, other)
     )
 
 
-def clearance(body: Body, placed: Placed) -> tuple[Floats, tuple[tuple[str, str], ...]]:
+def clearance(body: LeggedBody, placed: LinkPoses) -> tuple[Floats, tuple[tuple[str, str], ...]]:
     """Return the gap (..., P) of each pair of capsules, below 0 where they are within each other, and their names."""
-    chosen = pairs(body)
+    chosen = collision_pairs(body)
     ends = {id(each): _ends(each, placed) for each in capsules(body)}
-    gaps = [_apart(*ends[id(one)], *ends[id(other)]) - one.radius - other.radius for one, other in chosen]
+    gaps = [_segment_distance(*ends[id(one)], *ends[id(other)]) - one.radius - other.radius for one, other in chosen]
     shape = placed.position.shape[:-2]
     found = np.stack([np.broadcast_to(gap, shape) for gap in gaps], axis=-1) if gaps else np.ones((*shape, 0))
     return found, tuple((one.name, other.name) for one, other in chosen)
 
 
-def _joined(body: Body, one: Capsule, other: Capsule) -> bool:
+def _are_joined(body: LeggedBody, one: Capsule, other: Capsule) -> bool:
     """Say whether two capsules touch where their links are joined, with only links of no extent between."""
 
     def solid(link: int) -> int:
@@ -91,7 +93,7 @@ def _joined(body: Body, one: Capsule, other: Capsule) -> bool:
     )
 
 
-def _path(body: Body, link: int) -> list[int]:
+def _path(body: LeggedBody, link: int) -> list[int]:
     found = []
     while link >= 0:
         found.append(link)
@@ -99,14 +101,14 @@ def _path(body: Body, link: int) -> list[int]:
     return found
 
 
-def _ends(capsule: Capsule, placed: Placed) -> tuple[Floats, Floats]:
+def _ends(capsule: Capsule, placed: LinkPoses) -> tuple[Floats, Floats]:
     if capsule.link < 0:
         return capsule.start, capsule.end
     position, rotation = placed.position[..., capsule.link, :], placed.rotation[..., capsule.link, :, :]
     return position + rotation @ capsule.start, position + rotation @ capsule.end
 
 
-def _apart(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
+def _segment_distance(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
     """Return the distance between the lines a to b and c to d (..., 3) (Ericson, Real-Time Collision Detection)."""
     along, across, between = b - a, d - c, a - c
     aa, ee = (along * along).sum(-1), (across * across).sum(-1)
@@ -122,49 +124,55 @@ def _apart(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
     return found
 
 
-def mistakes(body: Body, gait: Gait, limits: Mapping[str, JointLimits], torques: Mapping[str, float]) -> Iterator[str]:
+def gait_errors(
+    body: LeggedBody, gait: Gait, limits: Mapping[str, JointLimits], torques: Mapping[str, float]
+) -> Iterator[str]:
     """Yield what the body cannot do of a gait, the first moment of each. ``torques`` (Nm) are what servos stall at."""
     angles, reason = gait.angles(body)
     for number, side in enumerate(SIDES):
         if reason[:, number].any():
             at = int(np.flatnonzero(reason[:, number])[0])
             knee = body.joints[body.legs[side].joints[3]]
-            yield f"{knee} at {gait.times[at]:.2f} s: {REASONS[int(reason[at, number])]}"
+            yield f"{knee} at {gait.times[at]:.2f} s: {UNREACHABLE_REASONS[int(reason[at, number])]}"
     if reason.any():
         return
     speeds = np.abs(np.roll(angles, -1, axis=0) - angles) * len(angles) / gait.period
-    placed = forward(body, whole(body, angles))
-    loads = statics(body, gait, angles)
-    for column, joint in enumerate(body.walking):
+    placed = forward_kinematics(body, whole_body_pose(body, angles))
+    loads = static_leg_torques(body, gait, angles)
+    for column, joint in enumerate(body.leg_joints):
         its = limits[joint]
         row = angles[:, column]
-        yield from _first(gait, joint, row, row < its.lower - 1e-9, f"below its limit of {_deg(its.lower)}", "deg")
-        yield from _first(gait, joint, row, row > its.upper + 1e-9, f"above its limit of {_deg(its.upper)}", "deg")
+        yield from _worst_violation(
+            gait, joint, row, row < its.lower - 1e-9, f"below its limit of {_deg(its.lower)}", "deg"
+        )
+        yield from _worst_violation(
+            gait, joint, row, row > its.upper + 1e-9, f"above its limit of {_deg(its.upper)}", "deg"
+        )
         fast = speeds[:, column]
-        yield from _first(gait, joint, fast, fast > its.speed, f"faster than {_deg(its.speed)}/s", "deg/s")
+        yield from _worst_violation(gait, joint, fast, fast > its.speed, f"faster than {_deg(its.speed)}/s", "deg/s")
         if joint in torques:
             load = loads[:, column]
             told = f"more than its servo's {torques[joint]:.1f} Nm"
-            yield from _first(gait, joint, load, load > torques[joint], told, "Nm")
+            yield from _worst_violation(gait, joint, load, load > torques[joint], told, "Nm")
     gaps, names = clearance(body, placed)
     for pair in np.flatnonzero((gaps < 0).any(axis=0)):
         at = int(np.flatnonzero(gaps[:, pair] < 0)[0])
         one, other = names[pair]
         yield f"{one} at {gait.times[at]:.2f} s: hits {other}, {-1000 * gaps[at, pair]:.0f} mm deep"
-    left = margins(body, gait, angles)
+    left = support_margins(body, gait, angles)
     at = int(left.argmin())
-    if not gait.on[at].any():
+    if not gait.on_floor[at].any():
         yield f"the body at {gait.times[at]:.2f} s: no foot is on the floor"
     elif left[at] < 0:
         yield f"the body at {gait.times[at]:.2f} s: presses {-1000 * left[at]:.0f} mm outside of its soles"
 
 
-def statics(body: Body, gait: Gait, angles: Floats) -> Floats:
+def static_leg_torques(body: LeggedBody, gait: Gait, angles: Floats) -> Floats:
     """Return the torques (M, 12) in Nm that hold the pose: a standing leg bears all above it, a lifted one itself."""
-    placed = forward(body, whole(body, angles))
-    axis, masses = axes(body, placed), centres(body, placed)
-    everything = centre_of_mass(body, placed) * body.total
-    share = gait.on / np.maximum(gait.on.sum(axis=1, keepdims=True), 1)
+    placed = forward_kinematics(body, whole_body_pose(body, angles))
+    axis, masses = joint_axes(body, placed), link_centres(body, placed)
+    everything = centre_of_mass(body, placed) * body.total_mass
+    share = gait.on_floor / np.maximum(gait.on_floor.sum(axis=1, keepdims=True), 1)
     found = np.empty_like(angles)
     for number, side in enumerate(SIDES):
         chain = body.legs[side].joints
@@ -174,8 +182,8 @@ def statics(body: Body, gait: Gait, angles: Floats) -> Floats:
             hung = (body.mass[below][:, None] * masses[:, below]).sum(axis=1)
             pivot = placed.position[:, joint]
             lifted = _torque(axis[:, joint], hung - mass * pivot)
-            borne = _torque(axis[:, joint], everything - hung - (body.total - mass) * pivot)
-            on = gait.on[:, number]
+            borne = _torque(axis[:, joint], everything - hung - (body.total_mass - mass) * pivot)
+            on = gait.on_floor[:, number]
             found[:, 6 * number + place] = np.where(on, borne * share[:, number], lifted)
     return found
 
@@ -186,11 +194,13 @@ def _torque(axis: Floats, moment: Floats) -> Floats:
     return found
 
 
-def _first(gait: Gait, joint: str, row: Floats, wrong: npt.NDArray[np.bool_], told: str, unit: str) -> Iterator[str]:
+def _worst_violation(
+    gait: Gait, joint: str, row: Floats, wrong: npt.NDArray[np.bool_], message: str, unit: str
+) -> Iterator[str]:
     if wrong.any():
         at = int(np.argmax(np.where(wrong, np.abs(row), -1.0)))
         value = row[at] if unit == "Nm" else np.degrees(row[at])
-        yield f"{joint} at {gait.times[at]:.2f} s: {value:.1f} {unit}, {told}"
+        yield f"{joint} at {gait.times[at]:.2f} s: {value:.1f} {unit}, {message}"
 
 
 def _deg(angle: float) -> str:

@@ -8,55 +8,55 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drivers.legs.body import SIDES, Body, Floats
-from drivers.legs.engine import PERIOD, Posture, whole
-from drivers.legs.kinematics import centres, forward, sole
+from drivers.legs.body import SIDES, Floats, LeggedBody
+from drivers.legs.engine import CONTROL_INTERVAL, LegPosture, whole_body_pose
+from drivers.legs.kinematics import forward_kinematics, link_centres, sole_pose
 from drivers.legs.walker import GRAVITY
-from drivers.servos.models import Motor
+from drivers.servos.models import MotorPhysics
 
-MOST = 0.5
+MAX_LEAD = 0.5
 """Radians by which a goal is set ahead at most."""
 
 
 class Compensation:
     """Sets the goals of both legs ahead, posture after posture, by what is known of their ``motors``."""
 
-    def __init__(self, body: Body, motors: Mapping[str, Motor]) -> None:
+    def __init__(self, body: LeggedBody, motors: Mapping[str, MotorPhysics]) -> None:
         self._body = body
-        mine = [motors[name] for name in body.walking]
-        self._soft = np.array([1 / motor.stiffness for motor in mine])
-        self._slow = np.array([motor.damping / motor.stiffness for motor in mine])
-        self._heavy = np.array([motor.inertia / motor.stiffness for motor in mine])
-        self._last: Posture | None = None
+        mine = [motors[name] for name in body.leg_joints]
+        self._compliance = np.array([1 / motor.stiffness for motor in mine])
+        self._speed_lag = np.array([motor.damping / motor.stiffness for motor in mine])
+        self._inertia_lag = np.array([motor.inertia / motor.stiffness for motor in mine])
+        self._last: LegPosture | None = None
         self._rate = np.zeros(12)
-        self._took = PERIOD
+        self._last_interval = CONTROL_INTERVAL
 
-    def rest(self) -> None:
+    def reset(self) -> None:
         """Forget what was before: the legs begin anew."""
         self._last, self._rate = None, np.zeros(12)
 
-    def goals(self, posture: Posture, dt: float = PERIOD) -> Floats:
+    def goals(self, posture: LegPosture, dt: float = CONTROL_INTERVAL) -> Floats:
         """Return what the legs are sent (12,), by a posture that comes ``dt`` seconds after the one before.
 
         They are a posture behind: how a motion gathers speed is known from what comes before and after.
         """
-        last, dt = self._last or posture, max(dt, PERIOD / 2)
+        last, dt = self._last or posture, max(dt, CONTROL_INTERVAL / 2)
         before, after = self._rate, (posture.angles - last.angles) / dt
-        gain = 2 * (after - before) / (self._took + dt)
-        held = static_torques(self._body, last)[self._body.leg_places]
-        ahead = self._soft * held + self._slow * (before + after) / 2 + self._heavy * gain
-        self._last, self._rate, self._took = posture, after, dt
-        sent: Floats = last.angles + np.clip(ahead, -MOST, MOST)
+        gain = 2 * (after - before) / (self._last_interval + dt)
+        held = static_torques(self._body, last)[self._body.leg_indices]
+        ahead = self._compliance * held + self._speed_lag * (before + after) / 2 + self._inertia_lag * gain
+        self._last, self._rate, self._last_interval = posture, after, dt
+        sent: Floats = last.angles + np.clip(ahead, -MAX_LEAD, MAX_LEAD)
         return sent
 
 
-def static_torques(body: Body, posture: Posture) -> Floats:
+def static_torques(body: LeggedBody, posture: LegPosture) -> Floats:
     """Return the torques (N,) in Nm with which the joints hold the body up in a posture of the legs."""
-    placed = forward(body, whole(body, posture.angles))
+    placed = forward_kinematics(body, whole_body_pose(body, posture.angles))
     standing, feet = [], posture.pattern.feet
-    shares = _shares(posture)
+    shares = _weight_shares(posture)
     for side, share in zip(SIDES, shares, strict=True):
-        place, turned = sole(body, placed, side)
+        place, turned = sole_pose(body, placed, side)
         x, y, _, heading = feet[side]
         c, s = np.cos(heading), np.sin(heading)
         dx, dy = posture.pattern.pressure[0] - x, posture.pattern.pressure[1] - y
@@ -65,9 +65,9 @@ def static_torques(body: Body, posture: Posture) -> Floats:
         standing.append((share, place + turned @ at, turned[:, 2]))
     up = sum(share * normal for share, _, normal in standing)
     force = -GRAVITY * body.mass[:, None] * up
-    moment = np.cross(centres(body, placed), force)
+    moment = np.cross(link_centres(body, placed), force)
     for side, (share, at, _) in zip(SIDES, standing, strict=True):
-        foot, lifted = body.legs[side].joints[-1], GRAVITY * body.total * share * up
+        foot, lifted = body.legs[side].joints[-1], GRAVITY * body.total_mass * share * up
         force[foot] += lifted
         moment[foot] += np.cross(at, lifted)
     for joint in range(len(body.joints) - 1, -1, -1):
@@ -79,7 +79,7 @@ def static_torques(body: Body, posture: Posture) -> Floats:
     return torques
 
 
-def _shares(posture: Posture) -> tuple[float, float]:
+def _weight_shares(posture: LegPosture) -> tuple[float, float]:
     """Return which share of the weight each foot carries, left and right."""
     pattern = posture.pattern
     if pattern.support != "both":

@@ -8,12 +8,12 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Literal
 
 from drivers.api.driver import Driver
-from drivers.api.keys import Mistake, inside, key, keys
+from drivers.api.keys import KeyDiagnostic, inside, key, keys
 from drivers.api.sections import ArmKeys, BaseKeys
 
 Vector = tuple[float, float, float]
 
-HERE = (0.0, 0.0, 0.0)
+ORIGIN = (0.0, 0.0, 0.0)
 
 
 @keys
@@ -23,7 +23,7 @@ class TrunkKeys:
     mass: float = key("mass", low=0.001, help="Its mass, with computer and batteries.")
     centre: Vector = key("length", help="Its centre of mass: [x, y, z].")
     box: Vector = key("length", help="Its length, width and height, as a box.")
-    middle: Vector = key("length", default=HERE, help="The middle of that box.")
+    middle: Vector = key("length", default=ORIGIN, help="The middle of that box.")
 
 
 @keys
@@ -34,8 +34,8 @@ class LinkKeys:
     offset: Vector = key("length", help="From the origin of that one to a point of the joint's axis: its own origin.")
     axis: Literal["x", "-x", "y", "-y", "z", "-z"] = key(help="About what it turns anticlockwise at a rising angle.")
     mass: float = key("mass", default=0.0, low=0.0, help="Its mass, with the servos that it carries.")
-    centre: Vector = key("length", default=HERE, help="Its centre of mass, from its origin.")
-    end: Vector = key("length", default=HERE, help="Where it ends, from its origin: a capsule from there to here.")
+    centre: Vector = key("length", default=ORIGIN, help="Its centre of mass, from its origin.")
+    end: Vector = key("length", default=ORIGIN, help="Where it ends, from its origin: a capsule from there to here.")
     radius: float = key("length", default=0.0, low=0.0, help="The radius of that capsule; 0: it touches nothing.")
     tucked: float | None = key("angle", default=None, help="Where its joint goes in a fall, such as arms drawn in.")
 
@@ -76,58 +76,70 @@ class BodyKeys:
         return (*self.links, *(self.mirror(name) for name in self.links if self.mirror(name) != name))
 
     @property
-    def tucked(self) -> Mapping[str, float]:
+    def tucked_angles(self) -> Mapping[str, float]:
         """Where joints go in a fall (rad), on both sides."""
         image = -1.0 if self.mirrored == "opposite" else 1.0
         left = {name: link.tucked for name, link in self.links.items() if link.tucked is not None}
         return {self.mirror(name): image * angle for name, angle in left.items()} | left
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield links that hang nowhere, and legs that are none."""
         if not self.left or self.left == self.right:
-            yield Mistake("'left' and 'right' must differ", ("left",), ("right",), about=(("left",), ("right",)))
+            yield KeyDiagnostic("'left' and 'right' must differ", ("left",), ("right",), about=(("left",), ("right",)))
         before = ["trunk"]
         for name, link in self.links.items():
             at = ("links", name, "from")
             if link.parent not in before:
                 message = f"link '{name}' hangs from '{link.parent}', which is none of those before it"
-                yield Mistake(message, at, ("links", name), seen=link.parent, known=before, about=(at,))
+                yield KeyDiagnostic(
+                    message, at, ("links", name), unknown_word=link.parent, known_words=before, about=(at,)
+                )
             before.append(name)
             if (image := self.mirror(name)) != name and image in self.links:
                 message = f"link '{image}' is the mirror image of '{name}': write that one alone"
-                yield Mistake(message, ("links", image), about=(("links", image),))
-        yield from self._chain()
+                yield KeyDiagnostic(message, ("links", image), about=(("links", image),))
+        yield from self._leg_chain_mistakes()
         if len(self.leg) == 6 and {*self.leg} <= {*self.links}:
-            yield from self._leg()
+            yield from self._leg_axis_mistakes()
 
-    def _chain(self) -> Iterator[Mistake]:
+    def _leg_chain_mistakes(self) -> Iterator[KeyDiagnostic]:
         """Yield what keeps the joints of ``leg`` from being one chain of six on the left."""
         if len(self.leg) != 6:
-            yield Mistake("'leg' needs 6 joints, from the hip to the foot", ("leg",), about=(("leg",),))
+            yield KeyDiagnostic("'leg' needs 6 joints, from the hip to the foot", ("leg",), about=(("leg",),))
         for place, name in enumerate(self.leg):
             at = ("leg", place)
             if name not in self.links:
-                yield Mistake(f"'leg': there is no link '{name}'", at, seen=name, known=self.links, about=(("leg",),))
+                yield KeyDiagnostic(
+                    f"'leg': there is no link '{name}'",
+                    at,
+                    unknown_word=name,
+                    known_words=self.links,
+                    about=(("leg",),),
+                )
             elif not name.startswith(self.left):
-                yield Mistake(f"'leg': '{name}' does not begin with '{self.left}'", at, about=(("leg",), ("left",)))
+                yield KeyDiagnostic(
+                    f"'leg': '{name}' does not begin with '{self.left}'", at, about=(("leg",), ("left",))
+                )
             elif place and self.leg[place - 1] in self.links and self.links[name].parent != self.leg[place - 1]:
                 message = f"'leg': '{name}' does not hang from '{self.leg[place - 1]}'"
-                yield Mistake(message, at, about=(("leg",), ("links", name, "from")))
+                yield KeyDiagnostic(message, at, about=(("leg",), ("links", name, "from")))
 
-    def _leg(self) -> Iterator[Mistake]:
+    def _leg_axis_mistakes(self) -> Iterator[KeyDiagnostic]:
         """Yield what keeps the angles of a leg from a closed form."""
         links = [self.links[name] for name in self.leg]
         for name, link, axis in zip(self.leg, links, "zxyyyx", strict=True):
             if link.axis[-1] != axis:
                 at = ("links", name, "axis")
-                yield Mistake(f"'{name}' must turn about {axis}, or -{axis}", at, about=(at, ("leg",)))
+                yield KeyDiagnostic(f"'{name}' must turn about {axis}, or -{axis}", at, about=(at, ("leg",)))
         for name, link, along, where in (
             (self.leg[1], links[1], (0, 2), "above or below, or ahead of, the joint before it"),
             (self.leg[5], links[5], (0, 1), "ahead of, or beside, the joint before it"),
         ):
             if any(abs(link.offset[axis]) > 1e-9 for axis in range(3) if axis not in along):
                 at = ("links", name, "offset")
-                yield Mistake(f"'{name}' must lie {where}: its axis has to meet that one's", at, about=(at, ("leg",)))
+                yield KeyDiagnostic(
+                    f"'{name}' must lie {where}: its axis has to meet that one's", at, about=(at, ("leg",))
+                )
 
 
 @keys
@@ -169,12 +181,12 @@ class LegsKeys(BaseKeys):
         return frozenset({"legs"})
 
 
-def on_its_joints(keys: LegsKeys, others: Mapping[str, object]) -> Iterator[Mistake]:
+def check_leg_joints(keys: LegsKeys, others: Mapping[str, object]) -> Iterator[KeyDiagnostic]:
     """Yield joints of the body that the arm section does not have."""
     arm = others.get("arm")
     if not isinstance(arm, ArmKeys):
         message = "legs are joints of the arm section: this robot has none"
-        yield Mistake(message, ("body",), about=(("body",),))
+        yield KeyDiagnostic(message, ("body",), about=(("body",),))
         return
     known = arm.limits
     for name in keys.body.links:
@@ -182,7 +194,7 @@ def on_its_joints(keys: LegsKeys, others: Mapping[str, object]) -> Iterator[Mist
         for joint in dict.fromkeys((name, keys.body.mirror(name))):
             if joint not in known:
                 message = f"body: there is no joint '{joint}' in 'arm'"
-                yield Mistake(message, at, named=True, seen=joint, known=known, about=(at,))
+                yield KeyDiagnostic(message, at, marks_key=True, unknown_word=joint, known_words=known, about=(at,))
 
 
 LEGS = Driver(
@@ -194,5 +206,5 @@ LEGS = Driver(
     twin="drivers.legs.twin:make",
     virtual="drivers.legs.virtual:make",
     needs=("arm", "imu"),
-    check=on_its_joints,
+    check=check_leg_joints,
 )

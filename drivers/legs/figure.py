@@ -5,24 +5,26 @@ from math import sqrt
 
 import numpy as np
 
-from drivers.legs.body import SIDES, Body, Floats
-from drivers.servos.models import Motor
-from drivers.sim.rigid.links import Figure, Link, Shape, Vector
+from drivers.legs.body import SIDES, Floats, LeggedBody
+from drivers.servos.models import MotorPhysics
+from drivers.sim.rigid.links import RigidLink, RigidRobot, RigidShape, Vector
 
-LEAST = 0.015
+MIN_GYRATION_RADIUS = 0.015
 """Metres: the least radius of gyration of a link."""
 
 
-def figure_of(body: Body, motors: Mapping[str, Motor], limits: Mapping[str, tuple[float, float]]) -> Figure:
+def figure_of(
+    body: LeggedBody, motors: Mapping[str, MotorPhysics], limits: Mapping[str, tuple[float, float]]
+) -> RigidRobot:
     """Return a body with its servos and their limits (rad), by joint, as physics know it."""
     feet = {body.legs[side].joints[-1]: _sole(body, place) for place, side in enumerate(SIDES)}
     links = []
     for place, name in enumerate(body.joints):
         parent, end, radius = body.parent[place], body.end[place], float(body.radius[place])
-        reach = max(float(np.linalg.norm(end)) / sqrt(12), radius / sqrt(2), LEAST)
-        capsule = (Shape((0.0, 0.0, 0.0), to=_v(end), radius=radius),) if radius and end.any() else ()
+        reach = max(float(np.linalg.norm(end)) / sqrt(12), radius / sqrt(2), MIN_GYRATION_RADIUS)
+        capsule = (RigidShape((0.0, 0.0, 0.0), to=_v(end), radius=radius),) if radius and end.any() else ()
         links.append(
-            Link(
+            RigidLink(
                 name,
                 "" if parent < 0 else body.joints[parent],
                 _v(body.offset[place]),
@@ -38,14 +40,14 @@ def figure_of(body: Body, motors: Mapping[str, Motor], limits: Mapping[str, tupl
     trunk = body.trunk
     x, y, z = trunk.box**2 / 12
     spread = (sqrt(y + z), sqrt(x + z), sqrt(x + y))
-    box = Shape(_v(trunk.middle), size=_v(trunk.box))
-    return Figure(trunk.mass, _v(trunk.centre), links, (box,), spread)
+    box = RigidShape(_v(trunk.middle), size=_v(trunk.box))
+    return RigidRobot(trunk.mass, _v(trunk.centre), links, (box,), spread)
 
 
-def _sole(body: Body, place: int) -> Shape:
+def _sole(body: LeggedBody, place: int) -> RigidShape:
     leg = body.legs[SIDES[place]]
     middle = leg.sole + np.array([0.0, 0.0, leg.thickness / 2])
-    return Shape(_v(middle), size=(leg.length, leg.width, leg.thickness))
+    return RigidShape(_v(middle), size=(leg.length, leg.width, leg.thickness))
 
 
 def _v(values: Floats) -> Vector:

@@ -11,18 +11,18 @@ import numpy.typing as npt
 
 from drivers.api.gait import GaitKeys
 from drivers.errors import BadRequest
-from drivers.legs.body import FLIPPED, SIDES, Body, Floats
+from drivers.legs.body import MIRROR_SIGNS, SIDES, Floats, LeggedBody
 from drivers.legs.declared import StrideKeys
-from drivers.legs.engine import laid_out, legs, manner_of
-from drivers.legs.kinematics import turning
-from drivers.legs.walker import SHIFT, Pattern, Walker
+from drivers.legs.engine import solve_legs, solve_patterns, walk_parameters
+from drivers.legs.kinematics import rotation_about
+from drivers.legs.walker import WEIGHT_SHIFT_TIME, WalkPattern, WalkPatternGenerator
 
-MOMENTS = 100
+SAMPLES_PER_CYCLE = 100
 """Moments of a cycle, whatever its period."""
 
 Z = np.array([0.0, 0.0, 1.0])
 
-STEADY = 6
+SETTLING_CYCLES = 6
 """Cycles after which a walk is the same from one to the next."""
 
 
@@ -30,69 +30,73 @@ STEADY = 6
 class Gait:
     """A cycle of ``period`` seconds: middles of the soles (M, 2, 3), the left one first, and their headings (M, 2).
 
-    Both are in the frame of the trunk, which stays upright. ``on`` (M, 2) says which soles are on the floor.
+    Both are in the frame of the trunk, which stays upright. ``on_floor`` (M, 2) says which soles are on the floor.
     """
 
     name: str
     period: float
     feet: Floats
     headings: Floats
-    on: npt.NDArray[np.bool_]
+    on_floor: npt.NDArray[np.bool_]
 
     @property
     def times(self) -> Floats:
         """The time of each moment, from 0."""
         return np.arange(len(self.feet), dtype=np.float64) * (self.period / len(self.feet))
 
-    def angles(self, body: Body) -> tuple[Floats, npt.NDArray[np.int64]]:
+    def angles(self, body: LeggedBody) -> tuple[Floats, npt.NDArray[np.int64]]:
         """Return the angles of the legs (M, 12), and why a leg has none (M, 2)."""
-        return legs(body, np.zeros(3), np.eye(3), self.feet, self.headings)
+        return solve_legs(body, np.zeros(3), np.eye(3), self.feet, self.headings)
 
 
-def of_keys(keys: GaitKeys, body: Body, stride: StrideKeys) -> Gait:
+def gait_from_keys(keys: GaitKeys, body: LeggedBody, stride: StrideKeys) -> Gait:
     """Return the gait of a file, for a body that walks with such strides. Raises BadRequest for one out of reach."""
     if keys.walk is not None:
         walk = keys.walk
         own = {name: getattr(walk, name) for name in ("period", "double_support", "rise", "sway", "height", "feet")}
         stride = replace(stride, **{name: value for name, value in own.items() if value is not None})
-        return generated(keys.gait, body, stride, walk.step, walk.side, walk.turn)
+        return generate_gait(keys.gait, body, stride, walk.step, walk.side, walk.turn)
     points = keys.points
     feet = np.array([[point.left, point.right] for point in points])
     headings = np.array([[point.left_turn, point.right_turn] for point in points])
     on = np.array([[point.on in (side, "both") for side in SIDES] for point in points])
-    return splined(keys.gait, keys.period or 0.0, np.array([point.at for point in points]), feet, headings, on)
+    return spline_gait(keys.gait, keys.period or 0.0, np.array([point.at for point in points]), feet, headings, on)
 
 
-def generated(name: str, body: Body, stride: StrideKeys, step: float, side: float, turn: float) -> Gait:
+def generate_gait(name: str, body: LeggedBody, stride: StrideKeys, step: float, side: float, turn: float) -> Gait:
     """Return the gait of a walk in steps of so many metres ahead and to the left that turn so far (radians)."""
-    manner = manner_of(body, stride)
-    walker = Walker(manner)
-    wanted = tuple(each / manner.step for each in (step, side / 2, turn / 2))
+    manner = walk_parameters(body, stride)
+    walker = WalkPatternGenerator(manner)
+    wanted = tuple(each / manner.step_time for each in (step, side / 2, turn / 2))
     given = walker.command(*wanted)
     for what, unit, one, other in zip(("step", "side", "turn"), ("m", "m", "rad"), wanted, given, strict=True):
         if abs(one - other) > 1e-9:
-            far = other * manner.step * (1 if what == "step" else 2)
+            far = other * manner.step_time * (1 if what == "step" else 2)
             raise BadRequest(f"{name}: {what}: a step can be {abs(far):.3g} {unit} at most", hint="look at the stride")
     if not any(wanted):
-        walker.wanted = (1e-9, 0.0, 0.0)  # on the spot
-    dt = stride.period / MOMENTS
-    patterns = [walker.advance(dt) for _ in range(round(SHIFT / dt) + (STEADY + 2) * MOMENTS)]
-    last = len(patterns) - 2 * MOMENTS
-    first = next(at for at in range(last, len(patterns)) if _begins(patterns[at - 1], patterns[at]))
-    walk = laid_out(body, stride, patterns[first : first + MOMENTS])
+        walker.velocity_command = (1e-9, 0.0, 0.0)  # on the spot
+    dt = stride.period / SAMPLES_PER_CYCLE
+    patterns = [
+        walker.advance(dt) for _ in range(round(WEIGHT_SHIFT_TIME / dt) + (SETTLING_CYCLES + 2) * SAMPLES_PER_CYCLE)
+    ]
+    last = len(patterns) - 2 * SAMPLES_PER_CYCLE
+    first = next(at for at in range(last, len(patterns)) if _lifts_left_foot(patterns[at - 1], patterns[at]))
+    walk = solve_patterns(body, stride, patterns[first : first + SAMPLES_PER_CYCLE])
     feet = np.array([[moment.feet[each] for each in SIDES] for moment in walk.patterns])
-    back = turning(Z, -walk.heading)
+    back = rotation_about(Z, -walk.heading)
     places = (back[:, None] @ (feet[..., :3] - walk.trunk[:, None])[..., None])[..., 0]
     on = np.array([[moment.support in (each, "both") for each in SIDES] for moment in walk.patterns])
     return Gait(name, stride.period, places, feet[..., 3] - walk.heading[:, None], on)
 
 
-def _begins(before: Pattern, now: Pattern) -> bool:
+def _lifts_left_foot(before: WalkPattern, now: WalkPattern) -> bool:
     """Say whether the left foot has just been lifted."""
     return before.support == "both" and now.support == "right"
 
 
-def splined(name: str, period: float, at: Floats, feet: Floats, headings: Floats, on: npt.NDArray[np.bool_]) -> Gait:
+def spline_gait(
+    name: str, period: float, at: Floats, feet: Floats, headings: Floats, on_floor: npt.NDArray[np.bool_]
+) -> Gait:
     """Return a gait through points at shares ``at`` (P,) of its cycle, 0..1: a periodic cubic through all of them."""
     rows = np.concatenate((feet.reshape(len(at), 6), headings), axis=1)
     times = np.concatenate((at[-1:] - 1.0, at, at[:1] + 1.0))
@@ -100,7 +104,7 @@ def splined(name: str, period: float, at: Floats, feet: Floats, headings: Floats
     slopes = (values[2:] - values[:-2]) / (times[2:] - times[:-2])[:, None]
     ends, slopes = np.concatenate((rows, rows[:1])), np.concatenate((slopes, slopes[:1]))
     knots = np.append(at, at[0] + 1.0)
-    shares = np.linspace(0.0, 1.0, MOMENTS, endpoint=False)
+    shares = np.linspace(0.0, 1.0, SAMPLES_PER_CYCLE, endpoint=False)
     shares = np.where(shares < at[0], shares + 1.0, shares)
     low = np.clip(np.searchsorted(knots, shares, side="right") - 1, 0, len(at) - 1)
     long = (knots[low + 1] - knots[low])[:, None]
@@ -111,27 +115,27 @@ def splined(name: str, period: float, at: Floats, feet: Floats, headings: Floats
         + s**2 * (3 - 2 * s) * ends[low + 1]
         + s**2 * (s - 1) * long * slopes[low + 1]
     )
-    return Gait(name, period, found[:, :6].reshape(-1, 2, 3), found[:, 6:], on[low % len(at)])
+    return Gait(name, period, found[:, :6].reshape(-1, 2, 3), found[:, 6:], on_floor[low % len(at)])
 
 
-def mirrored(gait: Gait) -> Gait:
+def mirror_gait(gait: Gait) -> Gait:
     """Return the mirror image: what the left leg does, the right one does."""
-    feet = (gait.feet * FLIPPED)[:, ::-1]
-    return replace(gait, feet=feet, headings=-gait.headings[:, ::-1], on=gait.on[:, ::-1])
+    feet = (gait.feet * MIRROR_SIGNS)[:, ::-1]
+    return replace(gait, feet=feet, headings=-gait.headings[:, ::-1], on_floor=gait.on_floor[:, ::-1])
 
 
-def blended(one: Gait, other: Gait, share: float) -> Gait:
+def blend_gaits(one: Gait, other: Gait, share: float) -> Gait:
     """Return a gait between two, moment by moment: ``share`` 0 is the one, 1 the other."""
     return replace(
         one,
         period=(1 - share) * one.period + share * other.period,
         feet=(1 - share) * one.feet + share * other.feet,
         headings=(1 - share) * one.headings + share * other.headings,
-        on=one.on if share < 0.5 else other.on,
+        on_floor=one.on_floor if share < 0.5 else other.on_floor,
     )
 
 
-def scaled(gait: Gait, *, length: float = 1.0, rise: float = 1.0, time: float = 1.0) -> Gait:
+def scale_gait(gait: Gait, *, length: float = 1.0, rise: float = 1.0, time: float = 1.0) -> Gait:
     """Return a gait with longer steps, higher feet, or a longer period, each by a factor."""
     low = gait.feet[..., 2].min()
     feet = gait.feet.copy()
@@ -142,7 +146,7 @@ def scaled(gait: Gait, *, length: float = 1.0, rise: float = 1.0, time: float = 
     return replace(gait, period=gait.period * time, feet=feet, headings=gait.headings * length)
 
 
-def sequence(body: Body, parts: Sequence[tuple[Gait, int]], over: float = 0.5) -> tuple[Floats, Floats]:
+def join_gaits(body: LeggedBody, parts: Sequence[tuple[Gait, int]], pause: float = 0.5) -> tuple[Floats, Floats]:
     """Return times (T,) and angles (T, 12) of gaits, each so many cycles, with ``over`` seconds between them."""
     times: list[Floats] = []
     rows: list[Floats] = []
@@ -153,7 +157,7 @@ def sequence(body: Body, parts: Sequence[tuple[Gait, int]], over: float = 0.5) -
             raise BadRequest(f"{gait.name}: a foot is out of reach", hint=f"mission gait check {gait.name}")
         step = gait.period / len(angles)
         if rows:
-            now += over
+            now += pause
         for _ in range(cycles):
             times.append(now + np.arange(len(angles), dtype=np.float64) * step)
             rows.append(angles)

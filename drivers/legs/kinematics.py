@@ -11,20 +11,20 @@ from math import atan2, cos, sin
 import numpy as np
 
 from drivers.api import Pose2D
-from drivers.legs.body import FLIPPED, SIDES, Body, Floats, Side
+from drivers.legs.body import MIRROR_SIGNS, SIDES, Floats, LeggedBody, Side
 
 IDENTITY = np.eye(3)
 
 
 @dataclass(frozen=True)
-class Placed:
+class LinkPoses:
     """Where the links are: their origins (..., N, 3), and their orientations (..., N, 3, 3)."""
 
     position: Floats
     rotation: Floats
 
 
-def turning(axis: Floats, angle: Floats) -> Floats:
+def rotation_about(axis: Floats, angle: Floats) -> Floats:
     """Return the rotations (..., 3, 3) about a unit ``axis`` by angles (...): Rodrigues' formula."""
     x, y, z = axis
     across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -33,13 +33,13 @@ def turning(axis: Floats, angle: Floats) -> Floats:
     return turned
 
 
-def forward(body: Body, q: Floats) -> Placed:
+def forward_kinematics(body: LeggedBody, q: Floats) -> LinkPoses:
     """Return where every link is in poses ``q`` (..., N)."""
     shape = q.shape[:-1]
     position = np.empty((*shape, len(body.joints), 3))
     rotation = np.empty((*shape, len(body.joints), 3, 3))
     for place, parent in enumerate(body.parent):
-        turned = turning(body.axis[place], q[..., place])
+        turned = rotation_about(body.axis[place], q[..., place])
         if parent < 0:
             position[..., place, :] = body.offset[place]
             rotation[..., place, :, :] = turned
@@ -47,10 +47,10 @@ def forward(body: Body, q: Floats) -> Placed:
             carrier = rotation[..., parent, :, :]
             position[..., place, :] = position[..., parent, :] + carrier @ body.offset[place]
             rotation[..., place, :, :] = carrier @ turned
-    return Placed(position, rotation)
+    return LinkPoses(position, rotation)
 
 
-def sole(body: Body, placed: Placed, side: Side) -> tuple[Floats, Floats]:
+def sole_pose(body: LeggedBody, placed: LinkPoses, side: Side) -> tuple[Floats, Floats]:
     """Return the middle of a sole (..., 3) and its orientation (..., 3, 3)."""
     leg = body.legs[side]
     last = leg.joints[-1]
@@ -58,20 +58,20 @@ def sole(body: Body, placed: Placed, side: Side) -> tuple[Floats, Floats]:
     return placed.position[..., last, :] + rotation @ leg.sole, rotation
 
 
-def centres(body: Body, placed: Placed) -> Floats:
+def link_centres(body: LeggedBody, placed: LinkPoses) -> Floats:
     """Return the centre of mass of every link (..., N, 3)."""
     found: Floats = placed.position + (placed.rotation @ body.centre[:, :, None])[..., 0]
     return found
 
 
-def centre_of_mass(body: Body, placed: Placed) -> Floats:
+def centre_of_mass(body: LeggedBody, placed: LinkPoses) -> Floats:
     """Return the centre of mass of the whole body (..., 3)."""
-    weighed = (body.mass[:, None] * centres(body, placed)).sum(axis=-2)
-    found: Floats = (weighed + body.trunk.mass * body.trunk.centre) / body.total
+    weighed = (body.mass[:, None] * link_centres(body, placed)).sum(axis=-2)
+    found: Floats = (weighed + body.trunk.mass * body.trunk.centre) / body.total_mass
     return found
 
 
-def above(body: Body, link: int) -> list[int]:
+def carrying_joints(body: LeggedBody, link: int) -> list[int]:
     """Return the joints that move a link: its own, and those that carry it."""
     found = []
     while link >= 0:
@@ -80,37 +80,37 @@ def above(body: Body, link: int) -> list[int]:
     return found[::-1]
 
 
-def axes(body: Body, placed: Placed) -> Floats:
+def joint_axes(body: LeggedBody, placed: LinkPoses) -> Floats:
     """Return the axes of the joints (..., N, 3) as they are turned."""
     found: Floats = (placed.rotation @ body.axis[:, :, None])[..., 0]
     return found
 
 
-def jacobian(body: Body, placed: Placed, link: int, point: Floats) -> Floats:
+def jacobian(body: LeggedBody, placed: LinkPoses, link: int, point: Floats) -> Floats:
     """Return how a ``point`` (3) of a link, in its frame, moves: (..., 6, N), linear over angular, a joint a column."""
-    turned = axes(body, placed)
+    turned = joint_axes(body, placed)
     there = placed.position[..., link, :] + placed.rotation[..., link, :, :] @ point
     found = np.zeros((*turned.shape[:-2], 6, len(body.joints)))
-    for joint in above(body, link):
+    for joint in carrying_joints(body, link):
         axis = turned[..., joint, :]
         found[..., :3, joint] = np.cross(axis, there - placed.position[..., joint, :])
         found[..., 3:, joint] = axis
     return found
 
 
-def centre_jacobian(body: Body, placed: Placed) -> Floats:
+def centre_jacobian(body: LeggedBody, placed: LinkPoses) -> Floats:
     """Return how the centre of mass moves: (..., 3, N)."""
-    turned, masses = axes(body, placed), centres(body, placed)
+    turned, masses = joint_axes(body, placed), link_centres(body, placed)
     found = np.zeros((*turned.shape[:-2], 3, len(body.joints)))
     for link in range(len(body.joints)):
-        for joint in above(body, link):
+        for joint in carrying_joints(body, link):
             arm = masses[..., link, :] - placed.position[..., joint, :]
-            found[..., joint] += body.mass[link] / body.total * np.cross(turned[..., joint, :], arm)
+            found[..., joint] += body.mass[link] / body.total_mass * np.cross(turned[..., joint, :], arm)
     return found
 
 
 @dataclass(frozen=True)
-class _Masses:
+class _LegMasses:
     """What legs weigh, and ``still`` all but them: mass times place.
 
     Of each joint of the left one: the number and the sign of its axis, its offset, its mass and the centre of that.
@@ -123,42 +123,42 @@ class _Masses:
 
 
 @lru_cache(maxsize=16)
-def _masses(body: Body) -> _Masses:
-    rest = forward(body, np.zeros(len(body.joints)))
+def _leg_masses(body: LeggedBody) -> _LegMasses:
+    rest = forward_kinematics(body, np.zeros(len(body.joints)))
     mass = body.mass.copy()
-    mass[body.leg_places] = 0.0
-    still = (mass[:, None] * centres(body, rest)).sum(axis=0) + body.trunk.mass * body.trunk.centre
+    mass[body.leg_indices] = 0.0
+    still = (mass[:, None] * link_centres(body, rest)).sum(axis=0) + body.trunk.mass * body.trunk.centre
     leg = body.legs["left"].joints
     joints = tuple(
         (int(np.abs(body.axis[j]).argmax()), body.axis[j].sum(), body.offset[j], body.mass[j], body.centre[j])
         for j in leg
     )
-    return _Masses(still, body.total, joints, np.stack((np.ones(6), body.sign[list(leg)])))
+    return _LegMasses(still, body.total_mass, joints, np.stack((np.ones(6), body.sign[list(leg)])))
 
 
-def centre_over_legs(body: Body, angles: Floats) -> Floats:
+def centre_over_legs(body: LeggedBody, angles: Floats) -> Floats:
     """Return the centre of mass (..., 3) with the legs at ``angles`` (..., 2, 6) and all else at 0: of one that walks.
 
     The same as ``centre_of_mass``, in a tenth of the time.
     """
-    masses = _masses(body)
+    masses = _leg_masses(body)
     turned = angles * masses.right
     columns = [np.broadcast_to(axis, (*turned.shape[:-1], 3)) for axis in IDENTITY]
     place, sum_ = np.zeros(3), np.zeros(3)
     for joint, (axis, sign, offset, mass, centre) in enumerate(masses.joints):
-        place = place + _along(columns, offset)
+        place = place + _rotate_along(columns, offset)
         c, s = np.cos(turned[..., joint, None]), sign * np.sin(turned[..., joint, None])
         one, other = (axis + 1) % 3, (axis + 2) % 3
         columns[one], columns[other] = (
             c * columns[one] + s * columns[other],
             c * columns[other] - s * columns[one],
         )
-        sum_ = sum_ + mass * (place + _along(columns, centre))
-    found: Floats = (masses.still + sum_[..., 0, :] + sum_[..., 1, :] * FLIPPED) / masses.total
+        sum_ = sum_ + mass * (place + _rotate_along(columns, centre))
+    found: Floats = (masses.still + sum_[..., 0, :] + sum_[..., 1, :] * MIRROR_SIGNS) / masses.total
     return found
 
 
-def _along(columns: Sequence[Floats], way: Floats) -> Floats:
+def _rotate_along(columns: Sequence[Floats], way: Floats) -> Floats:
     """Return a way of a link's frame along the columns of its rotation."""
     found = np.zeros(3)
     for part, column in zip(way.tolist(), columns, strict=True):
@@ -169,44 +169,44 @@ def _along(columns: Sequence[Floats], way: Floats) -> Floats:
 
 # Where a body has gone by the angles of its legs: the lower foot stands still on the floor, and carries the trunk.
 
-CLEAR = 0.001
+SUPPORT_SWITCH_HEIGHT = 0.001
 """Metres by which the other foot must be lower to be the one that stands."""
 
 
 class FootOdometry:
     """Follows the trunk from ``start`` on, over the foot that stands. It has to be told of every step."""
 
-    def __init__(self, body: Body, start: Pose2D) -> None:
+    def __init__(self, body: LeggedBody, start: Pose2D) -> None:
         self._body = body
         self.pose = start
-        self._stands: Side = "left"
+        self._support_side: Side = "left"
         self._anchor: tuple[float, float, float] | None = None
 
     def update(self, q: Floats) -> Pose2D:
         """Take a pose of all joints (N); return where the trunk is on the floor."""
-        placed = forward(self._body, q)
+        placed = forward_kinematics(self._body, q)
         feet: dict[Side, tuple[float, float, float]] = {}
         lowest: dict[Side, float] = {}
         for side in SIDES:
-            place, turned = sole(self._body, placed, side)
+            place, turned = sole_pose(self._body, placed, side)
             feet[side] = float(place[0]), float(place[1]), atan2(turned[1, 0], turned[0, 0])
             lowest[side] = float(place[2])
         if self._anchor is not None:
-            self.pose = _over(self._anchor, feet[self._stands])
-        other: Side = "right" if self._stands == "left" else "left"
-        if self._anchor is None or lowest[other] < lowest[self._stands] - CLEAR:
-            self._stands = other
-            self._anchor = _placed(self.pose, feet[other])
+            self.pose = _trunk_over_foot(self._anchor, feet[self._support_side])
+        other: Side = "right" if self._support_side == "left" else "left"
+        if self._anchor is None or lowest[other] < lowest[self._support_side] - SUPPORT_SWITCH_HEIGHT:
+            self._support_side = other
+            self._anchor = _foot_on_floor(self.pose, feet[other])
         return self.pose
 
 
-def _placed(pose: Pose2D, foot: tuple[float, float, float]) -> tuple[float, float, float]:
+def _foot_on_floor(pose: Pose2D, foot: tuple[float, float, float]) -> tuple[float, float, float]:
     """Return where a foot stands on the floor."""
     c, s = cos(pose.heading), sin(pose.heading)
     return pose.x + c * foot[0] - s * foot[1], pose.y + s * foot[0] + c * foot[1], pose.heading + foot[2]
 
 
-def _over(anchor: tuple[float, float, float], foot: tuple[float, float, float]) -> Pose2D:
+def _trunk_over_foot(anchor: tuple[float, float, float], foot: tuple[float, float, float]) -> Pose2D:
     """Return where the trunk is over a foot on the floor that it has there."""
     heading = anchor[2] - foot[2]
     c, s = cos(heading), sin(heading)

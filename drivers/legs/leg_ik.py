@@ -13,9 +13,9 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from drivers.legs.body import FLIPPED, Body, Floats, Side
+from drivers.legs.body import MIRROR_SIGNS, Floats, LeggedBody, Side
 
-REASONS = (
+UNREACHABLE_REASONS = (
     "",
     "the foot is too far from the hip",
     "the foot is too near to the hip",
@@ -25,28 +25,28 @@ REASONS = (
 )
 """Why a pose of a foot cannot be reached, or in which it is not determined."""
 
-SLACK = 1e-12
+LENGTH_SLACK = 1e-12
 """Metres by which a leg may be too short, for rounding."""
 
-DEGENERATE = 1e-7
+MIN_ROLL_COSINE = 1e-7
 """Below this cosine of the hip's roll, its turn is not determined."""
 
 
 @dataclass(frozen=True)
-class Solution:
-    """Angles (..., 6) of a leg, hip turn first; ``reason`` (...) is 0, or says in ``REASONS`` why there are none."""
+class LegSolution:
+    """Angles (..., 6) of a leg, hip turn first; ``reason`` (...) is 0, or says in ``UNREACHABLE_REASONS`` why there are none."""
 
     angles: Floats
     reason: npt.NDArray[np.int64]
 
     @property
-    def reachable(self) -> npt.NDArray[np.bool_]:
+    def is_reachable(self) -> npt.NDArray[np.bool_]:
         """Whether the pose can be reached (...)."""
         return np.equal(self.reason, 0)
 
 
 @dataclass(frozen=True)
-class _Shape:
+class _LegShape:
     """A left leg in figures: signs of its six axes, the meeting points, and the plane of the pitches."""
 
     sign: Floats
@@ -59,32 +59,32 @@ class _Shape:
     ankle: Floats  # where pitch and roll meet, from the sole's middle, in the frame of the foot
 
 
-def solve(body: Body, side: Side, position: Floats, rotation: Floats) -> Solution:
+def solve_leg(body: LeggedBody, side: Side, position: Floats, rotation: Floats) -> LegSolution:
     """Return the angles that bring the middle of a sole to ``position`` (..., 3) with ``rotation`` (..., 3, 3).
 
     Both are in the frame of the trunk. The knee bends forward. Where there are none, the reason is set and the angles
     are NaN.
     """
-    shape = shape_of(body)
+    shape = leg_shape(body)
     position, rotation = np.asarray(position, np.float64), np.asarray(rotation, np.float64)
     if side == "left":
         return _solve(shape, position, rotation, shape.sign)
-    return _solve(shape, position * FLIPPED, rotation * MIRROR, shape.sign * shape.right)
+    return _solve(shape, position * MIRROR_SIGNS, rotation * MIRROR_ROTATION, shape.sign * shape.right)
 
 
-def solve_both(body: Body, position: Floats, rotation: Floats) -> Solution:
+def solve_both_legs(body: LeggedBody, position: Floats, rotation: Floats) -> LegSolution:
     """Return the same for both soles, the left one first: (..., 2, 3) and (..., 2, 3, 3) lead to (..., 2, 6)."""
-    shape = shape_of(body)
+    shape = leg_shape(body)
     sign = np.stack((shape.sign, shape.sign * shape.right))
-    return _solve(shape, position * BOTH, rotation * BOTH_MIRRORS, sign)
+    return _solve(shape, position * BOTH_SIGNS, rotation * BOTH_MIRRORS, sign)
 
 
-MIRROR = np.outer(FLIPPED, FLIPPED)
-BOTH = np.stack((np.ones(3), FLIPPED))
-BOTH_MIRRORS = np.stack((np.ones((3, 3)), MIRROR))
+MIRROR_ROTATION = np.outer(MIRROR_SIGNS, MIRROR_SIGNS)
+BOTH_SIGNS = np.stack((np.ones(3), MIRROR_SIGNS))
+BOTH_MIRRORS = np.stack((np.ones((3, 3)), MIRROR_ROTATION))
 
 
-def _solve(shape: _Shape, position: Floats, rotation: Floats, sign: Floats) -> Solution:
+def _solve(shape: _LegShape, position: Floats, rotation: Floats, sign: Floats) -> LegSolution:
     finite = np.isfinite(position).all(-1) & np.isfinite(rotation).all((-2, -1))
     # The hip, seen from the ankle along the axes of the foot.
     hip = ((shape.hip - position)[..., :, None] * rotation).sum(-2) - shape.ankle
@@ -100,23 +100,25 @@ def _solve(shape: _Shape, position: Floats, rotation: Floats, sign: Floats) -> S
         turn = np.arctan2(-y_axis[..., 0], y_axis[..., 1])
         pitch = np.arctan2(-rotation[..., 2, 0], up)
         hip_pitch, bend, short = _triangle(shape, hip[..., 0], hip[..., 1] * sr + hip[..., 2] * cr, pitch)
-    reason = np.where(~finite, 5, np.where(beyond, 3, np.where(flat < DEGENERATE, 4, short)))
-    pitches = wrapped(np.stack((hip_pitch, bend, pitch - hip_pitch - bend, roll), axis=-1))
+    reason = np.where(~finite, 5, np.where(beyond, 3, np.where(flat < MIN_ROLL_COSINE, 4, short)))
+    pitches = wrap_angles(np.stack((hip_pitch, bend, pitch - hip_pitch - bend, roll), axis=-1))
     angles = np.concatenate((turn[..., None], hip_roll[..., None], pitches), axis=-1) * sign
-    return Solution(np.where((reason == 0)[..., None], angles, np.nan), reason)
+    return LegSolution(np.where((reason == 0)[..., None], angles, np.nan), reason)
 
 
 def _ankle_roll(hip: Floats, across: float) -> tuple[Floats, npt.NDArray[np.bool_]]:
     """Return the ankle's roll about +x, and where there is none: the hip must lie ``-across`` beside the plane."""
     y, z = hip[..., 1], hip[..., 2]
     far = np.hypot(y, z)
-    beyond = far <= abs(across) + SLACK
+    beyond = far <= abs(across) + LENGTH_SLACK
     # In the frame before the roll the hip lies at y' = y cos - z sin = -across.
     roll = np.arctan2(y, z) + np.arcsin(np.clip(across / np.where(beyond, 1.0, far), -1.0, 1.0))
     return roll, beyond
 
 
-def _triangle(shape: _Shape, ahead: Floats, up: Floats, pitch: Floats) -> tuple[Floats, Floats, npt.NDArray[np.int64]]:
+def _triangle(
+    shape: _LegShape, ahead: Floats, up: Floats, pitch: Floats
+) -> tuple[Floats, Floats, npt.NDArray[np.int64]]:
     """Return the pitch of hip and knee about +y, and why there is none.
 
     ``ahead`` and ``up`` of the ankle is the hip, in the plane of the leg, along the axes of the foot.
@@ -128,7 +130,9 @@ def _triangle(shape: _Shape, ahead: Floats, up: Floats, pitch: Floats) -> tuple[
     x = -(c * ahead + s * up) - shape.hang[0]
     z = s * ahead - c * up - shape.hang[1]
     far = np.hypot(x, z)
-    short = np.where(far > a + b + SLACK, 1, np.where((far < abs(a - b) - SLACK) | (far < SLACK), 2, 0))
+    short = np.where(
+        far > a + b + LENGTH_SLACK, 1, np.where((far < abs(a - b) - LENGTH_SLACK) | (far < LENGTH_SLACK), 2, 0)
+    )
     apart = np.arccos(np.clip((far * far - a * a - b * b) / (2 * a * b), -1.0, 1.0))
     bend = apart - (_bearing(shank) - _bearing(thigh))
     cb, sb = np.cos(bend), np.sin(bend)
@@ -142,19 +146,19 @@ def _bearing(way: Floats) -> Floats:
     return found
 
 
-def wrapped(angle: Floats) -> Floats:
+def wrap_angles(angle: Floats) -> Floats:
     """Return angles within a turn: above -pi, up to pi."""
     found: Floats = np.pi - np.mod(np.pi - angle, 2 * np.pi)
     return found
 
 
 @lru_cache(maxsize=16)
-def shape_of(body: Body) -> _Shape:
+def leg_shape(body: LeggedBody) -> _LegShape:
     """Return the left leg in figures."""
     joints = list(body.legs["left"].joints)
     turn, roll, pitch, knee, ankle, last = (body.offset[joint] for joint in joints)
     hang = np.array([roll[0], 0.0, 0.0]) + pitch
-    return _Shape(
+    return _LegShape(
         sign=body.axis[joints].sum(axis=-1),
         right=body.sign[joints],
         hip=turn + np.array([0.0, 0.0, roll[2]]),

@@ -4,111 +4,115 @@ from collections.abc import Callable
 from typing import Any
 
 from drivers.api import DeviceStatus, Imu, Joints, ignore
-from drivers.api.driver import Site
+from drivers.api.driver import DriverContext
 from drivers.base.arbitrated import settings_of
 from drivers.legs.body import body_of
 from drivers.legs.compensation import Compensation
 from drivers.legs.declared import LegsKeys
 from drivers.legs.driver import LegsBase
-from drivers.legs.engine import PERIOD, Engine, Felt
-from drivers.legs.pressure import Balance
-from drivers.servos.commanded import CommandedJoints
-from drivers.servos.models import motor_of
-from drivers.transport.loop import Loop, MakeLoop, ThreadLoop
+from drivers.legs.engine import CONTROL_INTERVAL, AttitudeEstimate, WalkingEngine
+from drivers.legs.pressure import BalanceController
+from drivers.servos.commanded import ServoJoints
+from drivers.servos.models import motor_physics
+from drivers.transport.loop import Loop, LoopFactory, ThreadLoop
 
 # A base that walks by itself: on a thread of its own, 100 times a second.
 
-RESTING = 0.02
+STANDING_INTERVAL = 0.02
 """Seconds from one look at the joints to the next while it stands."""
 
-LAST_STEPS = 4.0
+STOP_TIMEOUT = 4.0
 """Seconds that a walk has to come to its end when the base is closed."""
 
 
 class WalkingBase(LegsBase):
     """A ``LegsBase`` that steps itself while it is open."""
 
-    make_loop: MakeLoop = ThreadLoop
+    make_loop: LoopFactory = ThreadLoop
     """Makes what steps it."""
     _loop: Loop | None = None
-    _fault = ""
+    _last_step_error = ""
 
     def open(self) -> None:
         """Use the joints as soon as they are there; does nothing while it is open."""
         super().open()
         if self._loop is None:
-            self._loop = self.make_loop(f"{self.name} legs", self._turn, ignore)
+            self._loop = self.make_loop(f"{self.name} legs", self._run_step, ignore)
         self._loop.start()
 
     def close(self) -> None:
-        """Let a walk come to its end, for ``LAST_STEPS`` at most; then take no step any more."""
+        """Let a walk come to its end, for ``STOP_TIMEOUT`` at most; then take no step any more."""
         self.stop()
         if self._loop is not None:
-            if self._loop.alive:
-                self.stands.wait(LAST_STEPS)
+            if self._loop.is_alive:
+                self.standing.wait(STOP_TIMEOUT)
             self._loop.end()
         super().close()
 
-    def _turn(self) -> float:
-        began = self._clock.now()
+    def _run_step(self) -> float:
+        began = self._clock.read_value()
         try:
             self.step()
         except BaseException as error:  # SystemExit too: without this thread the walk would stop in mid-step
-            if (fault := f"{type(error).__name__}: {error}") != self._fault:
-                self._fault = fault
+            if (fault := f"{type(error).__name__}: {error}") != self._last_step_error:
+                self._last_step_error = fault
                 self._report(DeviceStatus(self.name, "fault", fault))
-        return max(0.0, (PERIOD if self.walking else RESTING) - (self._clock.now() - began))
+        return max(
+            0.0, (CONTROL_INTERVAL if self.is_walking else STANDING_INTERVAL) - (self._clock.read_value() - began)
+        )
 
 
-def make(keys: LegsKeys, site: Site) -> WalkingBase:
+def make(keys: LegsKeys, site: DriverContext) -> WalkingBase:
     """Return the driver; the arm whose joints it leads, and the IMU, are opened and closed besides."""
-    joints, walks = site.parts["arm"], engine(keys)
+    joints, walks = site.needed_parts["arm"], make_engine(keys)
     return WalkingBase(
         joints,
         site.clock,
         walks,
-        felt=feeling(site.parts.get("imu")),
+        read_attitude=attitude_reader(site.needed_parts.get("imu")),
         # Virtual servos are where they are told to be.
-        compensation=None if site.virtual else compensation(walks, joints),
-        torques=torques(walks, joints),
+        compensation=None if site.is_virtual else make_compensation(walks, joints),
+        torques=stall_torques(walks, joints),
         at_fall=keys.at_fall,
-        tucked=keys.body.tucked,
+        tucked=keys.body.tucked_angles,
         **settings_of(keys, site),
     )
 
 
-def engine(keys: LegsKeys) -> Engine:
+def make_engine(keys: LegsKeys) -> WalkingEngine:
     """Return what walks. Raises BadRequest for strides that the legs cannot make."""
-    found = Engine(body_of(keys.body), keys.stride)
-    found.balance = Balance(keys.stride, found.walker.manner.com_height)
+    found = WalkingEngine(body_of(keys.body), keys.stride)
+    found.balance = BalanceController(keys.stride, found.walker.manner.com_height)
     return found
 
 
-def compensation(walks: Engine, joints: Joints) -> Compensation | None:
+def make_compensation(engine: WalkingEngine, joints: Joints) -> Compensation | None:
     """Return what sets the goals of servos ahead; None for joints of which it is not known how soft they are."""
-    if not isinstance(joints, CommandedJoints):
+    if not isinstance(joints, ServoJoints):
         return None
-    servos = {name: joints.described[name] for name in walks.body.walking}
-    return Compensation(walks.body, {name: motor_of(it.model, it.spec.torque_limit) for name, it in servos.items()})
+    servos = {name: joints.joints[name] for name in engine.body.leg_joints}
+    return Compensation(
+        engine.body, {name: motor_physics(it.model, it.spec.torque_limit) for name, it in servos.items()}
+    )
 
 
-def torques(walks: Engine, joints: Joints) -> dict[str, float]:
+def stall_torques(engine: WalkingEngine, joints: Joints) -> dict[str, float]:
     """Return what the servos of the legs stall at (Nm), for gaits to be checked; nothing where that is not known."""
-    if not isinstance(joints, CommandedJoints):
+    if not isinstance(joints, ServoJoints):
         return {}
-    servos = {name: joints.described[name] for name in walks.body.walking}
+    servos = {name: joints.joints[name] for name in engine.body.leg_joints}
     return {name: it.model.stall_torque * it.spec.torque_limit for name, it in servos.items()}
 
 
-def feeling(imu: Any) -> Callable[[], Felt | None]:
+def attitude_reader(imu: Any) -> Callable[[], AttitudeEstimate | None]:
     """Return what tells how the trunk leans; it knows nothing without an IMU, or while that is silent."""
     part: Imu | None = imu
 
-    def felt() -> Felt | None:
+    def felt() -> AttitudeEstimate | None:
         reading = None if part is None else part.attitude()
         if reading is None or reading.value is None or not reading.good:
             return None
         found = reading.value
-        return Felt(found.roll, found.pitch, found.rates[0], found.rates[1])
+        return AttitudeEstimate(found.roll, found.pitch, found.rates[0], found.rates[1])
 
     return felt

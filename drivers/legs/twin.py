@@ -6,8 +6,8 @@ from drivers.api import Pose2D, Velocity
 from drivers.base.arbitrated import settings_of
 from drivers.legs.declared import LegsKeys
 from drivers.legs.driver import LegsBase
-from drivers.legs.make import compensation, engine, feeling, torques
-from drivers.sim.stage import Stage
+from drivers.legs.make import attitude_reader, make_compensation, make_engine, stall_torques
+from drivers.sim.stage import SimContext
 
 
 class LegsTwin(LegsBase):
@@ -30,18 +30,18 @@ class LegsTwin(LegsBase):
         return Velocity(ahead, turn)
 
 
-def make(keys: LegsKeys, stage: Stage) -> LegsTwin:
+def make(keys: LegsKeys, stage: SimContext) -> LegsTwin:
     """Return the twin of a base that walks on the arm's twin."""
-    joints, walks = stage.parts["arm"], engine(keys)
+    joints, walks = stage.parts["arm"], make_engine(keys)
     twin = LegsTwin(
         joints,
         stage.clock,
         walks,
-        felt=feeling(stage.parts.get("imu")),
-        compensation=None if stage.scene is None else compensation(walks, joints),
-        torques=torques(walks, joints),
+        read_attitude=attitude_reader(stage.parts.get("imu")),
+        compensation=None if stage.scene is None else make_compensation(walks, joints),
+        torques=stall_torques(walks, joints),
         at_fall=keys.at_fall,
-        tucked=keys.body.tucked,
+        tucked=keys.body.tucked_angles,
         **settings_of(keys, stage),
     )
     if stage.world is not None:

@@ -8,13 +8,13 @@ from drivers.legs.declared import LegsKeys
 from drivers.legs.kinematics import FootOdometry
 from drivers.servos.declared import DynamixelKeys
 from drivers.servos.virtual.chain import VirtualServoBus, true_angle
-from drivers.sim.stage import Stage
-from drivers.virtual.plugged import Plugged
+from drivers.sim.stage import SimContext
+from drivers.virtual.plugged import VirtualDevice
 
 
-def make(keys: LegsKeys, stage: Stage) -> Plugged:
+def make(keys: LegsKeys, stage: SimContext) -> VirtualDevice:
     """Return a base that walks on joints of the arm, and sits on its wire: where they truly are leads it."""
-    arm: DynamixelKeys = stage.keys["arm"]
+    arm: DynamixelKeys = stage.part_keys["arm"]
     bus: VirtualServoBus = stage.parts["arm"].device
     body = body_of(keys.body)
     led = FootOdometry(body, Pose2D(0.0, 0.0, 0.0) if stage.world is None else stage.world.start)
@@ -22,4 +22,4 @@ def make(keys: LegsKeys, stage: Stage) -> Plugged:
     def pose(_: float) -> Pose2D:
         return led.update(body.pose({name: true_angle(bus, arm, name) for name in body.joints}))
 
-    return Plugged(None, pose=pose, state=lambda now: asdict(pose(now)))
+    return VirtualDevice(None, pose=pose, state=lambda now: asdict(pose(now)))

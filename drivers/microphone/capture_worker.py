@@ -16,43 +16,43 @@ import miniaudio
 RATE = 16_000
 """Samples a second."""
 
-SILENCE = 2.0
+SILENCE_TIMEOUT = 2.0
 """Seconds without any sound after which the sound card counts as gone: even a quiet room is sound."""
 
 PIECE_MS = 20
 """Milliseconds of sound in a message, about: sound cards have their own ideas."""
 
 
-def tell(message: dict[str, object], body: bytes = b"") -> None:
+def send(message: dict[str, object], body: bytes = b"") -> None:
     """Say something to the robot."""
     sys.stdout.buffer.write(json.dumps(message).encode() + b"\n" + body)
     sys.stdout.buffer.flush()
 
 
-class Passing:
-    """Passes on what the sound card gives, on a thread of miniaudio's; ``count`` are the pieces so far."""
+class SoundForwarder:
+    """Passes on what the sound card gives, on a thread of miniaudio's; ``piece_count`` are the pieces so far."""
 
     def __init__(self) -> None:
-        self.count = 0
+        self.piece_count = 0
 
-    def taking(self) -> Generator[None, bytes, None]:
+    def receive_sound(self) -> Generator[None, bytes, None]:
         """Take sound; to be primed, as miniaudio wants it."""
         while True:
             sound = bytes((yield))
-            self.count += 1
-            tell({"bytes": len(sound)}, sound)
+            self.piece_count += 1
+            send({"bytes": len(sound)}, sound)
 
-    def until_end(self, orders: int, silence: float = SILENCE) -> str:
+    def wait_for_end(self, orders: int, timeout: float = SILENCE_TIMEOUT) -> str:
         """Wait for the end of ``orders`` (a file); return why it comes before that, when no more sound does."""
         before = -1
-        while before != self.count:
-            before = self.count
-            if select.select([orders], [], [], silence)[0]:
+        while before != self.piece_count:
+            before = self.piece_count
+            if select.select([orders], [], [], timeout)[0]:
                 return ""
-        return f"no sound has come for {silence:g} s: is it still plugged in?"
+        return f"no sound has come for {timeout:g} s: is it still plugged in?"
 
 
-def chosen(name: str, backends: list[miniaudio.Backend]) -> object | None:
+def find_device_id(name: str, backends: list[miniaudio.Backend]) -> object | None:
     """Return the first device whose name holds ``name``, None for the system's choice. Ends the program without one."""
     if not name:
         return None
@@ -75,18 +75,18 @@ def main() -> None:
             nchannels=1,
             sample_rate=RATE,
             buffersize_msec=PIECE_MS,
-            device_id=chosen(name, backends),
+            device_id=find_device_id(name, backends),
             backends=backends or None,
             app_name="missiontree",
         )
     except miniaudio.MiniaudioError as error:
         sys.exit(f"no sound card that records: {error.args[0]}")
-    tell({"ready": device.backend})
-    passing = Passing()
-    taking = passing.taking()
+    send({"ready": device.backend})
+    passing = SoundForwarder()
+    taking = passing.receive_sound()
     next(taking)
     device.start(taking)
-    trouble = passing.until_end(sys.stdin.fileno())
+    trouble = passing.wait_for_end(sys.stdin.fileno())
     device.close()
     if trouble:
         sys.exit(trouble)

@@ -3,21 +3,21 @@
 from collections.abc import Iterator
 
 from drivers.api.driver import Driver
-from drivers.api.keys import Mistake, key, keys
+from drivers.api.keys import KeyDiagnostic, key, keys
 from drivers.api.senses import MicrophoneKeys
 
 
 @keys
-class FileKeys(MicrophoneKeys):
+class WavFileKeys(MicrophoneKeys):
     """The ``microphone`` section of a robot that hears a WAV file, which plays when the robot is switched on."""
 
     source: str = key(default="", help="The path of the WAV file.")
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield a file that is missing, and what MicrophoneKeys finds."""
         if not self.source:
-            yield Mistake("a microphone with 'driver: file' needs 'source'", hint="source: commands.wav")
-        yield from MicrophoneKeys.mistakes(self)
+            yield KeyDiagnostic("a microphone with 'driver: file' needs 'source'", hint="source: commands.wav")
+        yield from MicrophoneKeys.diagnostics(self)
 
 
 MICROPHONE = Driver(
@@ -33,7 +33,7 @@ FILE = Driver(
     "file",
     "microphone",
     "A WAV file, which plays when the robot is switched on.",
-    FileKeys,
+    WavFileKeys,
     make="drivers.microphone.make:recording",
     extra="listen",
 )

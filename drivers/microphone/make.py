@@ -2,18 +2,18 @@
 
 from pathlib import Path
 
-from drivers.api.driver import Site
+from drivers.api.driver import DriverContext
 from drivers.api.senses import MicrophoneKeys
-from drivers.microphone.captured import CapturedMicrophone
-from drivers.microphone.declared import FileKeys
+from drivers.microphone.captured import SoundCardMicrophone
+from drivers.microphone.declared import WavFileKeys
 from drivers.microphone.wav import WavMicrophone
 
 
-def sound_card(keys: MicrophoneKeys, site: Site) -> CapturedMicrophone:
+def sound_card(keys: MicrophoneKeys, site: DriverContext) -> SoundCardMicrophone:
     """Return the microphone of the sound card."""
-    return CapturedMicrophone(site.clock, device=keys.source, report=site.report)
+    return SoundCardMicrophone(site.clock, device=keys.source, report=site.report)
 
 
-def recording(keys: FileKeys, site: Site) -> WavMicrophone:
+def recording(keys: WavFileKeys, site: DriverContext) -> WavMicrophone:
     """Return a recording as a microphone; a relative path goes from the working folder."""
     return WavMicrophone(Path(keys.source).expanduser().absolute(), site.clock, report=site.report)

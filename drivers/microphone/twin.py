@@ -1,7 +1,7 @@
 """The twin of a microphone and of the ears behind it: simulated people's words as text, without any sound.
 
 ``drivers`` do not know perception, so what understands a text and what words are made of are handed in:
-``perception.hearing.grammar.Grammar`` and ``perception.api.Words``.
+``perception.hearing.grammar.PhraseGrammar`` and ``perception.api.Words``.
 """
 
 from collections import deque
@@ -10,29 +10,29 @@ from dataclasses import dataclass
 from random import Random
 from typing import Generic, Protocol, TypeVar
 
-from drivers.api import Health, Report, ignore
+from drivers.api import Health, StatusCallback, ignore
 from drivers.clock import Clock
-from drivers.sim.acts import Reply
-from drivers.sim.plug import Plug
-from drivers.transport.loop import guarded
+from drivers.sim.acts import PersonReply
+from drivers.sim.plug import SimulatedPlug
+from drivers.transport.loop import guard_callback
 
-PER_WORD = 0.4
+SECONDS_PER_WORD = 0.4
 """Seconds that people take for a word."""
 
-KEPT = 30.0
+MAX_WORD_AGE = 30.0
 """Seconds for which words are kept."""
 
-SURE, UNSURE = 3.0, -3.0
+ACCEPTED_SCORE, REFUSED_SCORE = 3.0, -3.0
 """Scores of what was understood and of what was not."""
 
-SILENCE, TALK = -90.0, -25.0
+SILENCE_LEVEL, SPEECH_LEVEL = -90.0, -25.0
 """dBFS when nobody speaks, and when somebody does."""
 
 W = TypeVar("W")
 W_co = TypeVar("W_co", covariant=True)
 
 
-class MakeWords(Protocol[W_co]):
+class WordsFactory(Protocol[W_co]):
     """Makes words of the number, the phrase, the beginning and end in seconds, the score, and who spoke."""
 
     def __call__(self, id: int, phrase: str, start: float, stamp: float, score: float, who: str) -> W_co:  # noqa: A002
@@ -40,7 +40,7 @@ class MakeWords(Protocol[W_co]):
         ...
 
 
-class Phrases(Protocol):
+class PhraseFinder(Protocol):
     """What is listened for."""
 
     @property
@@ -53,61 +53,63 @@ class Phrases(Protocol):
         ...
 
 
-def never(_start: float, _end: float) -> bool:
+def never_deaf(_start: float, _end: float) -> bool:
     """Say that the robot is silent."""
     return False
 
 
 @dataclass(slots=True)
-class _Speech:
+class _OngoingReply:
     """What somebody says, once they have begun."""
 
-    reply: Reply
-    begun: float | None = None
-    drowned: bool = False
+    reply: PersonReply
+    started_at: float | None = None
+    is_drowned: bool = False
 
-    def ends(self) -> float:
-        return (self.reply.when if self.begun is None else self.begun) + PER_WORD * len(self.reply.text.split())
+    def end_time(self) -> float:
+        return (self.reply.time if self.started_at is None else self.started_at) + SECONDS_PER_WORD * len(
+            self.reply.text.split()
+        )
 
 
 class HearingTwin(Generic[W]):
     """Hears what people answer, a word every 0.4 s; a device, and a ``perception.api.Hearing``.
 
     People let the robot finish: they begin once ``deaf(start, end)`` is over. What the robot talks into is lost. A
-    share ``mishearing`` of the rest is missed or taken for another phrase, by chance. While ``dulled`` it hears
-    nothing, and does not know. ``step`` it every ``PERIOD``; ``changed`` is called when words have come.
+    share ``mishearing`` of the rest is missed or taken for another phrase, by chance. While ``hears_nothing`` it hears
+    nothing, and does not know. ``step`` it every ``STEP_INTERVAL``; ``changed`` is called when words have come.
     """
 
     name = "microphone"
 
-    PERIOD = 0.05
+    STEP_INTERVAL = 0.05
 
     def __init__(
         self,
         clock: Clock,
-        grammar: Phrases,
-        make: MakeWords[W],
+        grammar: PhraseFinder,
+        make_words: WordsFactory[W],
         *,
-        deaf: Callable[[float, float], bool] = never,
+        is_deaf: Callable[[float, float], bool] = never_deaf,
         mishearing: float = 0.0,
         seed: int = 0,
-        report: Report = ignore,
+        report: StatusCallback = ignore,
         changed: Callable[[], None] = ignore,
     ) -> None:
-        self.dulled = False
-        self.plug = Plug(self.name, report, gone=self._forget)
+        self.hears_nothing = False
+        self.plug = SimulatedPlug(self.name, report, on_offline=self._clear)
         self._clock = clock
         self._grammar = grammar
-        self._make = make
-        self._deaf = deaf
+        self._make_words = make_words
+        self._is_deaf = is_deaf
         self._mishearing = mishearing
         self._random = Random(seed)  # noqa: S311 - a simulation
-        self._changed = guarded(changed)
-        self._speeches: list[_Speech] = []
+        self._changed = guard_callback(changed)
+        self._ongoing_replies: list[_OngoingReply] = []
         self._accepted: deque[tuple[float, W]] = deque()
         self._refused: deque[tuple[float, W]] = deque()
         self._counters = {"heard": 0, "understood": 0, "lost": 0}
-        self._listened: float | None = None
+        self._listened_until: float | None = None
 
     # --- the device ---------------------------------------------------------------------------------------------------
 
@@ -121,7 +123,7 @@ class HearingTwin(Generic[W]):
     def close(self) -> None:
         """Hear nothing more. Safe more than once."""
         self.plug.close()
-        self._forget()
+        self._clear()
 
     def health(self) -> Health:
         """Say whether it is there."""
@@ -131,71 +133,71 @@ class HearingTwin(Generic[W]):
 
     def words(self) -> tuple[W, ...]:
         """The phrases of the last 30 s, newest first."""
-        return self._recent(self._accepted)
+        return self._recent_words(self._accepted)
 
     def refused(self) -> tuple[W, ...]:
         """What was said in the last 30 s and is no phrase, newest first."""
-        return self._recent(self._refused)
+        return self._recent_words(self._refused)
 
     def listened(self) -> float | None:
         """The time up to which it has listened: old while it is unplugged."""
-        return self._listened
+        return self._listened_until
 
     def level(self) -> float:
         """How loud it is now, in dBFS."""
-        return TALK if any(speech.begun is not None for speech in self._speeches) else SILENCE
+        return SPEECH_LEVEL if any(speech.started_at is not None for speech in self._ongoing_replies) else SILENCE_LEVEL
 
     # --- the world ----------------------------------------------------------------------------------------------------
 
-    def hear(self, reply: Reply) -> None:
+    def on_reply(self, reply: PersonReply) -> None:
         """Take note of what somebody says, from the time on that is in it."""
-        if self.plug.online and not self.dulled and reply.text.strip():
-            self._speeches.append(_Speech(reply))
+        if self.plug.online and not self.hears_nothing and reply.text.strip():
+            self._ongoing_replies.append(_OngoingReply(reply))
 
     def step(self) -> None:
         """Listen up to now."""
         if not self.plug.online:
             return
-        now = self._clock.now()
-        deaf = self._deaf(max(0.0, now - self.PERIOD), now)
-        self._listened = now
+        now = self._clock.read_value()
+        deaf = self._is_deaf(max(0.0, now - self.STEP_INTERVAL), now)
+        self._listened_until = now
         ended = []
-        for speech in self._speeches:
-            if speech.begun is None and not deaf and now >= speech.reply.when:
-                speech.begun = now
-            elif speech.begun is not None:
-                speech.drowned |= deaf or self.dulled
-                if now >= speech.ends():
+        for speech in self._ongoing_replies:
+            if speech.started_at is None and not deaf and now >= speech.reply.time:
+                speech.started_at = now
+            elif speech.started_at is not None:
+                speech.is_drowned |= deaf or self.hears_nothing
+                if now >= speech.end_time():
                     ended.append(speech)
         for speech in ended:
-            self._speeches.remove(speech)
-            self._understand(speech, now)
+            self._ongoing_replies.remove(speech)
+            self._finish_reply(speech, now)
 
-    def _understand(self, speech: _Speech, now: float) -> None:
+    def _finish_reply(self, speech: _OngoingReply, now: float) -> None:
         self._counters["heard"] += 1
         said = self._grammar.find(speech.reply.text)
-        phrase = self._misheard(said)
-        if speech.drowned or (said and not phrase):
+        phrase = self._mishear(said)
+        if speech.is_drowned or (said and not phrase):
             self._counters["lost"] += 1
             return
         self._counters["understood"] += phrase != ""
-        begun = now if speech.begun is None else speech.begun
-        score = SURE if phrase else UNSURE
-        words = self._make(self._counters["heard"], phrase, begun, now, score, speech.reply.who)
+        begun = now if speech.started_at is None else speech.started_at
+        score = ACCEPTED_SCORE if phrase else REFUSED_SCORE
+        words = self._make_words(self._counters["heard"], phrase, begun, now, score, speech.reply.speaker)
         (self._accepted if phrase else self._refused).appendleft((now, words))
         self._changed()
 
-    def _misheard(self, phrase: str) -> str:
+    def _mishear(self, phrase: str) -> str:
         """Return what a phrase is taken for: mostly itself; now and then nothing, or another one."""
         if not phrase or self._random.random() >= self._mishearing:
             return phrase
         others = ["", *(other for other in self._grammar.phrases if other != phrase)]
         return self._random.choice(others)
 
-    def _recent(self, kept: deque[tuple[float, W]]) -> tuple[W, ...]:
-        while kept and kept[-1][0] < self._clock.now() - KEPT:
+    def _recent_words(self, kept: deque[tuple[float, W]]) -> tuple[W, ...]:
+        while kept and kept[-1][0] < self._clock.read_value() - MAX_WORD_AGE:
             kept.pop()
         return tuple(words for _, words in kept)
 
-    def _forget(self) -> None:
-        self._speeches.clear()
+    def _clear(self) -> None:
+        self._ongoing_replies.clear()

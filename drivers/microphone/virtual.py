@@ -6,22 +6,22 @@ from threading import Event, Lock, Thread
 
 import numpy as np
 
-from drivers.api import SOUND_RATE, DeviceStatus, Health, Manner, Report, Samples, Sound, ignore
+from drivers.api import SOUND_RATE, DeviceStatus, Health, Samples, Sound, SpeechStyle, StatusCallback, ignore
 from drivers.clock import Clock
 from drivers.errors import DriverError
-from drivers.microphone.twin import never
-from drivers.microphone.wav import KEPT, PIECE, resampled
-from drivers.sim.acts import Reply
-from drivers.sound.cut import Cut
-from drivers.sound.engines import Engine
+from drivers.microphone.twin import never_deaf
+from drivers.microphone.wav import MAX_KEPT_PIECES, PIECE_SAMPLES, resample
+from drivers.sim.acts import PersonReply
+from drivers.sound.cut import CancelToken
+from drivers.sound.engines import SpeechEngine
 
-NOISE = 25.0
+NOISE_LEVEL = 25.0
 """Steps of 65536 by which a microphone's sound trembles in a quiet room (standard deviation)."""
 
-LOUDNESS = 0.4
+VOICE_GAIN = 0.4
 """How much of the synthesiser's loudness arrives."""
 
-SOON = 0.05
+SPEECH_LEAD_TIME = 0.05
 """Seconds from now at which somebody begins to speak: what has been read already cannot be changed."""
 
 CLOSED = None
@@ -38,30 +38,30 @@ class VoicedMicrophone:
     def __init__(
         self,
         clock: Clock,
-        engine: Engine,
-        voice_of: Callable[[str], Manner],
+        engine: SpeechEngine,
+        voice_of: Callable[[str], SpeechStyle],
         *,
-        deaf: Callable[[float, float], bool] = never,
-        report: Report = ignore,
+        is_deaf: Callable[[float, float], bool] = never_deaf,
+        report: StatusCallback = ignore,
     ) -> None:
         self._clock = clock
         self._engine = engine
         self._voice_of = voice_of
-        self._deaf = deaf
+        self._is_deaf = is_deaf
         self._report = report
         self._lock = Lock()  # over the speeches
         self._speeches: list[tuple[int, Samples]] = []  # the number of its first sample, and the sound
-        self._replies: SimpleQueue[Reply | None] = SimpleQueue()
-        self._ending = Event()
+        self._replies: SimpleQueue[PersonReply | None] = SimpleQueue()
+        self._closing = Event()
         self._thread: Thread | None = None
-        self._began: float | None = None
+        self._opened_at: float | None = None
 
     def open(self) -> None:
         """Begin to listen. Safe more than once."""
         if self._thread is None:
-            self._ending.clear()
+            self._closing.clear()
             self._engine.open()
-            self._began = self._clock.now()
+            self._opened_at = self._clock.read_value()
             self._thread = Thread(target=self._run, name="people", daemon=True)
             self._thread.start()
 
@@ -70,72 +70,76 @@ class VoicedMicrophone:
 
     def close(self) -> None:
         """End it. Safe from any state, more than once."""
-        self._ending.set()
+        self._closing.set()
         self._replies.put(CLOSED)
         thread, self._thread = self._thread, None
         self._engine.close()
         if thread is not None:
             thread.join()
-        self._began = None
+        self._opened_at = None
 
     def health(self) -> Health:
         """Say whether people can be heard."""
-        if self._began is None:
+        if self._opened_at is None:
             return Health(False, f"{self.name}: not opened yet", "open it first")
-        return Health(not self._engine.broken, self._engine.broken)
+        return Health(not self._engine.failure_reason, self._engine.failure_reason)
 
-    def hear(self, reply: Reply) -> None:
+    def on_reply(self, reply: PersonReply) -> None:
         """Take note of what somebody says now. From any thread."""
         self._replies.put(reply)
 
     def read(self, after: int) -> list[Sound]:
         """Return the pieces that have sounded by now, with a larger number than ``after``, of the last 5 s."""
-        began = self._began
+        began = self._opened_at
         if began is None:
             return []
-        sounded = self._samples() // PIECE
-        wanted = range(max(after + 1, sounded - KEPT, 0), sounded)
-        return [Sound(each, began + each * PIECE / SOUND_RATE, self._piece(each)) for each in wanted]
+        sounded = self._elapsed_samples() // PIECE_SAMPLES
+        wanted = range(max(after + 1, sounded - MAX_KEPT_PIECES, 0), sounded)
+        return [Sound(each, began + each * PIECE_SAMPLES / SOUND_RATE, self._piece(each)) for each in wanted]
 
-    def _samples(self) -> int:
+    def _elapsed_samples(self) -> int:
         """Return how many samples have sounded by now."""
-        return int((self._clock.now() - (self._began or 0.0)) * SOUND_RATE + 1e-6)
+        return int((self._clock.read_value() - (self._opened_at or 0.0)) * SOUND_RATE + 1e-6)
 
     def _piece(self, number: int) -> Samples:
         """Return a piece: the noise of its number, and whatever is spoken over it."""
-        sound = np.random.default_rng(number).normal(0.0, NOISE, PIECE)
-        first = number * PIECE
+        sound = np.random.default_rng(number).normal(0.0, NOISE_LEVEL, PIECE_SAMPLES)
+        first = number * PIECE_SAMPLES
         with self._lock:
             for start, speech in self._speeches:
-                low, high = max(start, first), min(start + len(speech), first + PIECE)
+                low, high = max(start, first), min(start + len(speech), first + PIECE_SAMPLES)
                 if low < high:
-                    sound[low - first : high - first] += speech[low - start : high - start] * LOUDNESS
+                    sound[low - first : high - first] += speech[low - start : high - start] * VOICE_GAIN
         return np.asarray(np.clip(np.rint(sound), -32768, 32767), np.int16)
 
     # --- the thread ---------------------------------------------------------------------------------------------------
 
     def _run(self) -> None:
-        while (reply := self._replies.get()) is not CLOSED and not self._ending.is_set():
+        while (reply := self._replies.get()) is not CLOSED and not self._closing.is_set():
             try:
                 self._speak(reply)
             except Exception as error:  # whatever it is: the next one may be heard
-                if not self._ending.is_set():
+                if not self._closing.is_set():
                     hint = error.hint if isinstance(error, DriverError) else ""
-                    self._report(DeviceStatus(self.name, "fault", f"{reply.who} cannot be heard: {error}", hint))
+                    self._report(DeviceStatus(self.name, "fault", f"{reply.speaker} cannot be heard: {error}", hint))
 
-    def _speak(self, reply: Reply) -> None:
+    def _speak(self, reply: PersonReply) -> None:
         """Make a sound of what somebody says, and let them say it when the robot is silent."""
-        spoken = self._engine.speak(reply.text, self._voice_of(reply.who), Cut())
+        spoken = self._engine.speak(reply.text, self._voice_of(reply.speaker), CancelToken())
         if spoken is None:
             return
-        sound = resampled(np.frombuffer(spoken.samples, "<i2").astype(np.float64), spoken.rate)
-        while self._deaf(self._clock.now(), self._clock.now() + SOON) and not self._ending.wait(SOON):
+        sound = resample(np.frombuffer(spoken.samples, "<i2").astype(np.float64), spoken.rate)
+        while self._is_deaf(
+            self._clock.read_value(), self._clock.read_value() + SPEECH_LEAD_TIME
+        ) and not self._closing.wait(SPEECH_LEAD_TIME):
             pass
-        start = self._samples() + round(SOON * SOUND_RATE)
+        start = self._elapsed_samples() + round(SPEECH_LEAD_TIME * SOUND_RATE)
         with self._lock:
-            now = self._samples()
+            now = self._elapsed_samples()
             latest = max((each + len(speech) for each, speech in self._speeches), default=0)
             self._speeches = [
-                (each, speech) for each, speech in self._speeches if each + len(speech) > now - KEPT * PIECE
+                (each, speech)
+                for each, speech in self._speeches
+                if each + len(speech) > now - MAX_KEPT_PIECES * PIECE_SAMPLES
             ]
             self._speeches.append((max(start, latest), sound))  # one after another, as polite people do

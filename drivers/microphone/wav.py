@@ -7,28 +7,28 @@ from typing import BinaryIO
 
 import numpy as np
 
-from drivers.api import SOUND_RATE, DeviceStatus, Health, Report, Samples, Sound, ignore
+from drivers.api import SOUND_RATE, DeviceStatus, Health, Samples, Sound, StatusCallback, ignore
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.sound.wav import A_LAW, FLOAT, MU_LAW, NAMES, SAMPLE_WIDTHS, BadWav, WavFormat, read_header
-from drivers.transport.loop import guarded
+from drivers.sound.wav import A_LAW, ENCODING_NAMES, FLOAT, MU_LAW, SAMPLE_WIDTHS, BadWav, WavFormat, read_header
+from drivers.transport.loop import guard_callback
 
-PIECE = 320
+PIECE_SAMPLES = 320
 """Samples in a piece: 20 ms."""
 
-KEPT = 250
+MAX_KEPT_PIECES = 250
 """Pieces that are kept: 5 s."""
 
 MAX_DURATION = 300.0
 """Seconds that a recording may last: it is read as a whole."""
 
-RATES = (4_000, 384_000)
+RATE_LIMITS = (4_000, 384_000)
 """Samples a second that a recording may have: no recorder makes more, and what has less is no speech."""
 
-BLOCK = 65_536
+BLOCK_FRAMES = 65_536
 """Frames that are decoded at once: a long recording of many channels does not fit into memory as floats."""
 
-Blocks = Iterator["np.ndarray[tuple[int, int], np.dtype[np.float64]]"]
+FrameBlocks = Iterator["np.ndarray[tuple[int, int], np.dtype[np.float64]]"]
 
 
 class WavMicrophone:
@@ -40,26 +40,26 @@ class WavMicrophone:
 
     name = "microphone"
 
-    def __init__(self, path: Path, clock: Clock, *, loop: bool = False, report: Report = ignore) -> None:
+    def __init__(self, path: Path, clock: Clock, *, loop: bool = False, report: StatusCallback = ignore) -> None:
         self._path = path
         self._clock = clock
         self._loop = loop
-        self._report = guarded(report)
+        self._report = guard_callback(report)
         self._sound: Samples | None = None
-        self._trouble = NotConnected(f"{self.name}: {path}: not opened yet", hint="open it first")
-        self._began = 0.0
+        self._error = NotConnected(f"{self.name}: {path}: not opened yet", hint="open it first")
+        self._opened_at = 0.0
 
     def open(self) -> None:
         """Read the file, and begin to play it. A file that cannot be read is told by ``health`` and a notice."""
         if self._sound is not None:
             return
         try:
-            self._sound = load(self.name, self._path)
+            self._sound = load_wav(self.name, self._path)
         except NotConnected as error:
-            self._trouble = error
+            self._error = error
             self._report(DeviceStatus(self.name, "offline", str(error), error.hint))
         else:
-            self._began = self._clock.now()
+            self._opened_at = self._clock.read_value()
             self._report(DeviceStatus(self.name, "online", f"{self._path} plays"))
 
     def rest(self) -> None:
@@ -68,34 +68,37 @@ class WavMicrophone:
     def close(self) -> None:
         """End the playing; opened again, it begins from the beginning."""
         self._sound = None
-        self._trouble = NotConnected(f"{self.name}: {self._path}: not opened yet", hint="open it first")
+        self._error = NotConnected(f"{self.name}: {self._path}: not opened yet", hint="open it first")
 
     def health(self) -> Health:
         """Say whether the file could be read."""
         if self._sound is not None:
-            return Health(online=True, counters={"pieces": self._played()})
-        return Health(online=False, detail=str(self._trouble), hint=self._trouble.hint)
+            return Health(online=True, counters={"pieces": self._played_pieces()})
+        return Health(online=False, detail=str(self._error), hint=self._error.hint)
 
     def read(self, after: int) -> list[Sound]:
         """Return the pieces that have been played by now, with a larger number than ``after``, of the last 5 s."""
-        sound, played = self._sound, self._played()
+        sound, played = self._sound, self._played_pieces()
         if sound is None:
             return []
-        wanted = range(max(after + 1, played - KEPT, 0), played)
-        return [Sound(each, self._began + each * PIECE / SOUND_RATE, self._piece(sound, each)) for each in wanted]
+        wanted = range(max(after + 1, played - MAX_KEPT_PIECES, 0), played)
+        return [
+            Sound(each, self._opened_at + each * PIECE_SAMPLES / SOUND_RATE, self._piece(sound, each))
+            for each in wanted
+        ]
 
-    def _played(self) -> int:
-        return int((self._clock.now() - self._began) * SOUND_RATE / PIECE + 1e-6)
+    def _played_pieces(self) -> int:
+        return int((self._clock.read_value() - self._opened_at) * SOUND_RATE / PIECE_SAMPLES + 1e-6)
 
     def _piece(self, sound: Samples, number: int) -> Samples:
-        begin = number * PIECE
+        begin = number * PIECE_SAMPLES
         if self._loop and len(sound):
-            return np.take(sound, range(begin, begin + PIECE), mode="wrap")
-        piece = sound[begin : begin + PIECE]
-        return np.pad(piece, (0, PIECE - len(piece)))
+            return np.take(sound, range(begin, begin + PIECE_SAMPLES), mode="wrap")
+        piece = sound[begin : begin + PIECE_SAMPLES]
+        return np.pad(piece, (0, PIECE_SAMPLES - len(piece)))
 
 
-def load(name: str, path: Path) -> Samples:
+def load_wav(name: str, path: Path) -> Samples:
     """Return the sound in a WAV file at the rate of microphones; ``name`` wants it.
 
     What the header says is believed as far as the file has it. Raises NotConnected for a file that
@@ -107,8 +110,8 @@ def load(name: str, path: Path) -> Samples:
     try:
         with path.open("rb") as file:
             form = read_header(file)
-            if not RATES[0] <= form.rate <= RATES[1]:
-                low, high = RATES
+            if not RATE_LIMITS[0] <= form.rate <= RATE_LIMITS[1]:
+                low, high = RATE_LIMITS
                 raise NotConnected(
                     f"{name}: {path}: says {form.rate} samples a second: {low} to {high} can be", hint=hint
                 )
@@ -116,7 +119,7 @@ def load(name: str, path: Path) -> Samples:
                 what = f"{name}: {path}: lasts {form.seconds / 60:.0f} min, and {MAX_DURATION / 60:.0f} are the most"
                 cure = f"`ffmpeg -i {path} -t {MAX_DURATION:.0f} shorter.wav` keeps its beginning"
                 raise NotConnected(what, hint=cure)
-            sound = np.concatenate([block.mean(axis=1) for block in blocks(file, form)])
+            sound = np.concatenate([block.mean(axis=1) for block in decode_blocks(file, form)])
     except NotConnected:
         raise
     except FileNotFoundError:
@@ -124,10 +127,10 @@ def load(name: str, path: Path) -> Samples:
     except (OSError, BadWav) as error:
         why = error.strerror if isinstance(error, OSError) else error
         raise NotConnected(f"{name}: {path}: cannot be read as a WAV file: {why}", hint=hint) from error
-    return resampled(sound, form.rate)
+    return resample(sound, form.rate)
 
 
-def resampled(sound: np.ndarray[tuple[int], np.dtype[np.float64]], rate: int) -> Samples:
+def resample(sound: np.ndarray[tuple[int], np.dtype[np.float64]], rate: int) -> Samples:
     """Return a sound of ``rate`` samples a second at ``SOUND_RATE``; what is too high for that is left out.
 
     By its spectrum: exact for a recording as a whole, and too slow for a stream.
@@ -138,19 +141,19 @@ def resampled(sound: np.ndarray[tuple[int], np.dtype[np.float64]], rate: int) ->
     return np.asarray(np.clip(np.rint(sound), -32768, 32767), np.int16)
 
 
-def blocks(file: BinaryIO, form: WavFormat) -> Blocks:
-    """Yield the sound as frames by channels, ``BLOCK`` frames at a time, in floats of the range of 16 bits.
+def decode_blocks(file: BinaryIO, form: WavFormat) -> FrameBlocks:
+    """Yield the sound as frames by channels, ``BLOCK_FRAMES`` frames at a time, in floats of the range of 16 bits.
 
     Raises BadWav, OSError.
     """
     if form.encoding not in SAMPLE_WIDTHS:
-        raise BadWav(f"its samples are {NAMES[form.encoding]}, which is not decoded here")
+        raise BadWav(f"its samples are {ENCODING_NAMES[form.encoding]}, which is not decoded here")
     file.seek(form.begin)
     frame, left = form.width * form.channels, form.frames
-    while left > 0 and (data := file.read(frame * min(BLOCK, left))):
+    while left > 0 and (data := file.read(frame * min(BLOCK_FRAMES, left))):
         whole = data[: len(data) // frame * frame]
         yield _decode(whole, form).reshape(-1, form.channels)
-        left -= BLOCK
+        left -= BLOCK_FRAMES
 
 
 def _decode(data: bytes, form: WavFormat) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":

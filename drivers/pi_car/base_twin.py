@@ -1,12 +1,12 @@
 """Simulated car of a Raspberry Pi: nothing is measured."""
 
 from drivers.base.reckoning import TwoWheels
-from drivers.base.twin import BaseTwin, WheelTwinOdometry, make_plain
+from drivers.base.twin import BaseTwin, WheelTwinOdometry, make_wheel_base
 from drivers.pi_car.declared import PiCarKeys
-from drivers.sim.stage import Stage
+from drivers.sim.stage import SimContext
 
 
-def make(keys: PiCarKeys, stage: Stage) -> BaseTwin:
+def make(keys: PiCarKeys, stage: SimContext) -> BaseTwin:
     """Return the twin of a robot file's section."""
     odometry = WheelTwinOdometry(TwoWheels(keys.track, keys.speed_at_full), reckoned=True)
-    return make_plain(keys, stage, odometry, gauge=False)
+    return make_wheel_base(keys, stage, odometry, gauge=False)

@@ -2,11 +2,11 @@
 
 from drivers.base.reckoning import TwoWheels
 from drivers.pi_car.declared import PiCarKeys
-from drivers.sim.stage import Stage
+from drivers.sim.stage import SimContext
 from drivers.virtual.guardian import VirtualCar
-from drivers.virtual.plugged import Plugged, plugged_base
+from drivers.virtual.plugged import VirtualDevice, make_virtual_base
 
 
-def make(keys: PiCarKeys, stage: Stage) -> Plugged:
+def make(keys: PiCarKeys, stage: SimContext) -> VirtualDevice:
     """Return the virtual device of a robot file's section."""
-    return plugged_base(VirtualCar(stage.body(), TwoWheels(keys.track, keys.speed_at_full)), "car")
+    return make_virtual_base(VirtualCar(stage.make_body(), TwoWheels(keys.track, keys.speed_at_full)), "car")

@@ -3,26 +3,26 @@
 from collections.abc import Iterator, Mapping
 from typing import Literal
 
-from drivers.api.device import Away
+from drivers.api.device import ReconnectPolicy
 from drivers.api.driver import Driver
-from drivers.api.keys import Mistake, key, keys
+from drivers.api.keys import KeyDiagnostic, key, keys
 from drivers.api.sections import BaseKeys
 from drivers.head.keys import ServoKeys, TwoServoKeys
 
-PINS, CHANNELS = 28, 16
+PIN_COUNT, CHANNEL_COUNT = 28, 16
 """GPIO numbers of a Raspberry Pi, and channels of a PCA9685."""
 
 
 @keys
-class MotorKeys:
+class CarMotorKeys:
     """One motor: where its driver chip is told which way, and how fast."""
 
-    forward: int = key(low=0, high=PINS - 1, help="The GPIO number, or channel, that turns it forward.")
-    backward: int = key(low=0, high=PINS - 1, help="The one that turns it back.")
+    forward: int = key(low=0, high=PIN_COUNT - 1, help="The GPIO number, or channel, that turns it forward.")
+    backward: int = key(low=0, high=PIN_COUNT - 1, help="The one that turns it back.")
     enable: int | None = key(
         default=None,
         low=0,
-        high=PINS - 1,
+        high=PIN_COUNT - 1,
         help="The one that takes how fast, where the chip has such an input (ENA, PWMA); else the other two do.",
     )
 
@@ -48,26 +48,26 @@ class PiCarKeys(BaseKeys, I2CKeys):
     motors: Literal["gpio", "pca9685"] = key(
         default="gpio", help="What its motors' driver chip is on: the pins of the Pi, or the channels of a PCA9685."
     )
-    left: MotorKeys = key(help="The motor, or motors, on the left.")
-    right: MotorKeys = key(help="Those on the right.")
+    left: CarMotorKeys = key(help="The motor, or motors, on the left.")
+    right: CarMotorKeys = key(help="Those on the right.")
     speed_at_full: float = key(
         "speed", default=0.5, low=0.05, high=5.0, help="How fast it goes at full power: measure it, docs/rovers.md."
     )
     track: float = key("length", default=0.13, low=0.02, high=2.0, help="How far apart its wheels act.")
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield a speed that it does not reach, and pins that are taken twice or are none."""
         if self.max_speed > self.speed_at_full:
             most, full = f"{self.max_speed:g} m/s", f"{self.speed_at_full:g} m/s"
             message = f"'max_speed' ({most}) is above 'speed_at_full' ({full}): it cannot go that fast"
-            yield Mistake(message, ("max_speed",), ("speed_at_full",))
+            yield KeyDiagnostic(message, ("max_speed",), ("speed_at_full",))
         pins = (*self.left.pins, *self.right.pins)
         word = "GPIO" if self.motors == "gpio" else "channel"
         for pin in sorted({pin for pin in pins if pins.count(pin) > 1}):
-            yield Mistake(f"{word} {pin} is taken twice", about=(("left",), ("right",)))
-        if self.motors == "pca9685" and max(pins) >= CHANNELS:
-            yield Mistake(
-                f"a PCA9685 has channels 0 to {CHANNELS - 1}, and no {max(pins)}", about=(("left",), ("right",))
+            yield KeyDiagnostic(f"{word} {pin} is taken twice", about=(("left",), ("right",)))
+        if self.motors == "pca9685" and max(pins) >= CHANNEL_COUNT:
+            yield KeyDiagnostic(
+                f"a PCA9685 has channels 0 to {CHANNEL_COUNT - 1}, and no {max(pins)}", about=(("left",), ("right",))
             )
 
 
@@ -75,7 +75,7 @@ class PiCarKeys(BaseKeys, I2CKeys):
 class ChannelKeys(ServoKeys):
     """A hobby servo on a channel of a PCA9685; see ``ServoKeys``."""
 
-    servo: int = key(low=0, high=CHANNELS - 1, help="The channel of the PCA9685 that it is on.")
+    servo: int = key(low=0, high=CHANNEL_COUNT - 1, help="The channel of the PCA9685 that it is on.")
     start: int | None = key(
         default=90, low=0, high=180, help="Where it is taken to stand while nobody knows, in degrees of the servo."
     )
@@ -87,10 +87,10 @@ class PiHeadKeys(TwoServoKeys, I2CKeys):
 
     pan: ChannelKeys = key(help="The servo that turns the head left and right.")
     tilt: ChannelKeys = key(help="The servo that turns the head up and down.")
-    away: Away = key(default=Away(), help="What it does when it is back after it was silent.")
+    away: ReconnectPolicy = key(default=ReconnectPolicy(), help="What it does when it is back after it was silent.")
 
 
-def apart(head: PiHeadKeys, others: Mapping[str, object]) -> Iterator[Mistake]:
+def check_channels(head: PiHeadKeys, others: Mapping[str, object]) -> Iterator[KeyDiagnostic]:
     """Yield servos on channels that are motors'."""
     base = others.get("base")
     if (
@@ -101,7 +101,7 @@ def apart(head: PiHeadKeys, others: Mapping[str, object]) -> Iterator[Mistake]:
         return
     for word, servo in (("pan", head.pan.servo), ("tilt", head.tilt.servo)):
         if servo in (*base.left.pins, *base.right.pins):
-            yield Mistake(f"'{word}': channel {servo} is that of a motor", (word, "servo"))
+            yield KeyDiagnostic(f"'{word}': channel {servo} is that of a motor", (word, "servo"))
 
 
 PI_CAR = Driver(
@@ -123,6 +123,6 @@ PI_HEAD = Driver(
     make="drivers.pi_car.make:head",
     twin="drivers.pi_car.head_twin:make",
     virtual="drivers.pi_car.head_virtual:make",
-    check=apart,
+    check=check_channels,
     extra="pi",
 )

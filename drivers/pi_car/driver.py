@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from math import inf
 
 from drivers.api import Velocity
-from drivers.base.diff_drive import DiffDriveProtocol, Parsed
+from drivers.base.diff_drive import DiffDriveProtocol, ParsedReports
 from drivers.base.reckoning import TwoWheels, WheelOdometry
 from drivers.transport import guardian_wire
 from drivers.transport.lines import LineFinder
@@ -13,16 +13,18 @@ QUERY_INTERVAL = 0.02
 """Seconds between two requests for a report, after which the setpoint is renewed."""
 
 
-class KeeperProtocol(DiffDriveProtocol):
+class GuardianProtocol(DiffDriveProtocol):
     """Protocol of two motors, commanded as shares of full power; the pose is dead reckoning.
 
     ``speed_at_full`` (m/s) is the speed of a wheel at full power, ``track`` (m) the distance of the wheels. ``why``
     returns why the guardian does not answer, if that is known; ``hint`` is what to try then.
     """
 
-    def __init__(self, track: float, speed_at_full: float, *, why: Callable[[], str] = str, hint: str = "") -> None:
+    def __init__(
+        self, track: float, speed_at_full: float, *, offline_reason: Callable[[], str] = str, hint: str = ""
+    ) -> None:
         self._odometry = WheelOdometry(TwoWheels(track, speed_at_full), measured=False)
-        self._why, self._hint = why, hint
+        self._get_offline_reason, self._hint = offline_reason, hint
         self._malformed = self._reports = 0
         self.restart()
 
@@ -33,23 +35,23 @@ class KeeperProtocol(DiffDriveProtocol):
         self._odometry.pause()
 
     def greet(self) -> bytes:
-        return guardian_wire.ASK
+        return guardian_wire.REPORT_REQUEST
 
     def query(self, now: float) -> bytes:
         if now - self._queried_at < QUERY_INTERVAL:
             return b""
         self._queried_at = now
-        return guardian_wire.ASK
+        return guardian_wire.REPORT_REQUEST
 
-    def parse(self, data: bytes, now: float) -> Parsed:
-        parsed = Parsed()
+    def parse(self, data: bytes, now: float) -> ParsedReports:
+        parsed = ParsedReports()
         for line in self._lines.feed(data):
             try:
-                message = guardian_wire.read(line)
+                message = guardian_wire.parse_line(line)
             except ValueError:
                 self._malformed += 1
                 continue
-            if isinstance(message, guardian_wire.Report):
+            if isinstance(message, guardian_wire.GuardianReport):
                 if self._boot not in (None, message.boot):
                     parsed.restarted = ("the guardian of the motors restarted", self._hint)
                 self._boot = message.boot
@@ -61,12 +63,15 @@ class KeeperProtocol(DiffDriveProtocol):
         left, right = self._odometry.send(velocity, now)
         if self._boot is None:  # a guardian obeys only commands with its own boot number
             return b""
-        full = guardian_wire.FULL / self._odometry.wheels.fastest
-        return guardian_wire.go(self._boot, round(left * full), round(right * full))
+        full = guardian_wire.FULL_POWER / self._odometry.wheels.fastest
+        return guardian_wire.pack_command(self._boot, round(left * full), round(right * full))
 
     def counters(self) -> Mapping[str, int]:
         return {"reports": self._reports, "malformed": self._malformed}
 
     def offline_reason(self, now: float, where: str, baud: int, *, silent: bool) -> tuple[str, str]:
         del now, baud, silent
-        return f"{where}: {self._why() or 'open, but the guardian of the motors does not answer'}", self._hint
+        return (
+            f"{where}: {self._get_offline_reason() or 'open, but the guardian of the motors does not answer'}",
+            self._hint,
+        )

@@ -1,10 +1,10 @@
 """The twin of a pan/tilt on a PCA9685."""
 
-from drivers.head.twin import HeadTwin, twin_of
+from drivers.head.twin import ServoHeadTwin, make_head_twin
 from drivers.pi_car.declared import PiHeadKeys
-from drivers.sim.stage import Stage
+from drivers.sim.stage import SimContext
 
 
-def make(keys: PiHeadKeys, stage: Stage) -> HeadTwin:
+def make(keys: PiHeadKeys, stage: SimContext) -> ServoHeadTwin:
     """Return the twin of the head."""
-    return twin_of(keys, keys.away, stage)
+    return make_head_twin(keys, keys.away, stage)

@@ -10,26 +10,26 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from drivers.api import CameraFrame, DeviceStatus, Health, Image, Report
+from drivers.api import CameraFrame, DeviceStatus, Health, Image, StatusCallback
 from drivers.api.quick import dataclass
-from drivers.api.turn import UPRIGHT, Turn
+from drivers.api.turn import UPRIGHT, ImageOrientation
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
-from drivers.pictures.decode import NOTHING, UNWANTED
-from drivers.transport.loop import guarded
+from drivers.pictures.decode import NO_PICTURE, SKIPPED_PICTURE
+from drivers.transport.loop import guard_callback
 
 # Whether the pictures of a live camera are news: a camera can hang, or fall behind, and go on giving pictures.
 
-FROZEN = 3.0
+FROZEN_TIMEOUT = 3.0
 """Seconds of the same picture after which a camera has hung: the noise of a sensor alone makes each one different."""
 
-SLOW = 4.0
+MIN_RATE = 4.0
 """Pictures a second below which a camera is too slow to follow anybody by."""
 
-LATELY = 3.0
+RATE_WINDOW = 3.0
 """Seconds over which their rate is taken."""
 
-STRIDE = 16
+SAMPLE_STRIDE = 16
 """Every how many pixels, each way, the green of one is compared: that costs microseconds, and a thousand pixels share
 no noise."""
 
@@ -41,67 +41,67 @@ _FROZEN_HINT = "unplug the camera and plug it in again; `mission robot camera li
 class _Fault:
     """What is the matter, in words that stay the same while it lasts, and what helps."""
 
-    what: str
+    text: str
     hint: str
 
 
-class Freshness:
+class FreshnessMonitor:
     """Watches the pictures of one live camera, and reports when they freeze or come too slowly; once, and when it ends.
 
     A picture of one colour, as from a covered lens, never counts as frozen: there is nothing in it that could change.
     For one thread.
     """
 
-    def __init__(self, name: str, report: Report) -> None:
+    def __init__(self, name: str, report: StatusCallback) -> None:
         self._name = name
         self._report = report
         self._sample: npt.NDArray[np.uint8] | None = None
-        self._changed = 0.0  # the stamp of the first picture that looked like the newest one
+        self._changed_at = 0.0  # the stamp of the first picture that looked like the newest one
         self._stamps: list[float] = []
         self._fault: _Fault | None = None
 
     @property
-    def trouble(self) -> tuple[str, str]:
+    def problem(self) -> tuple[str, str]:
         """What is the matter with the pictures and what to do; both empty when they are fresh."""
         fault = self._fault
-        return ("", "") if fault is None else (f"{self._name}: {fault.what}", fault.hint)
+        return ("", "") if fault is None else (f"{self._name}: {fault.text}", fault.hint)
 
     def restart(self) -> None:
         """Begin anew: the camera was away, which others tell."""
         self._sample = self._fault = None
         self._stamps.clear()
 
-    def pass_over(self, stamp: float) -> None:
+    def count_skipped(self, stamp: float) -> None:
         """Count a picture of ``stamp`` seconds that came, and was not decoded."""
         self._stamps.append(stamp)
 
-    def take(self, image: Image, stamp: float) -> None:
+    def check(self, image: Image, stamp: float) -> None:
         """Look at the next picture, that was taken at ``stamp`` seconds."""
-        frozen, slow = self._frozen(image, stamp), self._slow(stamp)
+        frozen, slow = self._find_freeze(image, stamp), self._find_slowness(stamp)
         fault = frozen or slow
         before, self._fault = self._fault, fault
         if fault is not None and fault != before:
-            self._report(DeviceStatus(self._name, "fault", f"{self._name}: {fault.what}", fault.hint))
+            self._report(DeviceStatus(self._name, "fault", f"{self._name}: {fault.text}", fault.hint))
         elif fault is None and before is not None:
             self._report(DeviceStatus(self._name, "online", f"{self._name}: fresh pictures again"))
 
-    def _frozen(self, image: Image, stamp: float) -> _Fault | None:
-        sample = image[::STRIDE, ::STRIDE, 1]
+    def _find_freeze(self, image: Image, stamp: float) -> _Fault | None:
+        sample = image[::SAMPLE_STRIDE, ::SAMPLE_STRIDE, 1]
         same = self._sample is not None and np.array_equal(sample, self._sample)
         if not same or sample.min() == sample.max():
-            self._sample, self._changed = sample.copy(), stamp
+            self._sample, self._changed_at = sample.copy(), stamp
             return None
-        if stamp - self._changed < FROZEN:
+        if stamp - self._changed_at < FROZEN_TIMEOUT:
             return None
-        return _Fault(f"the same picture for {FROZEN:g} s", _FROZEN_HINT)
+        return _Fault(f"the same picture for {FROZEN_TIMEOUT:g} s", _FROZEN_HINT)
 
-    def _slow(self, stamp: float) -> _Fault | None:
+    def _find_slowness(self, stamp: float) -> _Fault | None:
         self._stamps.append(stamp)
-        while len(self._stamps) > 2 and stamp - self._stamps[1] >= LATELY:
+        while len(self._stamps) > 2 and stamp - self._stamps[1] >= RATE_WINDOW:
             self._stamps.pop(0)
         span = stamp - self._stamps[0]
-        slow = span >= LATELY and (len(self._stamps) - 1) / span < SLOW
-        return _Fault(f"fewer than {SLOW:g} pictures a second", _SLOW_HINT) if slow else None
+        slow = span >= RATE_WINDOW and (len(self._stamps) - 1) / span < MIN_RATE
+        return _Fault(f"fewer than {MIN_RATE:g} pictures a second", _SLOW_HINT) if slow else None
 
 
 # Turning pictures.
@@ -110,30 +110,33 @@ _ROTATIONS = (None, cv2.ROTATE_90_CLOCKWISE, cv2.ROTATE_180, cv2.ROTATE_90_COUNT
 _FLIPS = {(True, False): 1, (False, True): 0, (True, True): -1}
 
 
-def turned(image: Image, turn: Turn) -> Image:
+def turn_image(image: Image, turn: ImageOrientation) -> Image:
     """Return a picture, turned and then mirrored."""
-    rotation, flip = _ROTATIONS[turn.quarters], _FLIPS.get((turn.across, turn.down))
+    rotation, flip = _ROTATIONS[turn.quarter_turns], _FLIPS.get((turn.flip_horizontal, turn.flip_vertical))
     found = image if rotation is None else cv2.rotate(image, rotation)
     found = found if flip is None else cv2.flip(found, flip)
     return np.asarray(found, np.uint8)
 
 
-def unturned(image: Image, turn: Turn) -> Image:
+def unturn_image(image: Image, turn: ImageOrientation) -> Image:
     """Return the picture that ``turn`` makes ``image`` of."""
-    return turned(turned(image, Turn(0, turn.across, turn.down)), Turn(-turn.quarters % 4))
+    return turn_image(
+        turn_image(image, ImageOrientation(0, turn.flip_horizontal, turn.flip_vertical)),
+        ImageOrientation(-turn.quarter_turns % 4),
+    )
 
 
 log = logging.getLogger(__name__)
 
 
-class Feed(Protocol):
+class CameraFeed(Protocol):
     """A source of pictures that may be absent, may end and may be started again. Used from one thread.
 
     None of it is stuck in C: a thread that is, as Python ends, takes the process down with it.
     """
 
     @property
-    def what(self) -> str:
+    def source_name(self) -> str:
         """What the user calls it: a path, a device or an address."""
         ...
 
@@ -142,7 +145,7 @@ class Feed(Protocol):
         """What to type next when it opens and yet gives no picture."""
         ...
 
-    def start(self, ending: Event) -> float | None:
+    def start(self, closing: Event) -> float | None:
         """Open it; return the seconds between the pictures of a recording, or None for one that is live.
 
         ``ending`` is set when the camera is closed: nothing is waited for then. Raises NotConnected when it is not
@@ -150,7 +153,7 @@ class Feed(Protocol):
         """
         ...
 
-    def grab(self, spare: Callable[[], int]) -> Image | None:
+    def grab(self, skip_count: Callable[[], int]) -> Image | None:
         """Return the next picture; ``NOTHING`` when none has come for a moment; None when there is no more.
 
         ``spare`` returns how many of the next pictures nobody needs: those are ``UNWANTED``, and are not decoded.
@@ -166,34 +169,34 @@ class Feed(Protocol):
 class CountingFeed(Protocol):
     """A feed that does not ask ``spare`` for each picture, so it has to hear when the answer changes."""
 
-    def let_by(self, pictures: int) -> None:
+    def skip_next(self, pictures: int) -> None:
         """Let so many of the next pictures go by, instead of as many as before. From any thread."""
         ...
 
 
-_GLANCE = 0.1
+_POLL_INTERVAL = 0.1
 """Seconds between looks at the clock while a recording waits; no waiting can be matched to a simulated clock."""
 
-_UNREAD = 1.0
+_UNREAD_TIMEOUT = 1.0
 """Seconds after which pictures that nobody reads go by without being decoded."""
 
-UNREAD_PICTURES = 1_000_000
+MAX_UNREAD_SKIP = 1_000_000
 """How many go by then, if nobody reads meanwhile: those of some hours."""
 
-SILENCE = 2.0
+OFFLINE_TIMEOUT = 2.0
 """Seconds without a picture after which a camera counts as offline."""
 
-NOT_YET = "no picture yet"
+NOT_YET_TEXT = "no picture yet"
 """The end of what is said of a camera that has neither shown a picture nor failed."""
 
-AGAIN = " again"
+AGAIN_SUFFIX = " again"
 """The end of a notice that says that something is over that was told of."""
 
 _JOIN_TIMEOUT = 5.0
-"""Seconds that ``end`` waits for a thread that decodes a picture: a feed takes a moment at most."""
+"""Seconds that ``stop`` waits for a thread that decodes a picture: a feed takes a moment at most."""
 
 
-class Capture:
+class CaptureThread:
     """Drains a feed on its own thread, and opens it again, every ``retry`` seconds, while it is away.
 
     The feed and all state belong to one run, and the next run gets new ones.
@@ -202,204 +205,210 @@ class Capture:
     def __init__(
         self,
         name: str,
-        feed: Feed,
+        feed: CameraFeed,
         clock: Clock,
         *,
         loop: bool,
         retry: float,
-        report: Report,
-        turn: Turn = UPRIGHT,
+        report: StatusCallback,
+        turn: ImageOrientation = UPRIGHT,
     ) -> None:
         self._turn = turn
         self._name = name
         self._feed = feed
-        self._counting = feed if isinstance(feed, CountingFeed) else None
+        self._counting_feed = feed if isinstance(feed, CountingFeed) else None
         self._clock = clock
         self._loop = loop
         self._retry = retry
-        self._report = guarded(report)
-        self._freshness = Freshness(name, self._report)
-        self._arrived = Condition()
+        self._report = guard_callback(report)
+        self._freshness = FreshnessMonitor(name, self._report)
+        self._condition = Condition()
         self._frame: CameraFrame | None = None
-        self._given = -1
-        self._came_at = 0.0  # the newest picture, decoded or not
+        self._last_read_number = -1
+        self._last_picture_at = 0.0  # the newest picture, decoded or not
         self._read_at = inf  # since it was opened nobody has
         self._frames = self._dropped = self._starts = 0
         self._online = False
-        self._trouble = NotConnected(f"{name}: {feed.what}: {NOT_YET}", hint=feed.hint)
-        self._silence = SILENCE
+        self._error = NotConnected(f"{name}: {feed.source_name}: {NOT_YET_TEXT}", hint=feed.hint)
+        self._offline_timeout = OFFLINE_TIMEOUT
         self._due = 0.0
-        self._ending = Event()
+        self._closing = Event()
         self._thread = Thread(target=self._run, name=f"camera {name}", daemon=True)
 
-    def begin(self) -> None:
+    def start(self) -> None:
         """Start the thread."""
-        self._due = self._clock.now()
+        self._due = self._clock.read_value()
         self._thread.start()
 
-    def end(self) -> None:
+    def stop(self) -> None:
         """End the thread, and a ``read`` that waits."""
-        self._ending.set()
-        with self._arrived:
-            self._arrived.notify_all()
+        self._closing.set()
+        with self._condition:
+            self._condition.notify_all()
         self._thread.join(_JOIN_TIMEOUT)
 
     def read(self, timeout: float) -> CameraFrame | None:
         """Return the newest frame once it is newer than the last one given; None after ``timeout`` seconds."""
-        with self._arrived:
-            slept = not self._read_lately()
+        with self._condition:
+            slept = not self._was_read_recently()
             self._read_at = inf  # for as long as it waits, which may be longer than a camera takes to start
             if slept:
-                self._update_spare()
-            self._arrived.wait_for(lambda: self._ending.is_set() or self._newest() is not None, timeout)
-            self._read_at = self._clock.now()
-            frame = None if self._ending.is_set() else self._newest()
+                self._update_skip_count()
+            self._condition.wait_for(lambda: self._closing.is_set() or self._next_frame() is not None, timeout)
+            self._read_at = self._clock.read_value()
+            frame = None if self._closing.is_set() else self._next_frame()
             if frame is not None:
-                self._dropped += frame.number - self._given - 1
-                self._given = frame.number
+                self._dropped += frame.number - self._last_read_number - 1
+                self._last_read_number = frame.number
                 return frame
-            silent = None if self._ending.is_set() else self._silent()
+            silent = None if self._closing.is_set() else self._offline_error()
         if silent is not None:  # the camera's own thread may be stuck in its driver
-            self._lost(silent)
+            self._set_offline(silent)
         return None
 
     def skip(self, pictures: int) -> None:
         """Let so many pictures go by after the last one given: none of them is decoded."""
-        with self._arrived:
-            self._given += pictures
-            self._update_spare()
+        with self._condition:
+            self._last_read_number += pictures
+            self._update_skip_count()
 
     def health(self) -> Health:
         """Say whether pictures arrive, and if not, why."""
-        with self._arrived:
+        with self._condition:
             counters = {"frames": self._frames, "dropped": self._dropped, "starts": self._starts}
-            trouble = self._silent() if self._online else self._trouble
-            detail, hint = self._freshness.trouble
+            trouble = self._offline_error() if self._online else self._error
+            detail, hint = self._freshness.problem
         if trouble is None:
             return Health(online=True, detail=detail, hint=hint, counters=counters)
         return Health(online=False, detail=str(trouble), hint=trouble.hint, counters=counters)
 
-    def _silent(self) -> NotConnected | None:
+    def _offline_error(self) -> NotConnected | None:
         """Return what to say of a camera that counts as online, and yet gives nothing; None while it gives pictures."""
         if not self._online:
             return None
-        silent = self._clock.now() - self._came_at
-        if silent <= self._silence:
+        silent = self._clock.read_value() - self._last_picture_at
+        if silent <= self._offline_timeout:
             return None
-        return NotConnected(f"{self._name}: {self._feed.what}: no picture for {silent:.1f} s", hint=self._feed.hint)
+        return NotConnected(
+            f"{self._name}: {self._feed.source_name}: no picture for {silent:.1f} s", hint=self._feed.hint
+        )
 
-    def _newest(self) -> CameraFrame | None:
-        return self._frame if self._frame is not None and self._frame.number > self._given else None
+    def _next_frame(self) -> CameraFrame | None:
+        return self._frame if self._frame is not None and self._frame.number > self._last_read_number else None
 
     def _run(self) -> None:
-        while not self._ending.is_set():
+        while not self._closing.is_set():
             try:
-                trouble = self._serve()
+                trouble = self._pass_pictures()
             except NotConnected as error:
                 trouble = error
             except (OSError, MemoryError) as error:  # it is tried again, like a camera that is away
                 hint = "`ulimit -a`, `free -h` and `ls /proc/PID/fd` show what has run out"
-                what = f"{self._name}: {self._feed.what}: {str(error) or 'out of memory'}"
+                what = f"{self._name}: {self._feed.source_name}: {str(error) or 'out of memory'}"
                 trouble = NotConnected(what, hint=hint)
             except Exception as error:  # of the source: another start may bring the pictures back
-                log.exception("%s: %s failed", self._name, self._feed.what)
-                trouble = NotConnected(f"{self._name}: {self._feed.what}: {type(error).__name__}: {error}")
+                log.exception("%s: %s failed", self._name, self._feed.source_name)
+                trouble = NotConnected(f"{self._name}: {self._feed.source_name}: {type(error).__name__}: {error}")
             finally:
                 self._feed.stop()
-            if trouble is not None and not self._ending.is_set():
-                self._lost(trouble)
-                self._ending.wait(self._retry)
+            if trouble is not None and not self._closing.is_set():
+                self._set_offline(trouble)
+                self._closing.wait(self._retry)
         self._feed.stop()  # once more: it may keep what a next start needs
 
-    def _serve(self) -> NotConnected | None:
+    def _pass_pictures(self) -> NotConnected | None:
         """Pass pictures on until there are no more; return what is the matter then, None to start at once again."""
-        period = self._feed.start(self._ending)
+        period = self._feed.start(self._closing)
         self._starts += 1
         self._freshness.restart()
         before = self._frames
-        self._silence = max(SILENCE, 3 * (period or 0.0))
-        while (image := self._feed.grab(self._spare)) is not None:
-            if image is NOTHING and not self._ending.is_set():
-                if (silent := self._silent()) is not None:
-                    self._lost(silent)
+        self._offline_timeout = max(OFFLINE_TIMEOUT, 3 * (period or 0.0))
+        while (image := self._feed.grab(self._skip_count)) is not None:
+            if image is NO_PICTURE and not self._closing.is_set():
+                if (silent := self._offline_error()) is not None:
+                    self._set_offline(silent)
                 continue
-            if self._ending.is_set() or (period is not None and not self._paced(period)):
+            if self._closing.is_set() or (period is not None and not self._wait_until_due(period)):
                 return None
-            if image is UNWANTED:
-                self._let_go_by(live=period is None)
+            if image is SKIPPED_PICTURE:
+                self._on_skipped(live=period is None)
                 continue
-            image = turned(image, self._turn) if self._turn else image
-            self._offer(image)
+            image = turn_image(image, self._turn) if self._turn else image
+            self._publish(image)
             if period is None:  # a recording may well hold still
-                self._freshness.take(image, self._clock.now())
-        who, shown = f"{self._name}: {self._feed.what}", self._frames - before
+                self._freshness.check(image, self._clock.read_value())
+        who, shown = f"{self._name}: {self._feed.source_name}", self._frames - before
         if shown == 0:
             return NotConnected(f"{who}: gives no picture that can be decoded", hint=self._feed.hint)
         if period is None:
             return NotConnected(f"{who}: gives no more pictures, after {shown}", hint=self._feed.hint)
         if self._loop:
             return None
-        self._lost(NotConnected(f"{who}: has ended after {shown} pictures", hint="with loop on it would start again"))
-        self._ending.wait()
+        self._set_offline(
+            NotConnected(f"{who}: has ended after {shown} pictures", hint="with loop on it would start again")
+        )
+        self._closing.wait()
         return None
 
-    def _spare(self) -> int:
+    def _skip_count(self) -> int:
         """Return how many of the next pictures nobody needs."""
-        return max(0, self._given + 1 - self._frames) if self._read_lately() else UNREAD_PICTURES
+        return max(0, self._last_read_number + 1 - self._frames) if self._was_read_recently() else MAX_UNREAD_SKIP
 
-    def _update_spare(self) -> None:
-        if self._counting is not None:
-            self._counting.let_by(self._spare())
+    def _update_skip_count(self) -> None:
+        if self._counting_feed is not None:
+            self._counting_feed.skip_next(self._skip_count())
 
-    def _read_lately(self) -> bool:
-        return self._clock.now() - self._read_at <= _UNREAD
+    def _was_read_recently(self) -> bool:
+        return self._clock.read_value() - self._read_at <= _UNREAD_TIMEOUT
 
-    def _let_go_by(self, *, live: bool) -> None:
+    def _on_skipped(self, *, live: bool) -> None:
         """Take note of a picture that was not decoded. Where nobody reads, what is read next is none of before."""
-        now, read = self._clock.now(), self._read_lately()
+        now, read = self._clock.read_value(), self._was_read_recently()
         if not read:
             self._freshness.restart()
         elif live:
-            self._freshness.pass_over(now)
-        with self._arrived:
-            self._came_at = now
+            self._freshness.count_skipped(now)
+        with self._condition:
+            self._last_picture_at = now
             if read:
                 self._frames += 1
             else:
                 self._frame = None
-        self._found()
+        self._set_online()
 
-    def _paced(self, period: float) -> bool:
+    def _wait_until_due(self, period: float) -> bool:
         """Wait until the next picture of a recording is due on the clock; False when the camera is closed first."""
-        while (left := self._due - self._clock.now()) > 1e-6:
-            if self._ending.wait(min(left, _GLANCE)):
+        while (left := self._due - self._clock.read_value()) > 1e-6:
+            if self._closing.wait(min(left, _POLL_INTERVAL)):
                 return False
-        self._due = max(self._due + period, self._clock.now())
+        self._due = max(self._due + period, self._clock.read_value())
         return True
 
-    def _offer(self, image: Image) -> None:
-        with self._arrived:
-            self._came_at = self._clock.now()
-            self._frame = CameraFrame(image, self._came_at, self._frames)
+    def _publish(self, image: Image) -> None:
+        with self._condition:
+            self._last_picture_at = self._clock.read_value()
+            self._frame = CameraFrame(image, self._last_picture_at, self._frames)
             self._frames += 1
-            self._arrived.notify_all()
-        self._found()
+            self._condition.notify_all()
+        self._set_online()
 
-    def _found(self) -> None:
+    def _set_online(self) -> None:
         """Count it as online, and report that it is there, or back."""
-        with self._arrived:
+        with self._condition:
             was_online, self._online = self._online, True
             back = self._frames > 1
         if not was_online:
             self._freshness.restart()
-            self._report(DeviceStatus(self._name, "online", f"{self._feed.what} gives pictures{AGAIN * back}"))
+            self._report(
+                DeviceStatus(self._name, "online", f"{self._feed.source_name} gives pictures{AGAIN_SUFFIX * back}")
+            )
 
-    def _lost(self, trouble: NotConnected) -> None:
-        with self._arrived:
-            self._trouble = trouble
+    def _set_offline(self, error: NotConnected) -> None:
+        with self._condition:
+            self._error = error
             was_online, self._online = self._online, False
         if was_online:
-            self._report(DeviceStatus(self._name, "offline", str(trouble), trouble.hint))
+            self._report(DeviceStatus(self._name, "offline", str(error), error.hint))
 
 
 # What cameras over a feed have in common: opened, read and closed in any order, by whoever.
@@ -416,15 +425,15 @@ class ThreadedCamera:
 
     def __init__(
         self,
-        make_feed: Callable[[], Feed],
+        make_feed: Callable[[], CameraFeed],
         clock: Clock,
         *,
         name: str,
         field_of_view: float,
         loop: bool,
         retry: float,
-        report: Report,
-        turn: Turn = UPRIGHT,
+        report: StatusCallback,
+        turn: ImageOrientation = UPRIGHT,
     ) -> None:
         if not 0 < field_of_view < 3.14:
             raise BadRequest(f"{name}: field of view {field_of_view} rad: must be above 0 and below 3.14")
@@ -438,12 +447,12 @@ class ThreadedCamera:
         self._retry = retry
         self._report = report
         self._turn = turn
-        self._capture: Capture | None = None
+        self._capture: CaptureThread | None = None
 
     def open(self) -> None:
         """Start the thread that looks for the source; returns at once. Does nothing when open."""
         if self._capture is None:
-            capture = Capture(
+            capture = CaptureThread(
                 self.name,
                 self._make_feed(),
                 self._clock,
@@ -453,7 +462,7 @@ class ThreadedCamera:
                 turn=self._turn,
             )
             self._capture = capture
-            capture.begin()
+            capture.start()
 
     def rest(self) -> None:
         """Do nothing: a camera moves nothing."""
@@ -462,7 +471,7 @@ class ThreadedCamera:
         """End the thread and release the source. Safe from any state, more than once; never hangs."""
         capture, self._capture = self._capture, None
         if capture is not None:
-            capture.end()
+            capture.stop()
 
     def health(self) -> Health:
         """Say whether pictures arrive; if not, why, and what to type next."""

@@ -18,29 +18,29 @@ import numpy as np
 from drivers.api import Image
 from drivers.errors import BadRequest
 
-UNWANTED: Image = np.empty((0, 0, 3), np.uint8)
+SKIPPED_PICTURE: Image = np.empty((0, 0, 3), np.uint8)
 """Stands for a picture that was not decoded."""
 
-NOTHING: Image = np.empty((0, 0, 3), np.uint8)
+NO_PICTURE: Image = np.empty((0, 0, 3), np.uint8)
 """Stands for no picture yet."""
 
 Size = tuple[int, int]
 """Width and height in pixels."""
 
-_LONGEST_COMMENT = 65_536
+_MAX_PNM_HEADER = 65_536
 """Bytes of the header of a PPM or PGM that are looked at."""
 
-_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+_JPEG_FRAME_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """The markers of a JPEG after which its size stands."""
 
-_ALONE = frozenset({0x01, *range(0xD0, 0xD9)})
+_JPEG_SEGMENTLESS_MARKERS = frozenset({0x01, *range(0xD0, 0xD9)})
 """Markers of a JPEG without a segment."""
 
-_FIELDS = {256: 0, 257: 1, 322: 0, 323: 1}
+_TIFF_SIZE_FIELDS = {256: 0, 257: 1, 322: 0, 323: 1}
 """Fields of a TIFF: its width and height, and those of a tile, which a decoder makes room for as well."""
 
 
-def size_of(file: BinaryIO) -> Size | None:
+def picture_size(file: BinaryIO) -> Size | None:
     """Return the size of the PNG, JPEG, BMP, WebP, GIF, TIFF, PPM or PGM in a file that can be sought in.
 
     None for anything else, and where the header does not tell.
@@ -48,16 +48,16 @@ def size_of(file: BinaryIO) -> Size | None:
     file.seek(0)
     begin = file.read(32)
     try:
-        return _told(file, begin)
+        return _header_size(file, begin)
     except struct.error:  # it ends in its header
         return None
 
 
-def _told(file: BinaryIO, begin: bytes) -> Size | None:
+def _header_size(file: BinaryIO, begin: bytes) -> Size | None:
     if begin.startswith(b"\x89PNG\r\n\x1a\n"):
         return struct.unpack(">II", begin[16:24]) if begin[12:16] == b"IHDR" else None
     if begin.startswith(b"\xff\xd8"):
-        return _jpeg(file)
+        return _jpeg_size(file)
     if begin.startswith((b"GIF87a", b"GIF89a")):
         return struct.unpack("<HH", begin[6:10])
     if begin.startswith(b"BM"):
@@ -65,15 +65,15 @@ def _told(file: BinaryIO, begin: bytes) -> Size | None:
         width, height = struct.unpack(*("<HH", begin[18:22]) if header == 12 else ("<ii", begin[18:26]))
         return abs(width), abs(height)
     if begin.startswith(b"RIFF") and begin[8:12] == b"WEBP":
-        return _webp(begin[12:])
+        return _webp_size(begin[12:])
     if begin.startswith((b"II*\0", b"MM\0*")):
-        return _tiff(file, "<" if begin[:1] == b"I" else ">", begin)
+        return _tiff_size(file, "<" if begin[:1] == b"I" else ">", begin)
     if re.match(rb"P[1-6]\s", begin):
-        return _plain(file)
+        return _pnm_size(file)
     return None
 
 
-def _jpeg(file: BinaryIO) -> Size | None:
+def _jpeg_size(file: BinaryIO) -> Size | None:
     """Return what stands after the first marker of a frame; bytes between segments are passed over, as decoders do."""
     file.seek(2)
     while byte := file.read(1):
@@ -84,17 +84,17 @@ def _jpeg(file: BinaryIO) -> Size | None:
         if not byte:
             return None
         marker = byte[0]
-        if marker == 0 or marker in _ALONE:
+        if marker == 0 or marker in _JPEG_SEGMENTLESS_MARKERS:
             continue
         (length,) = struct.unpack(">H", file.read(2))
-        if marker in _FRAMES:
+        if marker in _JPEG_FRAME_MARKERS:
             height, width = struct.unpack(">xHH", file.read(5))
             return width, height
         file.seek(max(0, length - 2), 1)
     return None
 
 
-def _webp(begin: bytes) -> Size | None:
+def _webp_size(begin: bytes) -> Size | None:
     kind, data = begin[:4], begin[8:]
     if kind == b"VP8X":
         return int.from_bytes(data[4:7], "little") + 1, int.from_bytes(data[7:10], "little") + 1
@@ -107,82 +107,82 @@ def _webp(begin: bytes) -> Size | None:
     return None
 
 
-def _tiff(file: BinaryIO, order: str, begin: bytes) -> Size | None:
+def _tiff_size(file: BinaryIO, order: str, begin: bytes) -> Size | None:
     """Return the larger of the first picture and its tiles, each way."""
     file.seek(*struct.unpack(f"{order}I", begin[4:8]))
     (count,) = struct.unpack(f"{order}H", file.read(2))
     found = [0, 0]
     for _ in range(count):
         tag, kind, _, value = struct.unpack(f"{order}HHI4s", file.read(12))
-        if tag in _FIELDS:
+        if tag in _TIFF_SIZE_FIELDS:
             (number,) = struct.unpack(f"{order}H", value[:2]) if kind == 3 else struct.unpack(f"{order}I", value)
-            found[_FIELDS[tag]] = max(found[_FIELDS[tag]], number)
+            found[_TIFF_SIZE_FIELDS[tag]] = max(found[_TIFF_SIZE_FIELDS[tag]], number)
     width, height = found
     return (width, height) if width and height else None
 
 
-def _plain(file: BinaryIO) -> Size | None:
+def _pnm_size(file: BinaryIO) -> Size | None:
     """Return the first two numbers of a PPM or PGM; comments go from # to the end of their line."""
     file.seek(2)
-    words = re.sub(rb"#[^\n]*(\n|$)", b"\n", file.read(_LONGEST_COMMENT)).split(None, 2)
+    words = re.sub(rb"#[^\n]*(\n|$)", b"\n", file.read(_MAX_PNM_HEADER)).split(None, 2)
     if len(words) < 3 or not all(re.fullmatch(rb"[0-9]{1,9}", word) for word in words[:2]):
         return None
     return int(words[0]), int(words[1])
 
 
-MOST_PIXELS = 50_000_000
+MAX_PIXELS = 50_000_000
 """Pixels of a picture or a frame: the largest cameras that one can buy for a robot have half of that.
 
 Decoded and searched, so many take a third of a gigabyte.
 """
 
-MOST_BYTES = 256_000_000
+MAX_FILE_BYTES = 256_000_000
 """Bytes of a file with one picture: so many pixels without compression, and some more."""
 
 
 FFMPEG_LOG_LEVEL = "OPENCV_FFMPEG_LOGLEVEL"
 """The environment variable by which OpenCV sets how much FFmpeg tells."""
 
-SILENT = "-8"
+FFMPEG_SILENT = "-8"
 """The level at which FFmpeg tells nothing (AV_LOG_QUIET)."""
 
 
-def hush() -> None:
+def silence_opencv() -> None:
     """Silence OpenCV and FFmpeg for this process: what they would print, the callers say in one sentence.
 
     FFmpeg takes its level from the environment when OpenCV first opens a video; a level that the user set is kept.
     """
-    os.environ.setdefault(FFMPEG_LOG_LEVEL, SILENT)
+    os.environ.setdefault(FFMPEG_LOG_LEVEL, FFMPEG_SILENT)
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
 
-def load(path: Path) -> Image:
+def load_picture(path: Path) -> Image:
     """Return the picture in a file. Raises BadRequest for one that cannot be read or decoded, or is too large."""
-    hush()
+    silence_opencv()
     try:
-        with open(path, "rb", opener=_regular) as file:
+        with open(path, "rb", opener=_open_regular_file) as file:
             length = os.fstat(file.fileno()).st_size
-            if length > MOST_BYTES:
-                what = f"{path}: has {length / 1e6:.0f} MB, and a picture may have {MOST_BYTES / 1e6:.0f}"
+            if length > MAX_FILE_BYTES:
+                what = f"{path}: has {length / 1e6:.0f} MB, and a picture may have {MAX_FILE_BYTES / 1e6:.0f}"
                 raise BadRequest(what, hint=f"`ls -l {path}` shows it")
-            data = file.read(MOST_BYTES)
+            data = file.read(MAX_FILE_BYTES)
     except OSError as error:
         raise BadRequest(f"{path}: {error.strerror or error}", hint=f"`ls -l {path}` shows it") from error
-    size = size_of(io.BytesIO(data))
-    check_size(str(path), size)
-    image = decoded(data)
+    size = picture_size(io.BytesIO(data))
+    check_picture_size(str(path), size)
+    image = decode_picture(data)
     if image is None:
         raise BadRequest(f"{path}: cannot be decoded, {len(data)} bytes", hint=f"`file {path}` says what it is")
     return image
 
 
-def decoded(data: bytes, most: int = MOST_PIXELS) -> Image | None:
+def decode_picture(data: bytes, max_pixels: int = MAX_PIXELS) -> Image | None:
     """Return a picture; None for what is none, and for one of more than ``most`` pixels, which is not decoded at all.
 
     What its header does not tell the size of is none.
     """
-    size = size_of(io.BytesIO(data))
-    if size is None or size[0] * size[1] > most:
+    size = picture_size(io.BytesIO(data))
+    if size is None or size[0] * size[1] > max_pixels:
         return None
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
@@ -191,35 +191,37 @@ def decoded(data: bytes, most: int = MOST_PIXELS) -> Image | None:
     return None if image is None else np.asarray(image, np.uint8)
 
 
-def check_size(what: str, size: Size | None) -> None:
+def check_picture_size(name: str, size: Size | None) -> None:
     """Raise BadRequest for a picture or frame, or whatever ``what`` names, with too many pixels."""
-    if size is not None and size[0] * size[1] > MOST_PIXELS:
+    if size is not None and size[0] * size[1] > MAX_PIXELS:
         width, height = size
         raise BadRequest(
-            f"{what}: has {width} x {height} pixels, and {MOST_PIXELS / 1e6:.0f} million are the most",
-            hint=f"`ffmpeg -i {what} -vf scale=4000:-2 smaller{Path(what).suffix}` makes it smaller",
+            f"{name}: has {width} x {height} pixels, and {MAX_PIXELS / 1e6:.0f} million are the most",
+            hint=f"`ffmpeg -i {name} -vf scale=4000:-2 smaller{Path(name).suffix}` makes it smaller",
         )
 
 
-def opened(source: str | int, backend: int, settings: list[int], *, what: str) -> cv2.VideoCapture:
+def open_video(source: str | int, backend: int, settings: list[int], *, name: str) -> cv2.VideoCapture:
     """Open a video, stream or device. Raises BadRequest where its frames, or a picture that it is, are too large.
 
-    FFmpeg says on standard error why it cannot, unless ``hush`` was called before.
+    FFmpeg says on standard error why it cannot, unless ``silence_opencv`` was called before.
     """
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    if Path(what).is_file():  # a picture under a video's name is decoded when it is opened
-        with Path(what).open("rb") as file:
-            check_size(what, size_of(file))
+    if Path(name).is_file():  # a picture under a video's name is decoded when it is opened
+        with Path(name).open("rb") as file:
+            check_picture_size(name, picture_size(file))
     video = cv2.VideoCapture(source, backend, settings)
     try:
-        check_size(what, (_number(video, cv2.CAP_PROP_FRAME_WIDTH), _number(video, cv2.CAP_PROP_FRAME_HEIGHT)))
+        check_picture_size(
+            name, (_video_property(video, cv2.CAP_PROP_FRAME_WIDTH), _video_property(video, cv2.CAP_PROP_FRAME_HEIGHT))
+        )
     except BadRequest:
         video.release()
         raise
     return video
 
 
-def grab(video: cv2.VideoCapture, wanted: Callable[[], bool] = lambda: True) -> Image | None:
+def grab_picture(video: cv2.VideoCapture, is_needed: Callable[[], bool] = lambda: True) -> Image | None:
     """Return the next picture of an open video; None at its end, or when the device has gone.
 
     A frame that is suddenly too large is its end. One that is not ``wanted`` once it is there is not decoded.
@@ -227,21 +229,21 @@ def grab(video: cv2.VideoCapture, wanted: Callable[[], bool] = lambda: True) -> 
     try:
         if not video.grab():
             return None
-        if not wanted():
-            return UNWANTED
+        if not is_needed():
+            return SKIPPED_PICTURE
         found, image = video.retrieve()
     except cv2.error:
         return None
-    if not found or image.shape[0] * image.shape[1] > MOST_PIXELS:
+    if not found or image.shape[0] * image.shape[1] > MAX_PIXELS:
         return None
     return np.asarray(image, np.uint8)
 
 
-def _number(video: cv2.VideoCapture, key: int) -> int:
+def _video_property(video: cv2.VideoCapture, key: int) -> int:
     return max(0, int(video.get(key)))
 
 
-def _regular(path: str, flags: int) -> int:
+def _open_regular_file(path: str, flags: int) -> int:
     """Open a file, never waiting for one that is none. Raises OSError."""
     number = os.open(path, flags | os.O_NONBLOCK)
     if not stat.S_ISREG(os.fstat(number).st_mode):

@@ -4,13 +4,13 @@ from collections.abc import Callable, Mapping
 from threading import RLock
 from typing import Any
 
-from drivers.ros2.node import Node
-from drivers.ros2.types import Malformed, types
+from drivers.ros2.node import Ros2Node
+from drivers.ros2.types import MalformedMessage, types
 from drivers.ros2.wire import CANCEL, CANCEL_KIND, FEEDBACK, RESULT, SEND, STATUS
 
 # How an action ended, and why one of Nav2 failed, in words: its error codes, which its nodes give in ranges.
 
-CODES = {
+NAV2_ERRORS = {
     9000: "it does not know why",
     9001: "it could not load its behaviour tree",
     9002: "it does not know where the robot is on the map",
@@ -48,59 +48,59 @@ CODES = {
 """What the error codes of Nav2 mean (nav2_msgs of Jazzy: FollowPath, ComputePathToPose, ComputePathThroughPoses)."""
 
 
-def reason(kind: str, result: Any) -> str:
+def failure_reason(kind: str, result: Any) -> str:
     """Return why an action of this type ended as its result says; empty where that says nothing."""
     if not isinstance(result, dict):
         return ""
     code, words = result.get("error_code", 0), result.get("error_msg", "")
     if not isinstance(code, int) or not code:
         return str(words)
-    known = CODES.get(code, "it failed") if kind.startswith("nav2_msgs/") else "it failed"
+    known = NAV2_ERRORS.get(code, "it failed") if kind.startswith("nav2_msgs/") else "it failed"
     return f"{known} (error {code}{f': {words}' if words else ''})"
 
 
-def result_of(kind: str, payload: bytes) -> tuple[int, Any]:
+def decode_result(kind: str, payload: bytes) -> tuple[int, Any]:
     """Return the status of an action's end, and its result: nothing of one that another ROS 2 defines otherwise."""
     try:
         told = types().decode(f"{kind}_GetResult_Response", payload)
-        return int(told.status), types().values(told.result)
-    except Malformed:
+        return int(told.status), types().to_plain(told.result)
+    except MalformedMessage:
         # The status stands first, whatever follows; of Nav2's result of Jazzy, an error code.
         status = payload[4] if len(payload) > 4 else 0
         code = int.from_bytes(payload[6:8], "little") if len(payload) == 8 else None
         return status, {} if code is None else {"error_code": code}
 
 
-NOT_KNOWN, TERMINATED = 2, 3
+UNKNOWN_GOAL, GOAL_TERMINATED = 2, 3
 """Why no goal is cancelled, as action_msgs numbers it."""
 
 EXECUTING, CANCELLING, SUCCEEDED, CANCELLED, ABORTED = 2, 3, 4, 5, 6
 """The states of a goal, as action_msgs numbers them."""
 
-KEPT = 20
+MAX_KEPT_GOALS = 20
 """Goals that are over and may still be asked for."""
 
-Answer = Callable[[bytes], None]
+SendReply = Callable[[bytes], None]
 
 
-class Goal:
+class ActionGoal:
     """A goal that was accepted: ``values`` are its fields. ``status`` is where it stands; safe between threads."""
 
     def __init__(self, server: "ActionServer", uuid: list[int], values: Any) -> None:
         self.uuid, self.values = uuid, values
         self.status = EXECUTING
         self.result: Mapping[str, object] = {}
-        self.waiting: list[Answer] = []
+        self.pending_replies: list[SendReply] = []
         self._server = server
 
     @property
-    def over(self) -> bool:
+    def is_over(self) -> bool:
         """True once it has ended."""
         return self.status > CANCELLING
 
-    def tell(self, feedback: Mapping[str, object]) -> None:
+    def send_feedback(self, feedback: Mapping[str, object]) -> None:
         """Send feedback."""
-        self._server.feed_back(self, feedback)
+        self._server.send_feedback(self, feedback)
 
     def end(self, status: int, result: Mapping[str, object]) -> None:
         """End it: SUCCEEDED, CANCELLED or ABORTED, with its result. Only the first end counts."""
@@ -115,92 +115,101 @@ class ActionServer:
     """
 
     def __init__(
-        self, node: Node, name: str, kind: str, begin: Callable[[Goal], bool], cancel: Callable[[Goal], None]
+        self,
+        node: Ros2Node,
+        name: str,
+        kind: str,
+        begin: Callable[[ActionGoal], bool],
+        cancel: Callable[[ActionGoal], None],
     ) -> None:
         self._node, self._name, self._kind, self._begin, self._cancel = node, name, kind, begin, cancel
         self._lock = RLock()
-        self._goals: list[Goal] = []
+        self._goals: list[ActionGoal] = []
         self._feedback = node.publisher(f"{name}/{FEEDBACK}", f"{kind}_FeedbackMessage")
         self._status = node.publisher(f"{name}/{STATUS}", "action_msgs/msg/GoalStatusArray")
-        node.serve(f"{name}/{SEND}", f"{kind}_SendGoal", self._sent)
-        node.serve(f"{name}/{RESULT}", f"{kind}_GetResult", self._asked)
-        node.serve(f"{name}/{CANCEL}", CANCEL_KIND, self._cancelled)
+        node.serve(f"{name}/{SEND}", f"{kind}_SendGoal", self._on_goal_request)
+        node.serve(f"{name}/{RESULT}", f"{kind}_GetResult", self._on_result_request)
+        node.serve(f"{name}/{CANCEL}", CANCEL_KIND, self._on_cancel_request)
 
-    def feed_back(self, goal: Goal, feedback: Mapping[str, object]) -> None:
+    def send_feedback(self, goal: ActionGoal, feedback: Mapping[str, object]) -> None:
         """Send feedback of a goal."""
         values = {"goal_id": {"uuid": goal.uuid}, "feedback": feedback}
         self._feedback.send(types().encode(f"{self._kind}_FeedbackMessage", values))
 
-    def end(self, goal: Goal, status: int, result: Mapping[str, object]) -> None:
+    def end(self, goal: ActionGoal, status: int, result: Mapping[str, object]) -> None:
         """End a goal, and tell those who wait for its result."""
         with self._lock:
-            if goal.over:
+            if goal.is_over:
                 return
             goal.status, goal.result = status, result
-            waiting, goal.waiting = goal.waiting, []
-        self._tell(goal, waiting)
-        self._tell_status()
+            waiting, goal.pending_replies = goal.pending_replies, []
+        self._send_result(goal, waiting)
+        self._publish_status()
 
-    def _sent(self, payload: bytes, answer: Answer) -> None:
+    def _on_goal_request(self, payload: bytes, send_reply: SendReply) -> None:
         try:
             told = types().decode(f"{self._kind}_SendGoal_Request", payload)
-        except Malformed as error:
-            self._node.faults.add_of(f"{self._name}/{SEND}", error)
+        except MalformedMessage as error:
+            self._node.faults.add_for_topic(f"{self._name}/{SEND}", error)
             return
-        goal = Goal(self, told.goal_id.uuid.tolist(), told.goal)
+        goal = ActionGoal(self, told.goal_id.uuid.tolist(), told.goal)
         with self._lock:
             accepted = all(each.uuid != goal.uuid for each in self._goals) and self._begin(goal)
             if accepted:
-                self._goals = [*[each for each in self._goals if each.over][-KEPT:], *self._going(), goal]
-        answer(types().encode(f"{self._kind}_SendGoal_Response", {"accepted": accepted}))
-        self._tell_status()
+                self._goals = [
+                    *[each for each in self._goals if each.is_over][-MAX_KEPT_GOALS:],
+                    *self._active_goals(),
+                    goal,
+                ]
+        send_reply(types().encode(f"{self._kind}_SendGoal_Response", {"accepted": accepted}))
+        self._publish_status()
 
-    def _going(self) -> list[Goal]:
-        return [each for each in self._goals if not each.over]
+    def _active_goals(self) -> list[ActionGoal]:
+        return [each for each in self._goals if not each.is_over]
 
-    def _asked(self, payload: bytes, answer: Answer) -> None:
+    def _on_result_request(self, payload: bytes, send_reply: SendReply) -> None:
         try:
             uuid = types().decode(f"{self._kind}_GetResult_Request", payload).goal_id.uuid.tolist()
-        except Malformed as error:
-            self._node.faults.add_of(f"{self._name}/{RESULT}", error)
+        except MalformedMessage as error:
+            self._node.faults.add_for_topic(f"{self._name}/{RESULT}", error)
             return
         with self._lock:
             goal = next((each for each in self._goals if each.uuid == uuid), None)
-            if goal is not None and not goal.over:
-                goal.waiting.append(answer)
+            if goal is not None and not goal.is_over:
+                goal.pending_replies.append(send_reply)
                 return
         if goal is None:
-            answer(types().encode(f"{self._kind}_GetResult_Response", {"status": 0}))
+            send_reply(types().encode(f"{self._kind}_GetResult_Response", {"status": 0}))
         else:
-            self._tell(goal, [answer])
+            self._send_result(goal, [send_reply])
 
-    def _cancelled(self, payload: bytes, answer: Answer) -> None:
+    def _on_cancel_request(self, payload: bytes, send_reply: SendReply) -> None:
         try:
             wanted = types().decode(f"{CANCEL_KIND}_Request", payload).goal_info.goal_id.uuid.tolist()
-        except Malformed as error:
-            self._node.faults.add_of(f"{self._name}/{CANCEL}", error)
+        except MalformedMessage as error:
+            self._node.faults.add_for_topic(f"{self._name}/{CANCEL}", error)
             return
         with self._lock:
             known = [goal for goal in self._goals if wanted in (goal.uuid, [0] * 16)]
-            meant = [goal for goal in known if not goal.over]
+            meant = [goal for goal in known if not goal.is_over]
             for goal in meant:
                 goal.status = CANCELLING
         told = [{"goal_id": {"uuid": goal.uuid}} for goal in meant]
-        values = {"return_code": 0 if meant else TERMINATED if known else NOT_KNOWN, "goals_canceling": told}
-        answer(types().encode(f"{CANCEL_KIND}_Response", values))
+        values = {"return_code": 0 if meant else GOAL_TERMINATED if known else UNKNOWN_GOAL, "goals_canceling": told}
+        send_reply(types().encode(f"{CANCEL_KIND}_Response", values))
         for goal in meant:
             self._cancel(goal)
 
-    def _tell(self, goal: Goal, waiting: list[Answer]) -> None:
+    def _send_result(self, goal: ActionGoal, waiting: list[SendReply]) -> None:
         payload = types().encode(f"{self._kind}_GetResult_Response", {"status": goal.status, "result": goal.result})
         for answer in waiting:
             answer(payload)
 
-    def _tell_status(self) -> None:
+    def _publish_status(self) -> None:
         with self._lock:
             known = [{"goal_info": {"goal_id": {"uuid": each.uuid}}, "status": each.status} for each in self._goals]
         self._status.send(types().encode("action_msgs/msg/GoalStatusArray", {"status_list": known}))
 
 
-def ignored(goal: Goal) -> None:
+def ignore_cancel(goal: ActionGoal) -> None:
     """Do nothing about a goal that is to be cancelled: who works on it looks at its status."""

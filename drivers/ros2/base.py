@@ -8,21 +8,21 @@ from typing import Any
 from drivers.api import BaseLimits, BaseState, DeviceStatus, Lamp, Pose2D, Sides, Tune, Velocity
 from drivers.api.quick import dataclass
 from drivers.base import motion_fault
-from drivers.base.diff_drive import DiffDriveProtocol, Parsed, Timing
+from drivers.base.diff_drive import DiffDriveProtocol, DiffDriveTiming, ParsedReports
 from drivers.base.gyro_bias import GyroBias
-from drivers.base.progress_monitor import LAG, SentVelocities
+from drivers.base.progress_monitor import REACTION_TIME, SentVelocities
 from drivers.clock import Clock
 from drivers.ros2 import wire
-from drivers.ros2.line import Channel, absent
-from drivers.ros2.node import TopicFaults, hint_for
-from drivers.ros2.types import Malformed, types
+from drivers.ros2.line import TopicChannel, absent_error
+from drivers.ros2.node import TopicFaults, topic_hint
+from drivers.ros2.types import MalformedMessage, types
 
 # What a Create 3 (TurtleBot 4) and a TurtleBot 3 say and take besides velocities: contacts, docks, lights, sounds.
 
 BACKUP_LIMIT, BUMP, CLIFF, STALL, WHEEL_DROP, OBJECT_PROXIMITY = range(6)
 """Types of hazards, as irobot_create_msgs numbers them."""
 
-_NAMES = {
+_HAZARD_NAMES = {
     BACKUP_LIMIT: motion_fault.BACKUP_LIMIT,
     STALL: motion_fault.STALL,
     OBJECT_PROXIMITY: motion_fault.OBJECT_NEAR,
@@ -63,14 +63,14 @@ class HazardReport:
         )
 
 
-def report_of(detections: Iterable[Any]) -> HazardReport:
+def parse_hazards(detections: Iterable[Any]) -> HazardReport:
     """Return the contacts and hazards of a Create 3's detections, whose frames name the sides."""
     found: dict[int, set[str]] = {BUMP: set(), CLIFF: set(), WHEEL_DROP: set()}
     others = set()
     for each in detections:
         frame = each.header.frame_id.rpartition("/")[2]  # before that is the name of the robot
         if each.type not in found:
-            others.add(_name(each.type, frame))
+            others.add(_hazard_name(each.type, frame))
             continue
         centre = "center" in frame or ("left" not in frame and "right" not in frame)
         found[each.type].add("centre" if centre else "left" if "left" in frame else "right")
@@ -80,26 +80,26 @@ def report_of(detections: Iterable[Any]) -> HazardReport:
     return HazardReport(bumper, cliff, drop, frozenset(others))
 
 
-def _name(kind: int, frame: str) -> str:
+def _hazard_name(kind: int, frame: str) -> str:
     """Return the name of a hazard that is no contact, also of a type of a newer firmware."""
-    if kind not in _NAMES:
+    if kind not in _HAZARD_NAMES:
         return f"{motion_fault.UNKNOWN} {kind}" + (f" ({frame:.40})" if frame else "")
     side = "" if kind == BACKUP_LIMIT else next((side for side in ("left", "right") if side in frame), "")
-    return f"{_NAMES[kind]} {side}".rstrip()
+    return f"{_HAZARD_NAMES[kind]} {side}".rstrip()
 
 
 def _either(one: Sides, other: Sides) -> Sides:
     return Sides(one.left or other.left, one.centre or other.centre, one.right or other.right)
 
 
-def ring(first: Lamp, second: Lamp) -> dict[str, object]:
+def light_ring_message(first: Lamp, second: Lamp) -> dict[str, object]:
     """Return what its ring of lights is told: the left half is light 1, the right half light 2."""
     leds = [dict(zip(("red", "green", "blue"), COLOURS[each], strict=True)) for each in (first, second)]
     shown = [leds[0]] * 3 + [leds[1]] * 3
     return {"leds": shown, "override_system": (first, second) != (Lamp.OFF, Lamp.OFF)}
 
 
-def notes(tones: Iterable[int], seconds: float) -> dict[str, object]:
+def note_message(tones: Iterable[int], seconds: float) -> dict[str, object]:
     """Return what its sounder is told: these tones (Hz), each for so long."""
     runtime = {"sec": int(seconds), "nanosec": round(seconds % 1 * 1e9)}
     return {"notes": [{"frequency": each, "max_runtime": runtime} for each in tones]}
@@ -108,7 +108,7 @@ def notes(tones: Iterable[int], seconds: float) -> dict[str, object]:
 TWISTS = ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped")
 ODOMETRY = "nav_msgs/msg/Odometry"
 
-KINDS: Mapping[str, tuple[str, ...]] = {
+TOPIC_TYPES: Mapping[str, tuple[str, ...]] = {
     "cmd_vel": TWISTS,
     "odom": (ODOMETRY,),
     "battery": ("sensor_msgs/msg/BatteryState",),
@@ -120,39 +120,39 @@ KINDS: Mapping[str, tuple[str, ...]] = {
 }
 """The topics of a base by the words for them in its section, and their types."""
 
-SENT = frozenset({"cmd_vel", "lights", "sounds"})
+COMMAND_TOPICS = frozenset({"cmd_vel", "lights", "sounds"})
 """Those that the base is told by."""
 
 CONTACTS_TIMEOUT = 1.0
 """Seconds without a report of its contacts after which a base that has some is offline."""
 
-JUMP = 0.3
+MAX_POSITION_JUMP = 0.3
 """Metres beyond what it can have driven that its odometry jumps by when somebody has set it."""
 
-TURNED = 0.5
+MAX_HEADING_JUMP = 0.5
 """Radians beyond what it can have turned, likewise."""
 
-FAR = 1e6
+MAX_PLAUSIBLE_VALUE = 1e6
 """Metres, and metres and radians a second, that no odometry of a robot reaches."""
 
-MOST_SHARE = 1.1
+MIN_PERCENT_VALUE = 1.1
 """Charge from which on a battery tells it in percent, and not as a share, which may be a little over 1."""
 
-SLOWEST_INTERVAL, MIN_INTERVAL = 0.4, 0.005
+MAX_ODOMETRY_INTERVAL, MIN_ODOMETRY_INTERVAL = 0.4, 0.005
 """Seconds between two messages of the slowest odometry that is waited for; and those that came at once."""
 
-STILL_WITHIN = 0.002
+STILL_TOLERANCE = 0.002
 """m/s, and metres from one message to the next, below which a base stands."""
 
-DRIFTED = 0.01
+REPORTED_DRIFT = 0.01
 """Radians of drift after which Nav2 is told again where our odometry begins in the robot's."""
 
-CHARGING = 1
+STATUS_CHARGING = 1
 """The status of a battery that charges, as sensor_msgs numbers it."""
 
 
 class Ros2BaseProtocol(DiffDriveProtocol):
-    """Protocol of the topics ``channels`` of the base ``name``; ``words`` are their roles, as in ``KINDS``.
+    """Protocol of the topics ``channels`` of the base ``name``; ``words`` are their roles, as in ``TOPIC_TYPES``.
 
     The pose starts at 0 with the first report. It is continuous: somebody may set the odometry, or the base may be
     away. Nothing is sent at rest, so that other nodes, such as Nav2, can drive the robot. Outside of ``limits`` the
@@ -164,89 +164,93 @@ class Ros2BaseProtocol(DiffDriveProtocol):
         self,
         name: str,
         clock: Clock,
-        channels: Sequence[Channel],
-        words: Sequence[str],
+        channels: Sequence[TopicChannel],
+        roles: Sequence[str],
         limits: BaseLimits,
         *,
-        anchored: Callable[[Pose2D, str], None] = lambda pose, frame: None,  # noqa: ARG005
-        entrusted: Callable[[], bool] = lambda: False,
+        on_origin: Callable[[Pose2D, str], None] = lambda pose, frame: None,  # noqa: ARG005
+        is_goal_active: Callable[[], bool] = lambda: False,
     ) -> None:
-        self.sounds = self if "sounds" in words else None
-        self.lights = self if "lights" in words else None
-        self._name, self._channels, self._words, self._limits = name, channels, list(words), limits
-        self._anchored, self._entrusted = anchored, entrusted
-        self._reported: list[DeviceStatus] = []  # faults of topics, since the last ``parse``
-        self._faults = TopicFaults(name, [each.topic for each in channels], clock, self._reported.append)
+        self.sounds = self if "sounds" in roles else None
+        self.lights = self if "lights" in roles else None
+        self._name, self._channels, self._roles, self._limits = name, channels, list(roles), limits
+        self._on_origin, self._is_goal_active = on_origin, is_goal_active
+        self._new_faults: list[DeviceStatus] = []  # faults of topics, since the last ``parse``
+        self._faults = TopicFaults(name, [each.topic for each in channels], clock, self._new_faults.append)
         # Commands from before a moment ago may still move the base.
-        self._sent = SentVelocities(LAG)
-        self._hazards = self._brief = HazardReport()  # now; and since the last odometry
-        self._felt_at = -inf
+        self._sent_velocities = SentVelocities(REACTION_TIME)
+        self._hazards = self._hazards_since_report = HazardReport()  # now; and since the last odometry
+        self._contacts_at = -inf
         self._battery = (0.0, 100.0, False)
-        self._docked = self._of_hundred = False
+        self._is_docked = self._is_percent = False
         self._lamps = {1: Lamp.OFF, 2: Lamp.OFF}
         self._pose = Pose2D(0.0, 0.0, 0.0)
         self._reports = 0
         self.restart()
 
     def restart(self) -> None:
-        self._finder = wire.FrameFinder()
-        self._kinds: dict[str, tuple[str, ...]] = {}
+        self._finder = wire.TopicFrameFinder()
+        self._remote_types: dict[str, tuple[str, ...]] = {}
         # A pose in the odometry frame, and the same in ours.
         self._origin: tuple[Pose2D, Pose2D] | None = None
-        self._raw: tuple[Pose2D, float] | None = None
+        self._last_odometry: tuple[Pose2D, float] | None = None
         # The odometry from which the drift is computed next, its arrival, and its stamp by the robot's clock.
-        self._measured: tuple[Pose2D, float, float] | None = None
+        self._drift_reference: tuple[Pose2D, float, float] | None = None
         self._bias = GyroBias(encoders=False)  # the robot may have been switched off and on
-        self._turned_back = 0.0  # radians of drift since the origin was last reported
-        self._set_interval(SLOWEST_INTERVAL)
+        self._unreported_drift = 0.0  # radians of drift since the origin was last reported
+        self._set_interval(MAX_ODOMETRY_INTERVAL)
 
     def greet(self) -> bytes:
-        return wire.ASK
+        return wire.DISCOVERY_REQUEST
 
-    def parse(self, data: bytes, now: float) -> Parsed:
-        parsed = Parsed()
+    def parse(self, data: bytes, now: float) -> ParsedReports:
+        parsed = ParsedReports()
         for channel, payload in self._finder.feed(data):
             try:
-                if channel == wire.ABOUT:
-                    number, kinds = wire.told(payload)
-                    word = self._words[number]
-                    if not {*kinds} <= {*KINDS[word]}:
+                if channel == wire.ABOUT_CHANNEL:
+                    number, kinds = wire.parse_about(payload)
+                    word = self._roles[number]
+                    if not {*kinds} <= {*TOPIC_TYPES[word]}:
                         raise ValueError(kinds)
-                    self._kinds[word] = kinds
-                elif channel == wire.MISMATCH:
+                    self._remote_types[word] = kinds
+                elif channel == wire.MISMATCH_CHANNEL:
                     self._faults.mismatch(payload)
                 else:
-                    self._read(self._words[channel], payload, now, parsed)
-            except (Malformed, ValueError, LookupError, ArithmeticError) as error:
+                    self._handle_message(self._roles[channel], payload, now, parsed)
+            except (MalformedMessage, ValueError, LookupError, ArithmeticError) as error:
                 self._faults.add(channel, error)
-        parsed.faults += [(each.what, each.hint) for each in self._reported]
-        self._reported.clear()
+        parsed.faults += [(each.message, each.hint) for each in self._new_faults]
+        self._new_faults.clear()
         return parsed
 
     def drive(self, velocity: Velocity, now: float) -> bytes:
-        self._sent.add(now, velocity)
+        self._sent_velocities.add(now, velocity)
         twist = {"linear": {"x": velocity.linear}, "angular": {"z": velocity.angular}}
         # Its stamp is 0, which controllers take for now: two clocks may differ by more than they tolerate.
         stamped: dict[str, object] = {"header": {"frame_id": "base_link"}, "twist": twist}
         command = b""
-        for kind in self._kinds.get("cmd_vel", ()):  # all that listen: which of them drives the robot is not known
+        for kind in self._remote_types.get(
+            "cmd_vel", ()
+        ):  # all that listen: which of them drives the robot is not known
             place = self._channels[0].kinds.index(kind)
             command += wire.frame(0, types().encode(kind, twist if kind == TWISTS[0] else stamped), place)
         return command
 
     def play(self, tune: Tune) -> bytes:
-        return self._encode("sounds", notes(TUNES[tune], 0.2))
+        return self._encode("sounds", note_message(TUNES[tune], 0.2))
 
     def tone(self, frequency: float, seconds: float) -> bytes:
-        return self._encode("sounds", notes([round(frequency)], seconds))
+        return self._encode("sounds", note_message([round(frequency)], seconds))
 
     def light(self, number: int, colour: Lamp) -> bytes:
         self._lamps[number] = colour
-        return self._encode("lights", ring(self._lamps[1], self._lamps[2]))
+        return self._encode("lights", light_ring_message(self._lamps[1], self._lamps[2]))
 
     def is_ready(self, now: float) -> bool:
-        feels = not (self._has("hazards") or self._has("sensors")) or now - self._felt_at <= CONTACTS_TIMEOUT
-        return bool(self._kinds.get("cmd_vel")) and feels
+        feels = (
+            not (self._has_role("hazards") or self._has_role("sensors")) or now - self._contacts_at <= CONTACTS_TIMEOUT
+        )
+        return bool(self._remote_types.get("cmd_vel")) and feels
 
     def counters(self) -> Mapping[str, int]:
         return {"reports": self._reports, "malformed": self._faults.count}
@@ -254,140 +258,143 @@ class Ros2BaseProtocol(DiffDriveProtocol):
     def offline_reason(self, now: float, where: str, baud: int, *, silent: bool) -> tuple[str, str]:
         del where, baud, silent
         for word in ("odom", "cmd_vel", "hazards", "sensors"):
-            if self._has(word) and not self._kinds.get(word):
-                number = self._words.index(word)
-                error = absent(self._name, self._channels[number], self._faults.why(number))
+            if self._has_role(word) and not self._remote_types.get(word):
+                number = self._roles.index(word)
+                error = absent_error(self._name, self._channels[number], self._faults.fault(number))
                 return str(error), error.hint
         odometry = self._channels[1].topic
         if self._has_two_publishers:
             what = f"{self._name}: two publishers on {odometry}: odometry ignored"
             return what, "`mission ros2 graph` shows them; two robots need a namespace each"
-        for number in (self._words.index(word) for word in ("odom", "hazards", "sensors") if self._has(word)):
-            if why := self._faults.why(number):
-                return f"{self._name}: {why}", hint_for(self._channels[number].topic)
-        if self._raw is not None and now - self._raw[1] <= self.timing.offline_after:
+        for number in (self._roles.index(word) for word in ("odom", "hazards", "sensors") if self._has_role(word)):
+            if why := self._faults.fault(number):
+                return f"{self._name}: {why}", topic_hint(self._channels[number].topic)
+        if self._last_odometry is not None and now - self._last_odometry[1] <= self.timing.offline_after:
             return f"{self._name}: nothing of its bumpers comes", "is its node still running? `mission ros2 graph`"
         return f"{self._name}: {odometry}: no odometry comes", "is the robot on, and the network there?"
 
     # --- the inside ---------------------------------------------------------------------------------------------------
 
-    def _has(self, word: str) -> bool:
-        return word in self._words
+    def _has_role(self, role: str) -> bool:
+        return role in self._roles
 
     def _set_interval(self, seconds: float) -> None:
         """Adapt the timeouts to the interval of the odometry."""
-        self._interval, usual = seconds, Timing()
-        self.timing = Timing(
+        self._interval, usual = seconds, DiffDriveTiming()
+        self.timing = DiffDriveTiming(
             stale_after=max(usual.stale_after, 1.5 * seconds),
             offline_after=max(usual.offline_after, 2.5 * seconds),
             idle_interval=inf,
         )
 
-    def _encode(self, word: str, values: Mapping[str, object]) -> bytes:
-        return wire.frame(self._words.index(word), types().encode(KINDS[word][0], values))
+    def _encode(self, role: str, values: Mapping[str, object]) -> bytes:
+        return wire.frame(self._roles.index(role), types().encode(TOPIC_TYPES[role][0], values))
 
-    def _read(self, word: str, payload: bytes, now: float, parsed: Parsed) -> None:
-        told = types().decode(KINDS[word][0], payload)
-        match word:
+    def _handle_message(self, role: str, payload: bytes, now: float, parsed: ParsedReports) -> None:
+        told = types().decode(TOPIC_TYPES[role][0], payload)
+        match role:
             case "odom" if not self._has_two_publishers:
                 parsed.states.append(self._odometry(told, now))
             case "hazards":
-                self._feel(report_of(told.detections), now)
+                self._on_hazards(parse_hazards(told.detections), now)
             case "sensors":
                 # The cliff of a TurtleBot 3 is a bare figure of a sensor that few have: its bumper alone counts.
-                self._feel(HazardReport(Sides(centre=told.bumper != 0)), now)
+                self._on_hazards(HazardReport(Sides(centre=told.bumper != 0)), now)
             case "dock":
-                self._docked = bool(told.is_docked)
+                self._is_docked = bool(told.is_docked)
             case "battery":
-                self._battery = self._gauge(told)
+                self._battery = self._parse_battery(told)
 
     @property
     def _has_two_publishers(self) -> bool:
         """Whether several nodes publish odometry, such as two robots of one name: then it is ignored."""
-        return len(self._kinds.get("odom", ())) > 1
+        return len(self._remote_types.get("odom", ())) > 1
 
-    def _gauge(self, told: Any) -> tuple[float, float, bool]:
+    def _parse_battery(self, message: Any) -> tuple[float, float, bool]:
         """Return volts, percent, and whether it charges; what is not measured as a base without a gauge tells it."""
-        share, volts = float(told.percentage), float(told.voltage)
-        self._of_hundred = self._of_hundred or MOST_SHARE < share < inf
-        measured = isfinite(share) and (share > 0 or (share == 0 and told.present))
-        percent = min(share if self._of_hundred else 100 * share, 100.0) if measured else 100.0
-        return volts if isfinite(volts) else 0.0, percent, told.power_supply_status == CHARGING
+        share, volts = float(message.percentage), float(message.voltage)
+        self._is_percent = self._is_percent or MIN_PERCENT_VALUE < share < inf
+        measured = isfinite(share) and (share > 0 or (share == 0 and message.present))
+        percent = min(share if self._is_percent else 100 * share, 100.0) if measured else 100.0
+        return volts if isfinite(volts) else 0.0, percent, message.power_supply_status == STATUS_CHARGING
 
-    def _feel(self, hazards: HazardReport, now: float) -> None:
-        self._hazards, self._felt_at = hazards, now
-        self._brief |= hazards
+    def _on_hazards(self, hazards: HazardReport, now: float) -> None:
+        self._hazards, self._contacts_at = hazards, now
+        self._hazards_since_report |= hazards
 
-    def _odometry(self, told: Any, now: float) -> BaseState:
+    def _odometry(self, message: Any, now: float) -> BaseState:
         """Return the state after a message of odometry. Raises ValueError for one that is not of a robot."""
-        at, turned, moves = told.pose.pose.position, told.pose.pose.orientation, told.twist.twist
+        at, turned, moves = message.pose.pose.position, message.pose.pose.orientation, message.twist.twist
         figures = {
             "position x": at.x, "position y": at.y, "orientation x": turned.x, "orientation y": turned.y,
             "orientation z": turned.z, "orientation w": turned.w, "linear x": moves.linear.x,
             "angular z": moves.angular.z,
         }  # fmt: skip
         for name, figure in figures.items():
-            if not abs(figure) < FAR:  # nor is one that is no number
+            if not abs(figure) < MAX_PLAUSIBLE_VALUE:  # nor is one that is no number
                 raise ValueError(f"its {name} is {figure:g}, in {ODOMETRY}")
         raw = Pose2D(at.x, at.y, yaw(turned))
-        pose, rate = self._undrifted(raw, Velocity(moves.linear.x, moves.angular.z), now, told.header)
-        felt, self._brief = self._brief, self._hazards
+        pose, rate = self._correct_drift(raw, Velocity(moves.linear.x, moves.angular.z), now, message.header)
+        felt, self._hazards_since_report = self._hazards_since_report, self._hazards
         volts, percent, charging = self._battery
         velocity = Velocity(moves.linear.x, rate)
         self._pose = pose
         self._reports += 1
         return BaseState(
             pose, velocity, felt.bumper, felt.cliff, felt.wheel_drop, hazards=felt.others,
-            battery_voltage=volts, battery_percent=percent, charging=charging, docked=self._docked,
+            battery_voltage=volts, battery_percent=percent, charging=charging, docked=self._is_docked,
             settling=self._bias.settling,
         )  # fmt: skip
 
-    def _undrifted(self, raw: Pose2D, moves: Velocity, now: float, header: Any) -> tuple[Pose2D, float]:
+    def _correct_drift(self, raw: Pose2D, moves: Velocity, now: float, header: Any) -> tuple[Pose2D, float]:
         """Return where that is for us, and the turn rate, without the drift of its gyro as it was learnt at rest."""
-        before, frame = self._measured, header.frame_id.lstrip("/")  # a slash that tf refuses
+        before, frame = self._drift_reference, header.frame_id.lstrip("/")  # a slash that tf refuses
         stamp = header.stamp.sec + header.stamp.nanosec * 1e-9
-        pose = self._placed(raw, now, frame)
+        pose = self._to_continuous_pose(raw, now, frame)
         if before is None:
-            self._measured = raw, now, stamp
+            self._drift_reference = raw, now, stamp
             return pose, moves.angular - self._bias.rate
         was, seconds, stamped = before[0], now - before[1], stamp - before[2]
-        if seconds >= MIN_INTERVAL:
-            self._set_interval(min(max(seconds, 0.9 * self._interval), SLOWEST_INTERVAL))
-        if MIN_INTERVAL <= stamped <= SLOWEST_INTERVAL:  # a network may deliver several messages at once
+        if seconds >= MIN_ODOMETRY_INTERVAL:
+            self._set_interval(min(max(seconds, 0.9 * self._interval), MAX_ODOMETRY_INTERVAL))
+        if MIN_ODOMETRY_INTERVAL <= stamped <= MAX_ODOMETRY_INTERVAL:  # a network may deliver several messages at once
             seconds = stamped
-        if seconds < MIN_INTERVAL:
+        if seconds < MIN_ODOMETRY_INTERVAL:
             return pose, moves.angular - self._bias.rate
-        self._measured = raw, now, stamp
+        self._drift_reference = raw, now, stamp
         turn = remainder(raw.heading - was.heading, tau)
         rolled = max(abs(moves.linear), abs(raw.x - was.x), abs(raw.y - was.y))
-        self._sent.lag = LAG + self._interval
-        self._sent.bounds(now)
-        still = rolled < STILL_WITHIN and self._sent.standing and not self._entrusted()
+        self._sent_velocities.lag = REACTION_TIME + self._interval
+        self._sent_velocities.bounds(now)
+        still = rolled < STILL_TOLERANCE and self._sent_velocities.standing and not self._is_goal_active()
         left, rate = self._bias.correct(turn, moves.angular, seconds, still=still)
         if left == turn:
             return pose, rate
-        self._turned_back += turn - left
+        self._unreported_drift += turn - left
         pose = replace(pose, heading=pose.heading - (turn - left))
         self._origin = raw, pose
-        if abs(self._turned_back) > DRIFTED:
-            self._turned_back = 0.0
-            self._anchored(_undone(raw, pose), frame)
+        if abs(self._unreported_drift) > REPORTED_DRIFT:
+            self._unreported_drift = 0.0
+            self._on_origin(_origin_in_odometry(raw, pose), frame)
         return pose, rate
 
-    def _placed(self, raw: Pose2D, now: float, frame: str) -> Pose2D:
+    def _to_continuous_pose(self, raw: Pose2D, now: float, frame: str) -> Pose2D:
         """Return where that is for us, whose pose is continuous."""
         here = self._pose
-        if self._raw is not None:
-            was, at = self._raw
+        if self._last_odometry is not None:
+            was, at = self._last_odometry
             past = max(now - at, 0.0)
-            reach, turned = JUMP + 2 * self._limits.speed * past, TURNED + 2 * self._limits.turn * past
+            reach, turned = (
+                MAX_POSITION_JUMP + 2 * self._limits.speed * past,
+                MAX_HEADING_JUMP + 2 * self._limits.turn * past,
+            )
             off = abs(remainder(raw.heading - was.heading, tau))
             if (raw.x - was.x) ** 2 + (raw.y - was.y) ** 2 > reach**2 or off > turned:
                 self._origin = None
         if self._origin is None:
             self._origin = raw, here
-            self._anchored(_undone(raw, here), frame)
-        self._raw = raw, now
+            self._on_origin(_origin_in_odometry(raw, here), frame)
+        self._last_odometry = raw, now
         (ox, oy, oh), pose = (self._origin[0].x, self._origin[0].y, self._origin[0].heading), self._origin[1]
         turn = pose.heading - oh
         dx, dy = raw.x - ox, raw.y - oy
@@ -396,16 +403,16 @@ class Ros2BaseProtocol(DiffDriveProtocol):
         return Pose2D(x, y, heading + tau * round((here.heading - heading) / tau))
 
 
-def _undone(raw: Pose2D, here: Pose2D) -> Pose2D:
+def _origin_in_odometry(raw: Pose2D, here: Pose2D) -> Pose2D:
     """Return where our origin is, as it is told by the robot."""
     turn = raw.heading - here.heading
     x = raw.x - (here.x * cos(turn) - here.y * sin(turn))
     return Pose2D(x, raw.y - (here.x * sin(turn) + here.y * cos(turn)), turn)
 
 
-def yaw(turned: Any) -> float:
+def yaw(orientation: Any) -> float:
     """Return the heading of an orientation, whatever its length. Raises ValueError for one that was never set."""
-    x, y, z, w = turned.x, turned.y, turned.z, turned.w
+    x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
     if not x * x + y * y + z * z + w * w > 1e-6:
         raise ValueError("its orientation has the length 0")
     return atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)

@@ -33,10 +33,10 @@ def service_token(zid: str, name: str, kind: str) -> str | None:
     return f"@/{zid}/@ros2_lv/{role}/{name.strip('/').replace('/', _SLASH)}/{kind.replace('/', _SLASH)}"
 
 
-def entities(key: str) -> list[Entity]:
+def parse_token(key: str) -> list[Entity]:
     """Return the entities that a token announces, each end point of an action; none for a token of another form."""
     parts = key.split("/")
-    if len(parts) < 3 or parts[0] != "@" or parts[2] != wire.ADMIN:
+    if len(parts) < 3 or parts[0] != "@" or parts[2] != wire.LIVELINESS_PREFIX:
         return []
     zid, told = parts[1], parts[3:]
     if not told:
@@ -47,12 +47,12 @@ def entities(key: str) -> list[Entity]:
     if not wire.is_name(name) or kind.count("/") != 2:
         return []
     if role in (ACTION_SERVER, ACTION_CLIENT):
-        return _of_action(zid, name, kind, serves=role == ACTION_SERVER)
+        return _action_entities(zid, name, kind, serves=role == ACTION_SERVER)
     durability = "/".join(told[3:]).split(":")[2:3]
-    return [_entity(role, zid, name, kind, wire.LATCHED if durability == [_TRANSIENT_LOCAL] else wire.QOS)]
+    return [_entity(role, zid, name, kind, wire.LATCHED_QOS if durability == [_TRANSIENT_LOCAL] else wire.DEFAULT_QOS)]
 
 
-def _of_action(zid: str, name: str, kind: str, *, serves: bool) -> list[Entity]:
+def _action_entities(zid: str, name: str, kind: str, *, serves: bool) -> list[Entity]:
     services = {SEND: f"{kind}_SendGoal", RESULT: f"{kind}_GetResult", CANCEL: CANCEL_KIND}
     topics = {FEEDBACK: f"{kind}_FeedbackMessage", STATUS: "action_msgs/msg/GoalStatusArray"}
     asked, heard = (wire.SERVER, wire.PUBLISHER) if serves else (wire.CLIENT, wire.SUBSCRIBER)

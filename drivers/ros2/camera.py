@@ -7,24 +7,24 @@ from typing import Any
 import cv2
 import numpy as np
 
-from drivers.api import Image, Report, ignore
+from drivers.api import Image, StatusCallback, ignore
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.pictures.decode import MOST_PIXELS, UNWANTED, decoded
+from drivers.pictures.decode import MAX_PIXELS, SKIPPED_PICTURE, decode_picture
 from drivers.ros2 import wire
-from drivers.ros2.line import Channel, Nodes, TopicPort, absent
-from drivers.ros2.node import TopicFaults, hint_for
-from drivers.ros2.types import Malformed, types
+from drivers.ros2.line import GetNode, TopicChannel, TopicPort, absent_error
+from drivers.ros2.node import TopicFaults, topic_hint
+from drivers.ros2.types import MalformedMessage, types
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 
-PATIENCE = 0.2
+RECEIVE_TIMEOUT = 0.2
 """Seconds for which a picture is waited for, before it is looked whether anybody still wants one."""
 
-SILENT_AFTER = 2.0
+OFFLINE_TIMEOUT = 2.0
 """Seconds without a picture after which the topic is looked for again."""
 
-_CHANNELS = {
+_ENCODINGS = {
     "bgr8": (3, None),
     "rgb8": (3, cv2.COLOR_RGB2BGR),
     "8uc3": (3, None),
@@ -49,50 +49,50 @@ Those of 16 bits are understood by the upper 8.
 
 
 class TopicFeed:
-    """A ``drivers.pictures.capture.Feed`` of the pictures on a topic."""
+    """A ``drivers.pictures.capture.CameraFeed`` of the pictures on a topic."""
 
-    def __init__(self, nodes: Nodes, topic: str, clock: Clock, report: Report = ignore) -> None:
-        self._nodes = nodes
+    def __init__(self, get_node: GetNode, topic: str, clock: Clock, report: StatusCallback = ignore) -> None:
+        self._get_node = get_node
         self._faults = TopicFaults("camera", [topic], clock, report)
-        self._channel = Channel(topic, IMAGES, depth=1)
+        self._channel = TopicChannel(topic, IMAGES, depth=1)
         self._port: TopicPort | None = None
-        self._finder = wire.FrameFinder()
+        self._finder = wire.TopicFrameFinder()
         self._kind = ""
 
     @property
-    def what(self) -> str:
+    def source_name(self) -> str:
         """The topic."""
         return self._channel.topic
 
     @property
     def hint(self) -> str:
         """What to try when no picture comes; why what has come is none."""
-        why = self._faults.why(0)
-        return f"{why}; {hint_for(self._channel.topic)}" if why else hint_for(self._channel.topic)
+        why = self._faults.fault(0)
+        return f"{why}; {topic_hint(self._channel.topic)}" if why else topic_hint(self._channel.topic)
 
-    def start(self, ending: Event) -> float | None:  # noqa: ARG002 - it waits for nothing
+    def start(self, closing: Event) -> float | None:  # noqa: ARG002 - it waits for nothing
         """Listen to the topic. Raises NotConnected while nobody sends it."""
-        self._port = TopicPort(self._nodes("camera"), [self._channel])
-        self._finder, self._kind = wire.FrameFinder(), ""
-        for channel, payload in self._finder.feed(self._port.arrived(0.0)):
-            self._note(channel, payload)
+        self._port = TopicPort(self._get_node("camera"), [self._channel])
+        self._finder, self._kind = wire.TopicFrameFinder(), ""
+        for channel, payload in self._finder.feed(self._port.read_available(0.0)):
+            self._handle_control_frame(channel, payload)
         if not self._kind:
             self.stop()
-            raise absent("camera", self._channel, self._faults.why(0))
+            raise absent_error("camera", self._channel, self._faults.fault(0))
         return None
 
-    def grab(self, spare: Callable[[], int]) -> Image | None:
+    def grab(self, skip_count: Callable[[], int]) -> Image | None:
         """Return the next picture; None when none has come for a while, or the session is lost: see Feed."""
-        for _ in range(round(SILENT_AFTER / PATIENCE)):
-            found = self._next()
+        for _ in range(round(OFFLINE_TIMEOUT / RECEIVE_TIMEOUT)):
+            found = self._receive_messages()
             if found is None:
                 return None
             for payload in found[-1:]:
-                if spare() > 0:
-                    return UNWANTED
+                if skip_count() > 0:
+                    return SKIPPED_PICTURE
                 try:
-                    return picture(self._kind, payload)
-                except (Malformed, ValueError) as error:
+                    return decode_image(self._kind, payload)
+                except (MalformedMessage, ValueError) as error:
                     self._faults.add(0, error)
         return None
 
@@ -102,51 +102,53 @@ class TopicFeed:
         if port is not None:
             port.close()
 
-    def _next(self) -> list[bytes] | None:
+    def _receive_messages(self) -> list[bytes] | None:
         """Return the messages that have come, none after a while; None when the session is lost."""
         if self._port is None:
             return None
         try:
-            data = self._port.arrived(PATIENCE)
+            data = self._port.read_available(RECEIVE_TIMEOUT)
         except (OSError, NotConnected):
             return None
-        return [payload for channel, payload in self._finder.feed(data) if not self._note(channel, payload)]
+        return [
+            payload for channel, payload in self._finder.feed(data) if not self._handle_control_frame(channel, payload)
+        ]
 
-    def _note(self, channel: int, payload: bytes) -> bool:
+    def _handle_control_frame(self, channel: int, payload: bytes) -> bool:
         """Take note of who sends; say whether that was what has come."""
-        if channel == wire.ABOUT:
-            self._kind = next(iter(wire.told(payload)[1]), self._kind)
-        elif channel == wire.MISMATCH:
+        if channel == wire.ABOUT_CHANNEL:
+            self._kind = next(iter(wire.parse_about(payload)[1]), self._kind)
+        elif channel == wire.MISMATCH_CHANNEL:
             self._faults.mismatch(payload)
-        return channel in (wire.ABOUT, wire.MISMATCH)
+        return channel in (wire.ABOUT_CHANNEL, wire.MISMATCH_CHANNEL)
 
 
-def picture(kind: str, payload: bytes) -> Image:
+def decode_image(kind: str, payload: bytes) -> Image:
     """Return the picture of a message: (height, width, 3), BGR. Raises Malformed, ValueError for what is none."""
     told = types().decode(kind, payload)
     if kind == IMAGES[1]:
-        found = decoded(told.data.tobytes())
+        found = decode_picture(told.data.tobytes())
         if found is None:
             raise ValueError(f"{told.format}: no picture")
         return found
-    return _raw(told)
+    return _decode_raw(told)
 
 
-def _raw(told: Any) -> Image:
-    encoding, of = str(told.encoding).lower(), 1
+def _decode_raw(message: Any) -> Image:
+    encoding, of = str(message.encoding).lower(), 1
     if encoding.endswith("16"):
         encoding, of = f"{encoding[:-2]}8", 2
-    if encoding not in _CHANNELS:
-        raise ValueError(f"the encoding {told.encoding!r:.40} is not understood")
-    size, made = _CHANNELS[encoding]
-    width, height, step = int(told.width), int(told.height), int(told.step)
-    if not (width and height and width * height <= MOST_PIXELS and step >= of * size * width):
+    if encoding not in _ENCODINGS:
+        raise ValueError(f"the encoding {message.encoding!r:.40} is not understood")
+    size, made = _ENCODINGS[encoding]
+    width, height, step = int(message.width), int(message.height), int(message.step)
+    if not (width and height and width * height <= MAX_PIXELS and step >= of * size * width):
         raise ValueError(f"{width} x {height} pixels in rows of {step} bytes are no picture")
     lines = height * 3 // 2 if encoding == "nv21" else height
-    if len(told.data) < step * lines:
-        raise ValueError(f"{len(told.data)} bytes are too few")
-    upper = 1 if of == 2 and not told.is_bigendian else 0
-    rows = told.data[: step * lines].reshape(lines, step)[:, upper : of * size * width : of]
+    if len(message.data) < step * lines:
+        raise ValueError(f"{len(message.data)} bytes are too few")
+    upper = 1 if of == 2 and not message.is_bigendian else 0
+    rows = message.data[: step * lines].reshape(lines, step)[:, upper : of * size * width : of]
     image = np.ascontiguousarray(rows).reshape(lines, width, size)
     try:
         converted = image if made is None else cv2.cvtColor(image, made)

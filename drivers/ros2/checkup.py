@@ -4,58 +4,58 @@ from collections.abc import Iterator
 from threading import Event
 from typing import Any
 
-from drivers.api.driver import Finding, Site, wrong
+from drivers.api.driver import DriverContext, Finding, failure
 from drivers.ros2 import wire
 from drivers.ros2.declared import ZenohKeys
-from drivers.ros2.make import domain_of
-from drivers.ros2.node import Node
-from drivers.ros2.session import OFFERED, access_of, open_session
+from drivers.ros2.make import ros_domain
+from drivers.ros2.node import Ros2Node
+from drivers.ros2.session import NO_ROUTER_HINT, open_session, zenoh_access
 
-LISTEN = 1.0
+DISCOVERY_TIME = 1.0
 """Seconds in which nodes and bridges make themselves known."""
 
-CURE = (
+NO_NODES_HINT = (
     "start nodes with RMW_IMPLEMENTATION=rmw_zenoh_cpp (Jazzy and newer), or on the robot `zenoh-bridge-ros2dds`, "
     "whose version must be 1.0 or newer  (docs/ros2.md)"
 )
 
 
-def checkup(keys: ZenohKeys, site: Site) -> Iterator[Finding]:
+def checkup(keys: ZenohKeys, site: DriverContext) -> Iterator[Finding]:
     """Open a session for a moment, and listen. Raises NotConnected, with what to try."""
-    access, domain = access_of(keys, site.port), domain_of(keys)
+    access, domain = zenoh_access(keys, site.port), ros_domain(keys)
     where = ", ".join(access.endpoints)
-    session: Any = open_session("ros2", access, patience=2.0)
+    session: Any = open_session("ros2", access, timeout=2.0)
     try:
-        node = Node(session, site.clock, domain=domain, name="mission_checkup")
-        Event().wait(LISTEN)
+        node = Ros2Node(session, site.clock, domain=domain, name="mission_checkup")
+        Event().wait(DISCOVERY_TIME)
         if not (session.info.routers_zid() or session.info.peers_zid()):
-            yield wrong("router", f"{where}: no router of Zenoh answers", OFFERED)
+            yield failure("router", f"{where}: no router of Zenoh answers", NO_ROUTER_HINT)
             return
         yield Finding("router", f"{where}: answers")
-        yield _nodes(node, session, domain)
+        yield _check_nodes(node, session, domain)
         node.close()
     finally:
         session.close()
 
 
-def _nodes(node: Node, session: Any, domain: int) -> Finding:
+def _check_nodes(node: Ros2Node, session: Any, domain: int) -> Finding:
     everybody = node.entities()
-    nodes = sum(each.role == wire.NODE and not each.bridged for each in everybody)
-    behind = {each.name for each in everybody if each.bridged and each.role != wire.NODE}
+    nodes = sum(each.role == wire.NODE and not each.is_bridged for each in everybody)
+    behind = {each.name for each in everybody if each.is_bridged and each.role != wire.NODE}
     found = [f"{nodes} node{'s' * (nodes != 1)} by rmw_zenoh in domain {domain}"] * bool(nodes)
-    if node.bridged:
+    if node.has_bridge:
         found.append(f"{wire.BRIDGE} with {len(behind)} topics and services, whose domain is its own")
     if found:
         return Finding("nodes", "; ".join(found))
     what = f"neither a node by rmw_zenoh in domain {domain} nor a {wire.BRIDGE} is there"
-    domains = sorted({other for other in _domains(session) if other != domain})
+    domains = sorted({other for other in _find_domains(session) if other != domain})
     if domains:
         which = ", ".join(map(str, domains))
-        return wrong("nodes", f"{what}, but nodes in domain {which}", f"domain: {domains[0]}  (in the ros2 section)")
-    return wrong("nodes", what, CURE)
+        return failure("nodes", f"{what}, but nodes in domain {which}", f"domain: {domains[0]}  (in the ros2 section)")
+    return failure("nodes", what, NO_NODES_HINT)
 
 
-def _domains(session: Any) -> Iterator[int]:
-    for reply in session.liveliness().get(f"{wire.ADMIN}/**", timeout=LISTEN):
-        if reply.ok is not None and (found := wire.entity(str(reply.ok.key_expr))) is not None:
+def _find_domains(session: Any) -> Iterator[int]:
+    for reply in session.liveliness().get(f"{wire.LIVELINESS_PREFIX}/**", timeout=DISCOVERY_TIME):
+        if reply.ok is not None and (found := wire.parse_entity(str(reply.ok.key_expr))) is not None:
             yield found.domain

@@ -4,24 +4,24 @@ from collections.abc import Iterator, Mapping
 from math import pi
 from typing import Literal
 
-from drivers.api.device import Away
+from drivers.api.device import ReconnectPolicy
 from drivers.api.driver import Driver
 from drivers.api.joints import JointLimits
-from drivers.api.keys import Mistake, key, keys
+from drivers.api.keys import KeyDiagnostic, key, keys
 from drivers.api.sections import ArmKeys, AxisKeys, BaseKeys, HeadKeys, RangeKeys, Ros2Keys, VoiceKeys
 from drivers.api.senses import CameraKeys
 from drivers.ros2 import wire
 
-JOINT = "{joint}"
+JOINT_PLACEHOLDER = "{joint}"
 """What stands for each joint in a topic of commands."""
 
 
-def _no_topics(section: object, *words: str) -> Iterator[Mistake]:
+def _topic_mistakes(section: object, *words: str) -> Iterator[KeyDiagnostic]:
     """Yield the keys of these words whose values no topic is called."""
     for word in words:
         name: str = getattr(section, word)
-        if name and not wire.is_name(name.replace(JOINT, "joint") if word == "command" else name):
-            yield Mistake(f"'{word}': {name!r:.80} is no name of a topic", (word,), hint=wire.NAMES)
+        if name and not wire.is_name(name.replace(JOINT_PLACEHOLDER, "joint") if word == "command" else name):
+            yield KeyDiagnostic(f"'{word}': {name!r:.80} is no name of a topic", (word,), hint=wire.NAME_HINT)
 
 
 @keys
@@ -41,18 +41,20 @@ class ZenohKeys(Ros2Keys):
     certificate: str = key(default="", help="A file with our own certificate, where the router asks for one.")
     private_key: str = key(default="", help="A file with the key of our own certificate.")
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield what does not go together."""
         if bool(self.user) != bool(self.password_file):
             lacking = "password_file" if self.user else "user"
-            yield Mistake(f"'user' and 'password_file' go together: '{lacking}' is missing", ("router",))
+            yield KeyDiagnostic(f"'user' and 'password_file' go together: '{lacking}' is missing", ("router",))
         if bool(self.certificate) != bool(self.private_key):
             lacking = "private_key" if self.certificate else "certificate"
-            yield Mistake(f"'certificate' and 'private_key' go together: '{lacking}' is missing", ("router",))
+            yield KeyDiagnostic(f"'certificate' and 'private_key' go together: '{lacking}' is missing", ("router",))
         for each in self.router.split(","):
             if each.strip().split("/")[0] not in {"tcp", "tls", "quic", "ws", "unixsock-stream"} or "/" not in each:
-                yield Mistake(f"'router': '{each.strip()}' is no address such as tcp/192.168.1.20:7447", ("router",))
-        yield from _no_topics(self, "namespace", "navigation", "through")
+                yield KeyDiagnostic(
+                    f"'router': '{each.strip()}' is no address such as tcp/192.168.1.20:7447", ("router",)
+                )
+        yield from _topic_mistakes(self, "namespace", "navigation", "through")
 
 
 ZENOH = Driver(
@@ -88,10 +90,10 @@ class Ros2BaseKeys(BaseKeys):
         topics = {"sounds": self.sounds, "lights": self.lights}
         return frozenset(name for name, topic in topics.items() if topic)
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield what no topic is called."""
         topics = ("cmd_vel", "odom", "battery", "hazards", "dock", "lights", "sounds", "sensors")
-        yield from _no_topics(self, *topics)
+        yield from _topic_mistakes(self, *topics)
 
 
 BASE = Driver(
@@ -113,9 +115,9 @@ class Ros2RangeKeys(RangeKeys):
 
     scan: str = key(default="scan", help="The topic of its scans (sensor_msgs/LaserScan).")
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield what no topic is called."""
-        yield from _no_topics(self, "scan")
+        yield from _topic_mistakes(self, "scan")
 
 
 RANGE = Driver(
@@ -137,10 +139,10 @@ class Ros2CameraKeys(CameraKeys):
 
     image: str = key(default="image_raw", help="The topic of its pictures: Image or CompressedImage.")
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield what no topic is called."""
-        yield from super().mistakes()
-        yield from _no_topics(self, "image")
+        yield from super().diagnostics()
+        yield from _topic_mistakes(self, "image")
 
 
 CAMERA = Driver(
@@ -155,15 +157,15 @@ CAMERA = Driver(
 )
 
 
-COMMAND = (
+COMMAND_HELP = (
     "The topic of their controller: a JointTrajectory, or a Float64MultiArray with a position for each joint, in the "
     "order of this file; with `{joint}` in it one for each joint (Float64)."
 )
 
 
-def _reaches(limits: tuple[float, float]) -> Iterator[Mistake]:
+def _limit_mistakes(limits: tuple[float, float]) -> Iterator[KeyDiagnostic]:
     if not -pi - 1e-9 <= limits[0] < limits[1] <= pi + 1e-9:
-        yield Mistake("'limits' must be [lowest, highest], within -180 deg and 180 deg", ("limits",))
+        yield KeyDiagnostic("'limits' must be [lowest, highest], within -180 deg and 180 deg", ("limits",))
 
 
 @keys
@@ -175,9 +177,9 @@ class Ros2JointKeys:
     speed: float = key("turn rate", default=0.5, low=0.02, help="Its highest turn rate.")
     reverse: bool = key(default=False, help="Whether it turns the other way in ROS 2.")
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield limits that are none."""
-        yield from _reaches(self.limits)
+        yield from _limit_mistakes(self.limits)
 
 
 @keys
@@ -185,26 +187,32 @@ class Ros2ArmKeys(ArmKeys):
     """The ``arm`` section of a robot whose joints are moved by ROS 2."""
 
     states: str = key(default="joint_states", help="The topic of where its joints are (sensor_msgs/JointState).")
-    command: str = key(default="joint_trajectory_controller/joint_trajectory", help=COMMAND)
+    command: str = key(default="joint_trajectory_controller/joint_trajectory", help=COMMAND_HELP)
     joints: Mapping[str, Ros2JointKeys] = key(help="The joints, by their names here.", each="joint")
-    away: Away = key(default=Away(), help="What it does when it is back after it was away, or silent.")
+    away: ReconnectPolicy = key(
+        default=ReconnectPolicy(), help="What it does when it is back after it was away, or silent."
+    )
 
     @property
     def limits(self) -> Mapping[str, JointLimits]:
         """How far and fast each joint goes, by its name."""
         return {name: JointLimits(*joint.limits, joint.speed) for name, joint in self.joints.items()}
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield joints that stand twice, and what ArmKeys finds."""
         owners: dict[str, str] = {}
         for name, joint in self.joints.items():
             if (owner := owners.setdefault(joint.joint or name, name)) != name:
                 message = f"joint '{name}' is '{joint.joint or name}' of ROS 2, as '{owner}' is"
-                yield Mistake(message, ("joints", name), named=True, about=(("joints", name), ("joints", owner)))
-            if not wire.is_name(joint.joint or name) and JOINT in self.command:
-                yield Mistake(f"joint '{name}': its name cannot stand in a topic", ("joints", name), hint=wire.NAMES)
-        yield from _no_topics(self, "states", "command")
-        yield from ArmKeys.mistakes(self)
+                yield KeyDiagnostic(
+                    message, ("joints", name), marks_key=True, about=(("joints", name), ("joints", owner))
+                )
+            if not wire.is_name(joint.joint or name) and JOINT_PLACEHOLDER in self.command:
+                yield KeyDiagnostic(
+                    f"joint '{name}': its name cannot stand in a topic", ("joints", name), hint=wire.NAME_HINT
+                )
+        yield from _topic_mistakes(self, "states", "command")
+        yield from ArmKeys.diagnostics(self)
 
 
 @keys
@@ -217,9 +225,9 @@ class Ros2AxisKeys(AxisKeys):
     )
     reverse: bool = key(default=False, help="Whether it turns right, or up, for what is more in ROS 2.")
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield limits that are none."""
-        yield from _reaches(self.limits)
+        yield from _limit_mistakes(self.limits)
 
 
 @keys
@@ -227,17 +235,19 @@ class Ros2HeadKeys(HeadKeys):
     """The ``head`` section of a robot whose head is turned by ROS 2."""
 
     states: str = key(default="joint_states", help="The topic of where its joints are (sensor_msgs/JointState).")
-    command: str = key(default="head_controller/joint_trajectory", help=COMMAND)
+    command: str = key(default="head_controller/joint_trajectory", help=COMMAND_HELP)
     pan: Ros2AxisKeys = key(help="The joint that turns the head left and right.")
     tilt: Ros2AxisKeys = key(help="The joint that turns the head up and down.")
-    away: Away = key(default=Away(), help="What it does when it is back after it was away, or silent.")
+    away: ReconnectPolicy = key(
+        default=ReconnectPolicy(), help="What it does when it is back after it was away, or silent."
+    )
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield two axes that are one joint."""
         if self.pan.joint == self.tilt.joint:
             about = (("pan", "joint"), ("tilt", "joint"))
-            yield Mistake(f"'pan' and 'tilt' are both joint '{self.pan.joint}'", about=about)
-        yield from _no_topics(self, "states", "command")
+            yield KeyDiagnostic(f"'pan' and 'tilt' are both joint '{self.pan.joint}'", about=about)
+        yield from _topic_mistakes(self, "states", "command")
 
 
 @keys
@@ -246,9 +256,9 @@ class Ros2VoiceKeys(VoiceKeys):
 
     topic: str = key(default="say", help="The topic of who speaks: each text is a std_msgs/String.")
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield what no topic is called."""
-        yield from _no_topics(self, "topic")
+        yield from _topic_mistakes(self, "topic")
 
 
 HEAD = Driver(

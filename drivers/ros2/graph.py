@@ -6,23 +6,23 @@ from math import cos, sin
 from threading import Event, RLock
 from typing import Any
 
-from drivers.api import DeviceStatus, Health, Pose2D, Progress, Quality, Reading, Report, ignore
-from drivers.api.ros2 import START, Place
+from drivers.api import DeviceStatus, Health, Pose2D, Progress, Quality, Reading, StatusCallback, ignore
+from drivers.api.ros2 import START_FRAME, MapPose
 from drivers.api.sections import Ros2Keys
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
 from drivers.ros2 import wire
-from drivers.ros2.node import Node
-from drivers.ros2.requests import Requests
-from drivers.ros2.session import Access, Transports, open_session
-from drivers.ros2.types import Malformed, types
+from drivers.ros2.node import Ros2Node
+from drivers.ros2.requests import RequestTracker
+from drivers.ros2.session import ConnectionMonitor, ZenohAccess, open_session
+from drivers.ros2.types import MalformedMessage, types
 from drivers.ros2.wire import SEND
-from drivers.transport.loop import ThreadLoop, guarded
+from drivers.transport.loop import ThreadLoop, guard_callback
 
-RETRY = 0.3
+RETRY_INTERVAL = 0.3
 """Seconds until a router that did not answer is tried again."""
 
-LOOK = 0.1
+POLL_INTERVAL = 0.1
 """Seconds between two looks at who is there."""
 
 STALE_AFTER = 2.0
@@ -30,7 +30,7 @@ STALE_AFTER = 2.0
 
 TF = "tf2_msgs/msg/TFMessage"
 
-TO_POSE, THROUGH = "nav2_msgs/action/NavigateToPose", "nav2_msgs/action/NavigateThroughPoses"
+NAVIGATE_TO_POSE, NAVIGATE_THROUGH_POSES = "nav2_msgs/action/NavigateToPose", "nav2_msgs/action/NavigateThroughPoses"
 
 
 class Ros2Graph:
@@ -43,52 +43,52 @@ class Ros2Graph:
 
     def __init__(
         self,
-        access: Access,
+        access: ZenohAccess,
         clock: Clock,
         keys: Ros2Keys,
         *,
         domain: int,
         name: str = "missiontree",
-        report: Report = ignore,
+        report: StatusCallback = ignore,
         changed: Callable[[], None] = ignore,
     ) -> None:
         self.keys = keys
-        self._access, self._clock, self._domain, self._called = access, clock, domain, name
-        self._report, self._changed = guarded(report), guarded(changed)
+        self._access, self._clock, self._domain, self._node_name = access, clock, domain, name
+        self._report, self._changed = guard_callback(report), guard_callback(changed)
         self._lock = RLock()
         self._session: Any = None
-        self._node: Node | None = None
-        self._transports: Transports | None = None
-        self._lost = Event()
-        self._trouble: NotConnected | None = NotConnected("ros2: not opened yet")
-        self._sessions = self._malformed = 0
-        self._requests = Requests(self.node, clock, self._changed)
-        self._watched: dict[str, Node] = {}
-        self._newest: dict[str, tuple[str, bytes, float]] = {}
-        self._read: dict[str, tuple[float, str]] = {}
-        self._start: tuple[Pose2D, str] = (Pose2D(0.0, 0.0, 0.0), "odom")
-        self._loop = ThreadLoop("ros2", self._turn, self._finish)
+        self._node: Ros2Node | None = None
+        self._transports: ConnectionMonitor | None = None
+        self._disconnected = Event()
+        self._error: NotConnected | None = NotConnected("ros2: not opened yet")
+        self._session_count = self._malformed_count = 0
+        self._requests = RequestTracker(self.node, clock, self._changed)
+        self._subscriptions: dict[str, Ros2Node] = {}
+        self._latest_messages: dict[str, tuple[str, bytes, float]] = {}
+        self._decoded: dict[str, tuple[float, str]] = {}
+        self._origin: tuple[Pose2D, str] = (Pose2D(0.0, 0.0, 0.0), "odom")
+        self._loop = ThreadLoop("ros2", self._run_once, self._finish)
 
     # --- what other parts stand on ------------------------------------------------------------------------------------
 
-    def node(self, who: str = "ros2") -> Node:
+    def node(self, part: str = "ros2") -> Ros2Node:
         """Return the node. Raises NotConnected while there is none."""
-        node, trouble = self._node, self._trouble
+        node, trouble = self._node, self._error
         if node is None:
             what = str(trouble or "").removeprefix("ros2: ")
-            raise NotConnected(f"{who}: {what}", hint="" if trouble is None else trouble.hint)
+            raise NotConnected(f"{part}: {what}", hint="" if trouble is None else trouble.hint)
         return node
 
-    def full(self, topic: str) -> str:
+    def full_name(self, topic: str) -> str:
         """Return the whole name of a topic. Raises BadRequest for what no topic is called."""
         try:
-            return wire.whole(topic, self.keys.namespace)
+            return wire.full_name(topic, self.keys.namespace)
         except ValueError as error:
-            raise BadRequest(f"ros2: {error}", hint=wire.NAMES) from error
+            raise BadRequest(f"ros2: {error}", hint=wire.NAME_HINT) from error
 
-    def anchor(self, start: Pose2D, frame: str) -> None:
+    def set_origin(self, start: Pose2D, frame: str) -> None:
         """Note where in the robot's odometry its pose is 0."""
-        self._start = start, frame or "odom"
+        self._origin = start, frame or "odom"
 
     # --- drivers.api.Ros2 ---------------------------------------------------------------------------------------------
 
@@ -106,8 +106,8 @@ class Ros2Graph:
 
     def health(self) -> Health:
         """Say whether the router is there, and how many nodes."""
-        node, trouble = self._node, self._trouble
-        counters = {"sessions": self._sessions, "malformed": self._malformed}
+        node, trouble = self._node, self._error
+        counters = {"sessions": self._session_count, "malformed": self._malformed_count}
         if node is None:
             told = trouble or NotConnected("ros2: the router has gone")
             return Health(False, str(told), told.hint, counters)
@@ -119,7 +119,7 @@ class Ros2Graph:
 
     def offers(self, name: str) -> bool:
         """Whether there is an action, a service or a topic of this name now."""
-        node, full = self._node, self.full(name)
+        node, full = self._node, self.full_name(name)
         if node is None:
             return False
         return self.does(name) or any(node.entities(role, full) for role in (wire.SERVER, wire.PUBLISHER))
@@ -127,7 +127,7 @@ class Ros2Graph:
     def does(self, action: str) -> bool:
         """Whether there is an action of this name now."""
         node = self._node
-        return node is not None and bool(node.entities(wire.SERVER, f"{self.full(action)}/{SEND}"))
+        return node is not None and bool(node.entities(wire.SERVER, f"{self.full_name(action)}/{SEND}"))
 
     def navigates(self) -> bool:
         """Whether there is Nav2 to drive by."""
@@ -138,27 +138,27 @@ class Ros2Graph:
 
         Of a latched topic that is what was sent last, whenever that was; it holds as long as its sender is there.
         """
-        now, name = self._clock.now(), self.full(topic)
+        now, name = self._clock.read_value(), self.full_name(topic)
         node = self._node
-        if node is not None and self._watched.get(name) is not node:
-            self._watch(name, node)
-        newest = self._newest.get(name)
+        if node is not None and self._subscriptions.get(name) is not node:
+            self._subscribe(name, node)
+        newest = self._latest_messages.get(name)
         if newest is None:
             return Reading(None, now, Quality.NONE)
         kind, payload, stamp = newest
-        read = self._read.get(name)
+        read = self._decoded.get(name)
         if read is None or read[0] != stamp:
             try:
-                read = stamp, json.dumps(types().values(types().decode(kind, payload)))
-            except Malformed as error:
-                self._malformed += 1
+                read = stamp, json.dumps(types().to_plain(types().decode(kind, payload)))
+            except MalformedMessage as error:
+                self._malformed_count += 1
                 read = stamp, ""
                 if node is not None:
-                    node.faults.add_of(name, error)
-            self._read[name] = read
+                    node.faults.add_for_topic(name, error)
+            self._decoded[name] = read
         if not read[1]:
             return Reading(None, now, Quality.NONE)
-        lasts = now - stamp <= STALE_AFTER or (node is not None and node.latched(name))
+        lasts = now - stamp <= STALE_AFTER or (node is not None and node.is_latched(name))
         return Reading(read[1], stamp, Quality.GOOD if lasts else Quality.STALE)
 
     def progress(self, number: int) -> Progress:
@@ -167,7 +167,7 @@ class Ros2Graph:
 
     def publish(self, topic: str, kind: str, values: str) -> None:
         """Send a message. Raises BadRequest, NotConnected."""
-        name, node = self.full(topic), self.node()
+        name, node = self.full_name(topic), self.node()
         listening = [each for each in node.entities(wire.SUBSCRIBER, name) if kind in {"", each.kind}]
         kind = kind or (listening[0].kind if listening else "")
         if not kind:
@@ -178,18 +178,18 @@ class Ros2Graph:
 
     def call(self, service: str, kind: str, values: str) -> int:
         """Ask a service."""
-        return self._requests.call(self.full(service), kind, values)
+        return self._requests.call(self.full_name(service), kind, values)
 
     def begin(self, action: str, kind: str, goal: str) -> int:
         """Begin an action."""
-        return self._requests.begin(self.full(action), kind, json.loads(goal or "{}"))
+        return self._requests.begin(self.full_name(action), kind, json.loads(goal or "{}"))
 
-    def navigate(self, places: tuple[Place, ...], frame: str) -> int:
+    def navigate(self, places: tuple[MapPose, ...], frame: str) -> int:
         """Have Nav2 drive to the last of the places, through the others."""
-        poses = [self._stamped(each, frame) for each in places]
+        poses = [self._pose_stamped(each, frame) for each in places]
         if len(poses) == 1:
-            return self._requests.begin(self.full(self.keys.navigation), TO_POSE, {"pose": poses[0]})
-        return self._requests.begin(self.full(self.keys.through), THROUGH, {"poses": poses})
+            return self._requests.begin(self.full_name(self.keys.navigation), NAVIGATE_TO_POSE, {"pose": poses[0]})
+        return self._requests.begin(self.full_name(self.keys.through), NAVIGATE_THROUGH_POSES, {"poses": poses})
 
     def cancel(self, number: int) -> None:
         """Cancel an action."""
@@ -205,90 +205,90 @@ class Ros2Graph:
 
     # --- the thread ---------------------------------------------------------------------------------------------------
 
-    def _turn(self) -> float:
-        if self._session is not None and self._lost.is_set():
-            self._drop()
-            self._tell("offline", "the router has gone", "is it still running, and the network there?")
+    def _run_once(self) -> float:
+        if self._session is not None and self._disconnected.is_set():
+            self._close_session()
+            self._report_status("offline", "the router has gone", "is it still running, and the network there?")
         if self._session is None:
             return self._connect()
-        self._requests.look(self._node)
-        return LOOK
+        self._requests.check_servers(self._node)
+        return POLL_INTERVAL
 
     def _connect(self) -> float:
         try:
             types()  # whose loading takes a while, and is not to be done in a tick
             session = open_session(self.name, self._access)
-            self._lost.clear()
-            transports = Transports(session, self._gone)
+            self._disconnected.clear()
+            transports = ConnectionMonitor(session, self._on_router_lost)
             keys = self.keys
-            node = Node(
+            node = Ros2Node(
                 session,
                 self._clock,
                 domain=self._domain,
                 namespace=keys.namespace,
-                name=self._called,
+                name=self._node_name,
                 report=self._report,
             )
         except NotConnected as error:
-            self._trouble = error
-            self._requests.look(None)
-            return RETRY
-        self._session, self._transports, self._sessions = session, transports, self._sessions + 1
-        self._trouble, self._node = None, node
-        self._tell("online", f"{', '.join(self._access.endpoints)}: connected", "")
+            self._error = error
+            self._requests.check_servers(None)
+            return RETRY_INTERVAL
+        self._session, self._transports, self._session_count = session, transports, self._session_count + 1
+        self._error, self._node = None, node
+        self._report_status("online", f"{', '.join(self._access.endpoints)}: connected", "")
         return 0.0
 
-    def _gone(self) -> None:
-        self._lost.set()
+    def _on_router_lost(self) -> None:
+        self._disconnected.set()
         node = self._node
         if node is not None:
-            node.lost = True
+            node.is_lost = True
         self._loop.wake()
 
-    def _drop(self) -> None:
+    def _close_session(self) -> None:
         session, node = self._session, self._node
-        self._trouble = NotConnected("ros2: the router has gone", hint="is it still running, and the network there?")
+        self._error = NotConnected("ros2: the router has gone", hint="is it still running, and the network there?")
         self._session = self._node = self._transports = None
         if node is not None:
-            node.lost = True
+            node.is_lost = True
         if session is not None:
             try:
                 session.close()
             except Exception as error:  # of the session: it is given up anyhow
-                self._tell("fault", f"the session did not close: {error}", "")
+                self._report_status("fault", f"the session did not close: {error}", "")
 
     def _finish(self) -> None:
         self._requests.cancel_all()
         node = self._node
         if node is not None:
             node.close()
-        self._drop()
+        self._close_session()
 
-    def _tell(self, kind: str, what: str, hint: str) -> None:
+    def _report_status(self, kind: str, what: str, hint: str) -> None:
         self._report(DeviceStatus(self.name, kind, what, hint))
 
     # --- the inside ---------------------------------------------------------------------------------------------------
 
-    def _watch(self, name: str, node: Node) -> None:
+    def _subscribe(self, name: str, node: Ros2Node) -> None:
         """Listen to a topic from now on, with the types that its senders have."""
         sent = {each.kind for each in node.entities(wire.PUBLISHER, name)}
-        kinds = {kind for kind in sent if types().knows(kind)}
+        kinds = {kind for kind in sent if types().is_known(kind)}
         if not kinds:
             if sent:
-                node.faults.add_of(name, f"its type {' or '.join(sorted(sent))} is not known here")
+                node.faults.add_for_topic(name, f"its type {' or '.join(sorted(sent))} is not known here")
             return
-        self._watched[name] = node
+        self._subscriptions[name] = node
 
         def heard(kind: str, payload: bytes) -> None:
-            self._newest[name] = kind, payload, self._clock.now()
+            self._latest_messages[name] = kind, payload, self._clock.read_value()
             self._changed()
 
         node.subscribe(name, kinds, heard)
 
-    def _stamped(self, place: Place, frame: str) -> dict[str, object]:
+    def _pose_stamped(self, place: MapPose, frame: str) -> dict[str, object]:
         x, y, heading = place
-        if frame == START:
-            start, frame = self._start
+        if frame == START_FRAME:
+            start, frame = self._origin
             turn = start.heading
             x, y = start.x + x * cos(turn) - y * sin(turn), start.y + x * sin(turn) + y * cos(turn)
             heading += turn

@@ -2,20 +2,20 @@
 
 from collections.abc import Collection, Mapping
 
-from drivers.api import Away, DeviceStatus, Report, ignore
+from drivers.api import DeviceStatus, ReconnectPolicy, StatusCallback, ignore
 from drivers.clock import Clock
 from drivers.ros2.declared import Ros2ArmKeys, Ros2HeadKeys
-from drivers.ros2.make import axis, joints_of_arm, joints_of_head
-from drivers.ros2.ways import LIMP, RUNAWAY, RUNAWAY_HINT, STIFF, TopicJoint
+from drivers.ros2.make import arm_joints, head_joints, joint_axis
+from drivers.ros2.ways import NO_TORQUE_OFF, NO_TORQUE_OFF_HINT, RUNAWAY_HINT, RUNAWAY_NOTICE, TopicJoint
 from drivers.servos.joint import JointSpec
 from drivers.servos.twin import JointsTwin, NeckTwin
-from drivers.sim.stage import Stage
+from drivers.sim.stage import SimContext
 
-MOTOR = "XL330-M077"
+STAND_IN_MODEL = "XL330-M077"
 """A servo that is quicker than any joint, and turns all the way round, to stand for whatever motor there is."""
 
 
-REACH = 3.14
+MAX_ANGLE = 3.14
 """Radians that it turns either way."""
 
 
@@ -27,17 +27,23 @@ class StiffJoints(JointsTwin):
         joints: Mapping[str, TopicJoint],
         clock: Clock,
         *,
-        away: Away | None = None,
-        report: Report = ignore,
+        away: ReconnectPolicy | None = None,
+        report: StatusCallback = ignore,
         name: str = "arm",
     ) -> None:
         specs = {
-            name: JointSpec(number, MOTOR, lower=max(its.lower, -REACH), upper=min(its.upper, REACH), speed=its.speed)
+            name: JointSpec(
+                number,
+                STAND_IN_MODEL,
+                lower=max(its.lower, -MAX_ANGLE),
+                upper=min(its.upper, MAX_ANGLE),
+                speed=its.speed,
+            )
             for number, (name, its) in enumerate(((name, each.limits) for name, each in joints.items()), 1)
         }
         super().__init__(specs, clock, away=away, report=report, name=name)
         for servo in self._servos.values():
-            servo.joint.wanted = True
+            servo.joint.torque_request = True
 
     always_stiff = True
 
@@ -46,17 +52,17 @@ class StiffJoints(JointsTwin):
         names = list(self._joints) if joints is None else list(joints)
         self.hold(names)
         if names:
-            self._report(DeviceStatus(self.name, "fault", f"{', '.join(names)} {STIFF}", LIMP))
+            self._report(DeviceStatus(self.name, "fault", f"{', '.join(names)} {NO_TORQUE_OFF}", NO_TORQUE_OFF_HINT))
 
-    def _tell_runaway(self, said: str) -> None:
+    def _report_runaway(self, finding: str) -> None:
         """Report it, and stop the whole arm until somebody enables it."""
-        said = f"{said}: {RUNAWAY}"
-        self._report(DeviceStatus(self.name, "fault", said, RUNAWAY_HINT))
-        self._absence.latch(said, graver=True)
+        finding = f"{finding}: {RUNAWAY_NOTICE}"
+        self._report(DeviceStatus(self.name, "fault", finding, RUNAWAY_HINT))
+        self._reconnect.latch(finding, replace=True)
         self.hold([name for name, joint in self._joints.items() if not joint.progress.runs_away])
 
 
-class HeadTwin(NeckTwin):
+class Ros2HeadTwin(NeckTwin):
     """A ``NeckTwin`` that opens and closes the joints that it is made of."""
 
     def open(self) -> None:
@@ -75,21 +81,21 @@ class HeadTwin(NeckTwin):
         super().step()
 
 
-def arm(keys: Ros2ArmKeys, stage: Stage) -> StiffJoints:
+def arm(keys: Ros2ArmKeys, stage: SimContext) -> StiffJoints:
     """Return the twin of an arm."""
-    return StiffJoints(joints_of_arm(keys), stage.clock, away=keys.away, report=stage.report, name=stage.part)
+    return StiffJoints(arm_joints(keys), stage.clock, away=keys.away, report=stage.report, name=stage.part_name)
 
 
-def head(keys: Ros2HeadKeys, stage: Stage) -> HeadTwin:
+def head(keys: Ros2HeadKeys, stage: SimContext) -> Ros2HeadTwin:
     """Return the twin of a head."""
-    joints = StiffJoints(joints_of_head(keys), stage.clock, away=keys.away)
-    return HeadTwin(
+    joints = StiffJoints(head_joints(keys), stage.clock, away=keys.away)
+    return Ros2HeadTwin(
         joints,
         stage.clock,
-        pan=axis(keys.pan),
-        tilt=axis(keys.tilt),
+        pan=joint_axis(keys.pan),
+        tilt=joint_axis(keys.tilt),
         speed=keys.speed,
         acceleration=keys.acceleration,
         report=stage.report,
-        name=stage.part,
+        name=stage.part_name,
     )

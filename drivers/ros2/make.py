@@ -6,8 +6,18 @@ from dataclasses import replace
 from math import pi
 from pathlib import Path
 
-from drivers.api import AS_USUAL, BaseLimits, Health, JointLimits, Manner, Priority, Report, Utterance, ignore
-from drivers.api.driver import Site
+from drivers.api import (
+    DEFAULT_STYLE,
+    BaseLimits,
+    Health,
+    JointLimits,
+    Priority,
+    SpeechStyle,
+    StatusCallback,
+    Utterance,
+    ignore,
+)
+from drivers.api.driver import DriverContext
 from drivers.base.arbitrated import settings_of
 from drivers.base.diff_drive import DiffDriveBase
 from drivers.clock import Clock
@@ -29,14 +39,14 @@ from drivers.ros2.declared import (
 )
 from drivers.ros2.graph import Ros2Graph
 from drivers.ros2.joints import TopicJoints
-from drivers.ros2.line import Channel, absent, link
+from drivers.ros2.line import TopicChannel, absent_error, make_link
 from drivers.ros2.node import TopicFaults
-from drivers.ros2.ranger import SCAN, Ros2Ranger
-from drivers.ros2.session import access_of
+from drivers.ros2.ranger import LASER_SCAN, Ros2Ranger
+from drivers.ros2.session import zenoh_access
 from drivers.ros2.types import types
-from drivers.ros2.ways import TopicJoint, channels_of
+from drivers.ros2.ways import TopicJoint, joint_channels
 from drivers.sound.printed import PrintedVoice
-from drivers.transport.link import Link
+from drivers.transport.link import SerialLink
 
 # A voice of a robot of ROS 2: each text goes to a topic in its turn, for whoever speaks there.
 
@@ -51,19 +61,19 @@ class Ros2Voice(PrintedVoice):
 
     def __init__(
         self,
-        link: Link,
+        link: SerialLink,
         clock: Clock,
-        channel: Channel,
+        channel: TopicChannel,
         *,
-        usual: Manner = AS_USUAL,
-        report: Report = ignore,
+        usual: SpeechStyle = DEFAULT_STYLE,
+        report: StatusCallback = ignore,
         changed: Callable[[], None] = ignore,
     ) -> None:
-        super().__init__(clock, self._send, usual=usual, changed=changed)
+        super().__init__(clock, self._send, default_manner=usual, changed=changed)
         self._link, self._channel = link, channel
         self._faults = TopicFaults(self.name, [channel.topic], clock, report)
-        self._finder = wire.FrameFinder()
-        self._kind = ""
+        self._finder = wire.TopicFrameFinder()
+        self._listener_type = ""
 
     def open(self) -> None:
         """Start looking for who listens; returns at once."""
@@ -82,12 +92,12 @@ class Ros2Voice(PrintedVoice):
             return health
         if not link.online:
             return Health(False, link.detail, link.hint, {**link.counters, **health.counters})
-        if not self._kind:
-            error = absent(self.name, self._channel, self._faults.why(0))
+        if not self._listener_type:
+            error = absent_error(self.name, self._channel, self._faults.fault(0))
             return Health(False, str(error), error.hint, {**link.counters, **health.counters})
         return replace(health, counters={**link.counters, **health.counters})
 
-    def say(self, text: str, manner: Manner = AS_USUAL, priority: Priority = Priority.NORMAL) -> Utterance:
+    def say(self, text: str, manner: SpeechStyle = DEFAULT_STYLE, priority: Priority = Priority.NORMAL) -> Utterance:
         """Send ``text`` in its turn. Raises NotConnected while nobody listens."""
         health = self.health()
         if not health.online:
@@ -101,26 +111,26 @@ class Ros2Voice(PrintedVoice):
             f"{self.name}: cannot play {path.name}: {self._channel.topic} takes texts alone", hint="say it"
         )
 
-    # --- the link's thread: see drivers.transport.link.Talker --------------------------------------------------------
+    # --- the link's thread: see drivers.transport.link.LinkHandler --------------------------------------------------------
 
-    def connected(self) -> None:
+    def on_connected(self) -> None:
         """Ask who listens."""
-        self._finder, self._kind = wire.FrameFinder(), ""
-        self._link.write(wire.ASK)
+        self._finder, self._listener_type = wire.TopicFrameFinder(), ""
+        self._link.write(wire.DISCOVERY_REQUEST)
 
-    def received(self, data: bytes) -> None:
+    def on_data(self, data: bytes) -> None:
         """Take note of who listens."""
         for channel, payload in self._finder.feed(data):
-            if channel == wire.ABOUT:
-                self._kind = next(iter(wire.told(payload)[1]), "")
-            elif channel == wire.MISMATCH:
+            if channel == wire.ABOUT_CHANNEL:
+                self._listener_type = next(iter(wire.parse_about(payload)[1]), "")
+            elif channel == wire.MISMATCH_CHANNEL:
                 self._faults.mismatch(payload)
 
-    def pulse(self) -> None:
+    def on_poll(self) -> None:
         """Let what waits have its turn."""
-        self.settle()
+        self.update()
 
-    def ending(self) -> None:
+    def on_closing(self) -> None:
         """Do nothing: silence is its rest."""
 
     def _send(self, text: str) -> None:
@@ -158,7 +168,7 @@ class Ros2Head(NeckDriver):
         self._joints.enable()
 
 
-def domain_of(keys: ZenohKeys) -> int:
+def ros_domain(keys: ZenohKeys) -> int:
     """Return the domain of a robot file, else that of the environment. Raises BadRequest for one that is none."""
     told = os.environ.get("ROS_DOMAIN_ID", "").strip() if keys.domain is None else str(keys.domain)
     if told and not (told.isdigit() and int(told) <= 232):
@@ -166,45 +176,53 @@ def domain_of(keys: ZenohKeys) -> int:
     return int(told or 0)
 
 
-def graph(keys: ZenohKeys, site: Site) -> Ros2Graph:
+def graph(keys: ZenohKeys, site: DriverContext) -> Ros2Graph:
     """Return the nodes of ROS 2."""
     return Ros2Graph(
-        access_of(keys, site.port), site.clock, keys, domain=domain_of(keys), report=site.report, changed=site.changed
+        zenoh_access(keys, site.port),
+        site.clock,
+        keys,
+        domain=ros_domain(keys),
+        report=site.report,
+        changed=site.on_change,
     )
 
 
-def topics_of(keys: Ros2BaseKeys) -> dict[str, str]:
+def base_topics(keys: Ros2BaseKeys) -> dict[str, str]:
     """Return the topics of a base that its file names, by the words for them."""
-    return {word: getattr(keys, word) for word in bases.KINDS if getattr(keys, word)}
+    return {word: getattr(keys, word) for word in bases.TOPIC_TYPES if getattr(keys, word)}
 
 
-def base(keys: Ros2BaseKeys, site: Site) -> DiffDriveBase:
+def base(keys: Ros2BaseKeys, site: DriverContext) -> DiffDriveBase:
     """Return the driver of a base."""
-    nodes: Ros2Graph = site.parts["ros2"]
-    topics = topics_of(keys)
-    channels = [Channel(nodes.full(topic), bases.KINDS[word], word in bases.SENT) for word, topic in topics.items()]
+    nodes: Ros2Graph = site.needed_parts["ros2"]
+    topics = base_topics(keys)
+    channels = [
+        TopicChannel(nodes.full_name(topic), bases.TOPIC_TYPES[word], word in bases.COMMAND_TOPICS)
+        for word, topic in topics.items()
+    ]
     limits = BaseLimits(keys.max_speed, keys.max_turn, keys.acceleration, keys.turn_acceleration)
     protocol = bases.Ros2BaseProtocol(
-        "base", site.clock, channels, list(topics), limits, anchored=nodes.anchor, entrusted=nodes.has_goal
+        "base", site.clock, channels, list(topics), limits, on_origin=nodes.set_origin, is_goal_active=nodes.has_goal
     )
-    line = link("base", nodes.node, channels, site.report)
+    line = make_link("base", nodes.node, channels, site.report)
     return DiffDriveBase(line, site.clock, protocol, on_stop=nodes.stop, **settings_of(keys, site))
 
 
-def ranger(keys: Ros2RangeKeys, site: Site) -> Ros2Ranger:
+def ranger(keys: Ros2RangeKeys, site: DriverContext) -> Ros2Ranger:
     """Return the driver of a range finder."""
-    nodes: Ros2Graph = site.parts["ros2"]
-    channel = Channel(nodes.full(keys.scan), (SCAN,), depth=1)
-    line = link("range", nodes.node, [channel], site.report)
+    nodes: Ros2Graph = site.needed_parts["ros2"]
+    channel = TopicChannel(nodes.full_name(keys.scan), (LASER_SCAN,), depth=1)
+    line = make_link("range", nodes.node, [channel], site.report)
     return Ros2Ranger(
-        line, site.clock, channel, place=keys.place, blind=keys.blind, report=site.report, changed=site.changed
+        line, site.clock, channel, place=keys.place, blind=keys.blind, report=site.report, changed=site.on_change
     )
 
 
-def camera(keys: Ros2CameraKeys, site: Site) -> ThreadedCamera:
+def camera(keys: Ros2CameraKeys, site: DriverContext) -> ThreadedCamera:
     """Return the driver of a camera."""
-    nodes: Ros2Graph = site.parts["ros2"]
-    topic = nodes.full(keys.image)
+    nodes: Ros2Graph = site.needed_parts["ros2"]
+    topic = nodes.full_name(keys.image)
     return ThreadedCamera(
         lambda: TopicFeed(nodes.node, topic, site.clock, site.report),
         site.clock,
@@ -213,11 +231,11 @@ def camera(keys: Ros2CameraKeys, site: Site) -> ThreadedCamera:
         loop=False,
         retry=0.3,
         report=site.report,
-        turn=keys.turn,
+        turn=keys.orientation,
     )
 
 
-def joints_of_arm(keys: Ros2ArmKeys) -> Mapping[str, TopicJoint]:
+def arm_joints(keys: Ros2ArmKeys) -> Mapping[str, TopicJoint]:
     """Return the joints of an arm."""
     limits = keys.limits
     return {
@@ -226,47 +244,49 @@ def joints_of_arm(keys: Ros2ArmKeys) -> Mapping[str, TopicJoint]:
     }
 
 
-def joints_of_head(keys: Ros2HeadKeys) -> Mapping[str, TopicJoint]:
+def head_joints(keys: Ros2HeadKeys) -> Mapping[str, TopicJoint]:
     """Return the joints of a head: how far it turns by them is up to its axes, with their trims."""
     limits = JointLimits(-pi, pi, keys.speed)
     return {axis.joint: TopicJoint(axis.joint, limits, -1 if axis.reverse else 1) for axis in (keys.pan, keys.tilt)}
 
 
-def _joints(part: str, keys: Ros2ArmKeys | Ros2HeadKeys, joints: Mapping[str, TopicJoint], site: Site) -> TopicJoints:
-    nodes: Ros2Graph = site.parts["ros2"]
-    channels = channels_of(keys.states, keys.command, joints, nodes.full)
-    line = link(part, nodes.node, channels, site.report)
+def _make_joints(
+    part: str, keys: Ros2ArmKeys | Ros2HeadKeys, joints: Mapping[str, TopicJoint], site: DriverContext
+) -> TopicJoints:
+    nodes: Ros2Graph = site.needed_parts["ros2"]
+    channels = joint_channels(keys.states, keys.command, joints, nodes.full_name)
+    line = make_link(part, nodes.node, channels, site.report)
     return TopicJoints(line, site.clock, channels, joints, name=part, away=keys.away, report=site.report)
 
 
-def arm(keys: Ros2ArmKeys, site: Site) -> TopicJoints:
+def arm(keys: Ros2ArmKeys, site: DriverContext) -> TopicJoints:
     """Return the driver of an arm."""
-    return _joints(site.part, keys, joints_of_arm(keys), site)
+    return _make_joints(site.part, keys, arm_joints(keys), site)
 
 
-def axis(keys: Ros2AxisKeys) -> JointAxis:
+def joint_axis(keys: Ros2AxisKeys) -> JointAxis:
     """Return one joint of a head."""
     return JointAxis(keys.joint, keys.lower, keys.upper, trim=keys.trim)
 
 
-def head(keys: Ros2HeadKeys, site: Site) -> Ros2Head:
+def head(keys: Ros2HeadKeys, site: DriverContext) -> Ros2Head:
     """Return the driver of a head."""
-    joints = _joints("head", keys, joints_of_head(keys), site)
+    joints = _make_joints("head", keys, head_joints(keys), site)
     return Ros2Head(
         joints,
         site.clock,
-        pan=axis(keys.pan),
-        tilt=axis(keys.tilt),
+        pan=joint_axis(keys.pan),
+        tilt=joint_axis(keys.tilt),
         speed=keys.speed,
         acceleration=keys.acceleration,
         report=site.report,
-        changed=site.changed,
+        changed=site.on_change,
     )
 
 
-def voice(keys: Ros2VoiceKeys, site: Site) -> Ros2Voice:
+def voice(keys: Ros2VoiceKeys, site: DriverContext) -> Ros2Voice:
     """Return the driver of a voice."""
-    nodes: Ros2Graph = site.parts["ros2"]
-    channel = Channel(nodes.full(keys.topic), (STRING,), sends=True)
-    line = link("voice", nodes.node, [channel], site.report)
-    return Ros2Voice(line, site.clock, channel, usual=keys.manner, report=site.report, changed=site.changed)
+    nodes: Ros2Graph = site.needed_parts["ros2"]
+    channel = TopicChannel(nodes.full_name(keys.topic), (STRING,), is_command=True)
+    line = make_link("voice", nodes.node, [channel], site.report)
+    return Ros2Voice(line, site.clock, channel, usual=keys.style, report=site.report, changed=site.on_change)

@@ -10,14 +10,14 @@ from math import inf
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
-from drivers.api import DeviceStatus, Report, ignore
-from drivers.clock import Clock, since_1970
+from drivers.api import DeviceStatus, StatusCallback, ignore
+from drivers.clock import Clock, unix_time_ns
 from drivers.errors import NotConnected
 from drivers.ros2 import bridge, wire
-from drivers.ros2.publisher import FirstReply, Publisher, Replied, Sieve, new_gid
+from drivers.ros2.publisher import FirstReply, MessageFilter, Publisher, ReplyHandler, new_gid
 from drivers.ros2.types import types
 from drivers.ros2.wire import Attachment, Entity
-from drivers.transport.loop import guarded
+from drivers.transport.loop import guard_callback
 
 if TYPE_CHECKING:
     import zenoh
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 REPORT_INTERVAL = 10.0
 """Seconds from one report of a topic to the next."""
 
-RECENT = 2.0
+MALFORMED_LIFETIME = 2.0
 """Seconds for which a malformed message explains why nothing of its topic is used."""
 
 MAX_TOPICS = 200
@@ -38,34 +38,34 @@ MAX_TOPICS = 200
 class TopicFaults:
     """The faults of the topics of one part, ``who``, by their numbers in ``topics``. Safe between threads.
 
-    A fault is a malformed message, which counts for ``RECENT`` seconds, or another type under the name of a topic,
+    A fault is a malformed message, which counts for ``MALFORMED_LIFETIME`` seconds, or another type under the name of a topic,
     which counts for as long as it is there.
     """
 
-    def __init__(self, who: str, topics: Sequence[str], clock: Clock, report: Report = ignore) -> None:
+    def __init__(self, part: str, topics: Sequence[str], clock: Clock, report: StatusCallback = ignore) -> None:
         self.count = 0
-        self._who, self._topics, self._clock, self._report = who, list(topics), clock, guarded(report)
+        self._part, self._topics, self._clock, self._report = part, list(topics), clock, guard_callback(report)
         self._lock = Lock()
         self._malformed: dict[str, tuple[str, float]] = {}
         self._mismatches: dict[str, str] = {}
         self._reported_at: dict[str, float] = {}
 
-    def add(self, number: int, why: object) -> None:
+    def add(self, number: int, error: object) -> None:
         """Take note of a malformed message of a topic; a number of no topic counts only."""
         self.count += 1
         if number < len(self._topics):
-            self.add_of(self._topics[number], why)
+            self.add_for_topic(self._topics[number], error)
 
-    def add_of(self, topic: str, why: object) -> None:
+    def add_for_topic(self, topic: str, error: object) -> None:
         """Take note of a malformed message of a topic, a service or an action by its name."""
         with self._lock:
             if len(self._malformed) < MAX_TOPICS or topic in self._malformed:
-                self._malformed[topic] = (f"{topic}: malformed message: {why}", self._clock.now())
-        self._tell(topic)
+                self._malformed[topic] = (f"{topic}: malformed message: {error}", self._clock.read_value())
+        self._report_fault(topic)
 
     def mismatch(self, payload: bytes) -> None:
         """Take a frame of ``wire.mismatch``: which other type is there, or none any more. Raises ValueError."""
-        number, why = wire.mismatch_of(payload)
+        number, why = wire.parse_mismatch(payload)
         if number >= len(self._topics):
             return
         topic = self._topics[number]
@@ -74,38 +74,40 @@ class TopicFaults:
             if why:
                 self._mismatches[topic] = f"{topic}: {why}"
                 self._reported_at.pop(topic, None)
-        self._tell(topic)
+        self._report_fault(topic)
 
-    def why(self, number: int) -> str:
+    def fault(self, number: int) -> str:
         """Return the fault of a topic now; empty if it has none."""
-        return self._why(self._topics[number])
+        return self._current_fault(self._topics[number])
 
-    def _why(self, topic: str) -> str:
+    def _current_fault(self, topic: str) -> str:
         with self._lock:
             said, at = self._malformed.get(topic, ("", -inf))
-            return self._mismatches.get(topic, "") or (said if self._clock.now() - at <= RECENT else "")
+            return self._mismatches.get(topic, "") or (
+                said if self._clock.read_value() - at <= MALFORMED_LIFETIME else ""
+            )
 
-    def _tell(self, topic: str) -> None:
-        why, now = self._why(topic), self._clock.now()
+    def _report_fault(self, topic: str) -> None:
+        why, now = self._current_fault(topic), self._clock.read_value()
         with self._lock:
             if not why or now - self._reported_at.get(topic, -inf) < REPORT_INTERVAL:
                 return
             self._reported_at[topic] = now
-        self._report(DeviceStatus(self._who, "fault", why, hint_for(topic)))
+        self._report(DeviceStatus(self._part, "fault", why, topic_hint(topic)))
 
 
-def hint_for(topic: str) -> str:
+def topic_hint(topic: str) -> str:
     """Return the command that shows the messages of a topic."""
     return f"`mission ros2 echo {topic}` shows what comes; is its node built for the ROS 2 of this robot?"
 
 
-Heard = Callable[[str, bytes], None]
+MessageHandler = Callable[[str, bytes], None]
 """Told of a message: its type, and its bytes. Called from a thread of Zenoh's; must return at once."""
 
-UNATTACHED = "it comes without what rmw_zenoh attaches, and is not used; is its node started with rmw_zenoh_cpp?"
+NO_ATTACHMENT = "it comes without what rmw_zenoh attaches, and is not used; is its node started with rmw_zenoh_cpp?"
 
 
-class Node:
+class Ros2Node:
     """A node called ``name`` on a ``session`` that it does not own. Safe between threads.
 
     ``version`` counts up whenever another node, or an end point of one, is found or lost.
@@ -119,32 +121,32 @@ class Node:
         domain: int = 0,
         namespace: str = "",
         name: str = "missiontree",
-        report: Report = ignore,
+        report: StatusCallback = ignore,
     ) -> None:
         import zenoh  # noqa: PLC0415 - an extra
 
         self._zenoh, self._session, self._clock = zenoh, session, clock
         self.domain, self.namespace, self.name = domain, namespace, name
         self.version = 0
-        self.lost = False
+        self.is_lost = False
         self.faults = TopicFaults("ros2", [], clock, report)
         """What is wrong with messages that are taken for the whole node: of requests, actions, conditions."""
-        self._named = False  # as all that is attached is here: see Attachment
+        self._names_attachments = False  # as all that is attached is here: see Attachment
         self._zid = str(session.zid())
         self._lock = Lock()
-        self._numbers = 0
-        self._found: dict[str, list[Entity]] = {}  # by token
-        self._bridges: frozenset[str] = frozenset()  # the sessions of bridges
+        self._last_number = 0
+        self._entities: dict[str, list[Entity]] = {}  # by token
+        self._bridge_ids: frozenset[str] = frozenset()  # the sessions of bridges
         self._publishers: dict[tuple[str, str, str], Publisher] = {}
-        self._declared: list[tuple[object, Any]] = []
-        self._token(Entity(wire.NODE, domain, self._zid, "0", "0", name, namespace))
+        self._declarations: list[tuple[object, Any]] = []
+        self._declare_token(Entity(wire.NODE, domain, self._zid, "0", "0", name, namespace))
         # Last: it is told at once of all that are there.
-        for tokens in (f"{wire.ADMIN}/{domain}/**", bridge.TOKENS):
-            self._keep(session.liveliness().declare_subscriber(tokens, self._seen, history=True))
+        for tokens in (f"{wire.LIVELINESS_PREFIX}/{domain}/**", bridge.TOKENS):
+            self._add_declaration(session.liveliness().declare_subscriber(tokens, self._on_token, history=True))
 
-    def now(self) -> float:
+    def read_value(self) -> float:
         """Return the time of its clock."""
-        return self._clock.now()
+        return self._clock.read_value()
 
     def entities(self, role: str = "", name: str = "") -> list[Entity]:
         """Return who is there, of a role, and for a topic or service of this name; ours are not among them.
@@ -152,17 +154,17 @@ class Node:
         Who speaks both as `rmw_zenoh` and to bridges, as this node does, counts once.
         """
         with self._lock:
-            found = [each for several in self._found.values() for each in several]
-            bridges = self._bridges
+            found = [each for several in self._entities.values() for each in several]
+            bridges = self._bridge_ids
         wanted = [each for each in found if role in {"", each.role} and name in {"", each.name}]
-        return [each for each in wanted if not each.bridged or each.zid in bridges]
+        return [each for each in wanted if not each.is_bridged or each.zid in bridges]
 
     @property
-    def bridged(self) -> bool:
+    def has_bridge(self) -> bool:
         """Whether there is a bridge to robots of DDS."""
-        return bool(self._bridges)
+        return bool(self._bridge_ids)
 
-    def publisher(self, name: str, kind: str, digest: str = "", *, waits: bool = False) -> Publisher:
+    def publisher(self, name: str, kind: str, digest: str = "", *, blocks: bool = False) -> Publisher:
         """Return what sends on a topic; ``digest`` is the hash of the type, where it was read from a token.
 
         One that ``waits`` for room on a busy line loses nothing: for threads that nobody waits for. Raises NotConnected
@@ -171,199 +173,214 @@ class Node:
         with self._lock:
             if (known := self._publishers.get((name, kind, digest))) is not None:
                 return known
-            entity = self._entity(wire.PUBLISHER, name, kind, digest)
-            declared = self._declare_publisher(entity, waits=waits)
-            attach = None if entity.bridged else self.attach
+            entity = self._make_entity(wire.PUBLISHER, name, kind, digest)
+            declared = self._declare_publisher(entity, blocks=blocks)
+            attach = None if entity.is_bridged else self.make_attachment
             self._publishers[name, kind, digest] = made = Publisher(declared, entity, attach)
             if not digest:  # for whoever hears it, also behind a bridge
-                behind = self._declare_publisher(replace(entity, digest=wire.BRIDGE), waits=waits)
-                made.mirror_to(behind, lambda: self.bridged)
-        if not entity.bridged:
-            self._token(entity)
+                behind = self._declare_publisher(replace(entity, digest=wire.BRIDGE), blocks=blocks)
+                made.mirror_to(behind, lambda: self.has_bridge)
+        if not entity.is_bridged:
+            self._declare_token(entity)
         return made
 
-    def _declare_publisher(self, entity: Entity, *, waits: bool) -> Any:
-        full = self._zenoh.CongestionControl.BLOCK if waits else self._zenoh.CongestionControl.DROP
+    def _declare_publisher(self, entity: Entity, *, blocks: bool) -> Any:
+        full = self._zenoh.CongestionControl.BLOCK if blocks else self._zenoh.CongestionControl.DROP
         try:
             return self._session.declare_publisher(entity.key, congestion_control=full, express=True)
         except self._zenoh.ZError as error:
             raise NotConnected(f"ros2: {entity.name}: the session of Zenoh has gone: {error}") from error
 
-    def subscribe(self, name: str, kinds: Iterable[str], heard: Heard, owner: object = None) -> list[Sieve]:
+    def subscribe(
+        self, name: str, kinds: Iterable[str], handler: MessageHandler, owner: object = None
+    ) -> list[MessageFilter]:
         """Hear a topic that comes with one of these types, whatever their hashes; return what counts its messages.
 
-        Of a topic that is latched, what was sent before comes too. Until the node closes, or ``forget`` is called for
+        Of a topic that is latched, what was sent before comes too. Until the node closes, or ``undeclare`` is called for
         its ``owner``.
         """
-        sieves, latched, known = [], self.latched(name), tuple(kinds)
+        sieves, latched, known = [], self.is_latched(name), tuple(kinds)
         for kind in known:
             with self._lock:
-                entity = self._entity(wire.SUBSCRIBER, name, kind, "", wire.LATCHED if latched else wire.QOS)
-            self._token(entity, owner)
-            sieve = Sieve()
+                entity = self._make_entity(
+                    wire.SUBSCRIBER, name, kind, "", wire.LATCHED_QOS if latched else wire.DEFAULT_QOS
+                )
+            self._declare_token(entity, owner)
+            sieve = MessageFilter()
             sieves.append(sieve)
-            key, take = wire.key(self.domain, name, wire.dds(kind)), self._heard(name, kind, sieve, heard)
-            self._keep(self._listen(key, take, latched=latched), owner)
-        sieves.append(Sieve())
-        behind = self._heard_behind(name, known, sieves[-1], heard)
-        self._keep(self._listen(name.strip("/"), behind, latched=latched), owner)
+            key, take = (
+                wire.topic_key(self.domain, name, wire.to_dds_type(kind)),
+                self._zenoh_handler(name, kind, sieve, handler),
+            )
+            self._add_declaration(self._declare_subscriber(key, take, with_history=latched), owner)
+        sieves.append(MessageFilter())
+        behind = self._bridge_handler(name, known, sieves[-1], handler)
+        self._add_declaration(self._declare_subscriber(name.strip("/"), behind, with_history=latched), owner)
         return sieves
 
-    def latched(self, name: str) -> bool:
+    def is_latched(self, name: str) -> bool:
         """Whether who sends on a topic keeps its last messages for who comes later."""
-        return any(each.latched for each in self.entities(wire.PUBLISHER, name))
+        return any(each.is_latched for each in self.entities(wire.PUBLISHER, name))
 
-    def _listen(self, key: str, take: Callable[["zenoh.Sample"], None], *, latched: bool) -> Any:
-        """Listen; if ``latched``, ask the caches of those that send for what they have kept, also of later ones."""
-        if not latched:
+    def _declare_subscriber(self, key: str, take: Callable[["zenoh.Sample"], None], *, with_history: bool) -> Any:
+        """Listen; if ``is_latched``, ask the caches of those that send for what they have kept, also of later ones."""
+        if not with_history:
             return self._session.declare_subscriber(key, take)
         from zenoh import ext  # noqa: PLC0415 - an extra
 
         history = ext.HistoryConfig(detect_late_publishers=True)
         return ext.declare_advanced_subscriber(self._session, key, take, history=history, subscriber_detection=True)
 
-    def call(self, server: Entity, payload: bytes, replied: Replied, *, patience: float) -> None:
+    def call(self, server: Entity, payload: bytes, on_reply: ReplyHandler, *, timeout: float) -> None:
         """Send a request to a server that was found; ``replied`` is told once, after ``patience`` seconds at most.
 
         Raises NotConnected where the session has gone.
         """
         with self._lock:
-            self._numbers += 1
-            attached = None if server.bridged else self.attach(self._numbers, new_gid())
+            self._last_number += 1
+            attached = None if server.is_bridged else self.make_attachment(self._last_number, new_gid())
         # Those of a bridge are not complete.
-        target = self._zenoh.QueryTarget.BEST_MATCHING if server.bridged else self._zenoh.QueryTarget.ALL_COMPLETE
-        once = FirstReply(replied)
-        handler = self._zenoh.handlers.Callback(once.reply, once.end)
+        target = self._zenoh.QueryTarget.BEST_MATCHING if server.is_bridged else self._zenoh.QueryTarget.ALL_COMPLETE
+        once = FirstReply(on_reply)
+        handler = self._zenoh.handlers.Callback(once.reply, once.finish)
         try:
             self._session.get(
                 server.key,
                 handler,
                 target=target,
                 consolidation=self._zenoh.ConsolidationMode.NONE,
-                timeout=patience,
+                timeout=timeout,
                 payload=payload,
                 attachment=attached,
             )
         except self._zenoh.ZError as error:
             raise NotConnected(f"ros2: {server.name}: the session of Zenoh has gone: {error}") from error
 
-    def serve(self, name: str, kind: str, asked: Callable[[bytes, Callable[[bytes], None]], None]) -> None:
+    def serve(self, name: str, kind: str, handler: Callable[[bytes, Callable[[bytes], None]], None]) -> None:
         """Answer requests: ``asked`` is told each, on a thread of Zenoh's, and given what sends the answer, once."""
         with self._lock:
-            entity = self._entity(wire.SERVER, name, kind, "")
+            entity = self._make_entity(wire.SERVER, name, kind, "")
 
         def take(query: "zenoh.Query") -> None:
-            told = self._attached(query.attachment)
+            told = self._parse_attachment(query.attachment)
             if query.payload is None or (told is None and str(query.key_expr) != behind):
                 query.drop()  # type: ignore[no-untyped-call]
                 return
 
             def answer(payload: bytes) -> None:
                 with query:
-                    attached = None if told is None else self.attach(told.number, told.gid)
+                    attached = None if told is None else self.make_attachment(told.number, told.gid)
                     query.reply(query.key_expr, payload, attachment=attached)
 
-            asked(bytes(query.payload), answer)
+            handler(bytes(query.payload), answer)
 
-        key = wire.key(self.domain, name, wire.dds(kind))  # whatever hash: who built the type otherwise is told by CDR
+        key = wire.topic_key(
+            self.domain, name, wire.to_dds_type(kind)
+        )  # whatever hash: who built the type otherwise is told by CDR
         behind = name.strip("/")
         for each in (key, behind):
-            self._keep(self._session.declare_queryable(each, take, complete=True))
-        self._token(entity)
+            self._add_declaration(self._session.declare_queryable(each, take, complete=True))
+        self._declare_token(entity)
         if (announced := bridge.service_token(self._zid, name, kind)) is not None:
-            self._keep(self._session.liveliness().declare_token(announced))
+            self._add_declaration(self._session.liveliness().declare_token(announced))
 
-    def forget(self, owner: object) -> None:
+    def undeclare(self, owner: object) -> None:
         """Take back what was declared for an owner."""
         with self._lock:
-            gone = [each for whose, each in self._declared if whose is owner]
-            self._declared = [(whose, each) for whose, each in self._declared if whose is not owner]
-        self._take_back(gone)
+            gone = [each for whose, each in self._declarations if whose is owner]
+            self._declarations = [(whose, each) for whose, each in self._declarations if whose is not owner]
+        self._undeclare_all(gone)
 
     def close(self) -> None:
         """Take back all that was declared: others see that it has gone."""
         with self._lock:
-            gone, self._declared = [each for _, each in self._declared], []
-        self._take_back(gone)
+            gone, self._declarations = [each for _, each in self._declarations], []
+        self._undeclare_all(gone)
 
-    def _take_back(self, declared: list[Any]) -> None:
+    def _undeclare_all(self, declared: list[Any]) -> None:
         for each in reversed(declared):
             with suppress(self._zenoh.ZError):  # the session has gone, and they with it
                 each.undeclare()
 
-    def attach(self, number: int, gid: bytes) -> bytes:
+    def make_attachment(self, number: int, gid: bytes) -> bytes:
         """Return what goes with a message that is sent now."""
-        return Attachment(number, since_1970(), gid, self._named).pack()
+        return Attachment(number, unix_time_ns(), gid, self._names_attachments).pack()
 
     # --- the inside ---------------------------------------------------------------------------------------------------
 
-    def _attached(self, data: Any) -> Attachment | None:
-        told = wire.attachment(bytes(data or b""))
+    def _parse_attachment(self, data: Any) -> Attachment | None:
+        told = wire.parse_attachment(bytes(data or b""))
         if told is not None:
-            self._named = told.named  # who is here speaks as all others do: else they would not hear each other
+            self._names_attachments = (
+                told.has_names
+            )  # who is here speaks as all others do: else they would not hear each other
         return told
 
-    def _entity(self, role: str, name: str, kind: str, digest: str, qos: str = wire.QOS) -> Entity:
-        self._numbers += 1
+    def _make_entity(self, role: str, name: str, kind: str, digest: str, qos: str = wire.DEFAULT_QOS) -> Entity:
+        self._last_number += 1
         found = digest or types().digest(kind)
-        own = (self.domain, self._zid, "0", str(self._numbers), self.name, self.namespace)
+        own = (self.domain, self._zid, "0", str(self._last_number), self.name, self.namespace)
         return Entity(role, *own, name, kind, found, qos)
 
-    def _token(self, entity: Entity, owner: object = None) -> None:
+    def _declare_token(self, entity: Entity, owner: object = None) -> None:
         try:
             token = self._session.liveliness().declare_token(entity.token)
         except self._zenoh.ZError as error:
             raise NotConnected(f"ros2: {self.name}: the session of Zenoh has gone: {error}") from error
-        self._keep(token, owner)
+        self._add_declaration(token, owner)
 
-    def _keep(self, declared: Any, owner: object = None) -> None:
+    def _add_declaration(self, declared: Any, owner: object = None) -> None:
         with self._lock:
-            self._declared.append((owner, declared))
+            self._declarations.append((owner, declared))
 
-    def _seen(self, sample: "zenoh.Sample") -> None:
+    def _on_token(self, sample: "zenoh.Sample") -> None:
         token = str(sample.key_expr)
-        own = wire.entity(token)
-        found = bridge.entities(token) if own is None else [own]
+        own = wire.parse_entity(token)
+        found = bridge.parse_token(token) if own is None else [own]
         if not found or found[0].zid == self._zid:
             return
         with self._lock:
             if sample.kind == self._zenoh.SampleKind.PUT:
-                self._found[token] = found
+                self._entities[token] = found
             else:
-                self._found.pop(token, None)
-            first = [each[0] for each in self._found.values()]
-            nodes = {each.zid for each in first if not each.bridged}
-            self._bridges = frozenset(each.zid for each in first if each.bridged) - nodes
+                self._entities.pop(token, None)
+            first = [each[0] for each in self._entities.values()]
+            nodes = {each.zid for each in first if not each.is_bridged}
+            self._bridge_ids = frozenset(each.zid for each in first if each.is_bridged) - nodes
             self.version += 1
 
-    def _heard_behind(
-        self, name: str, kinds: tuple[str, ...], sieve: Sieve, heard: Heard
+    def _bridge_handler(
+        self, name: str, kinds: tuple[str, ...], sieve: MessageFilter, heard: MessageHandler
     ) -> Callable[["zenoh.Sample"], None]:
         """Return what takes the messages of a topic from a bridge, whose type its token says."""
 
         def take(sample: "zenoh.Sample") -> None:
             senders = self.entities(wire.PUBLISHER, name)
-            known = [each.kind for each in senders if each.bridged and each.kind in kinds]
+            known = [each.kind for each in senders if each.is_bridged and each.kind in kinds]
             if not senders and len(kinds) == 1:  # a message may overtake the token
                 known = [kinds[0]]
-            payload, now = bytes(sample.payload), self._clock.now()
-            if known and sieve.passes(Attachment(sieve.count + 1, self._sent_at(sample, known[0], payload), b""), now):
+            payload, now = bytes(sample.payload), self._clock.read_value()
+            if known and sieve.accepts(
+                Attachment(sieve.count + 1, self._send_time(sample, known[0], payload), b""), now
+            ):
                 heard(known[0], payload)
 
         return take
 
-    def _sent_at(self, sample: "zenoh.Sample", kind: str, payload: bytes) -> int:
+    def _send_time(self, sample: "zenoh.Sample", kind: str, payload: bytes) -> int:
         """Return when a message of a bridge was sent, in ns: as its router says, else its header; 0 if unknown."""
         if sample.timestamp is not None:
             return round(sample.timestamp.get_time().timestamp() * 1e9)
         return types().stamp(kind, payload)
 
-    def _heard(self, name: str, kind: str, sieve: Sieve, heard: Heard) -> Callable[["zenoh.Sample"], None]:
+    def _zenoh_handler(
+        self, name: str, kind: str, sieve: MessageFilter, heard: MessageHandler
+    ) -> Callable[["zenoh.Sample"], None]:
         def take(sample: "zenoh.Sample") -> None:
-            told = self._attached(sample.attachment)
+            told = self._parse_attachment(sample.attachment)
             if told is None:
-                self.faults.add_of(name, UNATTACHED)
-            elif sieve.passes(told, self._clock.now()):
+                self.faults.add_for_topic(name, NO_ATTACHMENT)
+            elif sieve.accepts(told, self._clock.read_value()):
                 heard(kind, bytes(sample.payload))
 
         return take

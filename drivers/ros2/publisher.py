@@ -14,19 +14,19 @@ if TYPE_CHECKING:
 
 # Which of the messages that arrive count: each once, in their order, and none that was long under way.
 
-LATE = 0.5
+MAX_LATENESS = 0.5
 """Seconds by which a message may have been under way for longer than the quickest of its sender."""
 
-JUMPED = 1.0
+CLOCK_JUMP_TIMEOUT = 1.0
 """Seconds of nothing but late messages after which the sender's clock is taken to have been set."""
 
-DRIFT = 2e-4
+MAX_CLOCK_DRIFT = 2e-4
 """Seconds a second by which two clocks drift apart at most."""
 
-RECENT = 1.0
+SENDER_TIMEOUT = 1.0
 """Seconds for which a sender counts as one that is there after it was heard."""
 
-_SENDERS = 16
+_MAX_SENDERS = 16
 """Senders on one topic that are told apart at most."""
 
 
@@ -34,52 +34,52 @@ class _Sender:
     """What is known of a sender."""
 
     def __init__(self, number: int, shift: float, now: float) -> None:
-        self.number, self.shift, self.heard_at = number, shift, now
+        self.number, self.clock_offset, self.last_received_at = number, shift, now
         self.late_since: float | None = None
 
 
-class Sieve:
-    """Says of each message of one topic whether it counts; ``late`` and ``doubled`` count those that do not.
+class MessageFilter:
+    """Says of each message of one topic whether it counts; ``late_count`` and ``duplicate_count`` count those that do not.
 
     ``count`` is the number of all. Not safe between threads: Zenoh calls a subscriber from one at a time.
     """
 
     def __init__(self) -> None:
-        self.late = self.doubled = self.count = 0
+        self.late_count = self.duplicate_count = self.count = 0
         self._senders: dict[bytes, _Sender] = {}
 
-    def senders(self, now: float) -> int:
+    def sender_count(self, now: float) -> int:
         """Return how many were heard of late."""
-        return sum(now - each.heard_at < RECENT for each in list(self._senders.values()))
+        return sum(now - each.last_received_at < SENDER_TIMEOUT for each in list(self._senders.values()))
 
-    def passes(self, told: Attachment, now: float) -> bool:
+    def accepts(self, attachment: Attachment, now: float) -> bool:
         """Whether a message with this attachment counts that has arrived at time ``now``."""
         self.count += 1
-        shift = now - told.sent / 1e9  # two clocks: only differences count
-        known = self._senders.get(told.gid)
+        shift = now - attachment.sent_at / 1e9  # two clocks: only differences count
+        known = self._senders.get(attachment.gid)
         if known is None:
-            if len(self._senders) >= _SENDERS:
+            if len(self._senders) >= _MAX_SENDERS:
                 self._senders.pop(next(iter(self._senders)))
-            self._senders[told.gid] = _Sender(told.number, shift, now)
+            self._senders[attachment.gid] = _Sender(attachment.number, shift, now)
             return True
-        if told.number <= known.number:
-            self.doubled += 1
+        if attachment.number <= known.number:
+            self.duplicate_count += 1
             return False
         # Its clock may be slower than ours: then the quickest of long ago is no measure any more.
-        known.shift += DRIFT * max(now - known.heard_at, 0.0)
-        known.number, known.heard_at = told.number, now
-        if shift - known.shift > LATE and told.sent > 0:  # else it does not know the time
+        known.clock_offset += MAX_CLOCK_DRIFT * max(now - known.last_received_at, 0.0)
+        known.number, known.last_received_at = attachment.number, now
+        if shift - known.clock_offset > MAX_LATENESS and attachment.sent_at > 0:  # else it does not know the time
             if known.late_since is None:
                 known.late_since = now
-            if now - known.late_since < JUMPED:
-                self.late += 1
+            if now - known.late_since < CLOCK_JUMP_TIMEOUT:
+                self.late_count += 1
                 return False
-            known.shift = shift
-        known.shift, known.late_since = min(known.shift, shift), None
+            known.clock_offset = shift
+        known.clock_offset, known.late_since = min(known.clock_offset, shift), None
         return True
 
 
-Replied = Callable[[bytes | None], None]
+ReplyHandler = Callable[[bytes | None], None]
 """Told of the reply to a request; None once there will be none. Called from a thread of Zenoh's."""
 
 
@@ -88,15 +88,15 @@ class Publisher:
 
     def __init__(self, declared: Any, entity: Entity, attach: Callable[[int, bytes], bytes] | None) -> None:
         self._declared, self.entity, self._attach = declared, entity, attach
-        self._behind: Any = None
-        self._mirrors: Callable[[], bool] = bool
+        self._bridge_publisher: Any = None
+        self._is_mirrored: Callable[[], bool] = bool
         self._lock = Lock()
         self._number = 0
         self._gid = new_gid()
 
-    def mirror_to(self, declared: Any, wanted: Callable[[], bool]) -> None:
+    def mirror_to(self, declared: Any, is_active: Callable[[], bool]) -> None:
         """Send all messages there too while that is ``wanted``."""
-        self._behind, self._mirrors = declared, wanted
+        self._bridge_publisher, self._is_mirrored = declared, is_active
 
     def send(self, payload: bytes) -> None:
         """Send a message; what cannot go out now is dropped, unless it waits. Raises NotConnected without a session."""
@@ -107,8 +107,8 @@ class Publisher:
                 self._number += 1
                 attached = None if self._attach is None else self._attach(self._number, self._gid)
                 self._declared.put(payload, attachment=attached)
-                if self._mirrors():
-                    self._behind.put(payload)
+                if self._is_mirrored():
+                    self._bridge_publisher.put(payload)
         except ZError as error:
             raise NotConnected(f"ros2: {self.entity.name}: the session of Zenoh has gone: {error}") from error
 
@@ -116,21 +116,21 @@ class Publisher:
 class FirstReply:
     """Tells the first reply alone, and the end where none came."""
 
-    def __init__(self, replied: Replied) -> None:
-        self._replied: Replied | None = replied
+    def __init__(self, on_reply: ReplyHandler) -> None:
+        self._on_reply: ReplyHandler | None = on_reply
         self._lock = Lock()
 
     def reply(self, reply: "zenoh.Reply") -> None:
         """Take a reply."""
-        self._tell(bytes(reply.ok.payload) if reply.ok is not None else None)
+        self._deliver(bytes(reply.ok.payload) if reply.ok is not None else None)
 
-    def end(self) -> None:
+    def finish(self) -> None:
         """Take that no more replies come."""
-        self._tell(None)
+        self._deliver(None)
 
-    def _tell(self, payload: bytes | None) -> None:
+    def _deliver(self, payload: bytes | None) -> None:
         with self._lock:
-            replied, self._replied = self._replied, None
+            replied, self._on_reply = self._on_reply, None
         if replied is not None:
             replied(payload)
 

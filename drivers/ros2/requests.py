@@ -14,35 +14,35 @@ from drivers.api.ros2 import GoalState, Progress
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
 from drivers.ros2 import wire
-from drivers.ros2.actions import NOT_KNOWN, reason, result_of
-from drivers.ros2.node import Node
-from drivers.ros2.publisher import Replied
-from drivers.ros2.types import Malformed, types
+from drivers.ros2.actions import UNKNOWN_GOAL, decode_result, failure_reason
+from drivers.ros2.node import Ros2Node
+from drivers.ros2.publisher import ReplyHandler
+from drivers.ros2.types import MalformedMessage, types
 from drivers.ros2.wire import CANCEL, CANCEL_KIND, FEEDBACK, RESULT, SEND
-from drivers.transport.loop import guarded
+from drivers.transport.loop import guard_callback
 
-ANSWER_TIME = 2.0
+REPLY_TIMEOUT = 2.0
 """Seconds in which a server accepts a goal, or confirms that it cancels one."""
 
-RESULT_TIME = 30 * 86400.0
+RESULT_TIMEOUT = 30 * 86400.0
 """Seconds in which the result of an action comes; a service has as long. Whether its server is there, tokens say."""
 
-AGAIN = 1.0
+CANCEL_RETRY_INTERVAL = 1.0
 """Seconds after which a goal that may still go on is cancelled once more."""
 
-SILENCE = 1.0
+SERVER_TIMEOUT = 1.0
 """Seconds without its server's token after which a goal is said to be unknown."""
 
-KEPT = 100
+MAX_KEPT_REQUESTS = 100
 """Requests that are over and are still told of."""
 
-ENDED = {4: GoalState.SUCCEEDED, 5: GoalState.CANCELLED, 6: GoalState.FAILED}
+GOAL_STATES = {4: GoalState.SUCCEEDED, 5: GoalState.CANCELLED, 6: GoalState.FAILED}
 """The ends of an action, as action_msgs numbers them."""
 
-REJECTED = 1
+CANCEL_REJECTED = 1
 """What a server says that goes on with a goal that is to be cancelled, as action_msgs numbers it."""
 
-_NAMES = {4: "succeeded", 5: "was cancelled", 6: "was aborted"}
+_GOAL_STATUS_NAMES = {4: "succeeded", 5: "was cancelled", 6: "was aborted"}
 
 
 class GoalPhase(Enum):
@@ -51,41 +51,41 @@ class GoalPhase(Enum):
     LOOSE: the end of a goal is unknown, so that it may go on, until its server has confirmed a cancel.
     """
 
-    OFFERED, UNWANTED, RUNNING, CANCEL_DUE, CANCEL_SENT, LOOSE, OVER = range(7)
+    SENT, CANCEL_ON_ACCEPT, RUNNING, CANCEL_DUE, CANCEL_SENT, ORPHANED, OVER = range(7)
 
 
 class GoalEvent(Enum):
     """Event of a request: an answer of its server, or CANCEL and CANCEL_OUT: a cancel is wanted, and was sent."""
 
-    ACCEPT, CANCEL, CANCEL_OUT, REFUSE_CANCEL, CONFIRM_CANCEL, LOSE, END = range(7)
+    ACCEPT, CANCEL, CANCEL_SENT, REFUSE_CANCEL, CONFIRM_CANCEL, LOSE, END = range(7)
 
 
-UNDER_WAY: Final = frozenset(GoalPhase) - {GoalPhase.LOOSE, GoalPhase.OVER}
+ACTIVE_PHASES: Final = frozenset(GoalPhase) - {GoalPhase.ORPHANED, GoalPhase.OVER}
 
 TRANSITIONS: Final = {
-    **{(phase, GoalEvent.END): GoalPhase.OVER for phase in UNDER_WAY},
-    **{(phase, GoalEvent.LOSE): GoalPhase.LOOSE for phase in UNDER_WAY},
-    (GoalPhase.OFFERED, GoalEvent.ACCEPT): GoalPhase.RUNNING,
-    (GoalPhase.OFFERED, GoalEvent.CANCEL): GoalPhase.UNWANTED,
-    (GoalPhase.UNWANTED, GoalEvent.ACCEPT): GoalPhase.CANCEL_DUE,
+    **{(phase, GoalEvent.END): GoalPhase.OVER for phase in ACTIVE_PHASES},
+    **{(phase, GoalEvent.LOSE): GoalPhase.ORPHANED for phase in ACTIVE_PHASES},
+    (GoalPhase.SENT, GoalEvent.ACCEPT): GoalPhase.RUNNING,
+    (GoalPhase.SENT, GoalEvent.CANCEL): GoalPhase.CANCEL_ON_ACCEPT,
+    (GoalPhase.CANCEL_ON_ACCEPT, GoalEvent.ACCEPT): GoalPhase.CANCEL_DUE,
     (GoalPhase.RUNNING, GoalEvent.CANCEL): GoalPhase.CANCEL_DUE,
-    (GoalPhase.CANCEL_DUE, GoalEvent.CANCEL_OUT): GoalPhase.CANCEL_SENT,
+    (GoalPhase.CANCEL_DUE, GoalEvent.CANCEL_SENT): GoalPhase.CANCEL_SENT,
     (GoalPhase.CANCEL_SENT, GoalEvent.CANCEL): GoalPhase.CANCEL_DUE,
     (GoalPhase.CANCEL_SENT, GoalEvent.REFUSE_CANCEL): GoalPhase.CANCEL_DUE,
-    (GoalPhase.LOOSE, GoalEvent.CONFIRM_CANCEL): GoalPhase.OVER,
+    (GoalPhase.ORPHANED, GoalEvent.CONFIRM_CANCEL): GoalPhase.OVER,
 }
 """Any other pair changes nothing: answers may be late, or come twice."""
 
 
 class _Request:
-    """A request: to a service, or a goal of an action. Its phase is changed under the lock of ``Requests``."""
+    """A request: to a service, or a goal of an action. Its phase is changed under the lock of ``RequestTracker``."""
 
     def __init__(self, name: str, kind: str, server: wire.Entity, *, goal: bool) -> None:
-        self.name, self.kind, self.server, self.goal = name, kind, server, goal
+        self.name, self.kind, self.server, self.is_goal = name, kind, server, goal
         self.uuid = list(uuid4().bytes)
         self.progress = Progress(GoalState.SENT)
-        self.phase = GoalPhase.OFFERED
-        self.asked = -inf  # when it was last sent a cancel
+        self.phase = GoalPhase.SENT
+        self.cancel_sent_at = -inf  # when it was last sent a cancel
         self.lost_since: float | None = None
 
     def handle(self, event: GoalEvent) -> None:
@@ -93,77 +93,77 @@ class _Request:
         self.phase = TRANSITIONS.get((self.phase, event), self.phase)
 
 
-class Requests:
+class RequestTracker:
     """The requests of one robot. ``nodes`` returns the node; ``changed`` is called whenever one has come further.
 
     Safe between threads: replies come on those of Zenoh.
     """
 
-    def __init__(self, nodes: Callable[[], Node], clock: Clock, changed: Callable[[], None]) -> None:
-        self._nodes, self._clock = nodes, clock
-        self._changed = guarded(changed)
+    def __init__(self, get_node: Callable[[], Ros2Node], clock: Clock, changed: Callable[[], None]) -> None:
+        self._get_node, self._clock = get_node, clock
+        self._changed = guard_callback(changed)
         self._lock = RLock()
         self._numbers = count(1)
-        self._all: dict[int, _Request] = {}
-        self._heard: dict[tuple[str, str], Node] = {}  # the actions whose feedback is heard, on which node
+        self._requests: dict[int, _Request] = {}
+        self._feedback_nodes: dict[tuple[str, str], Ros2Node] = {}  # the actions whose feedback is heard, on which node
 
     def call(self, name: str, kind: str, values: str) -> int:
         """Ask a service. Raises BadRequest, NotConnected."""
-        server = self._only(name, kind)
-        payload = types().encode(f"{server.kind}_Request", _object(server.kind, values))
-        number, request = self._new(_Request(name, server.kind, server, goal=False))
-        self._nodes().call(server, payload, partial(self._answered, request), patience=RESULT_TIME)
+        server = self._find_server(name, kind)
+        payload = types().encode(f"{server.kind}_Request", _parse_object(server.kind, values))
+        number, request = self._register(_Request(name, server.kind, server, goal=False))
+        self._get_node().call(server, payload, partial(self._on_response, request), timeout=RESULT_TIMEOUT)
         return number
 
     def begin(self, name: str, kind: str, goal: Mapping[str, object]) -> int:
         """Begin an action. Raises BadRequest, NotConnected."""
-        server = self._only(f"{name}/{SEND}", kind and f"{kind}_SendGoal")
+        server = self._find_server(f"{name}/{SEND}", kind and f"{kind}_SendGoal")
         kind = server.kind.removesuffix("_SendGoal")
         request = _Request(name, kind, server, goal=True)
         payload = types().encode(server.kind + "_Request", {"goal_id": {"uuid": request.uuid}, "goal": goal})
-        number, request = self._new(request)
-        self._hear_feedback(name, kind)
-        self._nodes().call(server, payload, partial(self._taken, request), patience=ANSWER_TIME)
+        number, request = self._register(request)
+        self._subscribe_feedback(name, kind)
+        self._get_node().call(server, payload, partial(self._on_goal_response, request), timeout=REPLY_TIMEOUT)
         return number
 
     def cancel(self, number: int) -> None:
         """Cancel an action; one that is not accepted yet, as soon as it is. Asked again, it is sent again."""
         with self._lock:
-            request = self._all.get(number)
-            if request is None or not request.goal or request.phase is GoalPhase.OVER:
+            request = self._requests.get(number)
+            if request is None or not request.is_goal or request.phase is GoalPhase.OVER:
                 return
             request.handle(GoalEvent.CANCEL)
-            begun = request.phase is not GoalPhase.UNWANTED
-            self._tell(request, GoalState.CANCELLING)
+            begun = request.phase is not GoalPhase.CANCEL_ON_ACCEPT
+            self._set_progress(request, GoalState.CANCELLING)
         if begun:
             self._send_cancel(request)
 
     def cancel_all(self) -> None:
         """Cancel all actions."""
-        for number in list(self._all):
+        for number in list(self._requests):
             self.cancel(number)
 
     def has_goal(self) -> bool:
         """Return whether the goal of an action may still be under way."""
         with self._lock:
-            return any(each.goal and each.phase is not GoalPhase.OVER for each in self._all.values())
+            return any(each.is_goal and each.phase is not GoalPhase.OVER for each in self._requests.values())
 
     def progress(self, number: int) -> Progress:
         """Return how far one has come. Raises BadRequest for a number that was never given, or long ago."""
-        request = self._all.get(number)
+        request = self._requests.get(number)
         if request is None:
             raise BadRequest(f"ros2: there is no request {number}")
         return request.progress
 
-    def look(self, node: Node | None) -> None:
+    def check_servers(self, node: Ros2Node | None) -> None:
         """Notice servers that have gone, and cancel goals that may go on once theirs is back.
 
         Called now and then, with the node that there is.
         """
-        now = self._clock.now()
-        for request in list(self._all.values()):
+        now = self._clock.read_value()
+        for request in list(self._requests.values()):
             self._cancel_again(request, node, now)
-            if request.progress.over:
+            if request.progress.is_final:
                 continue
             # Begun anew, it is another one: what was asked of the one before, it does not know.
             there = node is not None and request.server in node.entities(wire.SERVER, request.server.name)
@@ -173,14 +173,16 @@ class Requests:
                     continue
                 if request.lost_since is None:
                     request.lost_since = now
-                elif now - request.lost_since >= SILENCE:
+                elif now - request.lost_since >= SERVER_TIMEOUT:
                     what = "its server has gone" if node is not None else "the network has gone"
-                    self._tell(request, GoalState.UNKNOWN, f"{request.name}: {what}; whether it goes on is unknown")
+                    self._set_progress(
+                        request, GoalState.UNKNOWN, f"{request.name}: {what}; whether it goes on is unknown"
+                    )
 
     # --- the inside ---------------------------------------------------------------------------------------------------
 
-    def _servers(self, name: str, kind: str) -> list[wire.Entity]:
-        found = [each for each in self._nodes().entities(wire.SERVER, name) if kind in {"", each.kind}]
+    def _find_servers(self, name: str, kind: str) -> list[wire.Entity]:
+        found = [each for each in self._get_node().entities(wire.SERVER, name) if kind in {"", each.kind}]
         if not found:
             told = name.removesuffix(f"/{SEND}")
             of = f" of the type {kind.removesuffix('_SendGoal')}" if kind else ""
@@ -189,145 +191,153 @@ class Requests:
             )
         return found
 
-    def _only(self, name: str, kind: str) -> wire.Entity:
+    def _find_server(self, name: str, kind: str) -> wire.Entity:
         """Return the one server of a name: of two, such as those of two robots, both would do what is asked."""
-        found = self._servers(name, kind)
+        found = self._find_servers(name, kind)
         if len(found) > 1:
             what = f"ros2: {len(found)} nodes offer {name.removesuffix(f'/{SEND}')}: all of them would do it"
             raise NotConnected(what, hint="`mission ros2 graph` shows them; two robots need a namespace each")
         return found[0]
 
-    def _new(self, request: _Request) -> tuple[int, _Request]:
+    def _register(self, request: _Request) -> tuple[int, _Request]:
         with self._lock:
             number = next(self._numbers)
-            self._all[number] = request
-            over = [each for each, it in self._all.items() if it.phase is GoalPhase.OVER]
-            for each in over[:-KEPT]:
-                del self._all[each]
+            self._requests[number] = request
+            over = [each for each, it in self._requests.items() if it.phase is GoalPhase.OVER]
+            for each in over[:-MAX_KEPT_REQUESTS]:
+                del self._requests[each]
         return number, request
 
-    def _tell(
+    def _set_progress(
         self, request: _Request, state: GoalState, reason: str = "", *, feedback: str = "", result: str = ""
     ) -> None:
         with self._lock:
-            if request.progress.over:
+            if request.progress.is_final:
                 return
             request.progress = Progress(state, reason, feedback or request.progress.feedback, result)
-            if request.progress.over:
-                loose = request.goal and state is GoalState.UNKNOWN
+            if request.progress.is_final:
+                loose = request.is_goal and state is GoalState.UNKNOWN
                 request.handle(GoalEvent.LOSE if loose else GoalEvent.END)
         self._changed()
 
-    def _answered(self, request: _Request, payload: bytes | None) -> None:
+    def _on_response(self, request: _Request, payload: bytes | None) -> None:
         """Take the answer of a service."""
         if payload is None:
-            self._tell(request, GoalState.UNKNOWN, f"{request.name}: no answer came")
+            self._set_progress(request, GoalState.UNKNOWN, f"{request.name}: no answer came")
             return
         try:
             told = types().decode(f"{request.kind}_Response", payload)
-        except Malformed as error:
-            self._tell(request, GoalState.FAILED, f"{request.name}: {error}")
+        except MalformedMessage as error:
+            self._set_progress(request, GoalState.FAILED, f"{request.name}: {error}")
             return
-        self._tell(request, GoalState.SUCCEEDED, result=json.dumps(types().values(told)))
+        self._set_progress(request, GoalState.SUCCEEDED, result=json.dumps(types().to_plain(told)))
 
-    def _taken(self, request: _Request, payload: bytes | None) -> None:
+    def _on_goal_response(self, request: _Request, payload: bytes | None) -> None:
         """Take whether a goal was accepted; then ask for its result."""
         try:
             told = None if payload is None else types().decode(f"{request.kind}_SendGoal_Response", payload)
-        except Malformed as error:
+        except MalformedMessage as error:
             told = None
-            self._tell(request, GoalState.UNKNOWN, f"{request.name}: {error}")
+            self._set_progress(request, GoalState.UNKNOWN, f"{request.name}: {error}")
         if told is None:
             # It may have been accepted, and its answer lost: so it is cancelled, in case.
             self._send_cancel(request)
-            self._tell(request, GoalState.UNKNOWN, f"{request.name}: no answer within {ANSWER_TIME:g} s")
+            self._set_progress(request, GoalState.UNKNOWN, f"{request.name}: no answer within {REPLY_TIMEOUT:g} s")
             return
         if not told.accepted:
-            self._tell(request, GoalState.FAILED, f"{request.name}: the goal was rejected")
+            self._set_progress(request, GoalState.FAILED, f"{request.name}: the goal was rejected")
             return
         with self._lock:
             request.handle(GoalEvent.ACCEPT)
             cancel = request.phase in (GoalPhase.CANCEL_DUE, GoalPhase.CANCEL_SENT)
-            self._tell(request, GoalState.CANCELLING if cancel else GoalState.RUNNING)
+            self._set_progress(request, GoalState.CANCELLING if cancel else GoalState.RUNNING)
         if cancel:
             self._send_cancel(request)
         service = f"{request.kind}_GetResult"
         asked = types().encode(f"{service}_Request", {"goal_id": {"uuid": request.uuid}})
-        self._ask(request, RESULT, service, asked, partial(self._ended, request), RESULT_TIME)
+        self._call_part(request, RESULT, service, asked, partial(self._on_result, request), RESULT_TIMEOUT)
 
-    def _ended(self, request: _Request, payload: bytes | None) -> None:
+    def _on_result(self, request: _Request, payload: bytes | None) -> None:
         """Take the result."""
         if payload is None:
-            self._tell(request, GoalState.UNKNOWN, f"{request.name}: its result did not come")
+            self._set_progress(request, GoalState.UNKNOWN, f"{request.name}: its result did not come")
             return
-        status, values = result_of(request.kind, payload)
-        state = ENDED.get(status, GoalState.UNKNOWN)
-        why = "" if state is GoalState.SUCCEEDED else reason(request.kind, values)
-        why = why or ("" if state is GoalState.SUCCEEDED else f"it {_NAMES.get(status, f'ended as {status}')}")
+        status, values = decode_result(request.kind, payload)
+        state = GOAL_STATES.get(status, GoalState.UNKNOWN)
+        why = "" if state is GoalState.SUCCEEDED else failure_reason(request.kind, values)
+        why = why or (
+            "" if state is GoalState.SUCCEEDED else f"it {_GOAL_STATUS_NAMES.get(status, f'ended as {status}')}"
+        )
         told = f"{request.name}: {why}" if why else ""
-        self._tell(request, state, told, result=json.dumps(values))
+        self._set_progress(request, state, told, result=json.dumps(values))
 
     def _send_cancel(self, request: _Request) -> None:
         with self._lock:
-            request.handle(GoalEvent.CANCEL_OUT)
-            request.asked = self._clock.now()
+            request.handle(GoalEvent.CANCEL_SENT)
+            request.cancel_sent_at = self._clock.read_value()
         asked = types().encode(f"{CANCEL_KIND}_Request", {"goal_info": {"goal_id": {"uuid": request.uuid}}})
-        self._ask(request, CANCEL, CANCEL_KIND, asked, partial(self._cancel_heard, request), ANSWER_TIME)
+        self._call_part(request, CANCEL, CANCEL_KIND, asked, partial(self._on_cancel_response, request), REPLY_TIMEOUT)
 
-    def _cancel_heard(self, request: _Request, payload: bytes | None) -> None:
+    def _on_cancel_response(self, request: _Request, payload: bytes | None) -> None:
         """Take that the server has heard of a cancel, or has not; the end of the goal is told otherwise."""
         try:
-            code = REJECTED if payload is None else types().decode(f"{CANCEL_KIND}_Response", payload).return_code
-        except Malformed as error:
-            code = REJECTED  # whether it was cancelled is not known
-            self._nodes().faults.add_of(f"{request.name}/{CANCEL}", error)
+            code = (
+                CANCEL_REJECTED if payload is None else types().decode(f"{CANCEL_KIND}_Response", payload).return_code
+            )
+        except MalformedMessage as error:
+            code = CANCEL_REJECTED  # whether it was cancelled is not known
+            self._get_node().faults.add_for_topic(f"{request.name}/{CANCEL}", error)
         with self._lock:
-            if code == REJECTED:
+            if code == CANCEL_REJECTED:
                 request.handle(GoalEvent.REFUSE_CANCEL)
                 return
             request.handle(GoalEvent.CONFIRM_CANCEL)
-        if code == NOT_KNOWN:
-            self._tell(request, GoalState.FAILED, f"{request.name}: its server does not know this goal any more")
+        if code == UNKNOWN_GOAL:
+            self._set_progress(
+                request, GoalState.FAILED, f"{request.name}: its server does not know this goal any more"
+            )
 
-    def _cancel_again(self, request: _Request, node: Node | None, now: float) -> None:
+    def _cancel_again(self, request: _Request, node: Ros2Node | None, now: float) -> None:
         """Cancel a goal once more whose cancel was lost, or whose end is unknown, where its server is there."""
         with self._lock:
-            due = request.phase in (GoalPhase.CANCEL_DUE, GoalPhase.LOOSE)
-            if not due or node is None or now - request.asked <= AGAIN:
+            due = request.phase in (GoalPhase.CANCEL_DUE, GoalPhase.ORPHANED)
+            if not due or node is None or now - request.cancel_sent_at <= CANCEL_RETRY_INTERVAL:
                 return
         if node.entities(wire.SERVER, f"{request.name}/{CANCEL}"):
             self._send_cancel(request)
 
-    def _ask(self, request: _Request, part: str, kind: str, payload: bytes, replied: Replied, patience: float) -> None:
+    def _call_part(
+        self, request: _Request, part: str, kind: str, payload: bytes, on_reply: ReplyHandler, timeout: float
+    ) -> None:
         try:
-            server = self._servers(f"{request.name}/{part}", kind)[0]
-            self._nodes().call(server, payload, replied, patience=patience)
+            server = self._find_servers(f"{request.name}/{part}", kind)[0]
+            self._get_node().call(server, payload, on_reply, timeout=timeout)
         except NotConnected as error:
-            self._tell(request, GoalState.UNKNOWN, str(error))
+            self._set_progress(request, GoalState.UNKNOWN, str(error))
 
-    def _hear_feedback(self, name: str, kind: str) -> None:
-        node = self._nodes()
+    def _subscribe_feedback(self, name: str, kind: str) -> None:
+        node = self._get_node()
         with self._lock:
-            if self._heard.get((name, kind)) is node:
+            if self._feedback_nodes.get((name, kind)) is node:
                 return
-            self._heard[name, kind] = node
+            self._feedback_nodes[name, kind] = node
         told = f"{kind}_FeedbackMessage"
-        node.subscribe(f"{name}/{FEEDBACK}", [told], self._fed_back)
+        node.subscribe(f"{name}/{FEEDBACK}", [told], self._on_feedback)
 
-    def _fed_back(self, kind: str, payload: bytes) -> None:
+    def _on_feedback(self, kind: str, payload: bytes) -> None:
         try:
             told = types().decode(kind, payload)
             uuid = told.goal_id.uuid.tolist()
-        except (Malformed, AttributeError) as error:
-            self._nodes().faults.add_of(kind, error)
+        except (MalformedMessage, AttributeError) as error:
+            self._get_node().faults.add_for_topic(kind, error)
             return
-        for request in list(self._all.values()):
-            if request.uuid == uuid and not request.progress.over:
-                feedback = json.dumps(types().values(told.feedback))
-                self._tell(request, request.progress.state, feedback=feedback)
+        for request in list(self._requests.values()):
+            if request.uuid == uuid and not request.progress.is_final:
+                feedback = json.dumps(types().to_plain(told.feedback))
+                self._set_progress(request, request.progress.state, feedback=feedback)
 
 
-def _object(kind: str, values: str) -> Mapping[str, object]:
+def _parse_object(kind: str, values: str) -> Mapping[str, object]:
     try:
         found = json.loads(values or "{}")
     except ValueError as error:

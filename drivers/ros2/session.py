@@ -12,17 +12,17 @@ from drivers.errors import BadRequest, NotConnected
 if TYPE_CHECKING:
     import zenoh
 
-LEASE = 2000
+LEASE_MS = 2000
 """Milliseconds of silence after which the other end gives this session up, and its tokens go."""
 
-OFFERED = (
+NO_ROUTER_HINT = (
     "start a router: `ros2 run rmw_zenoh_cpp rmw_zenohd` on the robot, or `zenoh-bridge-ros2dds` for one of DDS; "
     "then look at 'router' in the robot file"
 )
 
 
 @dataclass(frozen=True, slots=True)
-class Access:
+class ZenohAccess:
     """How Zenoh is reached: ``endpoints`` to connect to, and to ``listen`` at, such as ``tcp/127.0.0.1:7447``.
 
     ``user`` and ``password`` are what a router asks for. ``ca``, ``certificate`` and ``private_key`` are files: who
@@ -39,7 +39,7 @@ class Access:
     private_key: str = ""
 
 
-def access_of(keys: Any, router: str = "") -> Access:
+def zenoh_access(keys: Any, router: str = "") -> ZenohAccess:
     """Return how the router of a robot file is reached; at ``router`` instead, where that is given.
 
     Raises BadRequest for a file of a password that cannot be read.
@@ -50,7 +50,7 @@ def access_of(keys: Any, router: str = "") -> Access:
             password = Path(keys.password_file).expanduser().read_text(encoding="utf-8").split("\n")[0].strip()
         except OSError as error:
             raise BadRequest(f"ros2: password_file {keys.password_file}: {error.strerror}") from error
-    return Access(
+    return ZenohAccess(
         tuple(each.strip() for each in (router or keys.router).split(",")),
         keys.mode,
         user=keys.user,
@@ -61,7 +61,7 @@ def access_of(keys: Any, router: str = "") -> Access:
     )
 
 
-def open_session(who: str, access: Access, *, patience: float = 0.5) -> "zenoh.Session":
+def open_session(part: str, access: ZenohAccess, *, timeout: float = 0.5) -> "zenoh.Session":
     """Open a session; blocks for ``patience`` seconds at most. Raises NotConnected, with what to try.
 
     Peers and routers are open at once; they go on looking for the others by themselves.
@@ -69,25 +69,25 @@ def open_session(who: str, access: Access, *, patience: float = 0.5) -> "zenoh.S
     try:
         import zenoh  # noqa: PLC0415 - an extra
     except ImportError as error:
-        raise NotConnected(f"{who}: Zenoh is not installed", hint="pip install 'missiontree[ros2]'") from error
+        raise NotConnected(f"{part}: Zenoh is not installed", hint="pip install 'missiontree[ros2]'") from error
     where = ", ".join(access.endpoints or access.listen)
     try:
-        return zenoh.open(_config(zenoh, access, patience))
+        return zenoh.open(_config(zenoh, access, timeout))
     except zenoh.ZError as error:
         words = str(error).split(" at /")[0]
-        raise NotConnected(f"{who}: {where}: no router of Zenoh answers: {words}", hint=OFFERED) from error
+        raise NotConnected(f"{part}: {where}: no router of Zenoh answers: {words}", hint=NO_ROUTER_HINT) from error
 
 
-def _config(zenoh: Any, access: Access, patience: float) -> Any:
+def _config(zenoh: Any, access: ZenohAccess, timeout: float) -> Any:
     config = zenoh.Config()
     settings: dict[str, object] = {
         "mode": access.mode,
         "connect/endpoints": list(access.endpoints),
-        "connect/timeout_ms": round(1000 * patience) if access.mode == "client" else 0,
+        "connect/timeout_ms": round(1000 * timeout) if access.mode == "client" else 0,
         "connect/exit_on_failure": access.mode == "client",
         "listen/endpoints": list(access.listen),
         "scouting/multicast/enabled": False,
-        "transport/link/tx/lease": LEASE,
+        "transport/link/tx/lease": LEASE_MS,
         "timestamping/enabled": False,
         "transport/shared_memory/enabled": False,  # whose files outlive a crash
     }
@@ -107,21 +107,21 @@ def _config(zenoh: Any, access: Access, patience: float) -> Any:
     return config
 
 
-class Transports:
+class ConnectionMonitor:
     """Counts who a session is connected to; ``changed`` is called, from a thread of Zenoh's, when that is nobody."""
 
-    def __init__(self, session: "zenoh.Session", changed: Callable[[], None]) -> None:
+    def __init__(self, session: "zenoh.Session", on_disconnect: Callable[[], None]) -> None:
         import zenoh  # noqa: PLC0415 - an extra
 
         self._put = zenoh.SampleKind.PUT
-        self._changed = changed
+        self._on_disconnect = on_disconnect
         self._lock = Lock()
         self.count = 0
-        self._listener = session.info.declare_transport_events_listener(self._told, history=True)
+        self._listener = session.info.declare_transport_events_listener(self._on_event, history=True)
 
-    def _told(self, event: "zenoh.TransportEvent") -> None:
+    def _on_event(self, event: "zenoh.TransportEvent") -> None:
         with self._lock:
             self.count += 1 if event.kind == self._put else -1
             alone = self.count <= 0
         if alone:
-            self._changed()
+            self._on_disconnect()

@@ -6,31 +6,31 @@ from dataclasses import dataclass, replace
 from itertools import count
 from typing import Any
 
-from drivers.api import GoalState, Health, Pose2D, Progress, Quality, Reading, Report, ignore
-from drivers.api.ros2 import START, Place
+from drivers.api import GoalState, Health, Pose2D, Progress, Quality, Reading, StatusCallback, ignore
+from drivers.api.ros2 import START_FRAME, MapPose
 from drivers.api.sections import Ros2Keys
 from drivers.base.range_twin import RangerTwin
 from drivers.base.reckoning import TwoWheels
-from drivers.base.twin import BaseTwin, WheelTwinOdometry, make_plain
+from drivers.base.twin import BaseTwin, WheelTwinOdometry, make_wheel_base
 from drivers.base.twin import make as make_twin
 from drivers.clock import Clock
 from drivers.errors import BadRequest, DriverError, NotConnected
-from drivers.ros2.actions import reason
+from drivers.ros2.actions import failure_reason
 from drivers.ros2.declared import Ros2BaseKeys, Ros2RangeKeys, ZenohKeys
-from drivers.ros2.requests import ENDED
-from drivers.sim.navigator import NO_PROGRESS, Navigator
-from drivers.sim.plug import Plug
-from drivers.sim.scanner import looking
-from drivers.sim.stage import Stage
+from drivers.ros2.requests import GOAL_STATES
+from drivers.sim.navigator import NO_PROGRESS_ERROR, Navigator
+from drivers.sim.plug import SimulatedPlug
+from drivers.sim.scanner import make_range_function
+from drivers.sim.stage import SimContext
 from drivers.sim.things import BackupLimit
-from drivers.sim.world import World
+from drivers.sim.world import SimulatedWorld
 
-FASTEST = 100.0
+MAX_WHEEL_SPEED = 100.0
 """m/s, which no wheel turns: its limits are those of its section."""
 
 
 @dataclass(slots=True)
-class _Drive:
+class _NavigationGoal:
     """A goal of the stand-in for Nav2, and how far it has come."""
 
     navigator: Navigator
@@ -50,13 +50,13 @@ class Ros2Twin:
     """Seconds between two steps."""
 
     def __init__(
-        self, keys: Ros2Keys, clock: Clock, base: Callable[[], BaseTwin | None], report: Report = ignore
+        self, keys: Ros2Keys, clock: Clock, base: Callable[[], BaseTwin | None], report: StatusCallback = ignore
     ) -> None:
-        self.plug = Plug(self.name, report, gone=self.stop)
+        self.plug = SimulatedPlug(self.name, report, on_offline=self.stop)
         self.published: list[tuple[str, str, str]] = []
         self._keys, self._clock, self._base = keys, clock, base
         self._numbers = count(1)
-        self._all: dict[int, _Drive] = {}
+        self._goals: dict[int, _NavigationGoal] = {}
 
     def open(self) -> None:
         """Be there at once, unless it is unplugged."""
@@ -93,18 +93,18 @@ class Ros2Twin:
     def latest(self, topic: str) -> Reading[str]:
         """Return the newest message that was published here on a topic."""
         values = next((each[2] for each in reversed(self.published) if each[0] == topic), None)
-        now = self._clock.now()
+        now = self._clock.read_value()
         return Reading(values, now, Quality.NONE if values is None else Quality.GOOD)
 
     def progress(self, number: int) -> Progress:
         """Return how far a goal has come. Raises BadRequest for a number that was never given."""
-        if number not in self._all:
+        if number not in self._goals:
             raise BadRequest(f"ros2: there is no request {number}")
-        return self._all[number].progress
+        return self._goals[number].progress
 
     def publish(self, topic: str, kind: str, values: str) -> None:
         """Keep what is sent."""
-        self.plug.require()
+        self.plug.check_online()
         self.published.append((topic, kind, values))
 
     def call(self, service: str, kind: str, values: str) -> int:
@@ -125,77 +125,77 @@ class Ros2Twin:
         place = (float(at.get("x", 0.0)), float(at.get("y", 0.0)), 0.0)
         return self.navigate((place,), pose.get("header", {}).get("frame_id", "map"))
 
-    def navigate(self, places: tuple[Place, ...], frame: str) -> int:
+    def navigate(self, places: tuple[MapPose, ...], frame: str) -> int:
         """Begin to drive to a place, through others before it."""
-        self.plug.require()
+        self.plug.check_online()
         number = next(self._numbers)
         name = self._keys.navigation if len(places) == 1 else self._keys.through
-        self._all[number] = _Drive(Navigator(places), frame, name, Progress(GoalState.RUNNING))
+        self._goals[number] = _NavigationGoal(Navigator(places), frame, name, Progress(GoalState.RUNNING))
         return number
 
     def cancel(self, number: int) -> None:
         """Cancel a goal: it ends at the next step."""
-        drive = self._all.get(number)
-        if drive is not None and not drive.progress.over:
+        drive = self._goals.get(number)
+        if drive is not None and not drive.progress.is_final:
             drive.navigator.cancel()
             drive.progress = replace(drive.progress, state=GoalState.CANCELLING)
 
     def stop(self) -> None:
         """Cancel all goals."""
-        for number in list(self._all):
+        for number in list(self._goals):
             self.cancel(number)
 
     def step(self) -> None:
         """Drive on."""
         base = self._base()
-        for drive in list(self._all.values()):
-            if not drive.progress.over and base is not None:
-                self._drive(drive, base)
+        for drive in list(self._goals.values()):
+            if not drive.progress.is_final and base is not None:
+                self._advance_goal(drive, base)
 
-    def _drive(self, drive: _Drive, base: BaseTwin) -> None:
+    def _advance_goal(self, goal: _NavigationGoal, base: BaseTwin) -> None:
         state = base.state().value
-        now, navigator = self._clock.now(), drive.navigator
+        now, navigator = self._clock.read_value(), goal.navigator
         if state is None:
             return
-        pose: Pose2D = state.pose if drive.frame in {START, "odom"} else base.true_pose(now)
-        velocity = navigator.velocity(now, pose)
+        pose: Pose2D = state.pose if goal.frame in {START_FRAME, "odom"} else base.true_pose(now)
+        velocity = navigator.next_velocity(now, pose)
         if velocity is not None:
-            feedback = {"distance_remaining": round(navigator.distance(pose), 3), "number_of_recoveries": 0}
-            feedback["number_of_poses_remaining"] = navigator.left
-            drive.progress = replace(drive.progress, feedback=json.dumps(feedback))
+            feedback = {"distance_remaining": round(navigator.distance_to_next(pose), 3), "number_of_recoveries": 0}
+            feedback["number_of_poses_remaining"] = navigator.remaining
+            goal.progress = replace(goal.progress, feedback=json.dumps(feedback))
             try:
                 base.drive(velocity)
             except DriverError:  # latched, or away: it makes no headway, and says so in the end
                 return
             return
         base.stop()
-        ended = ENDED[navigator.ended or 0]
-        result: dict[str, Any] = {"error_code": NO_PROGRESS if ended is GoalState.FAILED else 0, "error_msg": ""}
-        why = reason("nav2_msgs/", result)
-        told = f"{drive.name}: {why}" if why else ""
-        drive.progress = Progress(ended, told, drive.progress.feedback, json.dumps(result))
+        ended = GOAL_STATES[navigator.result or 0]
+        result: dict[str, Any] = {"error_code": NO_PROGRESS_ERROR if ended is GoalState.FAILED else 0, "error_msg": ""}
+        why = failure_reason("nav2_msgs/", result)
+        told = f"{goal.name}: {why}" if why else ""
+        goal.progress = Progress(ended, told, goal.progress.feedback, json.dumps(result))
 
 
-def graph(keys: ZenohKeys, stage: Stage) -> Ros2Twin:
+def graph(keys: ZenohKeys, stage: SimContext) -> Ros2Twin:
     """Return the twin of the nodes of a robot."""
     return Ros2Twin(keys, stage.clock, lambda: stage.parts.get("base"), stage.report)
 
 
-def base(keys: Ros2BaseKeys, stage: Stage) -> BaseTwin:
+def base(keys: Ros2BaseKeys, stage: SimContext) -> BaseTwin:
     """Return the twin of a base: of one with contacts as a Kobuki's, of others without."""
     if keys.hazards:
         twin = make_twin(keys, stage)
         twin.body.backup_limit = BackupLimit()
         return twin
-    odometry = WheelTwinOdometry(TwoWheels(0.2, FASTEST), reckoned=False, gyro=True)
-    return make_plain(keys, stage, odometry, gauge=bool(keys.battery))
+    odometry = WheelTwinOdometry(TwoWheels(0.2, MAX_WHEEL_SPEED), reckoned=False, gyro=True)
+    return make_wheel_base(keys, stage, odometry, gauge=bool(keys.battery))
 
 
-def ranger(keys: Ros2RangeKeys, stage: Stage) -> RangerTwin:
+def ranger(keys: Ros2RangeKeys, stage: SimContext) -> RangerTwin:
     """Return the twin of a range finder."""
-    world = World() if stage.world is None else stage.world
+    world = SimulatedWorld() if stage.world is None else stage.world
     return RangerTwin(
-        looking(world, keys.place, stage.pose, height=keys.position[2]),
+        make_range_function(world, keys.place, stage.pose, height=keys.position[2]),
         stage.clock,
         place=keys.place,
         blind=keys.blind,

@@ -65,10 +65,10 @@ SERVICES: Mapping[str, tuple[str, str]] = {
 }
 """Services: what is asked, and what is answered."""
 
-_NAVIGATED = "uint16 error_code\nstring error_msg"
-"""Of Kilted on; Jazzy has ``error_code`` alone, Humble a ``std_msgs/Empty``. See ``Types.decoded``."""
+_NAVIGATION_RESULT = "uint16 error_code\nstring error_msg"
+"""Of Kilted on; Jazzy has ``error_code`` alone, Humble a ``std_msgs/Empty``. See ``TypeRegistry.decoded``."""
 
-_PROGRESS = (
+_NAVIGATION_FEEDBACK = (
     "geometry_msgs/PoseStamped current_pose\nbuiltin_interfaces/Duration navigation_time\n"
     "builtin_interfaces/Duration estimated_time_remaining\nint16 number_of_recoveries\nfloat32 distance_remaining"
 )
@@ -76,13 +76,13 @@ _PROGRESS = (
 ACTIONS: Mapping[str, tuple[str, str, str]] = {
     "nav2_msgs/action/NavigateToPose": (
         "geometry_msgs/PoseStamped pose\nstring behavior_tree",
-        _NAVIGATED,
-        _PROGRESS,
+        _NAVIGATION_RESULT,
+        _NAVIGATION_FEEDBACK,
     ),
     "nav2_msgs/action/NavigateThroughPoses": (
         "geometry_msgs/PoseStamped[] poses\nstring behavior_tree",
-        _NAVIGATED,
-        f"{_PROGRESS}\nint16 number_of_poses_remaining",
+        _NAVIGATION_RESULT,
+        f"{_NAVIGATION_FEEDBACK}\nint16 number_of_poses_remaining",
     ),
     "nav2_msgs/action/Spin": (
         "float32 target_yaw\nbuiltin_interfaces/Duration time_allowance",
@@ -100,26 +100,26 @@ ACTIONS: Mapping[str, tuple[str, str, str]] = {
 """Actions: goal, result, feedback."""
 
 
-_EMPTY = ("structure_needs_at_least_one_member", (Nodetype.BASE, ("uint8", 0)))
+_EMPTY_FIELD = ("structure_needs_at_least_one_member", (Nodetype.BASE, ("uint8", 0)))
 """What a type without fields has on the wire."""
 
-_DEEPEST = 12
+_MAX_DEPTH = 12
 """How deep values may be nested in what a mission gives, and how long a list it is shown."""
 
-_LONGEST = 1000
+_MAX_LENGTH = 1000
 
 
-class Malformed(DriverError):
+class MalformedMessage(DriverError):
     """Bytes that are no message of the type that they should be."""
 
 
 @cache
-def types() -> "Types":
+def types() -> "TypeRegistry":
     """Return the types that there are: those of ROS 2 Jazzy that rosbags has, and ours. Made once."""
-    return Types()
+    return TypeRegistry()
 
 
-class Types:
+class TypeRegistry:
     """The types by name, as ROS 2 writes them: "geometry_msgs/msg/Twist"."""
 
     def __init__(self) -> None:
@@ -127,12 +127,12 @@ class Types:
         # ROS takes `char` for a uint8, in hashes too.
         for name in ("service_msgs/msg/ServiceEventInfo",):
             constants, fields = self._store.fielddefs[name]
-            self._store.fielddefs[name] = (constants, [_unchar(each) for each in fields])
+            self._store.fielddefs[name] = (constants, [_char_to_uint8(each) for each in fields])
 
-    def knows(self, name: str) -> bool:
+    def is_known(self, name: str) -> bool:
         """Whether there is such a type; of services and actions, too."""
         try:
-            self._known(name)
+            self._require_type(name)
         except BadRequest:
             return False
         return True
@@ -141,9 +141,9 @@ class Types:
         """Add a type by the text of its definition. Raises BadRequest for one that is not understood."""
         try:
             ((constants, fields),) = get_types_from_msg(text, name).values()
-            for used in _used(fields):
-                self._known(used)
-            found: list[Any] = [*fields] or [_EMPTY]
+            for used in _field_types(fields):
+                self._require_type(used)
+            found: list[Any] = [*fields] or [_EMPTY_FIELD]
             self._store.register({name: (constants, found)})
         except BadRequest:
             raise
@@ -174,18 +174,18 @@ class Types:
 
     def digest(self, name: str) -> str:
         """Return the hash of a type, as its keys have it. Raises BadRequest for one that is not known."""
-        digest: str = self._store.hash_rihs01(self._known(name))
+        digest: str = self._store.hash_rihs01(self._require_type(name))
         return digest
 
-    def warm(self, *names: str) -> None:
+    def preload(self, *names: str) -> None:
         """Be ready for messages of these types."""
         for name in names:
-            self._store.get_msgdef(self._known(name))
+            self._store.get_msgdef(self._require_type(name))
 
     def encode(self, name: str, values: Mapping[str, object]) -> bytes:
         """Return a message with these values, the others zero. Raises BadRequest for what does not fit the type."""
         try:
-            made = self._made(self._known(name), values, name)
+            made = self._make_message(self._require_type(name), values, name)
             return bytes(self._store.serialize_cdr(made, name, little_endian=True))
         except BadRequest:
             raise
@@ -202,42 +202,42 @@ class Types:
         try:
             if wrong := _encapsulation_fault(payload):
                 raise ValueError(wrong)
-            return self._store.deserialize_cdr(payload, self._known(name))
+            return self._store.deserialize_cdr(payload, self._require_type(name))
         except Exception as error:  # bytes from outside: whatever they bring about is their fault
             begin = f" that begin {payload[:8].hex(' ')}" if payload else ""
-            raise Malformed(f"expected {name}, got {len(payload)} bytes{begin}: {error}") from error
+            raise MalformedMessage(f"expected {name}, got {len(payload)} bytes{begin}: {error}") from error
 
     def stamp(self, name: str, payload: bytes) -> int:
         """Return the time in the header of a message (ns), without decoding the rest; 0 for a type without one."""
-        fields = self._store.fielddefs[self._known(name)][1]
+        fields = self._store.fielddefs[self._require_type(name)][1]
         if fields[0][1] != (Nodetype.NAME, "std_msgs/msg/Header") or len(payload) < 12:
             return 0
         order: Literal["little", "big"] = "little" if payload[1] else "big"
         seconds, rest = (int.from_bytes(payload[at : at + 4], order) for at in (4, 8))
         return seconds * 10**9 + rest
 
-    def values(self, message: object, depth: int = _DEEPEST) -> Any:
+    def to_plain(self, message: object, depth: int = _MAX_DEPTH) -> Any:
         """Return a message in plain values, as JSON has them; of long arrays the beginning."""
         if isinstance(message, np.ndarray):
-            return message[:_LONGEST].tolist()
+            return message[:_MAX_LENGTH].tolist()
         if isinstance(message, np.generic):
             return message.item()
         if (kind := getattr(message, "__msgtype__", None)) is not None:
-            names = [word for word, _ in self._store.fielddefs[kind][1] if word != _EMPTY[0]]
-            return {name: self.values(getattr(message, name), depth - 1) for name in names} if depth else {}
+            names = [word for word, _ in self._store.fielddefs[kind][1] if word != _EMPTY_FIELD[0]]
+            return {name: self.to_plain(getattr(message, name), depth - 1) for name in names} if depth else {}
         if isinstance(message, list | tuple):
-            return [self.values(each, depth - 1) for each in message[:_LONGEST]] if depth else []
+            return [self.to_plain(each, depth - 1) for each in message[:_MAX_LENGTH]] if depth else []
         return message
 
-    def _known(self, name: str) -> str:
+    def _require_type(self, name: str) -> str:
         """Return the name of a type that there is; ours are defined when they are first asked for."""
         if name in self._store.fielddefs:
             return name
         if name in MESSAGES:
             self.define(name, MESSAGES[name])
-        elif (service := _whose(name, SERVICES)) is not None:
+        elif (service := _parent_of(name, SERVICES)) is not None:
             self.define_service(service, *SERVICES[service])
-        elif (action := _whose(name, ACTIONS)) is not None:
+        elif (action := _parent_of(name, ACTIONS)) is not None:
             self.define_action(action, *ACTIONS[action])
         if name not in self._store.fielddefs:
             packages = sorted({each.split("/")[0] for each in (*self._store.fielddefs, *MESSAGES, *SERVICES, *ACTIONS)})
@@ -245,22 +245,22 @@ class Types:
             raise BadRequest(f"the type '{name}' of ROS 2 is not known", hint=hint)
         return name
 
-    def _made(self, name: str, values: Mapping[str, object], at: str) -> object:
+    def _make_message(self, name: str, values: Mapping[str, object], at: str) -> object:
         if not isinstance(values, Mapping):
             raise ValueError(f"{at}: needs fields, got {values!r}")
         known = self._store.fielddefs[name][1]
         if wrong := values.keys() - {word for word, _ in known}:
-            words = ", ".join(word for word, _ in known if word != _EMPTY[0]) or "none"
+            words = ", ".join(word for word, _ in known if word != _EMPTY_FIELD[0]) or "none"
             raise ValueError(f"{at} has no field '{min(wrong)}': its fields are {words}")
-        given = {word: self._value(kind, values.get(word), f"{at}.{word}") for word, kind in known}
+        given = {word: self._convert_value(kind, values.get(word), f"{at}.{word}") for word, kind in known}
         return self._store.types[name](**given)
 
-    def _value(self, kind: Any, value: object, at: str) -> Any:
+    def _convert_value(self, kind: Any, value: object, at: str) -> Any:
         what, of = kind
         if what == Nodetype.NAME:
-            return value if hasattr(value, "__msgtype__") else self._made(of, value or {}, at)  # type: ignore[arg-type]
+            return value if hasattr(value, "__msgtype__") else self._make_message(of, value or {}, at)  # type: ignore[arg-type]
         if what == Nodetype.BASE:
-            return _basic(of[0], value, at)
+            return _convert_basic(of[0], value, at)
         inner, size = of
         given = [] if value is None else value
         if isinstance(given, str) or not isinstance(given, Sequence | np.ndarray | bytes):
@@ -273,7 +273,7 @@ class Types:
             )
         if what == Nodetype.ARRAY and value is None:
             given = [None] * size
-        return [self._value(inner, each, f"{at}[{place}]") for place, each in enumerate(given)]
+        return [self._convert_value(inner, each, f"{at}[{place}]") for place, each in enumerate(given)]
 
 
 _ENCAPSULATIONS = {
@@ -293,18 +293,18 @@ def _encapsulation_fault(payload: bytes) -> str:
     return f"its header says {known}, and not CDR" if known else "it does not begin with a header of CDR"
 
 
-def _whose(name: str, known: Mapping[str, object]) -> str | None:
+def _parent_of(name: str, known: Mapping[str, object]) -> str | None:
     """Return the service or action that a type is a part of."""
     return next((each for each in known if name == each or name.startswith(f"{each}_")), None)
 
 
-def _used(fields: Sequence[Any]) -> list[str]:
+def _field_types(fields: Sequence[Any]) -> list[str]:
     """Return the types of the fields."""
     inner = [of[0] if what in {Nodetype.ARRAY, Nodetype.SEQUENCE} else (what, of) for _, (what, of) in fields]
     return [of for what, of in inner if what == Nodetype.NAME]
 
 
-def _basic(kind: str, value: Any, at: str) -> object:
+def _convert_basic(kind: str, value: Any, at: str) -> object:
     if kind == "string":
         if value is not None and not isinstance(value, str):
             raise ValueError(f"{at}: needs a text, got {value!r}")
@@ -321,7 +321,7 @@ def _basic(kind: str, value: Any, at: str) -> object:
     return int(number)
 
 
-def _unchar(field: Any) -> Any:
+def _char_to_uint8(field: Any) -> Any:
     word, (what, of) = field
     if what == Nodetype.ARRAY and of[0] == (Nodetype.BASE, ("char", 0)):
         return word, (what, ((Nodetype.BASE, ("uint8", 0)), of[1]))

@@ -6,23 +6,23 @@ from math import inf
 from typing import Any
 
 from drivers.ros2 import wire
-from drivers.ros2.line import Channel
-from drivers.ros2.types import Malformed, types
-from drivers.ros2.virtual_topics import Topics
-from drivers.ros2.ways import ARRAY, SINGLE, STATE, TRAJECTORY, TopicJoint, channels_of
+from drivers.ros2.line import TopicChannel
+from drivers.ros2.types import MalformedMessage, types
+from drivers.ros2.virtual_topics import VirtualTopics
+from drivers.ros2.ways import ARRAY, JOINT_STATE, SINGLE, TRAJECTORY, TopicJoint, joint_channels
 from drivers.sim.servo import Shaft
 
-PERIOD = 0.02
+STATE_INTERVAL = 0.02
 """Seconds between two messages of states."""
 
-FASTEST = 6.0
+MAX_MOTOR_SPEED = 6.0
 """rad/s that its motors make."""
 
 
-class VirtualJoints(Topics):
+class VirtualJoints(VirtualTopics):
     """Joints behind a controller of ROS 2: of trajectories, as ``joint_trajectory_controller`` is, or of positions.
 
-    It names its joints as ROS 2 does, and tells besides of others, as robots do. ``heard`` counts what it was told.
+    It names its joints as ROS 2 does, and tells besides of others, as robots do. ``command_count`` counts what it was told.
     """
 
     def __init__(
@@ -31,23 +31,23 @@ class VirtualJoints(Topics):
         command: str,
         joints: Mapping[str, TopicJoint],
         *,
-        full: Callable[[str], str] = wire.whole,
+        full: Callable[[str], str] = wire.full_name,
         kind: str = TRAJECTORY,
         rates: bool = True,
     ) -> None:
-        channels = channels_of(states, command, joints, full)
+        channels = joint_channels(states, command, joints, full)
         if channels[1].kinds != (SINGLE,):
             other = ARRAY if kind == TRAJECTORY else TRAJECTORY
-            channels[1] = Channel(channels[1].topic, (kind, other), sends=True)
+            channels[1] = TopicChannel(channels[1].topic, (kind, other), is_command=True)
         super().__init__(channels)
-        self.shafts = {joint.there: Shaft(0.0, 0.0, FASTEST) for joint in joints.values()}
-        self.silent = False
+        self.shafts = {joint.ros_name: Shaft(0.0, 0.0, MAX_MOTOR_SPEED) for joint in joints.values()}
+        self.is_silent = False
         """True while it tells no states, and hears on."""
-        self.heard = 0
+        self.command_count = 0
         self._rates = rates
         self._points: list[tuple[float, dict[str, float]]] = []  # when, and where each is to be
-        self._before: dict[str, float] = {}
-        self._due = self._told_at = -inf
+        self._last_positions: dict[str, float] = {}
+        self._due = self._states_sent_at = -inf
 
     def position(self, joint: str, now: float) -> float:
         """Where a joint, as ROS 2 calls it, really is at time ``now`` (radians)."""
@@ -55,57 +55,57 @@ class VirtualJoints(Topics):
             self._advance(now)
             return self.shafts[joint].position
 
-    def _hear(self, channel: int, payload: bytes, now: float) -> None:
+    def _handle_message(self, channel: int, payload: bytes, now: float) -> None:
         kind, names = self._kind(channel), list(self.shafts)
         try:
             told = types().decode(kind, payload)
-        except Malformed:
+        except MalformedMessage:
             return
         self._advance(now)
-        self.heard += 1
+        self.command_count += 1
         if kind == TRAJECTORY:
-            self._follow(told, now)
+            self._set_trajectory(told, now)
         elif kind == ARRAY:
             for name, place in zip(names, told.data, strict=True):
                 self.shafts[name].goal = float(place)
         else:
             self.shafts[names[channel - 1]].goal = float(told.data)
 
-    def _follow(self, told: Any, now: float) -> None:
+    def _set_trajectory(self, message: Any, now: float) -> None:
         """Take a trajectory in the place of the one before, as a controller does, from where it is."""
-        if set(told.joint_names) != set(self.shafts):  # as with allow_partial_joints_goal: false
+        if set(message.joint_names) != set(self.shafts):  # as with allow_partial_joints_goal: false
             return
         self._points = [(now, {name: shaft.position for name, shaft in self.shafts.items()})]
-        for point in told.points:
+        for point in message.points:
             when = now + point.time_from_start.sec + point.time_from_start.nanosec / 1e9
-            self._points.append((when, dict(zip(told.joint_names, map(float, point.positions), strict=True))))
+            self._points.append((when, dict(zip(message.joint_names, map(float, point.positions), strict=True))))
 
     def _advance(self, now: float) -> None:
         if self._points:
             for name, shaft in self.shafts.items():
-                shaft.goal = _between(self._points, name, now)
+                shaft.goal = _interpolate(self._points, name, now)
         for shaft in self.shafts.values():
             shaft.advance(now)
 
     def _messages(self, now: float) -> Iterable[tuple[int, bytes]]:
         self._advance(now)
-        if now < self._due or self.silent:
+        if now < self._due or self.is_silent:
             return
-        self._due = now + PERIOD
+        self._due = now + STATE_INTERVAL
         places = {name: shaft.position for name, shaft in self.shafts.items()}
-        past, self._told_at = now - self._told_at, now
-        rates = [(place - self._before.get(name, place)) / past for name, place in places.items()]
-        self._before = places
+        past, self._states_sent_at = now - self._states_sent_at, now
+        rates = [(place - self._last_positions.get(name, place)) / past for name, place in places.items()]
+        self._last_positions = places
         told = {
             "header": {"frame_id": "base_link"},
             "name": ["wheel_left_joint", *places],
             "position": [12.5, *places.values()],
             "velocity": [0.0, *rates] if self._rates else [],
         }
-        yield 0, types().encode(STATE, told)
+        yield 0, types().encode(JOINT_STATE, told)
 
 
-def _between(points: list[tuple[float, dict[str, float]]], name: str, now: float) -> float:
+def _interpolate(points: list[tuple[float, dict[str, float]]], name: str, now: float) -> float:
     for (begins, start), (ends, end) in pairwise(points):
         if now < ends:
             share = max(now - begins, 0.0) / (ends - begins)

@@ -11,22 +11,22 @@ import numpy as np
 from drivers.api import Image, Lamp, Pose2D, Sides, Velocity
 from drivers.base.reckoning import Reckoning
 from drivers.ros2 import base, wire
-from drivers.ros2.base import KINDS, SENT
+from drivers.ros2.base import COMMAND_TOPICS, TOPIC_TYPES
 from drivers.ros2.camera import IMAGES
-from drivers.ros2.line import BAUD, Channel
-from drivers.ros2.ranger import SCAN
-from drivers.ros2.types import Malformed, types
-from drivers.sim.body import NOTHING, Body, either
-from drivers.sim.scanner import Look
+from drivers.ros2.line import ROUTER_PORT, TopicChannel
+from drivers.ros2.ranger import LASER_SCAN
+from drivers.ros2.types import MalformedMessage, types
+from drivers.sim.body import NO_SIDES, BaseBody, merge_sides
+from drivers.sim.scanner import RangeFunction
 from drivers.sim.wheels import DelayLine
 
-PERIOD = 0.02
+ODOMETRY_INTERVAL = 0.02
 """Seconds between two messages of odometry."""
 
-SLOW = 0.5
+BATTERY_INTERVAL = 0.5
 """Seconds between two messages of battery and dock."""
 
-VOLTS = 14.4
+BATTERY_VOLTAGE = 14.4
 
 _FRAMES: Mapping[int, Mapping[str, tuple[str, ...]]] = {
     base.BUMP: {"left": ("bump_left",), "centre": ("bump_front_center",), "right": ("bump_right",)},
@@ -40,48 +40,50 @@ _FRAMES: Mapping[int, Mapping[str, tuple[str, ...]]] = {
 """Where a Create 3 feels something, by the type of the hazard."""
 
 
-class Topics:
+class VirtualTopics:
     """A ``drivers.virtual.terminal.WireDevice`` of ``channels``: what is common. Safe between threads."""
 
-    baud = BAUD
+    baud = ROUTER_PORT
 
-    def __init__(self, channels: Sequence[Channel]) -> None:
+    def __init__(self, channels: Sequence[TopicChannel]) -> None:
         self.channels = list(channels)
-        self.frozen = False
+        self.is_stalled = False
         """True while it says nothing, and hears nothing: as a link that stalls."""
-        self._finder = wire.FrameFinder()
+        self._finder = wire.TopicFrameFinder()
         self._lock = RLock()
-        self._asked = False
+        self._discovery_requested = False
 
-    def plugged(self, now: float) -> None:  # noqa: ARG002 - it has its power from its battery
+    def power_on(self, now: float) -> None:  # noqa: ARG002 - it has its power from its battery
         """Begin anew on a line."""
-        self._finder = wire.FrameFinder()
+        self._finder = wire.TopicFrameFinder()
 
     def feed(self, data: bytes, now: float) -> bytes:
         """Take frames; return the answers."""
         with self._lock:
             for channel, payload in self._finder.feed(data):
-                if channel == wire.ABOUT:
-                    self._asked = True
-                elif not self.frozen and channel < wire.at(0, 1):  # of the type that it listens to, its first
-                    self._hear(channel, payload, now)
-            return self._said(now)
+                if channel == wire.ABOUT_CHANNEL:
+                    self._discovery_requested = True
+                elif not self.is_stalled and channel < wire.channel_code(
+                    0, 1
+                ):  # of the type that it listens to, its first
+                    self._handle_message(channel, payload, now)
+            return self._take_frames(now)
 
     def poll(self, now: float) -> bytes:
         """Let time pass; return the frames that are due."""
         with self._lock:
-            return self._said(now)
+            return self._take_frames(now)
 
-    def _said(self, now: float) -> bytes:
-        asked, self._asked = self._asked, False
-        about = [wire.about(number, self._kind(number)) for number in range(len(self.channels))] if asked else []
+    def _take_frames(self, now: float) -> bytes:
+        asked, self._discovery_requested = self._discovery_requested, False
+        about = [wire.about_frame(number, self._kind(number)) for number in range(len(self.channels))] if asked else []
         frames = [wire.frame(number, payload) for number, payload in self._messages(now)]
-        return b"".join(about if self.frozen else [*about, *frames])
+        return b"".join(about if self.is_stalled else [*about, *frames])
 
     def _kind(self, channel: int) -> str:
         return self.channels[channel].kinds[0]
 
-    def _hear(self, channel: int, payload: bytes, now: float) -> None:
+    def _handle_message(self, channel: int, payload: bytes, now: float) -> None:
         """Take a message."""
 
     def _messages(self, now: float) -> Iterable[tuple[int, bytes]]:  # noqa: ARG002 - of those that say something
@@ -89,39 +91,42 @@ class Topics:
         return ()
 
 
-class VirtualBase(Topics):
+class VirtualRos2Base(VirtualTopics):
     """A base of ROS 2 with a ``body``; ``stamped`` has it listen to TwistStamped.
 
     It feels what its body feels, and what is set from outside: ``bumper``, ``cliff``, ``wheel_drop``, and ``hazards``,
     each a type and the frame where it is felt. Its odometry
-    begins at ``origin``, as that of a robot that has driven before. ``steered`` may drive it instead, while it returns
-    a velocity: as Nav2 does. Odometry is sent every ``odometry_interval`` seconds, ``late``. ``velocities`` are those
+    begins at ``origin``, as that of a robot that has driven before. ``velocity_source`` may drive it instead, while it returns
+    a velocity: as Nav2 does. Odometry is sent every ``odometry_interval`` seconds, ``odometry_delay``. ``received_velocities`` are those
     that it was told, with their times.
     """
 
     def __init__(
         self,
-        body: Body,
+        body: BaseBody,
         topics: Mapping[str, str],
         *,
         stamped: bool = False,
         origin: Pose2D = Pose2D(0.0, 0.0, 0.0),  # noqa: B008 - it is frozen
     ) -> None:
-        twists = KINDS["cmd_vel"][::-1] if stamped else KINDS["cmd_vel"]
+        twists = TOPIC_TYPES["cmd_vel"][::-1] if stamped else TOPIC_TYPES["cmd_vel"]
         super().__init__(
-            [Channel(name, twists if word == "cmd_vel" else KINDS[word], word in SENT) for word, name in topics.items()]
+            [
+                TopicChannel(name, twists if word == "cmd_vel" else TOPIC_TYPES[word], word in COMMAND_TOPICS)
+                for word, name in topics.items()
+            ]
         )
         self.body, self.origin = body, origin
         self.bumper = self.cliff = self.wheel_drop = Sides()
         self.hazards: list[tuple[int, str]] = []
         self.lamps: tuple[Lamp, Lamp] = (Lamp.OFF, Lamp.OFF)
-        self.notes: list[int] = []
-        self.velocities: list[tuple[float, Velocity]] = []
-        self.steered: Callable[[float, Pose2D], Velocity | None] = lambda now, pose: None  # noqa: ARG005
-        self._words = list(topics)
+        self.played_notes: list[int] = []
+        self.received_velocities: list[tuple[float, Velocity]] = []
+        self.velocity_source: Callable[[float, Pose2D], Velocity | None] = lambda now, pose: None  # noqa: ARG005
+        self._roles = list(topics)
         self._reckoning = Reckoning()
-        self.odometry_interval = PERIOD
-        self.late: DelayLine[dict[str, object]] = DelayLine()
+        self.odometry_interval = ODOMETRY_INTERVAL
+        self.odometry_delay: DelayLine[dict[str, object]] = DelayLine()
         self._due = self._slow_due = self._odometry_due = -inf
 
     def pose(self, now: float) -> Pose2D:
@@ -137,58 +142,60 @@ class VirtualBase(Topics):
         x, y = at.x + own.x * along - own.y * across, at.y + own.x * across + own.y * along
         return Pose2D(x, y, at.heading + own.heading)
 
-    def _hear(self, channel: int, payload: bytes, now: float) -> None:
-        word = self._words[channel]
+    def _handle_message(self, channel: int, payload: bytes, now: float) -> None:
+        word = self._roles[channel]
         try:
             told = types().decode(self._kind(channel), payload)
-        except Malformed:
+        except MalformedMessage:
             return
         if word == "cmd_vel":
             twist = getattr(told, "twist", told)
             velocity = Velocity(twist.linear.x, twist.angular.z)
-            self.velocities.append((now, velocity))
+            self.received_velocities.append((now, velocity))
             self.body.command(velocity.linear, velocity.angular, now)
         elif word == "lights":
             shown = [(each.red, each.green, each.blue) for each in told.leds]
             named = {colour: lamp for lamp, colour in base.COLOURS.items()}
             self.lamps = named[shown[0]], named[shown[5]]
         elif word == "sounds":
-            self.notes += [each.frequency for each in told.notes]
+            self.played_notes += [each.frequency for each in told.notes]
 
     def _messages(self, now: float) -> Iterable[tuple[int, bytes]]:
         self.body.advance(now)
-        velocity = self.steered(now, self.odometry)
+        velocity = self.velocity_source(now, self.odometry)
         if velocity is not None:
             self.body.command(velocity.linear, velocity.angular, now)
-        self._reckoning.advance(now, self._rolls())
+        self._reckoning.advance(now, self._wheel_velocity())
         if now >= self._due:
-            self._due = now + PERIOD
+            self._due = now + ODOMETRY_INTERVAL
             yield from self._send("hazards", self._hazards())
-            yield from self._send("sensors", {"bumper": int(bool(either(self.bumper, self.body.bumper)))})
+            yield from self._send("sensors", {"bumper": int(bool(merge_sides(self.bumper, self.body.bumper)))})
         if now >= self._odometry_due:
             self._odometry_due = now + self.odometry_interval
-            self.late.put(now, self._odometry())
-        for odometry in self.late.due(now):
+            self.odometry_delay.put(now, self._odometry())
+        for odometry in self.odometry_delay.pop_due(now):
             yield from self._send("odom", odometry)
         if now >= self._slow_due:
-            self._slow_due = now + SLOW
+            self._slow_due = now + BATTERY_INTERVAL
             battery = self.body.battery
             status = 1 if self.body.docked else 2
-            share = {"voltage": VOLTS, "percentage": battery.percent / 100, "power_supply_status": status}
+            share = {"voltage": BATTERY_VOLTAGE, "percentage": battery.percent / 100, "power_supply_status": status}
             yield from self._send("battery", share)
-            yield from self._send("dock", {"dock_visible": bool(self.body.signals()), "is_docked": self.body.docked})
+            yield from self._send(
+                "dock", {"dock_visible": bool(self.body.dock_signals()), "is_docked": self.body.docked}
+            )
 
-    def _send(self, word: str, values: Mapping[str, object]) -> Iterable[tuple[int, bytes]]:
-        if word in self._words:
-            number = self._words.index(word)
+    def _send(self, role: str, values: Mapping[str, object]) -> Iterable[tuple[int, bytes]]:
+        if role in self._roles:
+            number = self._roles.index(role)
             yield number, types().encode(self._kind(number), values)
 
-    def _rolls(self) -> Velocity:
-        left, right = self.body.counters.speeds
-        return Velocity((left + right) / 2, (right - left) / self.body.wheels.separation + self.body.gyro.rate)
+    def _wheel_velocity(self) -> Velocity:
+        left, right = self.body.wheel_encoders.speeds
+        return Velocity((left + right) / 2, (right - left) / self.body.wheels.separation + self.body.gyro_drift.rate)
 
     def _odometry(self) -> dict[str, object]:
-        at, moves = self.odometry, self._rolls()
+        at, moves = self.odometry, self._wheel_velocity()
         turned = {"z": sin(at.heading / 2), "w": cos(at.heading / 2)}
         return {
             "header": {"frame_id": "odom"},
@@ -199,9 +206,9 @@ class VirtualBase(Topics):
 
     def _hazards(self) -> dict[str, object]:
         felt: dict[int, Sides] = {
-            base.BUMP: either(self.bumper, self.body.bumper),
-            base.CLIFF: either(self.cliff, self.body.cliff),
-            base.WHEEL_DROP: either(self.wheel_drop, self.body.wheel_drop or NOTHING),
+            base.BUMP: merge_sides(self.bumper, self.body.bumper),
+            base.CLIFF: merge_sides(self.cliff, self.body.cliff),
+            base.WHEEL_DROP: merge_sides(self.wheel_drop, self.body.wheel_drop or NO_SIDES),
         }
         found = [
             (kind, frame)
@@ -210,18 +217,18 @@ class VirtualBase(Topics):
             if getattr(sides, side)
             for frame in frames
         ]
-        if self.body.backup_limit is not None and self.body.backup_limit.reached:
+        if self.body.backup_limit is not None and self.body.backup_limit.is_reached:
             found.append((base.BACKUP_LIMIT, "base_link"))
         return {"detections": [{"type": kind, "header": {"frame_id": frame}} for kind, frame in found + self.hazards]}
 
 
-class VirtualScan(Topics):
+class VirtualScan(VirtualTopics):
     """A range finder of ROS 2 that sees what ``look`` sees: ``beams`` all around, ``rate`` times a second."""
 
     def __init__(
-        self, look: Look, topic: str, *, yaw: float = 0.0, beams: int = 360, rate: float = 8.0, seed: int = 0
+        self, look: RangeFunction, topic: str, *, yaw: float = 0.0, beams: int = 360, rate: float = 8.0, seed: int = 0
     ) -> None:
-        super().__init__([Channel(topic, (SCAN,))])
+        super().__init__([TopicChannel(topic, (LASER_SCAN,))])
         self._look, self._yaw, self._beams, self._period = look, yaw, beams, 1 / rate
         self._random = np.random.default_rng(seed)
         self._due = -inf
@@ -239,16 +246,16 @@ class VirtualScan(Topics):
             "header": {"frame_id": "laser"}, "angle_min": -np.pi, "angle_max": np.pi - step, "angle_increment": step,
             "scan_time": self._period, "range_min": 0.15, "range_max": 12.0, "ranges": ranges.astype(np.float32),
         }  # fmt: skip
-        yield 0, types().encode(SCAN, scan)
+        yield 0, types().encode(LASER_SCAN, scan)
 
 
-class VirtualPictures(Topics):
+class VirtualPictures(VirtualTopics):
     """A camera of ROS 2 that sends what ``draw`` returns (height, width, 3; BGR), ``rate`` times a second."""
 
     def __init__(
         self, draw: Callable[[float], Image], topic: str, *, compressed: bool = False, rate: float = 10.0
     ) -> None:
-        super().__init__([Channel(topic, IMAGES[1:] if compressed else IMAGES[:1])])
+        super().__init__([TopicChannel(topic, IMAGES[1:] if compressed else IMAGES[:1])])
         self._draw, self._period = draw, 1 / rate
         self._due = -inf
 

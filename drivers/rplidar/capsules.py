@@ -13,23 +13,23 @@ from operator import xor
 import numpy as np
 import numpy.typing as npt
 
-from drivers.rplidar.nodes import TURN, Nodes, Words
+from drivers.rplidar.nodes import STEPS_PER_TURN, Nodes, Words
 
-SIZE, COUNT = 84, 32
+CAPSULE_SIZE, CAPSULE_NODES = 84, 32
 """Bytes of a capsule, and measurements in it."""
 
-SAMPLES = 4000.0
+EXPRESS_SAMPLE_RATE = 4000.0
 """Measurements a second."""
 
-QUALITY = 47
+NODE_QUALITY = 47
 """What the maker's driver says of each measurement that came back: a capsule has no quality."""
 
 _FIRST = 1 << 15
-_WIDEST = 60 * 64  # steps of the angle from one capsule to the next at most
+_MAX_ANGLE_STEP = 60 * 64  # steps of the angle from one capsule to the next at most
 _DISTANCE = 0xFFFC
 
 
-def capsule(angle: int, distance: Words, *, first: bool = False) -> bytes:
+def pack_capsule(angle: int, distance: Words, *, first: bool = False) -> bytes:
     """Return the bytes of a capsule: its ``angle`` (1/64 degree), and 32 distances (1/4 mm) cut to mm."""
     body = (angle | first << 15).to_bytes(2, "little")
     pairs = (distance & _DISTANCE).astype("<u2").reshape(-1, 2)
@@ -38,7 +38,7 @@ def capsule(angle: int, distance: Words, *, first: bool = False) -> bytes:
     return bytes((0xA0 | check & 0xF, 0x50 | check >> 4)) + body
 
 
-NONE = Nodes(np.empty(0, np.bool_), np.empty(0, np.uint8), np.empty(0, np.uint16), np.empty(0, np.uint16))
+NO_NODES = Nodes(np.empty(0, np.bool_), np.empty(0, np.uint8), np.empty(0, np.uint16), np.empty(0, np.uint16))
 
 
 class CapsuleFinder:
@@ -47,13 +47,13 @@ class CapsuleFinder:
     Counts as ``nodes.NodeFinder`` does.
     """
 
-    behind = COUNT / SAMPLES
+    delay = CAPSULE_NODES / EXPRESS_SAMPLE_RATE
     """Seconds by which a measurement is given out later than it came."""
 
     def __init__(self) -> None:
         self.nodes = 0
         self.skipped_bytes = 0
-        self.slips = 0
+        self.resyncs = 0
         self._last: bytes | None = None
         self._place: float | None = None  # of the node before
         self._rest = b""
@@ -65,22 +65,22 @@ class CapsuleFinder:
     def feed(self, data: bytes) -> Nodes:
         """Take bytes as they come; return the nodes of the capsules that can be read now, in order."""
         buffer, at, found = self._rest + data, 0, list[Nodes]()
-        while len(buffer) - at >= SIZE:
-            here = buffer[at : at + SIZE]
-            if not _whole(here):
-                self.slips += self._last is not None
+        while len(buffer) - at >= CAPSULE_SIZE:
+            here = buffer[at : at + CAPSULE_SIZE]
+            if not _is_valid(here):
+                self.resyncs += self._last is not None
                 self._last = None
                 self.skipped_bytes += 1
                 at += 1
                 continue
-            at += SIZE
-            if self._last is not None and not _begins(here):
-                turned = (_start(here) - _start(self._last)) % TURN
-                if turned <= _WIDEST:
+            at += CAPSULE_SIZE
+            if self._last is not None and not _starts_scan(here):
+                turned = (_start_angle(here) - _start_angle(self._last)) % STEPS_PER_TURN
+                if turned <= _MAX_ANGLE_STEP:
                     found.append(self._read(self._last, turned))
             self._last = here
         self._rest = buffer[at:]
-        return _joined([NONE, *found])
+        return _concatenate([NO_NODES, *found])
 
     def _read(self, data: bytes, turned: int) -> Nodes:
         """Return the nodes of a capsule from which the next one has ``turned``."""
@@ -88,31 +88,31 @@ class CapsuleFinder:
         words = (cabins[:, 0:4:2] | cabins[:, 1:4:2] << 8).reshape(-1)
         low = np.stack((cabins[:, 4] & 0xF, cabins[:, 4] >> 4), axis=1).reshape(-1)
         less = (low | (words & 3) << 4).astype(np.int32) * 8
-        place = (_start(data) + np.arange(COUNT) * (turned / COUNT)) % TURN
+        place = (_start_angle(data) + np.arange(CAPSULE_NODES) * (turned / CAPSULE_NODES)) % STEPS_PER_TURN
         before = np.concatenate(([place[0] if self._place is None else self._place], place[:-1]))
         self._place = float(place[-1])
         distance = (words & _DISTANCE).astype(np.uint16)
-        angle: npt.NDArray[np.float64] = np.floor(place - less) % TURN
-        self.nodes += COUNT
-        quality = np.where(distance > 0, QUALITY, 0).astype(np.uint8)
+        angle: npt.NDArray[np.float64] = np.floor(place - less) % STEPS_PER_TURN
+        self.nodes += CAPSULE_NODES
+        quality = np.where(distance > 0, NODE_QUALITY, 0).astype(np.uint8)
         return Nodes(place < before, quality, angle.astype(np.uint16), distance)
 
 
-def _whole(data: bytes) -> bool:
+def _is_valid(data: bytes) -> bool:
     if data[0] >> 4 != 0xA or data[1] >> 4 != 0x5:
         return False
     return reduce(xor, data[2:]) == data[0] & 0xF | (data[1] & 0xF) << 4
 
 
-def _begins(data: bytes) -> bool:
+def _starts_scan(data: bytes) -> bool:
     return bool(data[3] >> 7)
 
 
-def _start(data: bytes) -> int:
+def _start_angle(data: bytes) -> int:
     return int.from_bytes(data[2:4], "little") & ~_FIRST
 
 
-def _joined(parts: list[Nodes]) -> Nodes:
+def _concatenate(parts: list[Nodes]) -> Nodes:
     return Nodes(
         np.concatenate([each.new for each in parts]),
         np.concatenate([each.quality for each in parts]),

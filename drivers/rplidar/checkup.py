@@ -2,48 +2,50 @@
 
 from collections.abc import Iterator
 
-from drivers.api.driver import Finding, Site, warning, wrong
-from drivers.api.probing import Ask
-from drivers.finding.asking import OpenedPort
+from drivers.api.driver import DriverContext, Finding, failure, warning
+from drivers.api.probing import ProbeRequest
+from drivers.finding.asking import ExclusivePort
 from drivers.rplidar import wire
 from drivers.rplidar.declared import RPLidarKeys
 
-REPLY = 0.3
+REPLY_TIMEOUT = 0.3
 """Seconds in which it answers."""
 
 
-def checkup(keys: RPLidarKeys, site: Site) -> Iterator[Finding]:
+def checkup(keys: RPLidarKeys, site: DriverContext) -> Iterator[Finding]:
     """Have it be silent, and ask it."""
-    port = OpenedPort(site.port, site.clock)
+    port = ExclusivePort(site.port, site.clock)
     try:
-        port.ask(Ask(keys.baud, wire.request(wire.Command.STOP), 0.1))
-        told = _asked(port, keys.baud, wire.Command.INFO, wire.INFO_REPLY, wire.Info.LAYOUT.size)
-        felt = _asked(port, keys.baud, wire.Command.HEALTH, wire.HEALTH_REPLY, wire.Condition.LAYOUT.size)
+        port.exchange(ProbeRequest(keys.baud, wire.request(wire.RPLidarCommand.STOP), 0.1))
+        told = _request(port, keys.baud, wire.RPLidarCommand.INFO, wire.INFO_REPLY, wire.RPLidarInfo.LAYOUT.size)
+        felt = _request(port, keys.baud, wire.RPLidarCommand.HEALTH, wire.HEALTH_REPLY, wire.RPLidarHealth.LAYOUT.size)
     finally:
         port.close()
     if not told:
-        yield wrong("device", "it does not answer", "look at its cable and power; another rate: mission ports")
+        yield failure("device", "it does not answer", "look at its cable and power; another rate: mission ports")
         return
-    info = wire.Info.unpack(told)
+    info = wire.RPLidarInfo.unpack(told)
     about = f"series {info.series}, firmware {info.firmware_major}.{info.firmware_minor}"
     if f"a{info.series}" != keys.model and info.series in {1, 2}:
         yield warning("device", f"{about}; the robot file says {keys.model}", f"write model: a{info.series}")
     else:
         yield Finding("device", about)
-    condition = wire.Condition.unpack(felt) if felt else wire.Condition(wire.Status.WARNING)
-    if condition.status == wire.Status.ERROR:
-        yield wrong("health", f"it has a fault, code {condition.code}", "cut its power for a moment; clean its window")
-    elif condition.status != wire.Status.GOOD:
+    condition = wire.RPLidarHealth.unpack(felt) if felt else wire.RPLidarHealth(wire.RPLidarStatus.WARNING)
+    if condition.status == wire.RPLidarStatus.ERROR:
+        yield failure(
+            "health", f"it has a fault, code {condition.code}", "cut its power for a moment; clean its window"
+        )
+    elif condition.status != wire.RPLidarStatus.GOOD:
         yield warning("health", f"it is not well, code {condition.code}", "clean its window, and look that it turns")
     else:
         yield Finding("health", "good")
 
 
-def _asked(port: OpenedPort, baud: int, command: wire.Command, begin: bytes, size: int) -> bytes:
+def _request(port: ExclusivePort, baud: int, command: wire.RPLidarCommand, descriptor: bytes, size: int) -> bytes:
     """Return what it answers behind the ``begin``; nothing where it does not."""
 
     def rest(heard: bytes) -> bytes:
-        behind = heard.partition(begin)[2][:size]
+        behind = heard.partition(descriptor)[2][:size]
         return behind if len(behind) == size else b""
 
-    return rest(port.ask(Ask(baud, wire.request(command), REPLY, rest)))
+    return rest(port.exchange(ProbeRequest(baud, wire.request(command), REPLY_TIMEOUT, rest)))

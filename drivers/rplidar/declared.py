@@ -2,12 +2,12 @@
 
 from drivers.api.driver import Driver
 from drivers.api.keys import key, keys
-from drivers.api.sections import RangeKeys, Wired
+from drivers.api.sections import RangeKeys, SerialKeys
 from drivers.rplidar.models import MODELS
 
 
 @keys
-class RPLidarKeys(RangeKeys, Wired):
+class RPLidarKeys(RangeKeys, SerialKeys):
     """The ``range`` section of a robot with an RPLIDAR."""
 
     model: str = key(default="a1", among=MODELS, help="The model.")

@@ -7,54 +7,54 @@ from math import inf, tau
 import numpy as np
 import numpy.typing as npt
 
-from drivers.api import DeviceStatus, Health, Quality, Ranges, RangeScan, Reading, Report, ignore
-from drivers.api.driver import Site
+from drivers.api import DeviceStatus, Health, Quality, Ranges, RangeScan, Reading, StatusCallback, ignore
+from drivers.api.driver import DriverContext
 from drivers.base.scan_mounting import BEAMS, START, STEP, Mounting, Place, Sector, beam
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, DriverError, NoReply
 from drivers.rplidar import capsules
 from drivers.rplidar.capsules import CapsuleFinder
 from drivers.rplidar.declared import RPLidarKeys
-from drivers.rplidar.models import MODELS, SAMPLES, Model
-from drivers.rplidar.nodes import TURN, NodeFinder, Nodes, Words
-from drivers.rplidar.session import Session
-from drivers.rplidar.wire import Info
-from drivers.transport.link import Link
-from drivers.transport.loop import guarded
+from drivers.rplidar.models import MODELS, SAMPLE_RATE, RPLidarModel
+from drivers.rplidar.nodes import STEPS_PER_TURN, NodeFinder, Nodes, Words
+from drivers.rplidar.session import RPLidarSession
+from drivers.rplidar.wire import RPLidarInfo
+from drivers.transport.link import SerialLink
+from drivers.transport.loop import guard_callback
 
 # The RPLIDAR as a range finder: scans as soon as it is there, and gives out its newest whole turn.
 
 # Nodes to scans: what came of one turn, sorted into beams of the base.
 
-SECTOR = 10
-"""Degrees: every sector of this width must have been measured in a turn, but for ``LOST`` of them."""
+SECTOR_WIDTH = 10
+"""Degrees: every sector of this width must have been measured in a turn, but for ``MAX_LOST_SECTORS`` of them."""
 
-LOST = 4
+MAX_LOST_SECTORS = 4
 """Sectors that a turn may lack, lost on the wire; with more it is not a whole turn."""
 
 MAX_NODES = 8000
 """Nodes kept at most while no turn ends, as when the first node of each is lost: four seconds of them."""
 
-METRES = 0.00025
+METRES_PER_STEP = 0.00025
 """Metres of one step of a distance."""
 
 
-class Turns:
-    """Collects nodes until a turn is whole. ``partial`` counts those that were not. For one thread."""
+class ScanAssembler:
+    """Collects nodes until a turn is whole. ``partial_scans`` counts those that were not. For one thread."""
 
-    def __init__(self, model: Model, mounting: Mounting) -> None:
-        self.partial = 0
-        self.samples = SAMPLES
+    def __init__(self, model: RPLidarModel, mounting: Mounting) -> None:
+        self.partial_scans = 0
+        self.sample_rate = SAMPLE_RATE
         """Measurements a second."""
         self._model = model
         self._mounting = mounting
         self._number = 0
-        self._kept: list[tuple[Words, Words, float]] = []  # angles, distances, when the first of them came
+        self._parts: list[tuple[Words, Words, float]] = []  # angles, distances, when the first of them came
         self._count = 0
 
     def restart(self) -> None:
         """Forget the turn that has begun; the numbers go on."""
-        self._kept.clear()
+        self._parts.clear()
         self._count = 0
 
     def add(self, nodes: Nodes, now: float) -> RangeScan | None:
@@ -62,7 +62,7 @@ class Turns:
         scan, start = None, 0
         for end in map(int, np.flatnonzero(nodes.new)):
             self._keep(nodes, start, end, now)
-            scan = self._finish(self._came(nodes, end, now)) or scan
+            scan = self._finish(self._arrival_time(nodes, end, now)) or scan
             start = end
         self._keep(nodes, start, len(nodes), now)
         return scan
@@ -71,34 +71,36 @@ class Turns:
         if self._count > MAX_NODES:
             self.restart()
         if start < end:
-            self._kept.append((nodes.angle[start:end], nodes.distance[start:end], self._came(nodes, start, now)))
+            self._parts.append(
+                (nodes.angle[start:end], nodes.distance[start:end], self._arrival_time(nodes, start, now))
+            )
             self._count += end - start
 
     def _finish(self, now: float) -> RangeScan | None:
         """Return the turn that has ended; None if too little of it came."""
-        if not self._kept:
+        if not self._parts:
             return None
-        angle = np.concatenate([part[0] for part in self._kept]).astype(np.float64)
-        distance = np.concatenate([part[1] for part in self._kept])
-        came = np.concatenate([np.full(len(part[0]), part[2]) for part in self._kept])
+        angle = np.concatenate([part[0] for part in self._parts]).astype(np.float64)
+        distance = np.concatenate([part[1] for part in self._parts])
+        came = np.concatenate([np.full(len(part[0]), part[2]) for part in self._parts])
         self.restart()
         # Where the node that begins a turn was lost there are two turns: only the newer one counts.
-        onward = np.unwrap(angle, period=TURN)
-        newest = onward > onward[-1] - TURN
-        place = beam(self._mounting.bearing(angle[newest] * (tau / TURN)))
-        if len(np.unique(place // SECTOR)) < BEAMS // SECTOR - LOST:
-            self.partial += 1
+        onward = np.unwrap(angle, period=STEPS_PER_TURN)
+        newest = onward > onward[-1] - STEPS_PER_TURN
+        place = beam(self._mounting.bearing(angle[newest] * (tau / STEPS_PER_TURN)))
+        if len(np.unique(place // SECTOR_WIDTH)) < BEAMS // SECTOR_WIDTH - MAX_LOST_SECTORS:
+            self.partial_scans += 1
             return None
-        ranges = self._sorted(place, distance[newest])
+        ranges = self._beam_ranges(place, distance[newest])
         begun = float(came[newest][0])
         self._number += 1
         model = self._model
-        return RangeScan(ranges, START, STEP, (begun + now) / 2, self._number - 1, model.least, model.most)
+        return RangeScan(ranges, START, STEP, (begun + now) / 2, self._number - 1, model.min_range, model.max_range)
 
-    def _sorted(self, place: npt.NDArray[np.intp], distance: Words) -> Ranges:
+    def _beam_ranges(self, place: npt.NDArray[np.intp], distance: Words) -> Ranges:
         """Return the least distance of each beam; a beam between two measurements takes the lesser of both."""
-        metres = (distance * METRES).astype(np.float32)
-        metres[(metres < self._model.least) | (metres > self._model.most)] = np.inf
+        metres = (distance * METRES_PER_STEP).astype(np.float32)
+        metres[(metres < self._model.min_range) | (metres > self._model.max_range)] = np.inf
         ranges = np.full(BEAMS, np.inf, dtype=np.float32)
         np.minimum.at(ranges, place, metres)
         measured = np.bincount(place, minlength=BEAMS) > 0
@@ -107,24 +109,24 @@ class Turns:
         ranges[np.isinf(ranges) | self._mounting.hidden] = np.nan
         return ranges
 
-    def _came(self, nodes: Nodes, number: int, now: float) -> float:
+    def _arrival_time(self, nodes: Nodes, number: int, now: float) -> float:
         """Return when one of several nodes came, the last of them ``now``: they wait for each other on their way."""
-        return now - (len(nodes) - 1 - number) / self.samples
+        return now - (len(nodes) - 1 - number) / self.sample_rate
 
 
 STALE_AFTER = 0.5
 """Seconds without another turn after which the newest is stale: at 5.5 turns a second two were missed."""
 
-POOR_AFTER = 1.0
+EXPRESS_TIMEOUT = 1.0
 """Seconds without a whole turn of an express scan that comes in pieces after which it is begun anew, as a plain one."""
 
-STUCK_AFTER = 3.0
+SCAN_TIMEOUT = 3.0
 """Seconds without a whole turn after which it is begun anew: a motor takes two to come up to speed."""
 
-AGAIN = 1.0
+RETRY_INTERVAL = 1.0
 """Seconds until it is tried again when it did not answer; it does not turn meanwhile."""
 
-GATHER = 0.02
+GATHER_TIME = 0.02
 """Seconds for which its link should let bytes gather: 4000 nodes a second come in a thousand pieces otherwise."""
 
 
@@ -142,13 +144,13 @@ class RPLidar:
 
     def __init__(
         self,
-        link: Link,
+        link: SerialLink,
         clock: Clock,
         *,
         model: str = "a1",
         place: Place = (0.0, 0.0, 0.0),
         blind: Sequence[Sector] = (),
-        report: Report = ignore,
+        report: StatusCallback = ignore,
         changed: Callable[[], None] = ignore,
     ) -> None:
         if model not in MODELS:
@@ -157,16 +159,16 @@ class RPLidar:
         self._mounting = Mounting(place, tuple(blind))
         self._link = link
         self._clock = clock
-        self._report = guarded(report)
-        self._changed = guarded(changed)
-        self._turns = Turns(self._model, self._mounting)
+        self._report = guard_callback(report)
+        self._changed = guard_callback(changed)
+        self._assembler = ScanAssembler(self._model, self._mounting)
         # Written by the link's thread alone, and replaced, never altered: any thread may read them.
         self._session = self._new_session()
         self._finders: dict[bool, NodeFinder | CapsuleFinder] = {False: NodeFinder(), True: CapsuleFinder()}
         self._finder = self._finders[False]
         self._latest: Reading[RangeScan] = Reading(None, -inf, Quality.NONE)
-        self._slips = 0
-        self._turned_at = -inf
+        self._resyncs = 0
+        self._scanned_at = -inf
         self._trouble: DriverError | None = None
 
     @property
@@ -175,13 +177,13 @@ class RPLidar:
         return self._mounting.place
 
     @property
-    def info(self) -> Info | None:
+    def info(self) -> RPLidarInfo | None:
         """What it says that it is; None until it has on this connection."""
         return self._session.info
 
     def scan(self) -> Reading[RangeScan]:
         """Return the newest whole turn; stale once ``STALE_AFTER`` has passed without another."""
-        latest, turned_at, now = self._latest, self._turned_at, self._clock.now()
+        latest, turned_at, now = self._latest, self._scanned_at, self._clock.read_value()
         if latest.value is None:
             return replace(latest, stamp=now)
         return latest if now - turned_at <= STALE_AFTER else replace(latest, quality=Quality.STALE)
@@ -204,77 +206,77 @@ class RPLidar:
             **link.counters,
             "nodes": finder.nodes,
             "skipped bytes": finder.skipped_bytes,
-            "slips": finder.slips,
-            "partial turns": self._turns.partial,
+            "slips": finder.resyncs,
+            "partial turns": self._assembler.partial_scans,
         }
         trouble = self._trouble
         if not link.online:
             return Health(False, link.detail, link.hint, counters)
         if trouble is not None:
             return Health(False, str(trouble), trouble.hint, counters)
-        if self._turned_at == -inf:
+        if self._scanned_at == -inf:
             return Health(False, f"{self.name}: {self._link.port}: waiting for its first turn", "", counters)
         return Health(True, counters=counters)
 
-    # What follows is drivers.transport.link.Talker, called from the link's thread.
+    # What follows is drivers.transport.link.LinkHandler, called from the link's thread.
 
-    def connected(self) -> None:
+    def on_connected(self) -> None:
         """Begin anew on a port just opened: nothing of before counts."""
         self._session = self._new_session()
         self._trouble = None
-        self._turned_at = -inf
+        self._scanned_at = -inf
 
-    def received(self, data: bytes) -> None:
+    def on_data(self, data: bytes) -> None:
         """Take what it says; the pulse that follows makes something of it."""
-        self._session.received(data)
+        self._session.on_data(data)
 
-    def pulse(self) -> None:
+    def on_poll(self) -> None:
         """Bring it to scan, take the nodes that have come, and notice that none come."""
-        begun = self._session.since < inf
+        begun = self._session.scanning_since < inf
         try:
-            data = self._session.pulse()
-            self._require_turns()
+            data = self._session.poll()
+            self._require_scans()
         except (NoReply, DeviceFault) as error:
             self._fail(error)
             return
         if not begun:
-            express = self._session.express
+            express = self._session.is_express
             self._finder = self._finders[express]
             self._finder.restart()
-            self._turns.restart()
-            self._slips = self._finder.slips
-            self._turns.samples = capsules.SAMPLES if express else SAMPLES
+            self._assembler.restart()
+            self._resyncs = self._finder.resyncs
+            self._assembler.sample_rate = capsules.EXPRESS_SAMPLE_RATE if express else SAMPLE_RATE
         if data:
-            self._take(data)
+            self._handle_nodes(data)
 
-    def ending(self) -> None:
+    def on_closing(self) -> None:
         """Stop the motor, as the last word of a thread that may have been cut short."""
         self._session.stop()
 
-    def _take(self, data: bytes) -> None:
-        now = self._clock.now()
-        scan = self._turns.add(self._finder.feed(data), now - self._finder.behind)
+    def _handle_nodes(self, data: bytes) -> None:
+        now = self._clock.read_value()
+        scan = self._assembler.add(self._finder.feed(data), now - self._finder.delay)
         if scan is None:
             return
         self._latest = Reading(scan, scan.stamp, Quality.GOOD)
-        self._slips = self._finder.slips
-        self._turned_at = now  # last: who sees it fresh also sees the turn
+        self._resyncs = self._finder.resyncs
+        self._scanned_at = now  # last: who sees it fresh also sees the turn
         if self._trouble is not None:
             self._trouble = None
             self._report(DeviceStatus(self.name, "online", f"{self._link.port}: whole turns come again"))
         self._changed()
 
-    def _require_turns(self) -> None:
+    def _require_scans(self) -> None:
         """Raise NoReply when it should scan, but no whole turn has come for too long.
 
         A lost byte costs a capsule or two, and else one node: express scans that come in pieces are given up.
         """
-        without = self._clock.now() - max(self._session.since, self._turned_at)
-        if self._session.express and without > POOR_AFTER and self._finder.slips > self._slips:
-            self._session.plain = True
-            self._session.again(0.0)
-        elif without > STUCK_AFTER:
-            what = f"{self.name}: {self._link.port}: no whole turn for {STUCK_AFTER:g} s"
+        without = self._clock.read_value() - max(self._session.scanning_since, self._scanned_at)
+        if self._session.is_express and without > EXPRESS_TIMEOUT and self._finder.resyncs > self._resyncs:
+            self._session.avoids_express = True
+            self._session.restart(0.0)
+        elif without > SCAN_TIMEOUT:
+            what = f"{self.name}: {self._link.port}: no whole turn for {SCAN_TIMEOUT:g} s"
             raise NoReply(what, hint="does its head turn? look at its belt, and at the power of its USB port")
 
     def _fail(self, error: DriverError) -> None:
@@ -283,13 +285,13 @@ class RPLidar:
             kind = "fault" if isinstance(error, DeviceFault) else "offline"
             self._report(DeviceStatus(self.name, kind, str(error), error.hint))
         self._trouble = error
-        self._session.again(AGAIN)
+        self._session.restart(RETRY_INTERVAL)
 
-    def _new_session(self) -> Session:
-        return Session(self.name, self._model, self._link, self._clock, self._report)
+    def _new_session(self) -> RPLidarSession:
+        return RPLidarSession(self.name, self._model, self._link, self._clock, self._report)
 
 
-def make(keys: RPLidarKeys, site: Site) -> RPLidar:
+def make(keys: RPLidarKeys, site: DriverContext) -> RPLidar:
     """Return the driver."""
-    link = Link("range", site.port, keys.baud, gather=GATHER, report=site.report)
+    link = SerialLink("range", site.port, keys.baud, gather_time=GATHER_TIME, report=site.report)
     return RPLidar(link, site.clock, model=keys.model, place=keys.place, blind=keys.blind, report=site.report)

@@ -4,32 +4,32 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-PWM = 660
+MOTOR_PWM = 660
 """The pulse width of 1023 at which the maker runs the motor of an A2."""
 
-SAMPLES = 2000.0
+SAMPLE_RATE = 2000.0
 """Measurements a second of a plain scan."""
 
 
 @dataclass(frozen=True, slots=True)
-class Model:
+class RPLidarModel:
     """One of the finders that speak this protocol at 115200 baud.
 
-    It measures from ``least`` to ``most`` metres and turns ``rate`` times a second. ``pwm``: the board below it may
+    It measures from ``min_range`` to ``max_range`` metres and turns ``turn_rate`` times a second. ``has_pwm``: the board below it may
     set the pulse width of the motor; the motor of the others is switched by the line DTR alone.
     """
 
     name: str
     series: int
-    least: float
-    most: float
-    rate: float
-    pwm: bool
+    min_range: float
+    max_range: float
+    turn_rate: float
+    has_pwm: bool
 
 
-MODELS: Mapping[str, Model] = MappingProxyType(
+MODELS: Mapping[str, RPLidarModel] = MappingProxyType(
     {
-        "a1": Model("A1", series=1, least=0.15, most=12.0, rate=5.5, pwm=False),
-        "a2": Model("A2", series=2, least=0.15, most=12.0, rate=10.0, pwm=True),
+        "a1": RPLidarModel("A1", series=1, min_range=0.15, max_range=12.0, turn_rate=5.5, has_pwm=False),
+        "a2": RPLidarModel("A2", series=2, min_range=0.15, max_range=12.0, turn_rate=10.0, has_pwm=True),
     }
 )

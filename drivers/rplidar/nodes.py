@@ -10,23 +10,23 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-SIZE = 5
+NODE_SIZE = 5
 """Bytes of a node."""
 
-TURN = 360 * 64
+STEPS_PER_TURN = 360 * 64
 """Steps of the angle in a whole turn."""
 
-ROW = 4
+MIN_NODES_IN_ROW = 4
 """How many nodes must follow one another before bytes that have been out of step count as nodes again."""
 
-_KNOWN = SIZE * (ROW - 2)
+_ROW_SPAN = NODE_SIZE * (MIN_NODES_IN_ROW - 2)
 """Bytes from the first to the last pair of nodes in a row."""
 
-LEAP = 30 * 64
+MAX_ANGLE_STEP = 30 * 64
 """Steps of the angle within which a node follows another. A1s work out where a beam went from how far it went, so that
 from something near to something far the angle leaps, and not always forward."""
 
-WINDOW = 256
+SEARCH_WINDOW = 256
 """Bytes in which a row is looked for at a time: mostly it begins in the first few."""
 
 Bytes = npt.NDArray[np.uint8]
@@ -53,7 +53,7 @@ class Nodes:
     def pack(self) -> bytes:
         """Return their bytes."""
         low = self.angle.astype(np.uint32) << 1 | 1
-        raw = np.empty((len(self), SIZE), dtype=np.uint8)
+        raw = np.empty((len(self), NODE_SIZE), dtype=np.uint8)
         raw[:, 0] = self.quality << 2 | np.where(self.new, 1, 2)
         raw[:, 1], raw[:, 2] = low & 0xFF, low >> 8
         raw[:, 3], raw[:, 4] = self.distance & 0xFF, self.distance >> 8
@@ -74,16 +74,16 @@ class NodeFinder:
 
     Check bits alone do not keep it in step: one place of noise in four passes, and where a wall is as far for a while
     so do bytes that are out of step. So a node must also follow the one before it: have another angle, but not by more
-    than ``LEAP``, where both measured something. Once one does not, bytes are dropped until ``ROW`` nodes do.
+    than ``MAX_ANGLE_STEP``, where both measured something. Once one does not, bytes are dropped until ``MIN_NODES_IN_ROW`` nodes do.
     """
 
-    behind = 0.0
+    delay = 0.0
     """Seconds by which a measurement is given out later than it came."""
 
     def __init__(self) -> None:
         self.nodes = 0
         self.skipped_bytes = 0
-        self.slips = 0
+        self.resyncs = 0
         """How often bytes had to be dropped."""
         self._last = b""  # the node found last; empty while out of step
         self._rest = b""
@@ -95,53 +95,55 @@ class NodeFinder:
     def feed(self, data: bytes) -> Nodes:
         """Take bytes as they come; return the nodes that are known for such now, in order."""
         raw = np.frombuffer(self._last + self._rest + data, dtype=np.uint8)
-        follows = _follows(raw)
+        follows = _find_followed(raw)
         places = [np.empty(0, dtype=np.int64)]  # of the first bytes
         at, in_step = 0, bool(self._last)
         while True:
             if not in_step:
-                row = _row(follows, at)
+                row = _find_row(follows, at)
                 self.skipped_bytes += row - at
-                self.slips += row > at
+                self.resyncs += row > at
                 at = row
-                if at + _KNOWN >= len(follows):
+                if at + _ROW_SPAN >= len(follows):
                     break  # a row may begin here, but has not all come
                 places.append(np.array([at]))
-            run = follows[at::SIZE]
+            run = follows[at::NODE_SIZE]
             length = len(run) if run.all() else int(run.argmin())
-            places.append(np.arange(at + SIZE, at + SIZE * (length + 1), SIZE))
-            at += SIZE * length
+            places.append(np.arange(at + NODE_SIZE, at + NODE_SIZE * (length + 1), NODE_SIZE))
+            at += NODE_SIZE * length
             in_step = length == len(run)
             if in_step:
                 break
-            at += SIZE
-        split = at + SIZE * in_step
+            at += NODE_SIZE
+        split = at + NODE_SIZE * in_step
         self._last, self._rest = raw[at:split].tobytes(), raw[split:].tobytes()
         first = np.concatenate(places)
         self.nodes += len(first)
-        return Nodes.unpack(raw[first[:, None] + np.arange(SIZE)])
+        return Nodes.unpack(raw[first[:, None] + np.arange(NODE_SIZE)])
 
 
-def _follows(raw: Bytes) -> Flags:
+def _find_followed(raw: Bytes) -> Flags:
     """Return for each place whether a node begins there, and another that follows it right behind."""
-    if len(raw) < 2 * SIZE:
+    if len(raw) < 2 * NODE_SIZE:
         return np.empty(0, dtype=np.bool_)
-    checks = ((raw ^ raw >> 1)[: 1 - SIZE] & raw[1 : 2 - SIZE] & 1).astype(np.bool_)
+    checks = ((raw ^ raw >> 1)[: 1 - NODE_SIZE] & raw[1 : 2 - NODE_SIZE] & 1).astype(np.bool_)
     wide = raw.astype(np.int32)
-    angle = wide[1 : 2 - SIZE] // 2 + wide[2 : 3 - SIZE] * 128
-    nothing = raw[3 : 4 - SIZE] | raw[4:] == 0
-    turned = (angle[SIZE:] - angle[:-SIZE]) % TURN
-    near = (turned != 0) & ((turned < LEAP) | (turned > TURN - LEAP))
-    follows: Flags = checks[:-SIZE] & checks[SIZE:] & (near | nothing[:-SIZE] | nothing[SIZE:])
+    angle = wide[1 : 2 - NODE_SIZE] // 2 + wide[2 : 3 - NODE_SIZE] * 128
+    nothing = raw[3 : 4 - NODE_SIZE] | raw[4:] == 0
+    turned = (angle[NODE_SIZE:] - angle[:-NODE_SIZE]) % STEPS_PER_TURN
+    near = (turned != 0) & ((turned < MAX_ANGLE_STEP) | (turned > STEPS_PER_TURN - MAX_ANGLE_STEP))
+    follows: Flags = checks[:-NODE_SIZE] & checks[NODE_SIZE:] & (near | nothing[:-NODE_SIZE] | nothing[NODE_SIZE:])
     return follows
 
 
-def _row(follows: Flags, at: int) -> int:
-    """Return the first place from ``at`` on where ``ROW`` nodes come in a row, or where that is not known yet."""
-    unknown = len(follows) - _KNOWN
-    for start in range(at, unknown, WINDOW):
-        end = min(start + WINDOW, unknown)
-        rows = np.logical_and.reduce([follows[start + shift : end + shift] for shift in range(0, _KNOWN + 1, SIZE)])
+def _find_row(follows: Flags, at: int) -> int:
+    """Return the first place from ``at`` on where ``MIN_NODES_IN_ROW`` nodes come in a row, or where that is not known yet."""
+    unknown = len(follows) - _ROW_SPAN
+    for start in range(at, unknown, SEARCH_WINDOW):
+        end = min(start + SEARCH_WINDOW, unknown)
+        rows = np.logical_and.reduce(
+            [follows[start + shift : end + shift] for shift in range(0, _ROW_SPAN + 1, NODE_SIZE)]
+        )
         if rows.any():
             return start + int(rows.argmax())
     return max(at, unknown)

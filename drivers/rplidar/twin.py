@@ -3,21 +3,21 @@
 from drivers.base.range_twin import RangerTwin
 from drivers.rplidar.declared import RPLidarKeys
 from drivers.rplidar.models import MODELS
-from drivers.sim.scanner import looking
-from drivers.sim.stage import Stage
-from drivers.sim.world import World
+from drivers.sim.scanner import make_range_function
+from drivers.sim.stage import SimContext
+from drivers.sim.world import SimulatedWorld
 
 
-def make(keys: RPLidarKeys, stage: Stage) -> RangerTwin:
+def make(keys: RPLidarKeys, stage: SimContext) -> RangerTwin:
     """Return the twin of a range finder, which sees the world from where the base truly is."""
     model = MODELS[keys.model]
-    world = World() if stage.world is None else stage.world
+    world = SimulatedWorld() if stage.world is None else stage.world
     return RangerTwin(
-        looking(world, keys.place, stage.pose, height=keys.position[2]),
+        make_range_function(world, keys.place, stage.pose, height=keys.position[2]),
         stage.clock,
-        least=model.least,
-        most=model.most,
-        rate=model.rate,
+        least=model.min_range,
+        most=model.max_range,
+        rate=model.turn_rate,
         place=keys.place,
         blind=keys.blind,
         report=stage.report,

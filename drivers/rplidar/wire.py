@@ -15,20 +15,20 @@ from typing import Self
 BAUD = 115200
 """The rate of the A1 and A2, 8N1."""
 
-BEGIN = 0xA5
+START_BYTE = 0xA5
 """The first byte of a request and of a descriptor."""
 
 
-class Command(IntEnum):
+class RPLidarCommand(IntEnum):
     """What it may be asked; those without a reply are STOP, RESET and PWM."""
 
     SCAN = 0x20
-    FORCED = 0x21
+    FORCE_SCAN = 0x21
     STOP = 0x25
     RESET = 0x40
     INFO = 0x50
     HEALTH = 0x52
-    RATES = 0x59
+    SAMPLE_RATES = 0x59
     EXPRESS = 0x82
     SETTING = 0x84
     PWM = 0xF0
@@ -46,31 +46,31 @@ def request(command: int, payload: bytes = b"") -> bytes:
     if command < _WITH_PAYLOAD:
         if payload:
             raise ValueError(f"RPLIDAR command {command:#x} takes no payload")
-        return bytes([BEGIN, command])
+        return bytes([START_BYTE, command])
     if len(payload) > 255:
         raise ValueError(f"an RPLIDAR payload has 255 bytes at most, not {len(payload)}")
-    body = bytes([BEGIN, command, len(payload)]) + payload
+    body = bytes([START_BYTE, command, len(payload)]) + payload
     return body + bytes([reduce(xor, body)])
 
 
-def motor(pwm: int) -> bytes:
+def motor_request(pwm: int) -> bytes:
     """Return the request that turns the motor at the pulse width ``pwm`` of 1023; 0 stops it."""
-    return request(Command.PWM, _PWM.pack(pwm))
+    return request(RPLidarCommand.PWM, _PWM.pack(pwm))
 
 
-def pwm_of(payload: bytes) -> int:
+def unpack_pwm(payload: bytes) -> int:
     """Return the pulse width that a PWM request asks for. Raises struct.error for another payload."""
     (pwm,) = _PWM.unpack(payload)
     return int(pwm)
 
 
-BOARD = request(Command.BOARD, bytes(4))
+BOARD_REQUEST = request(RPLidarCommand.BOARD, bytes(4))
 """Asks the board below an A2 whether it can set the pulse width of the motor: bit 0 of the reply."""
 
 
 def descriptor(length: int, kind: int, *, repeated: bool = False) -> bytes:
     """Return what comes before a reply of ``length`` bytes of the type ``kind``, or before each of a row of them."""
-    return _DESCRIPTOR.pack(BEGIN, 0x5A, length | (_REPEATED if repeated else 0), kind)
+    return _DESCRIPTOR.pack(START_BYTE, 0x5A, length | (_REPEATED if repeated else 0), kind)
 
 
 INFO_REPLY = descriptor(20, 0x04)
@@ -80,17 +80,17 @@ SCAN_REPLY = descriptor(5, 0x81, repeated=True)
 EXPRESS_REPLY = descriptor(84, 0x82, repeated=True)
 RATES_REPLY = descriptor(4, 0x15)
 
-EXPRESS = request(Command.EXPRESS, bytes(5))
+EXPRESS_REQUEST = request(RPLidarCommand.EXPRESS, bytes(5))
 """Asks for an express scan of the first kind, which all that have one know."""
 
 
-def setting_reply(told: bytes) -> bytes:
-    """Return the whole answer to ``Command.SETTING``."""
-    return descriptor(len(told), 0x20) + told
+def setting_reply(payload: bytes) -> bytes:
+    """Return the whole answer to ``RPLidarCommand.SETTING``."""
+    return descriptor(len(payload), 0x20) + payload
 
 
 @dataclass(frozen=True, slots=True)
-class Info:
+class RPLidarInfo:
     """What kind of finder it is; ``model >> 4`` is the number in its name. ``serial`` has 16 bytes."""
 
     LAYOUT = Struct("<4B16s")
@@ -121,7 +121,7 @@ class Info:
         return cls(*cls.LAYOUT.unpack(data))
 
 
-class Status(IntEnum):
+class RPLidarStatus(IntEnum):
     """How it feels."""
 
     GOOD = 0
@@ -130,8 +130,8 @@ class Status(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Condition:
-    """What it says of its health: a ``Status``, as a number, and the maker's own ``code`` for what is wrong."""
+class RPLidarHealth:
+    """What it says of its health: a ``RPLidarStatus``, as a number, and the maker's own ``code`` for what is wrong."""
 
     LAYOUT = Struct("<BH")
 
@@ -159,7 +159,7 @@ class RequestFinder:
         self._buffer += data
         found: list[tuple[int, bytes]] = []
         while True:
-            start = self._buffer.find(BEGIN)
+            start = self._buffer.find(START_BYTE)
             del self._buffer[: start if start >= 0 else len(self._buffer)]
             size = self._size()
             if size is None or len(self._buffer) < size:

@@ -15,16 +15,16 @@ import numpy.typing as npt
 
 from drivers.api import Image
 from drivers.api.quick import dataclass
-from drivers.screen.expression import Expression, Words, arranged
+from drivers.screen.expression import FaceExpression, TextLayout, layout_text
 
 Point = tuple[float, float]
 
-ROUND = 0.5523
+CIRCLE_CONTROL = 0.5523
 """How far the control points of a quarter of an ellipse lie along its sides, for the best fit."""
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
+class FaceShape:
     """A chain of curves: its first point, then two control points and an end for each. A filled one closes itself.
 
     x to the right, y down. Colours are ``#rrggbb``, empty for none; lines have round ends. ``opacity`` is 0..1.
@@ -42,7 +42,7 @@ class Shape:
             start, leave, arrive, end = self.points[place : place + 4]
             yield start, leave, arrive, end
 
-    def placed(self, *, scale: float, angle: float, centre: Point, to: Point) -> "Shape":
+    def transform(self, *, scale: float, angle: float, centre: Point, to: Point) -> "FaceShape":
         """Return it larger by ``scale`` and turned clockwise by ``angle`` (radians) about ``centre``, moved ``to``."""
         along, across = scale * cos(angle), scale * sin(angle)
         moved = (
@@ -53,7 +53,7 @@ class Shape:
         return replace(self, points=tuple(moved), width=self.width * scale)
 
 
-def chain(*points: Point) -> tuple[Point, ...]:
+def polyline(*points: Point) -> tuple[Point, ...]:
     """Return straight lines through these points, as curves."""
     found = [points[0]]
     for (x, y), (next_x, next_y) in pairwise(points):
@@ -65,14 +65,14 @@ def chain(*points: Point) -> tuple[Point, ...]:
     return tuple(found)
 
 
-def ring(left: Point, top: Point, right: Point, bottom: Point) -> tuple[Point, ...]:
+def closed_curve(left: Point, top: Point, right: Point, bottom: Point) -> tuple[Point, ...]:
     """Return a closed chain that is upright at its left and right point, level at its top and bottom."""
 
     def level(end: Point, side: Point) -> Point:
-        return end[0] + ROUND * (side[0] - end[0]), end[1]
+        return end[0] + CIRCLE_CONTROL * (side[0] - end[0]), end[1]
 
     def upright(side: Point, end: Point) -> Point:
-        return side[0], side[1] + ROUND * (end[1] - side[1])
+        return side[0], side[1] + CIRCLE_CONTROL * (end[1] - side[1])
 
     return (
         left, upright(left, top), level(top, left), top,
@@ -85,10 +85,12 @@ def ring(left: Point, top: Point, right: Point, bottom: Point) -> tuple[Point, .
 def oval(centre: Point, across: float, down: float) -> tuple[Point, ...]:
     """Return an ellipse with these half-axes."""
     x, y = centre
-    return ring((x - across, y), (x, y - down), (x + across, y), (x, y + down))
+    return closed_curve((x - across, y), (x, y - down), (x + across, y), (x, y + down))
 
 
-def part(points: tuple[Point, Point, Point, Point], begin: float, end: float) -> tuple[Point, Point, Point, Point]:
+def curve_segment(
+    points: tuple[Point, Point, Point, Point], begin: float, end: float
+) -> tuple[Point, Point, Point, Point]:
     """Return the piece of one curve between two parameters, 0..1 (de Casteljau's construction)."""
 
     def blend(a: Point, b: Point, share: float) -> Point:
@@ -113,37 +115,37 @@ NIGHT, CREAM, TEAL, INK, CORAL, WINE, ROSE, SKY = (
 )  # fmt: skip
 """Dark behind, bright before: a face that is seen across a room, and does not light it at night."""
 
-MIDDLE = WIDTH / 2
+MIDDLE_X = WIDTH / 2
 SIDES = (-1.0, 1.0)
 EYE, EYE_Y, ACROSS, DOWN = 66.0, 104.0, 42.0, 47.0  # from the middle, from the top, half-axes
 MOUTH_Y = 184.0
-SMALL = 0.68
+SCALE_ABOVE_TEXT = 0.68
 """How large the face is above words."""
 
 
 @dataclass(frozen=True, slots=True)
-class Drawing:
+class FaceDrawing:
     """Shapes from back to front, always as many with as many points each, and the words below them."""
 
-    shapes: tuple[Shape, ...]
-    words: Words
+    shapes: tuple[FaceShape, ...]
+    text: TextLayout
 
 
-def draw(face: Expression, text: str = "") -> Drawing:
+def draw_face(face: FaceExpression, text: str = "") -> FaceDrawing:
     """Return the drawing of a face with words below it."""
-    words = arranged(text)
-    scale = SMALL if words.lines else 1.0
-    middle = (MIDDLE, HEIGHT / 2)
+    words = layout_text(text)
+    scale = SCALE_ABOVE_TEXT if words.lines else 1.0
+    middle = (MIDDLE_X, HEIGHT / 2)
     shapes = (
-        shape.placed(scale=scale, angle=face.tilt, centre=middle, to=(MIDDLE, scale * middle[1]))
+        shape.transform(scale=scale, angle=face.tilt, centre=middle, to=(MIDDLE_X, scale * middle[1]))
         for shape in _face(face)
     )
-    return Drawing(tuple(shapes), words)
+    return FaceDrawing(tuple(shapes), words)
 
 
-def _face(face: Expression) -> Iterator[Shape]:
+def _face(face: FaceExpression) -> Iterator[FaceShape]:
     for side in SIDES:
-        yield Shape(oval((MIDDLE + side * 112, 164), 22, 13), fill=CORAL, opacity=0.85 * face.cheeks)
+        yield FaceShape(oval((MIDDLE_X + side * 112, 164), 22, 13), fill=CORAL, opacity=0.85 * face.cheeks)
     for side in SIDES:
         yield from _eye(face, side)
         yield _brow(face, side)
@@ -153,14 +155,14 @@ def _face(face: Expression) -> Iterator[Shape]:
     yield from _letters(face)
 
 
-def _eye(face: Expression, side: float) -> Iterator[Shape]:
-    x, y = MIDDLE + side * EYE, EYE_Y
+def _eye(face: FaceExpression, side: float) -> Iterator[FaceShape]:
+    x, y = MIDDLE_X + side * EYE, EYE_Y
     top, bottom = y - face.upper * DOWN, y + face.lower * DOWN
     inner, outer = x - side * ACROSS, x + side * ACROSS
     corner = y + 0.5 * face.slant * DOWN
     peak = (x - side * face.slant * 0.5 * ACROSS, top)
-    outline = ring((inner, y), peak, (outer, corner), (x, bottom))
-    yield Shape(outline, fill=CREAM, line=CREAM, width=12)
+    outline = closed_curve((inner, y), peak, (outer, corner), (x, bottom))
+    yield FaceShape(outline, fill=CREAM, line=CREAM, width=12)
     room = (bottom - top) / 2 - 1
     seen = face.pupil > 0 and room > 5
     size = max(face.pupil, 0.1)
@@ -173,20 +175,20 @@ def _eye(face: Expression, side: float) -> Iterator[Shape]:
         (CREAM, 3.5, (8.0, 9.0)),
     ):
         centre = (at[0] + aside * size, at[1] + above * size * flat)
-        yield Shape(oval(centre, radius * size, radius * size * flat), fill=colour, opacity=float(seen))
+        yield FaceShape(oval(centre, radius * size, radius * size * flat), fill=colour, opacity=float(seen))
 
 
-def _brow(face: Expression, side: float) -> Shape:
-    x, y = MIDDLE + side * (EYE + 4), 44 - 20 * (face.brow_height - 0.5)
+def _brow(face: FaceExpression, side: float) -> FaceShape:
+    x, y = MIDDLE_X + side * (EYE + 4), 44 - 20 * (face.brow_height - 0.5)
     reach, angle = 30.0, side * face.brow_tilt
 
     def at(along: float, up: float) -> Point:
         return x + along * cos(angle) + up * sin(angle), y + along * sin(angle) - up * cos(angle)
 
-    return Shape((at(-reach, 0), at(-reach / 3, 9), at(reach / 3, 9), at(reach, 0)), line=TEAL, width=10)
+    return FaceShape((at(-reach, 0), at(-reach / 3, 9), at(reach / 3, 9), at(reach, 0)), line=TEAL, width=10)
 
 
-def _mouth(face: Expression) -> Iterator[Shape]:
+def _mouth(face: FaceExpression) -> Iterator[FaceShape]:
     half = 58 * face.width * (1 - 0.12 * face.opening)
     corner = MOUTH_Y - 12 * face.curve + 11 * face.opening * (1 - max(face.curve, 0.0))
     rest = MOUTH_Y + 12 * face.curve
@@ -194,105 +196,113 @@ def _mouth(face: Expression) -> Iterator[Shape]:
     upper = rest - 22 * face.opening * (1 - 0.7 * max(face.curve, 0.0))
     lower = rest + 40 * face.opening
 
-    left, right = (MIDDLE - half, corner), (MIDDLE + half, corner)
-    lip = (right, (MIDDLE + reach, lower), (MIDDLE - reach, lower), left)
-    outline = (left, (MIDDLE - reach, upper), (MIDDLE + reach, upper), *lip)
-    begin, leave, arrive, end = part(lip, 0.25, 0.75)
+    left, right = (MIDDLE_X - half, corner), (MIDDLE_X + half, corner)
+    lip = (right, (MIDDLE_X + reach, lower), (MIDDLE_X - reach, lower), left)
+    outline = (left, (MIDDLE_X - reach, upper), (MIDDLE_X + reach, upper), *lip)
+    begin, leave, arrive, end = curve_segment(lip, 0.25, 0.75)
     bulge = 0.45 * (lower - upper)
     tongue = (begin, leave, arrive, end, (end[0] + 4, end[1] - bulge), (begin[0] - 4, begin[1] - bulge), begin)
-    yield Shape(outline, fill=WINE)
-    yield Shape(tongue, fill=ROSE, opacity=min(max(4 * face.opening - 0.8, 0.0), 1.0))
-    yield Shape(outline, line=CREAM, width=9)
+    yield FaceShape(outline, fill=WINE)
+    yield FaceShape(tongue, fill=ROSE, opacity=min(max(4 * face.opening - 0.8, 0.0), 1.0))
+    yield FaceShape(outline, line=CREAM, width=9)
 
 
-def _tear(face: Expression) -> Shape:
-    x, y = MIDDLE + EYE + 20, 162 + 40 * face.breath
+def _tear(face: FaceExpression) -> FaceShape:
+    x, y = MIDDLE_X + EYE + 20, 162 + 40 * face.breath
     drop = ((x, y - 16), (x + 3, y - 7), (x + 10, y - 2), (x + 10, y + 4), (x + 10, y + 15), (x - 10, y + 15),
             (x - 10, y + 4), (x - 10, y - 2), (x - 3, y - 7), (x, y - 16))  # fmt: skip
-    return Shape(drop, fill=SKY, opacity=face.tear * _faded(face.breath))
+    return FaceShape(drop, fill=SKY, opacity=face.tear * _fade(face.breath))
 
 
-def _waves(face: Expression) -> Iterator[Shape]:
+def _waves(face: FaceExpression) -> Iterator[FaceShape]:
     """Arcs of sound that come nearer on both sides, one after the other."""
     for side in SIDES:
         for number in (0, 1):
             near = (2 * face.breath + number / 2) % 1.0
-            x, tall = MIDDLE + side * (142 - 18 * near), 34 - 20 * near
+            x, tall = MIDDLE_X + side * (142 - 18 * near), 34 - 20 * near
             arc = ((x, 118 - tall), (x + side * tall / 3, 118 - tall / 3), (x + side * tall / 3, 118 + tall / 3),
                    (x, 118 + tall))  # fmt: skip
-            yield Shape(arc, line=SKY, width=7, opacity=face.waves * _faded(near))
+            yield FaceShape(arc, line=SKY, width=7, opacity=face.waves * _fade(near))
 
 
-def _letters(face: Expression) -> Iterator[Shape]:
+def _letters(face: FaceExpression) -> Iterator[FaceShape]:
     """The letters Z that a sleeper sends up, one after the other."""
     for number in (0, 1):
         risen = (face.breath + number / 2) % 1.0
         x, y, size = 270 + 30 * risen, 78 - 58 * risen, 6 + 8 * risen
-        letter = chain((x - size, y - size), (x + size, y - size), (x - size, y + size), (x + size, y + size))
-        yield Shape(letter, line=SKY, width=6, opacity=face.sleep * _faded(risen))
+        letter = polyline((x - size, y - size), (x + size, y - size), (x - size, y + size), (x + size, y + size))
+        yield FaceShape(letter, line=SKY, width=6, opacity=face.sleep * _fade(risen))
 
 
-def _faded(share: float) -> float:
+def _fade(share: float) -> float:
     """Return how plain something is that comes and goes: unseen at 0 and 1, wholly there in between."""
     return min(1.0, 6 * share, 3 * (1 - share))
 
 
 # The face as an image: for films and records, where there is no browser.
 
-SHIFT = 4
+SUBPIXEL_BITS = 4
 """Bits of sub-pixel accuracy in OpenCV's drawing functions."""
 
-STEPS = np.linspace(0.0, 1.0, 11)
-BERNSTEIN = np.stack(((1 - STEPS) ** 3, 3 * STEPS * (1 - STEPS) ** 2, 3 * STEPS**2 * (1 - STEPS), STEPS**3), axis=1)
+CURVE_PARAMETERS = np.linspace(0.0, 1.0, 11)
+BERNSTEIN = np.stack(
+    (
+        (1 - CURVE_PARAMETERS) ** 3,
+        3 * CURVE_PARAMETERS * (1 - CURVE_PARAMETERS) ** 2,
+        3 * CURVE_PARAMETERS**2 * (1 - CURVE_PARAMETERS),
+        CURVE_PARAMETERS**3,
+    ),
+    axis=1,
+)
 """What each control point of a curve counts at the points that it is drawn through, (11, 4)."""
 
-LETTERS = cv2.FONT_HERSHEY_DUPLEX
-CAPITAL = 22.0
+FONT = cv2.FONT_HERSHEY_DUPLEX
+CAPITAL_HEIGHT = 22.0
 """Pixels that a capital of these letters is high at scale 1; of most others it is 0.73 of their size."""
 
 
-def frame(face: Expression, text: str, size: tuple[int, int]) -> Image:
+def face_image(face: FaceExpression, text: str, size: tuple[int, int]) -> Image:
     """Return the face with ``text`` below it, (height, width, 3) BGR; ``size`` is width and height in pixels.
 
     Letters that OpenCV does not have lose their accents, or become question marks.
     """
-    drawing = draw(face, text)
+    drawing = draw_face(face, text)
     scale = min(size[0] / WIDTH, size[1] / HEIGHT)
     corner = ((size[0] - scale * WIDTH) / 2, (size[1] - scale * HEIGHT) / 2)
     image: Image = np.empty((size[1], size[0], 3), np.uint8)
     cv2.rectangle(image, (0, 0), size, _colour(NIGHT), cv2.FILLED)  # many times as fast as numpy's fill
     for shape in drawing.shapes:
         if shape.opacity > 0:
-            _paint(image, shape.placed(scale=scale, angle=0.0, centre=(0.0, 0.0), to=corner))
-    _write(image, drawing.words, scale, corner)
+            _paint(image, shape.transform(scale=scale, angle=0.0, centre=(0.0, 0.0), to=corner))
+    _write_text(image, drawing.text, scale, corner)
     return image
 
 
-def _paint(image: Image, shape: Shape) -> None:
-    outline = np.rint((_flat(shape) - 0.5) * (1 << SHIFT)).astype(np.int32)
+def _paint(image: Image, shape: FaceShape) -> None:
+    outline = np.rint((_flatten(shape) - 0.5) * (1 << SUBPIXEL_BITS)).astype(np.int32)
     if shape.fill:
-        cv2.fillPoly(image, [outline], _mixed(shape.fill, shape.opacity), cv2.LINE_AA, SHIFT)
+        cv2.fillPoly(image, [outline], _blend_with_background(shape.fill, shape.opacity), cv2.LINE_AA, SUBPIXEL_BITS)
     if shape.line:
         width = max(1, round(shape.width - 1))  # its soft edge lies outside of it
-        colour = _mixed(shape.line, shape.opacity)
-        cv2.polylines(image, [outline], bool(shape.fill), colour, width, cv2.LINE_AA, SHIFT)
+        colour = _blend_with_background(shape.line, shape.opacity)
+        cv2.polylines(image, [outline], bool(shape.fill), colour, width, cv2.LINE_AA, SUBPIXEL_BITS)
 
 
-def _flat(shape: Shape) -> npt.NDArray[np.float64]:
+def _flatten(shape: FaceShape) -> npt.NDArray[np.float64]:
     """Return points (n, 2) along the chain."""
     return np.concatenate(BERNSTEIN @ np.array(list(shape.curves())))
 
 
-def _write(image: Image, words: Words, scale: float, corner: tuple[float, float]) -> None:
-    for line, foot in zip(words.lines, words.feet, strict=True):
+def _write_text(image: Image, words: TextLayout, scale: float, corner: tuple[float, float]) -> None:
+    for line, foot in zip(words.lines, words.baselines, strict=True):
         plain = unicodedata.normalize("NFKD", line.replace("…", "..."))
         plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
         plain = plain.encode("ascii", "replace").decode()
-        large = 0.73 * words.size * scale / CAPITAL
+        large = 0.73 * words.size * scale / CAPITAL_HEIGHT
         thick = max(1, round(0.07 * words.size * scale))
-        (across, _), _ = cv2.getTextSize(plain, LETTERS, large, thick)
+        (across, _), _ = cv2.getTextSize(plain, FONT, large, thick)
         place = round(corner[0] + scale * WIDTH / 2 - across / 2), round(corner[1] + scale * foot)
-        cv2.putText(image, plain, place, LETTERS, large, _colour(CREAM), thick, cv2.LINE_AA)
+        cv2.putText(image, plain, place, FONT, large, _colour(CREAM), thick, cv2.LINE_AA)
 
 
 def _colour(written: str) -> tuple[int, int, int]:
@@ -300,7 +310,7 @@ def _colour(written: str) -> tuple[int, int, int]:
     return int(written[5:7], 16), int(written[3:5], 16), int(written[1:3], 16)
 
 
-def _mixed(written: str, opacity: float) -> tuple[float, float, float]:
+def _blend_with_background(written: str, opacity: float) -> tuple[float, float, float]:
     """Return a colour over the night: what fades in and out has nothing else behind it."""
     blue, green, red = (
         opacity * front + (1 - opacity) * back for front, back in zip(_colour(written), _colour(NIGHT), strict=True)

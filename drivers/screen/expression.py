@@ -5,42 +5,42 @@ import unicodedata
 from dataclasses import replace
 from math import pi, radians, sin
 
-from drivers.api import Mood, Shown
+from drivers.api import Mood, ScreenContent
 from drivers.api.quick import dataclass
 
 # Words below a face: as large as fits, in as many lines as they need, broken at spaces.
 
-TOP, ROOM, ACROSS = 164.0, 70.0, 308.0
+TEXT_TOP, TEXT_HEIGHT, TEXT_WIDTH = 164.0, 70.0, 308.0
 """Where the words begin below the small face, and their room, on the sheet of 320 x 240."""
 
-LINES = 5
+MAX_LINES = 5
 """More make letters too small to be read from afar."""
 
-LETTER = 0.63
+LETTER_WIDTH = 0.63
 """How wide a bold letter is on average, as a share of its size; those of Chinese, Japanese and Korean are square."""
 
-LEADING = 1.15
+LINE_SPACING = 1.15
 """From line to line, as a share of the size."""
 
-LARGEST = 44.0
+MAX_LETTER_SIZE = 44.0
 
 MAX_TEXT_LENGTH = 240
 """Letters that are looked at: a few more than there is ever room for. What is longer costs no more."""
 
-NO_LETTERS = ("Cc", "Cs", "Cn", "Co")
+NON_LETTER_CATEGORIES = ("Cc", "Cs", "Cn", "Co")
 """Categories of Unicode: controls, surrogates, not assigned, private."""
 
 
 @dataclass(frozen=True, slots=True)
-class Words:
+class TextLayout:
     """Lines of words, the size of their letters, and how far down the foot of each line is."""
 
     lines: tuple[str, ...]
     size: float
-    feet: tuple[float, ...]
+    baselines: tuple[float, ...]
 
 
-def plain(text: str) -> str:
+def clean_text(text: str) -> str:
     """Return ``text`` in one line, with spaces for what is no letter: controls, halves of letters, what is unassigned.
 
     What is longer than ``MAX_TEXT_LENGTH`` letters ends there in an ellipsis.
@@ -48,29 +48,31 @@ def plain(text: str) -> str:
     text = " ".join(text.split())
     if len(text) > MAX_TEXT_LENGTH:
         text = text[:MAX_TEXT_LENGTH] + "…"
-    return "".join(" " if unicodedata.category(letter) in NO_LETTERS else letter for letter in text)
+    return "".join(" " if unicodedata.category(letter) in NON_LETTER_CATEGORIES else letter for letter in text)
 
 
-def arranged(text: str) -> Words:
+def layout_text(text: str) -> TextLayout:
     """Return ``text`` in lines; what does not fit ends in an ellipsis."""
-    text = plain(text)
+    text = clean_text(text)
     square = any(unicodedata.east_asian_width(letter) in "WF" for letter in text)
-    for count in range(1, LINES + 1):
-        size = min(LARGEST, ROOM / (count * LEADING))
-        columns = int(ACROSS / (size * (1.0 if square else LETTER)))
+    for count in range(1, MAX_LINES + 1):
+        size = min(MAX_LETTER_SIZE, TEXT_HEIGHT / (count * LINE_SPACING))
+        columns = int(TEXT_WIDTH / (size * (1.0 if square else LETTER_WIDTH)))
         lines = tuple(textwrap.wrap(text, columns, max_lines=count, placeholder="…"))
         if "".join(text.split()) == "".join("".join(lines).split()):
             break
-    return Words(lines, size, tuple(TOP + LEADING * size * (number + 0.78) for number in range(len(lines))))
+    return TextLayout(
+        lines, size, tuple(TEXT_TOP + LINE_SPACING * size * (number + 0.78) for number in range(len(lines)))
+    )
 
 
-BLINK_EVERY, BLINK = 4.0, 0.24
+BLINK_INTERVAL, BLINK_TIME = 4.0, 0.24
 """Seconds from blink to blink on average, and how long one takes; people blink a little oftener than that."""
 
-GLANCE = 2.6
+GLANCE_TIME = 2.6
 """Seconds that the eyes look one way."""
 
-BREATH = 4.0
+BREATH_PERIOD = 4.0
 """Seconds of what repeats: a breath of a sleeper, a tear, the waves of a listener."""
 
 BREATH_STEPS = 60
@@ -81,7 +83,7 @@ GOLDEN = 0.6180339887
 
 
 @dataclass(frozen=True, slots=True)
-class Expression:
+class FaceExpression:
     """A face as a few numbers, of which 0 is none and 1 plenty, unless said otherwise. Left and right are alike."""
 
     upper: float = 1.0  # the edge of the upper lid above the middle of the eye; below 0 past it
@@ -103,30 +105,30 @@ class Expression:
 
 
 MOODS = {
-    Mood.NEUTRAL: Expression(curve=0.35),
-    Mood.HAPPY: Expression(
+    Mood.NEUTRAL: FaceExpression(curve=0.35),
+    Mood.HAPPY: FaceExpression(
         upper=0.95, lower=-0.3, pupil=0.0, brow_height=0.9, curve=0.9, width=1.0, opening=0.55, cheeks=1.0
     ),
-    Mood.SAD: Expression(
+    Mood.SAD: FaceExpression(
         upper=0.6, lower=0.95, slant=0.8, brow_height=0.3, brow_tilt=0.4, curve=-0.9, width=0.65, cheeks=0.0, tear=1.0
     ),
-    Mood.SURPRISED: Expression(
+    Mood.SURPRISED: FaceExpression(
         upper=1.15, lower=1.15, pupil=0.6, brow_height=1.25, width=0.46, opening=0.7, cheeks=0.4
     ),
-    Mood.ASLEEP: Expression(
+    Mood.ASLEEP: FaceExpression(
         upper=-0.3, lower=0.4, pupil=0.0, brow_height=-0.4, curve=0.1, width=0.3, opening=0.3, cheeks=0.7, sleep=1.0
     ),
-    Mood.LISTENING: Expression(
+    Mood.LISTENING: FaceExpression(
         upper=1.08, lower=1.08, pupil=1.1, brow_height=1.0, curve=0.3, width=0.5, tilt=radians(8), waves=1.0
     ),
-    Mood.SPEAKING: Expression(brow_height=0.75, curve=0.45, width=0.75, opening=0.3),
+    Mood.SPEAKING: FaceExpression(brow_height=0.75, curve=0.45, width=0.75, opening=0.3),
 }
 """Each mood, with eyes open and the mouth at rest."""
 
-SHUT = MOODS[Mood.ASLEEP]
+SHUT_EYES = MOODS[Mood.ASLEEP]
 
 
-def expression(shown: Shown, time: float) -> Expression:
+def face_expression(shown: ScreenContent, time: float) -> FaceExpression:
     """Return how the face of what is ``shown`` looks at a ``time`` in seconds.
 
     A mouth that is moved opens over any mood; a speaking one that nobody moves does so by itself.
@@ -134,38 +136,38 @@ def expression(shown: Shown, time: float) -> Expression:
     face = MOODS[shown.mood]
     opening = face.opening + shown.mouth * (1 - face.opening)
     if shown.mood is Mood.SPEAKING:
-        opening = shown.mouth or _babble(time)
+        opening = shown.mouth or _syllable_opening(time)
     elif shown.mood is Mood.NEUTRAL:
-        face = replace(face, gaze=_glance(time))
-    lids = _shut_at(time) if face.pupil else 0.0
+        face = replace(face, gaze=_gaze_at(time))
+    lids = _lid_closure(time) if face.pupil else 0.0
     return replace(
         face,
-        upper=face.upper + lids * (SHUT.upper - face.upper),
-        lower=face.lower + lids * (SHUT.lower - face.lower),
+        upper=face.upper + lids * (SHUT_EYES.upper - face.upper),
+        lower=face.lower + lids * (SHUT_EYES.lower - face.lower),
         opening=opening,
-        breath=time * BREATH_STEPS // BREATH % BREATH_STEPS / BREATH_STEPS
+        breath=time * BREATH_STEPS // BREATH_PERIOD % BREATH_STEPS / BREATH_STEPS
         if face.tear or face.waves or face.sleep
         else 0.0,
     )
 
 
-def _chance(number: float) -> float:
+def _pseudo_random(number: float) -> float:
     return number * GOLDEN % 1.0
 
 
-def _shut_at(time: float) -> float:
-    """Return how far the lids are shut: 0 but for one blink in each ``BLINK_EVERY`` seconds."""
-    turn, within = divmod(time, BLINK_EVERY)
-    begun = within - _chance(turn) * (BLINK_EVERY - BLINK)
-    return sin(pi * begun / BLINK) if 0.0 <= begun <= BLINK else 0.0
+def _lid_closure(time: float) -> float:
+    """Return how far the lids are shut: 0 but for one blink in each ``BLINK_INTERVAL`` seconds."""
+    turn, within = divmod(time, BLINK_INTERVAL)
+    begun = within - _pseudo_random(turn) * (BLINK_INTERVAL - BLINK_TIME)
+    return sin(pi * begun / BLINK_TIME) if 0.0 <= begun <= BLINK_TIME else 0.0
 
 
-def _glance(time: float) -> float:
+def _gaze_at(time: float) -> float:
     """Return where the eyes look: mostly straight ahead, now and then a little aside."""
-    place = _chance(time // GLANCE)
+    place = _pseudo_random(time // GLANCE_TIME)
     return 0.0 if place < 0.6 else 5.0 * place - 4.0
 
 
-def _babble(time: float) -> float:
+def _syllable_opening(time: float) -> float:
     """Return how far a mouth is open that speaks words unknown: syllables of about a quarter of a second."""
     return 0.1 + 0.6 * abs(sin(2 * pi * 2.1 * time) * sin(2 * pi * 0.77 * time))

@@ -4,14 +4,14 @@ from dataclasses import replace
 from math import isnan
 from threading import Lock
 
-from drivers.api import Mood, Shown
+from drivers.api import Mood, ScreenContent
 from drivers.clock import Clock
 
-MOUTH_LIFE = 0.3
+MOUTH_TIMEOUT = 0.3
 """Seconds after which a mouth shuts that nobody moves any more."""
 
 
-class KeptScreen:
+class BaseScreen:
     """The part of a ``drivers.api.Screen`` that is the same on all: told from any thread, it keeps the newest.
 
     It is ``awake`` until it rests, and again when it is opened after that.
@@ -21,10 +21,10 @@ class KeptScreen:
 
     def __init__(self, clock: Clock, *, rest: Mood, awake: Mood) -> None:
         self._clock = clock
-        self._resting = Shown(rest)
-        self._awake = Shown(awake)
+        self._resting = ScreenContent(rest)
+        self._awake = ScreenContent(awake)
         self._state = self._awake
-        self._moved = 0.0  # when the mouth was told last
+        self._mouth_moved_at = 0.0  # when the mouth was told last
         self._lock = Lock()
 
     def open(self) -> None:
@@ -53,11 +53,11 @@ class KeptScreen:
         kept = 0.0 if isnan(opening) else min(max(opening, 0.0), 1.0)
         with self._lock:
             self._state = replace(self._state, mouth=kept)
-            self._moved = self._clock.now()
+            self._mouth_moved_at = self._clock.read_value()
 
-    def shown(self) -> Shown:
+    def content(self) -> ScreenContent:
         """Return what is to be seen now, or would be if it were there."""
         with self._lock:
-            if self._state.mouth and self._clock.now() - self._moved > MOUTH_LIFE:
+            if self._state.mouth and self._clock.read_value() - self._mouth_moved_at > MOUTH_TIMEOUT:
                 self._state = replace(self._state, mouth=0.0)
             return self._state

@@ -3,18 +3,18 @@
 from collections.abc import Callable
 
 from drivers.api import Health, Mood, Screen
-from drivers.api.driver import Site
+from drivers.api.driver import DriverContext
 from drivers.api.sections import ScreenKeys
 from drivers.clock import Clock
 from drivers.screen.declared import PageKeys
-from drivers.screen.kept import KeptScreen
+from drivers.screen.kept import BaseScreen
 from drivers.screen.pages import PageScreen
-from drivers.transport.loop import guarded
+from drivers.transport.loop import guard_callback
 
 # The screen of a machine without one: it prints what the face would show.
 
 
-class PrintedScreen(KeptScreen):
+class PrintedScreen(BaseScreen):
     """A ``drivers.api.Screen`` that hands each new mood and each new text to ``out``, as a mission writes them."""
 
     def __init__(
@@ -26,7 +26,7 @@ class PrintedScreen(KeptScreen):
         awake: Mood = Mood.NEUTRAL,
     ) -> None:
         super().__init__(clock, rest=rest, awake=awake)
-        self._out = guarded(out)
+        self._out = guard_callback(out)
         self._open = False
 
     def open(self) -> None:
@@ -45,24 +45,24 @@ class PrintedScreen(KeptScreen):
 
     def mood(self, mood: Mood) -> None:
         """Print the mood, if it is a new one."""
-        new = mood is not self.shown().mood
+        new = mood is not self.content().mood
         super().mood(mood)
         if new and self._open:
             self._out(f"face: {mood}")
 
     def show(self, text: str) -> None:
         """Print the text, if it is a new one and not empty."""
-        new = text != self.shown().text
+        new = text != self.content().text
         super().show(text)
         if new and text and self._open:
             self._out(f"show: {text}")
 
 
-def page(keys: PageKeys, site: Site) -> PageScreen:
+def page(keys: PageKeys, site: DriverContext) -> PageScreen:
     """Return a face on a page for a browser."""
     return PageScreen(site.clock, port=keys.port or 0, awake=Mood(keys.mood), report=site.report)
 
 
-def printed(keys: ScreenKeys, site: Site) -> Screen:
+def printed(keys: ScreenKeys, site: DriverContext) -> Screen:
     """Return a face that is told in words on the terminal."""
-    return PrintedScreen(site.clock, site.out, awake=Mood(keys.mood))
+    return PrintedScreen(site.clock, site.print_line, awake=Mood(keys.mood))

@@ -11,43 +11,43 @@ from pathlib import Path
 from string import Template
 from threading import Event, Thread
 
-from drivers.api import DeviceStatus, Health, Mood, Report, Shown, ignore
+from drivers.api import DeviceStatus, Health, Mood, ScreenContent, StatusCallback, ignore
 from drivers.clock import Clock
-from drivers.screen.drawing import CREAM, HEIGHT, NIGHT, WIDTH, Shape, draw
-from drivers.screen.expression import Expression, Words, expression, plain
-from drivers.screen.kept import KeptScreen
+from drivers.screen.drawing import CREAM, HEIGHT, NIGHT, WIDTH, FaceShape, draw_face
+from drivers.screen.expression import FaceExpression, TextLayout, clean_text, face_expression
+from drivers.screen.kept import BaseScreen
 from drivers.screen.server import Document, PageServer
-from drivers.transport.loop import guarded
+from drivers.transport.loop import guard_callback
 
 
-def svg(face: Expression, text: str, size: tuple[int, int] | None = None, *, label: str = "") -> str:
+def svg(face: FaceExpression, text: str, size: tuple[int, int] | None = None, *, label: str = "") -> str:
     """Return the face with ``text`` below it; ``size`` in pixels, width and height, else whatever room there is.
 
     ``label`` is what it shows in words, for those who do not see it.
     """
-    drawing = draw(face, text)
+    drawing = draw_face(face, text)
     extent = "" if size is None else f' width="{size[0]}" height="{size[1]}"'
     return "".join(
         (
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {HEIGHT:g}"{extent} id="face"',
-            f' role="img" aria-label="{escape(label or plain(text))}">',
+            f' role="img" aria-label="{escape(label or clean_text(text))}">',
             # Larger than the sheet: it also fills the margins of a screen that is wider or taller.
             f'<rect x="-2000" y="-2000" width="4320" height="4240" fill="{NIGHT}"/>',
             *(_path(shape) for shape in drawing.shapes),
             f'<g id="words" fill="{CREAM}" font-family="DejaVu Sans, Verdana, sans-serif" font-weight="bold"',
-            f' text-anchor="middle">{_words(drawing.words)}</g></svg>\n',
+            f' text-anchor="middle">{_words(drawing.text)}</g></svg>\n',
         )
     )
 
 
-def numbers(shape: Shape) -> list[float]:
+def shape_numbers(shape: FaceShape) -> list[float]:
     """Return what of a shape may move: its opacity, the width of its line, and its points, x before y."""
     places = (place for point in shape.points for place in point)
     return [round(shape.opacity, 2), round(shape.width, 1), *(round(place, 1) for place in places)]
 
 
-def _path(shape: Shape) -> str:
-    opacity, width, x, y, *others = numbers(shape)
+def _path(shape: FaceShape) -> str:
+    opacity, width, x, y, *others = shape_numbers(shape)
     line = f' stroke="{shape.line}" stroke-linecap="round" stroke-linejoin="round"' if shape.line else ""
     return (
         f'<path fill="{shape.fill or "none"}"{line} stroke-width="{width:g}" opacity="{opacity:g}"'
@@ -55,76 +55,78 @@ def _path(shape: Shape) -> str:
     )
 
 
-def _words(words: Words) -> str:
-    lines = zip(words.lines, words.feet, strict=True)
+def _words(words: TextLayout) -> str:
+    lines = zip(words.lines, words.baselines, strict=True)
     return "".join(
         f'<text x="{WIDTH / 2:g}" y="{foot:.1f}" font-size="{words.size:.1f}">{escape(line)}</text>'
         for line, foot in lines
     )
 
 
-HERE = Path(__file__).parent
+ASSET_FOLDER = Path(__file__).parent
 """The folder of ``page.html``, ``page.js`` and ``page.css``."""
 
 
 @cache
 def asset(name: str) -> str:
     """Return the text of a file beside this one."""
-    return (HERE / name).read_text(encoding="utf-8")
+    return (ASSET_FOLDER / name).read_text(encoding="utf-8")
 
 
 @cache
-def edition() -> str:
+def page_version() -> str:
     """Return what tells this page from those of other releases: a page that is out of date loads itself again."""
-    shapes = [(shape.fill, shape.line, len(shape.points)) for shape in draw(expression(Shown(), 0.0)).shapes]
+    shapes = [
+        (shape.fill, shape.line, len(shape.points)) for shape in draw_face(face_expression(ScreenContent(), 0.0)).shapes
+    ]
     parts = (asset("page.html"), asset("page.js"), asset("page.css"), repr(shapes))
     return hashlib.sha256("".join(parts).encode()).hexdigest()[:12]
 
 
-def page(shown: Shown, time: float) -> str:
+def page(shown: ScreenContent, time: float) -> str:
     """Return the whole page, with the face as it is at ``time`` (seconds), so that it is there at first sight."""
-    asleep = news(Shown(Mood.ASLEEP), 1.0)
-    return Template(asset("page.html")).substitute(face=picture(shown, time), edition=edition(), asleep=asleep)
+    asleep = state_line(ScreenContent(Mood.ASLEEP), 1.0)
+    return Template(asset("page.html")).substitute(face=picture(shown, time), edition=page_version(), asleep=asleep)
 
 
-def picture(shown: Shown, time: float, size: tuple[int, int] | None = None) -> str:
+def picture(shown: ScreenContent, time: float, size: tuple[int, int] | None = None) -> str:
     """Return the face at ``time`` as SVG; ``size`` as for ``svg``."""
-    return svg(expression(shown, time), shown.text, size, label=label(shown))
+    return svg(face_expression(shown, time), shown.text, size, label=label(shown))
 
 
-def news(shown: Shown, time: float) -> str:
+def state_line(shown: ScreenContent, time: float) -> str:
     """Return a line of JSON: everything that the page needs to show the face at ``time``."""
-    return _told(expression(shown, time), shown.text, label(shown))
+    return _state_json(face_expression(shown, time), shown.text, label(shown))
 
 
 @lru_cache(maxsize=4)  # a face is still for most of the time, and all pages show the same
-def _told(face: Expression, text: str, label: str) -> str:
-    drawing = draw(face, text)
+def _state_json(face: FaceExpression, text: str, label: str) -> str:
+    drawing = draw_face(face, text)
     told = {
-        "edition": edition(),
+        "edition": page_version(),
         "label": label,
-        "shapes": [numbers(shape) for shape in drawing.shapes],
-        "lines": drawing.words.lines,
-        "size": round(drawing.words.size, 1),
-        "feet": [round(foot, 1) for foot in drawing.words.feet],
+        "shapes": [shape_numbers(shape) for shape in drawing.shapes],
+        "lines": drawing.text.lines,
+        "size": round(drawing.text.size, 1),
+        "feet": [round(foot, 1) for foot in drawing.text.baselines],
     }
     return json.dumps(told, separators=(",", ":"))
 
 
-def label(shown: Shown) -> str:
+def label(shown: ScreenContent) -> str:
     """Return in words what is shown, for those who do not see it."""
-    text = plain(shown.text)
+    text = clean_text(shown.text)
     return f"{shown.mood} face: {text}" if text else f"{shown.mood} face"
 
 
-PORT, PORTS = 8321, 20
+DEFAULT_PORT, PORT_ATTEMPTS = 8321, 20
 """Where it is served when nobody says where, and how many ports it tries from there."""
 
-RETRY = 1.0
+PORT_RETRY_INTERVAL = 1.0
 """Seconds between attempts to get a port that is taken."""
 
 
-class PageScreen(KeptScreen):
+class PageScreen(BaseScreen):
     """A ``drivers.api.Screen`` as a page at ``address``, for up to four browsers on this computer.
 
     ``port`` 0 is the first free one from 8321 on; another is waited for while it is taken. ``host`` is the address
@@ -142,23 +144,23 @@ class PageScreen(KeptScreen):
         port: int = 0,
         rest: Mood = Mood.ASLEEP,
         awake: Mood = Mood.NEUTRAL,
-        report: Report = ignore,
+        report: StatusCallback = ignore,
     ) -> None:
         super().__init__(clock, rest=rest, awake=awake)
         self._host = host
-        self._ports = (port,) if port else (*range(PORT, PORT + PORTS), 0)
-        self._report = guarded(report)
+        self._ports = (port,) if port else (*range(DEFAULT_PORT, DEFAULT_PORT + PORT_ATTEMPTS), 0)
+        self._report = guard_callback(report)
         site = {
-            "/": lambda: Document("text/html", page(self.shown(), clock.now())),
+            "/": lambda: Document("text/html", page(self.content(), clock.read_value())),
             "/page.js": lambda: Document("text/javascript", asset("page.js")),
             "/page.css": lambda: Document("text/css", asset("page.css")),
-            "/face.svg": lambda: Document("image/svg+xml", picture(self.shown(), clock.now())),
+            "/face.svg": lambda: Document("image/svg+xml", picture(self.content(), clock.read_value())),
         }
-        self._server = PageServer(site, lambda: news(self.shown(), clock.now()))
-        self._trouble = ""
-        self._ending = Event()
-        self._waiting: Thread | None = None
-        self._open = False
+        self._server = PageServer(site, lambda: state_line(self.content(), clock.read_value()))
+        self._error = ""
+        self._end_requested = Event()
+        self._port_thread: Thread | None = None
+        self._is_open = False
 
     @property
     def address(self) -> str:
@@ -168,23 +170,23 @@ class PageScreen(KeptScreen):
     def open(self) -> None:
         """Wake up, and serve the page; where the port is taken, wait for it on a thread."""
         super().open()
-        if self._open:
+        if self._is_open:
             return
-        self._open = True
-        self._ending.clear()
-        if not self._served():
-            self._report(DeviceStatus(self.name, "fault", self._trouble, self._hint()))
-            self._waiting = Thread(target=self._wait, name=f"screen {self.name}", daemon=True)
-            self._waiting.start()
+        self._is_open = True
+        self._end_requested.clear()
+        if not self._try_to_serve():
+            self._report(DeviceStatus(self.name, "fault", self._error, self._hint()))
+            self._port_thread = Thread(target=self._wait_for_port, name=f"screen {self.name}", daemon=True)
+            self._port_thread.start()
 
     def close(self) -> None:
         """Rest, show that, and free the port. Safe from any state, more than once."""
         self.rest()
-        self._open = False
-        self._ending.set()
-        if self._waiting is not None:
-            self._waiting.join()
-            self._waiting = None
+        self._is_open = False
+        self._end_requested.set()
+        if self._port_thread is not None:
+            self._port_thread.join()
+            self._port_thread = None
         self._server.close()
 
     def health(self) -> Health:
@@ -192,16 +194,16 @@ class PageScreen(KeptScreen):
         counters = {"pages": self._server.listeners}
         if self.address:
             return Health(True, counters=counters)
-        if not self._open:
+        if not self._is_open:
             return Health(False, f"{self.name}: not opened yet", counters=counters)
-        return Health(True, self._trouble, self._hint(), counters)
+        return Health(True, self._error, self._hint(), counters)
 
-    def _served(self) -> bool:
+    def _try_to_serve(self) -> bool:
         for port in self._ports:
             try:
                 self._server.open(self._host, port)
             except OSError as error:
-                self._trouble = f"{self.name}: no page at {self._host} port {port}: {error.strerror or error}"
+                self._error = f"{self.name}: no page at {self._host} port {port}: {error.strerror or error}"
             else:
                 return True
         return False
@@ -209,8 +211,8 @@ class PageScreen(KeptScreen):
     def _hint(self) -> str:
         return "`ss -ltnp` lists which program has which port"
 
-    def _wait(self) -> None:
-        while not self._ending.wait(RETRY):
-            if self._served():
+    def _wait_for_port(self) -> None:
+        while not self._end_requested.wait(PORT_RETRY_INTERVAL):
+            if self._try_to_serve():
                 self._report(DeviceStatus(self.name, "online", f"the face is at {self.address}"))
                 return

@@ -20,10 +20,10 @@ from drivers.api.quick import dataclass
 from drivers.clock import SystemClock
 
 EVENTS = "/events"
-TALKS = 32
+MAX_CONNECTIONS = 32
 """Browsers that are talked with at once, with those that listen. For one more, the oldest goes that has no answer."""
 
-LISTENERS = 4
+MAX_LISTENERS = 4
 """Pages that may listen at once."""
 
 REQUEST_TIMEOUT = 5.0
@@ -32,7 +32,7 @@ REQUEST_TIMEOUT = 5.0
 RETRY_INTERVAL = 0.1
 """Seconds for which nobody is let in where the process has no descriptor left."""
 
-FAREWELL = 0.2
+CLOSE_TIMEOUT = 0.2
 """Seconds that all talks together have for their last words."""
 
 
@@ -44,17 +44,17 @@ class Document:
     text: str
 
 
-Site = Mapping[str, Callable[[], Document]]
+SiteMap = Mapping[str, Callable[[], Document]]
 """What there is at each path."""
 
 
 @dataclass(slots=True)
-class Talks:
+class Connections:
     """Who is being answered now."""
 
     lock: Lock = field(default_factory=Lock)
     sockets: dict[socket.socket, Thread] = field(default_factory=dict)
-    due: dict[socket.socket, float] = field(default_factory=dict)
+    deadlines: dict[socket.socket, float] = field(default_factory=dict)
     """When each has to have its answer; one that listens has time."""
 
     listeners: dict[socket.socket, str] = field(default_factory=dict)
@@ -63,15 +63,15 @@ class Talks:
     def listen(self, request: socket.socket, address: str) -> bool:
         """Let a browser listen; return whether there is room, for which one of an address with more may have to go."""
         with self.lock:
-            if len(self.listeners) >= LISTENERS:
+            if len(self.listeners) >= MAX_LISTENERS:
                 [(busiest, count)] = Counter(self.listeners.values()).most_common(1)
                 if list(self.listeners.values()).count(address) + 1 >= count:
                     return False
                 oldest = next(each for each, where in self.listeners.items() if where == busiest)
                 del self.listeners[oldest]
-                _cut(oldest)
+                _shut_down(oldest)
             self.listeners[request] = address
-            self.due.pop(request, None)
+            self.deadlines.pop(request, None)
             return True
 
 
@@ -82,11 +82,11 @@ class PageServer:
     meanwhile. Opens nothing before ``open``.
     """
 
-    def __init__(self, site: Site, news: Callable[[], str], events: str = EVENTS) -> None:
+    def __init__(self, site: SiteMap, news: Callable[[], str], events: str = EVENTS) -> None:
         self._site = site
         self._news = news
         self._events = events
-        self._server: Server | None = None
+        self._server: PageTcpServer | None = None
         self._thread: Thread | None = None
 
     @property
@@ -100,11 +100,11 @@ class PageServer:
     @property
     def listeners(self) -> int:
         """How many pages listen."""
-        return 0 if self._server is None else len(self._server.talks.listeners)
+        return 0 if self._server is None else len(self._server.connections.listeners)
 
     def open(self, host: str, port: int) -> None:
         """Serve at this port, 0 for any that is free. Raises OSError where that is not possible."""
-        self._server = Server((host, port), self._site, self._news, self._events)
+        self._server = PageTcpServer((host, port), self._site, self._news, self._events)
         self._thread = Thread(target=self._server.serve_forever, args=(0.1,), name="page server", daemon=True)
         self._thread.start()
 
@@ -113,24 +113,24 @@ class PageServer:
         server, self._server = self._server, None
         if server is None or self._thread is None:
             return
-        server.ending.set()
+        server.end_requested.set()
         server.shutdown()
         self._thread.join()
         server.server_close()
-        server.hang_up()
+        server.close_connections()
 
 
-class Server(ThreadingTCPServer):
-    """Accepts, and gives each browser a thread that ends with ``hang_up``."""
+class PageTcpServer(ThreadingTCPServer):
+    """Accepts, and gives each browser a thread that ends with ``close_connections``."""
 
     allow_reuse_address = True
     daemon_threads = True
 
-    def __init__(self, at: tuple[str, int], site: Site, news: Callable[[], str], events: str) -> None:
+    def __init__(self, at: tuple[str, int], site: SiteMap, news: Callable[[], str], events: str) -> None:
         self.site, self.news, self.events = site, news, events
         self.clock = SystemClock()
-        self.ending = Event()
-        self.talks = Talks()
+        self.end_requested = Event()
+        self.connections = Connections()
         super().__init__(at, BaseRequestHandler)
 
     def get_request(self) -> tuple[Any, Any]:
@@ -138,53 +138,57 @@ class Server(ThreadingTCPServer):
         try:
             return super().get_request()
         except OSError:
-            self.ending.wait(RETRY_INTERVAL)
+            self.end_requested.wait(RETRY_INTERVAL)
             raise
 
     def verify_request(self, request: Any, client_address: Any) -> bool:
         """Return whether there is room for one more; the oldest without an answer is hung up on for that."""
         del request, client_address
-        with self.talks.lock:
-            oldest = next(iter(self.talks.due), None) if len(self.talks.sockets) >= TALKS else None
-            thread = None if oldest is None else self.talks.sockets.get(oldest)
+        with self.connections.lock:
+            oldest = (
+                next(iter(self.connections.deadlines), None)
+                if len(self.connections.sockets) >= MAX_CONNECTIONS
+                else None
+            )
+            thread = None if oldest is None else self.connections.sockets.get(oldest)
             if oldest is not None:
-                del self.talks.due[oldest]
-                _cut(oldest)
+                del self.connections.deadlines[oldest]
+                _shut_down(oldest)
         if thread is not None:
-            thread.join(FAREWELL)
-        with self.talks.lock:
-            return len(self.talks.sockets) < TALKS
+            thread.join(CLOSE_TIMEOUT)
+        with self.connections.lock:
+            return len(self.connections.sockets) < MAX_CONNECTIONS
 
     def service_actions(self) -> None:
         """Hang up on those whose time is over; asked ten times a second."""
-        now = self.clock.now()
-        with self.talks.lock:
-            for request in [each for each, due in self.talks.due.items() if due < now]:
-                del self.talks.due[request]
-                _cut(request)
+        now = self.clock.read_value()
+        with self.connections.lock:
+            for request in [each for each, due in self.connections.deadlines.items() if due < now]:
+                del self.connections.deadlines[request]
+                _shut_down(request)
 
     def process_request(self, request: Any, client_address: Any) -> None:
         """Answer on a thread, which is remembered."""
         thread = Thread(
             target=self.process_request_thread, args=(request, client_address), name="page talk", daemon=True
         )
-        with self.talks.lock:
-            self.talks.sockets[request] = thread
-            self.talks.due[request] = self.clock.now() + REQUEST_TIMEOUT
+        with self.connections.lock:
+            self.connections.sockets[request] = thread
+            self.connections.deadlines[request] = self.clock.read_value() + REQUEST_TIMEOUT
         thread.start()
 
     def finish_request(self, request: Any, client_address: Any) -> None:
         """Answer. What speaks HTTP is loaded for the first browser: it takes longer than all other of a screen."""
-        from drivers.screen.talk import Talk  # noqa: PLC0415 - most runs are looked at by none
+        from drivers.screen.talk import PageRequestHandler  # noqa: PLC0415 - most runs are looked at by none
 
-        Talk(request, client_address, self)
+        PageRequestHandler(request, client_address, self)
 
     def shutdown_request(self, request: Any) -> None:
         """Close a talk, and forget it."""
         super().shutdown_request(request)
-        with self.talks.lock:
-            self.talks.sockets.pop(request, None)
-            self.talks.due.pop(request, None)
+        with self.connections.lock:
+            self.connections.sockets.pop(request, None)
+            self.connections.deadlines.pop(request, None)
 
     def handle_error(self, *args: Any) -> None:
         """Log what is our own mistake; a browser that goes away in the middle of a talk is nobody's."""
@@ -192,19 +196,19 @@ class Server(ThreadingTCPServer):
         if not isinstance(sys.exception(), OSError):
             logging.getLogger(__name__).exception("a page was not answered")
 
-    def hang_up(self) -> None:
+    def close_connections(self) -> None:
         """End all talks: they have a moment for their last words, and are cut off then."""
-        with self.talks.lock:
-            talks = dict(self.talks.sockets)
+        with self.connections.lock:
+            talks = dict(self.connections.sockets)
         clock = SystemClock()
         for thread in talks.values():
-            thread.join(max(0.0, FAREWELL - clock.now()))
+            thread.join(max(0.0, CLOSE_TIMEOUT - clock.read_value()))
         for request in talks:
-            _cut(request)
+            _shut_down(request)
         for thread in talks.values():
             thread.join()
 
 
-def _cut(request: socket.socket) -> None:
+def _shut_down(request: socket.socket) -> None:
     with suppress(OSError):  # it has ended
         request.shutdown(socket.SHUT_RDWR)

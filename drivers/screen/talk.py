@@ -6,42 +6,42 @@ from http.server import BaseHTTPRequestHandler
 from typing import Any
 from urllib.parse import urlsplit
 
-from drivers.screen.server import LISTENERS, REQUEST_TIMEOUT, Server
+from drivers.screen.server import MAX_LISTENERS, REQUEST_TIMEOUT, PageTcpServer
 
-PERIOD = 1 / 30
+NEWS_INTERVAL = 1 / 30
 """Seconds between two looks for news."""
 
-BEAT = 30
+HEARTBEAT_POLLS = 30
 """Looks without news after which the last is sent again: the page knows that the robot still runs."""
 
-POLICY = (
+CONTENT_SECURITY_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; base-uri 'none'; "
     "frame-ancestors 'none'"
 )
 """What a page may do: run and look as it was served here, ask here, and nothing else."""
 
 
-class Talk(BaseHTTPRequestHandler):
+class PageRequestHandler(BaseHTTPRequestHandler):
     """Answers one request of a browser, on a thread of the server's."""
 
-    server: Server
+    server: PageTcpServer
     server_version = "MissionTree"
     sys_version = ""
     timeout = REQUEST_TIMEOUT
 
     def do_GET(self) -> None:
         """Send a document or the news."""
-        if not _named_by_figures(self.headers.get("Host", "")):
+        if not _is_numeric_host(self.headers.get("Host", "")):
             self.send_error(HTTPStatus.FORBIDDEN, "ask for localhost, or for an address in figures")
             return
         path = urlsplit(self.path).path
-        if path == self.server.events and self._from_elsewhere():
+        if path == self.server.events and self._is_cross_site():
             self.send_error(HTTPStatus.FORBIDDEN, "only the page that is served here may listen")
         elif path == self.server.events:
-            self._tell()
+            self._stream_news()
         elif path in self.server.site:
             document = self.server.site[path]()
-            self._begin(f"{document.kind}; charset=utf-8")
+            self._send_headers(f"{document.kind}; charset=utf-8")
             self.wfile.write(document.text.encode())
         else:
             self.send_error(HTTPStatus.NOT_FOUND)
@@ -49,36 +49,36 @@ class Talk(BaseHTTPRequestHandler):
     def log_message(self, *args: Any) -> None:
         """Say nothing: the terminal belongs to the mission."""
 
-    def _from_elsewhere(self) -> bool:
+    def _is_cross_site(self) -> bool:
         """Whether a page of another server asks: browsers tell by ``Sec-Fetch-Site``, old ones by ``Origin`` alone."""
         if self.headers.get("Sec-Fetch-Site", "none") not in ("same-origin", "none"):
             return True
         origin = self.headers.get("Origin")
         return origin is not None and origin != f"http://{self.headers['Host']}"
 
-    def _begin(self, kind: str) -> None:
+    def _send_headers(self, kind: str) -> None:
         self.send_response(HTTPStatus.OK)
         self.send_header("Content-Type", kind)
-        self.send_header("Content-Security-Policy", POLICY)
+        self.send_header("Content-Security-Policy", CONTENT_SECURITY_POLICY)
         self.send_header("Cross-Origin-Resource-Policy", "same-origin")
         self.send_header("X-Content-Type-Options", "nosniff")
         self.send_header("Cache-Control", "no-store")
         self.end_headers()
 
-    def _tell(self) -> None:
+    def _stream_news(self) -> None:
         """Send the news as they come, as long as the page listens; the last ones at the end too."""
-        talks = self.server.talks
+        talks = self.server.connections
         if not talks.listen(self.request, self.client_address[0]):
-            self.send_error(HTTPStatus.SERVICE_UNAVAILABLE, f"{LISTENERS} pages listen already")
+            self.send_error(HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_LISTENERS} pages listen already")
             return
         try:
-            self._begin("text/event-stream")
+            self._send_headers("text/event-stream")
             self.wfile.write(b"retry: 1000\n\n")
             told, quiet, last = "", 0, False
             while not last:
-                last = self.server.ending.wait(PERIOD)
+                last = self.server.end_requested.wait(NEWS_INTERVAL)
                 news, quiet = self.server.news(), quiet + 1
-                if news != told or quiet >= BEAT:
+                if news != told or quiet >= HEARTBEAT_POLLS:
                     self.wfile.write(f"data: {news}\n\n".encode())
                     told, quiet = news, 0
         finally:
@@ -86,7 +86,7 @@ class Talk(BaseHTTPRequestHandler):
                 talks.listeners.pop(self.request, None)
 
 
-def _named_by_figures(host: str) -> bool:
+def _is_numeric_host(host: str) -> bool:
     """Whether a Host header names this computer as ``localhost``, or by an address in figures."""
     if "@" in host:  # before it stands a user, whom URLs may have, and Host headers never
         return False

@@ -1,12 +1,12 @@
 """The twin of a screen: what it shows can be asked, and it has a plug."""
 
-from drivers.api import Health, Mood, Report, ignore
+from drivers.api import Health, Mood, StatusCallback, ignore
 from drivers.clock import Clock
-from drivers.screen.kept import KeptScreen
-from drivers.sim.plug import Plug
+from drivers.screen.kept import BaseScreen
+from drivers.sim.plug import SimulatedPlug
 
 
-class ScreenTwin(KeptScreen):
+class ScreenTwin(BaseScreen):
     """A ``drivers.api.Screen`` that nobody needs to look at. Unplugged it keeps what it is told, as the real one."""
 
     def __init__(
@@ -15,10 +15,10 @@ class ScreenTwin(KeptScreen):
         *,
         rest: Mood = Mood.ASLEEP,
         awake: Mood = Mood.NEUTRAL,
-        report: Report = ignore,
+        report: StatusCallback = ignore,
     ) -> None:
         super().__init__(clock, rest=rest, awake=awake)
-        self.plug = Plug(self.name, report)
+        self.plug = SimulatedPlug(self.name, report)
 
     def open(self) -> None:
         """Wake up, and be there at once unless it is unplugged."""

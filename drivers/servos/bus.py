@@ -6,24 +6,24 @@ from typing import Literal, NamedTuple
 
 from drivers.api.quick import dataclass
 from drivers.errors import BadRequest, NoReply
-from drivers.servos.channel import Channel
-from drivers.servos.codec import Codec, Keep, Reply, Wanted
-from drivers.servos.models import model_of
-from drivers.servos.register import Block, Register
-from drivers.servos.units import Protocol, called, short
-from drivers.servos.wire import BROADCAST, REFUSAL, Fault, Packet
+from drivers.servos.channel import ServoTransport
+from drivers.servos.codec import Codec, ExpectedReply, KeptSettings, ServoReply
+from drivers.servos.models import find_model
+from drivers.servos.register import Register, RegisterBlock
+from drivers.servos.units import Protocol, protocol_label, protocol_name
+from drivers.servos.wire import BROADCAST, REFUSAL_FAULTS, Packet, ServoFault
 
-TRIES = 3
+MAX_READ_ATTEMPTS = 3
 """How often a read is sent before it counts as unanswered."""
 
-_FRONT = 6
+_IDENTITY_SIZE = 6
 """Bytes at the front of a table by which a servo of protocol 1.0 and an STS say what they are."""
 
-ROLL_CALL = 0.003
+BROADCAST_PING_SLOT = 0.003
 """Seconds that each ID has for its answer to a ping that asks all of them."""
 
 
-class At(NamedTuple):
+class ServoAddress(NamedTuple):
     """Whom a transaction is for."""
 
     id: int
@@ -31,122 +31,129 @@ class At(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Identity:
+class ServoIdentity:
     """What a servo says that it is: its model number, and the version of its firmware."""
 
-    at: At
+    address: ServoAddress
     number: int
     firmware: int
 
 
 @dataclass(slots=True, eq=False)
-class _Question:
+class _PendingRead:
     """A read and its tries: the block that is wanted, the one that is asked for, which contains it, and since when."""
 
-    block: Block
-    asked: Block
-    began: float
+    block: RegisterBlock
+    requested_block: RegisterBlock
+    started_at: float
 
     def __str__(self) -> str:
         return f"read of {self.block.size} bytes at {self.block.address}"
 
 
-class Bus(Channel):
+class ServoBus(ServoTransport):
     """The servos of one line, asked and told by what it is about. Reads are retried, writes are sent once."""
 
     # --- one servo ----------------------------------------------------------------------------------------------------
 
-    def ping(self, at: At, *, tries: int = TRIES) -> int:
+    def ping(self, at: ServoAddress, *, tries: int = MAX_READ_ATTEMPTS) -> int:
         """Return the model number of a servo. Raises NoReply if it is not there."""
         return self.identify(at, tries=tries).number
 
-    def identify(self, at: At, *, tries: int = TRIES) -> Identity:
+    def identify(self, at: ServoAddress, *, tries: int = MAX_READ_ATTEMPTS) -> ServoIdentity:
         """Return what a servo is. Raises NoReply if it is not there.
 
         In protocol 1.0 the answer to a ping says nothing, and is the same as the echo of one: the table is read. It
-        tells a Dynamixel from an STS, which hears the same frames: the ``at`` that is returned may have that protocol.
+        tells a Dynamixel from an STS, which hears the same frames: the ``address`` that is returned may have that protocol.
         """
         if at.protocol != 2:
-            return _recognised(at, self.read_block(at, 0, _FRONT, tries=tries))
-        request = self._codec(at).ping(at.id)
-        return _identity(at, self._ask(at, "ping", lambda: self._told(at, request, 3), tries))
+            return _parse_table_head(at, self.read_block(at, 0, _IDENTITY_SIZE, tries=tries))
+        request = self._codec_for(at).ping(at.id)
+        return _parse_identity(
+            at, self._transact_with_retries(at, "ping", lambda: self._send_once(at, request, 3), tries)
+        )
 
-    def answers_ping(self, at: At, *, tries: int = TRIES) -> bool:
-        """Say whether anything answers a ping at ``at``, intact or damaged, at any status return level.
+    def answers_ping(self, at: ServoAddress, *, tries: int = MAX_READ_ATTEMPTS) -> bool:
+        """Say whether anything answers a ping at ``address``, intact or damaged, at any status return level.
 
         Raises NotConnected.
         """
-        request, size = self._codec(at).ping(at.id), 3 if at.protocol == 2 else 0
-        damaged = self.tally(at.id).corrupt
+        request, size = self._codec_for(at).ping(at.id), 3 if at.protocol == 2 else 0
+        damaged = self.statistics(at.id).corrupt
         return any(
-            self._told(at, request, size) is not None or self.tally(at.id).corrupt > damaged for _ in range(tries)
+            self._send_once(at, request, size) is not None or self.statistics(at.id).corrupt > damaged
+            for _ in range(tries)
         )
 
-    def read(self, at: At, register: Register) -> int:
-        """Return the value of ``register``. Raises NoReply after ``TRIES`` tries, NotConnected, BadRequest."""
+    def read(self, at: ServoAddress, register: Register) -> int:
+        """Return the value of ``register``. Raises NoReply after ``MAX_READ_ATTEMPTS`` tries, NotConnected, BadRequest."""
         return register.decode(self.read_block(at, register.address, register.size), register.address)
 
-    def read_block(self, at: At, address: int, count: int, *, tries: int = TRIES) -> bytes:
+    def read_block(self, at: ServoAddress, address: int, count: int, *, tries: int = MAX_READ_ATTEMPTS) -> bytes:
         """Return ``count`` bytes of the control table from ``address``. Raises as ``read``."""
-        block = Block(address, count)
-        question = _Question(block, block, self._clock.now())
-        return self._ask(at, question, lambda: self._looked_up(at, question), tries)
+        block = RegisterBlock(address, count)
+        question = _PendingRead(block, block, self._clock.read_value())
+        return self._transact_with_retries(at, question, lambda: self._read_once(at, question), tries)
 
-    def write(self, at: At, register: Register, value: int) -> None:
+    def write(self, at: ServoAddress, register: Register, value: int) -> None:
         """Write ``value``. Sent once: without a reply (NoReply) it may have been carried out or not.
 
         Raises BadRequest for a value that does not fit the register or that the servo refuses, and NotConnected.
         """
-        self.write_block(at, register.address, self._encoded(at.id, register, value))
+        self.write_block(at, register.address, self._encode(at.id, register, value))
 
-    def write_block(self, at: At, address: int, data: bytes) -> None:
+    def write_block(self, at: ServoAddress, address: int, data: bytes) -> None:
         """Write ``data`` from ``address`` on. Sent once, raises as ``write``."""
-        self._order(at, f"write of {data.hex(' ')} at {address}", self._codec(at).write(at.id, address, data))
+        self._send_command(
+            at, f"write of {data.hex(' ')} at {address}", self._codec_for(at).write(at.id, address, data)
+        )
 
-    def reboot(self, at: At) -> None:
+    def reboot(self, at: ServoAddress) -> None:
         """Start a servo anew: it goes limp. Raises BadRequest in protocol 1.0, else as ``write``."""
-        self._order(at, "reboot", self._codec(at).reboot(at.id))
+        self._send_command(at, "reboot", self._codec_for(at).reboot(at.id))
 
-    def reset(self, at: At, keep: Keep) -> None:
+    def reset(self, at: ServoAddress, keep: KeptSettings) -> None:
         """Set a servo back to what it was delivered as, but for what it is to ``keep``. Raises as ``write``."""
-        self._order(at, f"factory reset that keeps {keep}", self._codec(at).reset(at.id, keep))
+        self._send_command(at, f"factory reset that keeps {keep}", self._codec_for(at).reset(at.id, keep))
 
     # --- many servos --------------------------------------------------------------------------------------------------
 
-    def read_many(self, wanted: Mapping[At, Block], *, how: Literal["bulk", "sync"]) -> dict[At, bytes]:
+    def read_many(
+        self, targets: Mapping[ServoAddress, RegisterBlock], *, mode: Literal["bulk", "sync"]
+    ) -> dict[ServoAddress, bytes]:
         """Read a block of each servo with one request; a sync read wants the same of all. Tried once.
 
         Returns the blocks of those that answered; the rest are missing. Raises BadRequest, NotConnected.
         """
-        if not wanted:
-            self._opened()
+        if not targets:
+            self._require_line()
             return {}
-        protocol, *others = {at.protocol for at in wanted}
+        protocol, *others = {at.protocol for at in targets}
         if others:
             raise BadRequest(f"{self.name}: one request cannot ask servos of both protocols", hint="ask them apart")
-        blocks = {at.id: block for at, block in wanted.items()}
-        codec = self._common(protocol, blocks)
-        if how == "sync" and len(set(blocks.values())) > 1:
+        blocks = {at.id: block for at, block in targets.items()}
+        codec = self._checked_codec(protocol, blocks)
+        if mode == "sync" and len(set(blocks.values())) > 1:
             raise BadRequest(f"{self.name}: a sync read reads the same of all servos", hint="use a bulk read")
         with self._lock:
-            now, question = self._clock.now(), object()
-            asked = {servo: Wanted(question, block.size, now) for servo, block in blocks.items()}
+            now, question = self._clock.read_value(), object()
+            asked = {servo: ExpectedReply(question, block.size, now) for servo, block in blocks.items()}
             for servo, want in asked.items():
-                if not self._overdue.clear(servo, want, now):  # it is left to be read by itself
+                if not self._late_replies.is_clear(servo, want, now):  # it is left to be read by itself
                     del blocks[servo]
             if not blocks:
                 return {}
             same = next(iter(blocks.values()))
-            request = codec.sync_read(blocks, same) if how == "sync" else codec.bulk_read(blocks)
+            request = codec.sync_read(blocks, same) if mode == "sync" else codec.bulk_read(blocks)
             replies = self._transact(codec, request, {servo: asked[servo] for servo in blocks})
-        return {at: replies[at.id].data for at in wanted if at.id in replies and replies[at.id].data}
+        return {at: replies[at.id].data for at in targets if at.id in replies and replies[at.id].data}
 
     def sync_write(self, protocol: Protocol, register: Register, values: Mapping[int, int]) -> None:
         """Write ``register`` of many servos at once, which none acknowledges.
 
         Raises BadRequest for a value that does not fit the register, and NotConnected.
         """
-        encoded = {servo: self._encoded(servo, register, value) for servo, value in values.items()}
+        encoded = {servo: self._encode(servo, register, value) for servo, value in values.items()}
         self.sync_write_block(protocol, register.address, encoded)
 
     def sync_write_block(self, protocol: Protocol, address: int, blocks: Mapping[int, bytes]) -> None:
@@ -154,12 +161,12 @@ class Bus(Channel):
 
         Raises BadRequest for blocks of several sizes or that are too long, NotConnected.
         """
-        self._opened()
+        self._require_line()
         if not blocks:
             return
-        codec = self._common(protocol, blocks)
+        codec = self._checked_codec(protocol, blocks)
         size = max(len(block) for block in blocks.values())
-        room = codec.sync_room(size)
+        room = codec.max_sync_servos(size)
         if not room or any(len(block) != size for block in blocks.values()):
             sizes = sorted({len(block) for block in blocks.values()})
             raise BadRequest(f"{self.name}: a sync write cannot hold blocks of {sizes} bytes")
@@ -168,20 +175,20 @@ class Bus(Channel):
             while some := dict(islice(rest, room)):
                 self._transact(codec, codec.sync_write(address, size, some), {})
 
-    def find(self, *, protocol: Protocol, ids: Iterable[int]) -> Iterator[Identity]:
+    def find_servos(self, *, protocol: Protocol, ids: Iterable[int]) -> Iterator[ServoIdentity]:
         """Look for the servos ``ids`` at this rate: in protocol 2.0 by one ping for all, else one after the other.
 
         Each is tried once. Raises NotConnected.
         """
-        sought = [At(servo, protocol) for servo in ids if servo <= self._codecs[protocol].last_id]
+        sought = [ServoAddress(servo, protocol) for servo in ids if servo <= self._codecs[protocol].last_id]
         if protocol == 2:
             codec = self._codecs[protocol]
             request = codec.ping(BROADCAST)
-            wanted = {at.id: Wanted(request, 3, self._clock.now()) for at in sought}
-            slots = (codec.last_id + 1) * ROLL_CALL
-            for servo, reply in self._transact(codec, request, wanted, wait=slots).items():
+            wanted = {at.id: ExpectedReply(request, 3, self._clock.read_value()) for at in sought}
+            slots = (codec.last_id + 1) * BROADCAST_PING_SLOT
+            for servo, reply in self._transact(codec, request, wanted, extra_time=slots).items():
                 if reply.data:
-                    yield _identity(At(servo, protocol), reply.data)
+                    yield _parse_identity(ServoAddress(servo, protocol), reply.data)
             return
         for at in sought:
             try:
@@ -191,96 +198,105 @@ class Bus(Channel):
 
     # --- how ----------------------------------------------------------------------------------------------------------
 
-    def _ask(self, at: At, what: object, attempt: Callable[[], Reply | None], tries: int) -> bytes:
+    def _transact_with_retries(
+        self, at: ServoAddress, operation: object, attempt: Callable[[], ServoReply | None], tries: int
+    ) -> bytes:
         """Make an attempt until it is answered, ``tries`` times at most; return the data of the answer."""
-        tally = self.tally(at.id)
+        tally = self.statistics(at.id)
         damaged = tally.corrupt
         for _ in range(tries):
             if (reply := attempt()) is None:
                 continue
-            if not reply.data and reply.faults & REFUSAL:
+            if not reply.data and reply.faults & REFUSAL_FAULTS:
                 tally.refused += 1
                 raise BadRequest(
-                    f"{self.name}: servo {at.id} refused a {what}: {(reply.faults & REFUSAL).words}",
-                    hint=_cure(reply.faults),
+                    f"{self.name}: servo {at.id} refused a {operation}: {(reply.faults & REFUSAL_FAULTS).description}",
+                    hint=_refusal_hint(reply.faults),
                 )
             return reply.data
-        raise self._silence(at, what, tries, tally.corrupt - damaged)
+        raise self._no_reply_error(at, operation, tries, tally.corrupt - damaged)
 
-    def _looked_up(self, at: At, question: _Question) -> Reply | None:
+    def _read_once(self, at: ServoAddress, pending: _PendingRead) -> ServoReply | None:
         """Read a block once."""
-        codec, block = self._codec(at), question.block
+        codec, block = self._codec_for(at), pending.block
         with self._lock:
-            wide = question.asked = self._overdue.widened(at.id, question.asked, question, question.began)
-            wanted = Wanted(question, wide.size, question.began)
+            wide = pending.requested_block = self._late_replies.widen(
+                at.id, pending.requested_block, pending, pending.started_at
+            )
+            wanted = ExpectedReply(pending, wide.size, pending.started_at)
             reply = self._transact(codec, codec.read(at.id, wide), {at.id: wanted}).get(at.id)
         if reply is None or not reply.data or wide is block:
             return reply
         start = block.address - wide.address
         return reply._replace(data=reply.data[start : start + block.size])
 
-    def _told(self, at: At, request: Packet, size: int) -> Reply | None:
+    def _send_once(self, at: ServoAddress, request: Packet, size: int) -> ServoReply | None:
         """Send anything else once."""
-        wanted = Wanted(request, size, self._clock.now())
-        return self._transact(self._codec(at), request, {at.id: wanted}).get(at.id)
+        wanted = ExpectedReply(request, size, self._clock.read_value())
+        return self._transact(self._codec_for(at), request, {at.id: wanted}).get(at.id)
 
-    def _order(self, at: At, what: str, request: Packet) -> None:
+    def _send_command(self, at: ServoAddress, operation: str, request: Packet) -> None:
         """Send what must not be repeated blindly, for it may have been carried out although no reply came."""
-        self._ask(at, what, lambda: self._told(at, request, 0), 1)
+        self._transact_with_retries(at, operation, lambda: self._send_once(at, request, 0), 1)
 
-    def _encoded(self, servo: int, register: Register, value: int) -> bytes:
+    def _encode(self, servo: int, register: Register, value: int) -> bytes:
         if not register.lower <= value <= register.upper:
             raise BadRequest(
                 f"{self.name}: servo {servo}: {register.name} takes {register.lower}..{register.upper}, not {value}"
             )
         return register.encode(value)
 
-    def _codec(self, at: At) -> Codec:
-        return self._common(at.protocol, (at.id,))
+    def _codec_for(self, at: ServoAddress) -> Codec:
+        return self._checked_codec(at.protocol, (at.id,))
 
-    def _common(self, protocol: Protocol, servos: Iterable[int]) -> Codec:
+    def _checked_codec(self, protocol: Protocol, servos: Iterable[int]) -> Codec:
         """Return the protocol, if servos can have such IDs in it."""
         codec = self._codecs[protocol]
         for servo in servos:
             if not 0 <= servo <= codec.last_id:
-                raise BadRequest(f"{self.name}: a servo's ID is 0..{codec.last_id} in {called(protocol)}, not {servo}")
+                raise BadRequest(
+                    f"{self.name}: a servo's ID is 0..{codec.last_id} in {protocol_name(protocol)}, not {servo}"
+                )
         return codec
 
-    def _silence(self, at: At, what: object, tries: int, damaged: int) -> NoReply:
+    def _no_reply_error(self, at: ServoAddress, operation: object, tries: int, damaged: int) -> NoReply:
         where = f"{self.port} at {self.baud} baud"
         if damaged:
             return NoReply(
-                f"{self.name}: servo {at.id}: {damaged} of {tries} replies to a {what} damaged on {where}",
+                f"{self.name}: servo {at.id}: {damaged} of {tries} replies to a {operation} damaged on {where}",
                 hint=f"unplug the other servos: two with ID {at.id} disturb each other; then try another cable",
             )
         return NoReply(
-            f"{self.name}: servo {at.id}: no reply to a {what} on {where} ({tries} tries)",
+            f"{self.name}: servo {at.id}: no reply to a {operation} on {where} ({tries} tries)",
             hint=f"check its power and cable, its ID ({at.id}), its baud rate ({self.baud}), its protocol "
-            f"({short(at.protocol)}), its status return level",
+            f"({protocol_label(at.protocol)}), its status return level",
         )
 
 
-def _identity(at: At, data: bytes) -> Identity:
-    return Identity(at, int.from_bytes(data[:2], "little"), data[2])
+def _parse_identity(at: ServoAddress, data: bytes) -> ServoIdentity:
+    return ServoIdentity(at, int.from_bytes(data[:2], "little"), data[2])
 
 
-def _recognised(at: At, data: bytes) -> Identity:
+def _parse_table_head(at: ServoAddress, data: bytes) -> ServoIdentity:
     """Return whose table begins so: that of protocol 1.0 with number, firmware and ID, or of an STS the other way."""
     number, firmware = int.from_bytes(data[3:5], "little"), int.from_bytes(data[:2], "little")
-    found = ((_identity(At(at.id, 1), data), data[3]), (Identity(At(at.id, "STS"), number, firmware), data[5]))
+    found = (
+        (_parse_identity(ServoAddress(at.id, 1), data), data[3]),
+        (ServoIdentity(ServoAddress(at.id, "STS"), number, firmware), data[5]),
+    )
 
-    def likely(each: tuple[Identity, int]) -> tuple[int, bool]:
+    def likely(each: tuple[ServoIdentity, int]) -> tuple[int, bool]:
         identity, servo = each
-        told, model = identity.at, model_of(identity.number)
+        told, model = identity.address, find_model(identity.number)
         return (servo == at.id) + (model is not None and model.protocol == told.protocol), told == at
 
     return max(found, key=likely)[0]
 
 
-def _cure(faults: Fault) -> str:
+def _refusal_hint(faults: ServoFault) -> str:
     """Say what helps against a refusal."""
-    if faults & Fault.ACCESS:
+    if faults & ServoFault.ACCESS:
         return "some registers are read-only, and settings (EEPROM) can be written with the torque off alone"
-    if faults & (Fault.ANGLE_LIMIT | Fault.LIMIT):
+    if faults & (ServoFault.ANGLE_LIMIT | ServoFault.LIMIT):
         return "compare it with the limits that are set in the servo: mission servo info ID --robot FILE"
     return ""

@@ -22,7 +22,7 @@ from drivers.servos.models import MODELS
 from drivers.servos.register import Register
 
 _TABLE = MODELS["STS3215"].table
-LAST = MODELS["STS3215"].last
+LAST_STEP = MODELS["STS3215"].last_tick
 """The highest step of a turn."""
 
 HALF_TURN = 2047
@@ -46,8 +46,8 @@ _BOUNDS: Mapping[str, tuple[int, int]] = MappingProxyType(
         "id": (0, 253),
         "drive_mode": (0, 1),
         "homing_offset": (_OFFSET.lower, _OFFSET.upper),
-        "range_min": (0, LAST),
-        "range_max": (0, LAST),
+        "range_min": (0, LAST_STEP),
+        "range_max": (0, LAST_STEP),
     }
 )
 
@@ -55,39 +55,41 @@ _BOUNDS: Mapping[str, tuple[int, int]] = MappingProxyType(
 OLD_KEYS = frozenset({"motor_names", "homing_offset", "drive_mode", "start_pos", "end_pos"})
 """Keys of LeRobot's calibration files until June 2025: parallel lists."""
 
-OLD_FORM = "a calibration of LeRobot's from before June 2025, whose offsets were in no servo: it cannot be used"
+OLD_FORMAT_MESSAGE = (
+    "a calibration of LeRobot's from before June 2025, whose offsets were in no servo: it cannot be used"
+)
 
-LARGEST = 1_000_000
+MAX_FILE_BYTES = 1_000_000
 """Bytes that a calibration file may have."""
 
 
-def load(path: str) -> Mapping[str, MotorCalibration]:
+def load_calibration(path: str) -> Mapping[str, MotorCalibration]:
     """Read a calibration file. Raises BadRequest with all that is wrong with it, by motor and field."""
     file = Path(path).expanduser()
     try:
         found = file.stat()
-        if not S_ISREG(found.st_mode) or found.st_size > LARGEST:  # a pipe would be waited for
-            raise OSError(f"no file of at most {LARGEST} bytes")
-        return _load(str(file), found.st_mtime_ns, found.st_size)
+        if not S_ISREG(found.st_mode) or found.st_size > MAX_FILE_BYTES:  # a pipe would be waited for
+            raise OSError(f"no file of at most {MAX_FILE_BYTES} bytes")
+        return _load_cached(str(file), found.st_mtime_ns, found.st_size)
     except OSError as error:
         hint = "name the file as `ls` shows it; LeRobot's are in ~/.cache/huggingface/lerobot/calibration"
         raise BadRequest(f"calibration {path}: {error.strerror or error}", hint=hint) from error
 
 
 @lru_cache(maxsize=8)
-def _load(path: str, *_: int) -> Mapping[str, MotorCalibration]:
+def _load_cached(path: str, *_: int) -> Mapping[str, MotorCalibration]:
     try:
-        told = json.loads(Path(path).read_text(encoding="utf-8"), object_pairs_hook=_once)
+        told = json.loads(Path(path).read_text(encoding="utf-8"), object_pairs_hook=_reject_duplicates)
     except (ValueError, RecursionError) as error:  # a number of 5000 digits, brackets in brackets
         raise BadRequest(f"calibration {path}: it is no JSON: {error}") from error
     if not isinstance(told, dict) or not told:
         raise BadRequest(f"calibration {path}: it names no motors", hint='{"elbow_flex": {"id": 3, ...}}')
     if told.keys() >= OLD_KEYS:
         raise BadRequest(
-            f"calibration {path}: {OLD_FORM}",
+            f"calibration {path}: {OLD_FORMAT_MESSAGE}",
             hint="calibrate the arm with today's lerobot-calibrate, and name its file",
         )
-    faults = [fault for motor, each in told.items() for fault in _faults(motor, each)]
+    faults = [fault for motor, each in told.items() for fault in _entry_errors(motor, each)]
     if faults:
         raise BadRequest(
             f"calibration {path}: {'; '.join(faults)}",
@@ -96,7 +98,7 @@ def _load(path: str, *_: int) -> Mapping[str, MotorCalibration]:
     return MappingProxyType({motor: MotorCalibration(**{f: each[f] for f in _BOUNDS}) for motor, each in told.items()})
 
 
-def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
+def _reject_duplicates(pairs: list[tuple[str, object]]) -> dict[str, object]:
     """Return the entries of a mapping. Raises ValueError for a name that stands there twice."""
     twice = [name for name, count in Counter(name for name, _ in pairs).items() if count > 1]
     if twice:
@@ -104,26 +106,26 @@ def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
     return dict(pairs)
 
 
-def _faults(motor: str, told: object) -> Iterable[str]:
+def _entry_errors(motor: str, entry: object) -> Iterable[str]:
     """Yield what is wrong with what is told of one motor."""
-    if not isinstance(told, dict):
-        yield f"motor '{motor}' needs {', '.join(_BOUNDS)}, not {told!r}"
+    if not isinstance(entry, dict):
+        yield f"motor '{motor}' needs {', '.join(_BOUNDS)}, not {entry!r}"
         return
     wrong = False
     for field, (low, high) in _BOUNDS.items():
-        value = told.get(field)
-        if field not in told:
+        value = entry.get(field)
+        if field not in entry:
             yield f"motor '{motor}' lacks '{field}'"
         elif isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
             yield f"motor '{motor}': '{field}' must be a whole number from {low} to {high}, not {value!r}"
         else:
             continue
         wrong = True
-    if not wrong and told["range_min"] >= told["range_max"]:
-        yield f"motor '{motor}': 'range_min' {told['range_min']} must be below 'range_max' {told['range_max']}"
+    if not wrong and entry["range_min"] >= entry["range_max"]:
+        yield f"motor '{motor}': 'range_min' {entry['range_min']} must be below 'range_max' {entry['range_max']}"
 
 
-def text(motors: Mapping[str, MotorCalibration]) -> str:
+def format_calibration(motors: Mapping[str, MotorCalibration]) -> str:
     """Return a calibration file."""
     fields = {motor: {field: getattr(each, field) for field in _BOUNDS} for motor, each in motors.items()}
     return json.dumps(fields, indent=4) + "\n"

@@ -13,43 +13,43 @@ from collections.abc import Collection, Iterator, Mapping
 from math import degrees, pi
 from typing import Literal
 
-from drivers.api.device import Away
+from drivers.api.device import ReconnectPolicy
 from drivers.api.driver import Driver
 from drivers.api.joints import JointLimits
-from drivers.api.keys import Mistake, key, keys
-from drivers.api.sections import ArmKeys, AxisKeys, HeadKeys, Wired
-from drivers.servos.models import MODELS, Model
+from drivers.api.keys import KeyDiagnostic, key, keys
+from drivers.api.sections import ArmKeys, AxisKeys, HeadKeys, SerialKeys
+from drivers.servos.models import MODELS, ServoModel
 from drivers.servos.units import Framing
 
 # Two servos on one joint, which would work against each other: recognised by the names of their joints.
 
-SECOND = frozenset({"mimic", "shadow", "slave", "twin", "mirror", "dual", "secondary"})
+SECOND_SERVO_WORDS = frozenset({"mimic", "shadow", "slave", "twin", "mirror", "dual", "secondary"})
 """Words that say of a joint that it is another one's second servo: `shoulder_mimic`, as in files of ROS."""
 
 
-def second_servos(joints: Collection[str]) -> Iterator[Mistake]:
+def find_second_servos(joints: Collection[str]) -> Iterator[KeyDiagnostic]:
     """Yield the joints of an arm that are the second servos of others by their names."""
     for name in joints:
         words = name.split("_")
-        for token in SECOND & {word.lower() for word in words}:
+        for token in SECOND_SERVO_WORDS & {word.lower() for word in words}:
             first = "_".join(word for word in words if word.lower() != token)
             if first in joints:
                 message = f"joints '{first}' and '{name}' seem to be two servos on one joint, which are not driven here"
                 hint = f"one would work against the other; if they are two joints, call one without '{token}'"
                 about = (("joints", name), ("joints", first))
-                yield Mistake(message, ("joints", name), named=True, hint=hint, about=about)
+                yield KeyDiagnostic(message, ("joints", name), marks_key=True, hint=hint, about=about)
 
 
 ALIASES: Mapping[str, str] = {"AX-12": "AX-12A", "AX-12+": "AX-12A"}
 """Names of models that are the same to a program."""
 
-DYNAMIXEL = tuple(name for name, model in MODELS.items() if model.protocol != "STS")
+DYNAMIXEL_MODELS = tuple(name for name, model in MODELS.items() if model.protocol != "STS")
 """The models that it drives."""
 
-UNDRIVEN = "others, such as XL-320 and SCS0009, are recognised and set up, but not driven"
+UNSUPPORTED_HINT = "others, such as XL-320 and SCS0009, are recognised and set up, but not driven"
 """What is said of a model that is none of those."""
 
-REACH = 2.6
+DEFAULT_REACH = 2.6
 """Radians that a joint without limits may turn either way, if its servo does."""
 
 
@@ -68,12 +68,18 @@ class JointKeys:
 
     id: int = key(low=0, high=253, help="The ID of the servo on the bus.")
     written_model: str = key(
-        default="AX-12A", among=[*DYNAMIXEL, *ALIASES], word="model", hint=UNDRIVEN, help="The model of the servo."
+        default="AX-12A",
+        among=[*DYNAMIXEL_MODELS, *ALIASES],
+        word="model",
+        hint=UNSUPPORTED_HINT,
+        help="The model of the servo.",
     )
     written_zero: float | None = key(
         "angle", default=None, word="zero", help="Where the joint's 0 lies, from the middle of the servo."
     )
-    turned: bool | None = key(default=None, word="reverse", help="Whether the servo is mounted the other way round.")
+    written_reverse: bool | None = key(
+        default=None, word="reverse", help="Whether the servo is mounted the other way round."
+    )
     limits: tuple[float, float] | None = key(
         "angle",
         default=None,
@@ -89,85 +95,87 @@ class JointKeys:
         return ALIASES.get(self.written_model, self.written_model)
 
     @property
-    def kind(self) -> Model:
+    def servo_model(self) -> ServoModel:
         """What is known of that model."""
         return MODELS[self.model]
 
     @property
     def reverse(self) -> bool:
         """Whether the servo is mounted the other way round."""
-        return bool(self.turned) if self.ticks is None else self.ticks.min > self.ticks.max
+        return bool(self.written_reverse) if self.ticks is None else self.ticks.min > self.ticks.max
 
     @property
     def zero(self) -> float:
         """Where the joint's 0 lies from the servo's centre, in radians."""
-        return self.written_zero or 0.0 if self.ticks is None else self.kind.angle(self.ticks.init)
+        return self.written_zero or 0.0 if self.ticks is None else self.servo_model.angle(self.ticks.init)
 
     @property
     def lower(self) -> float:
         """The lowest angle, in radians."""
-        return self.ends[0]
+        return self.angle_limits[0]
 
     @property
     def upper(self) -> float:
         """The highest angle, in radians."""
-        return self.ends[1]
+        return self.angle_limits[1]
 
     @property
-    def ends(self) -> tuple[float, float]:
+    def angle_limits(self) -> tuple[float, float]:
         """The lowest and the highest angle, in radians: as written, else what the servo can reach."""
         ticks = self.ticks
         if ticks is not None:
-            step = -self.kind.tick if self.reverse else self.kind.tick
+            step = -self.servo_model.tick if self.reverse else self.servo_model.tick
             return (ticks.min - ticks.init) * step, (ticks.max - ticks.init) * step
         if self.limits is not None:
             return self.limits
-        least, most = self.reach
-        return max(least, -REACH), min(most, REACH)
+        least, most = self.reachable_angles
+        return max(least, -DEFAULT_REACH), min(most, DEFAULT_REACH)
 
     @property
-    def reach(self) -> tuple[float, float]:
+    def reachable_angles(self) -> tuple[float, float]:
         """What the servo can reach from that zero, in radians."""
         way = -1 if self.reverse else 1
-        least, most = sorted((self.kind.angle(end) - self.zero) * way for end in (0, self.kind.last))
+        least, most = sorted((self.servo_model.angle(end) - self.zero) * way for end in (0, self.servo_model.last_tick))
         return least, most
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield what the servo cannot do."""
-        last = last_id(self.kind)
+        last = max_id(self.servo_model)
         if self.id > last:
-            yield Mistake(f"'id' must be at most {last}", ("id",))
+            yield KeyDiagnostic(f"'id' must be at most {last}", ("id",))
         if self.ticks is not None:
             yield from self._ticks_mistakes(self.ticks)
             return
-        lower, upper = self.ends
-        least, most = self.reach
-        slack = self.kind.tick / 2
+        lower, upper = self.angle_limits
+        least, most = self.reachable_angles
+        slack = self.servo_model.tick / 2
         if not least - slack <= lower < upper <= most + slack:
             ends = f"{degrees(least):.1f} deg to {degrees(most):.1f} deg"
-            asked = f"{_degrees(lower)} to {_degrees(upper)}"
+            asked = f"{_format_degrees(lower)} to {_format_degrees(upper)}"
             message = f"'limits': from that zero, an {self.model} reaches from {ends}, not {asked}"
-            yield Mistake(message, ("limits",), ("zero",))
+            yield KeyDiagnostic(message, ("limits",), ("zero",))
 
-    def _ticks_mistakes(self, ticks: Ticks) -> Iterator[Mistake]:
-        for word, said in (("zero", self.written_zero), ("limits", self.limits), ("reverse", self.turned)):
+    def _ticks_mistakes(self, ticks: Ticks) -> Iterator[KeyDiagnostic]:
+        for word, said in (("zero", self.written_zero), ("limits", self.limits), ("reverse", self.written_reverse)):
             if said is not None:
                 message = f"'{word}' is what 'ticks' says already"
-                yield Mistake(message, (word,), hint="give 'ticks', or zero, limits and reverse")
-        beyond = {word: step for word in ("init", "min", "max") if (step := getattr(ticks, word)) > self.kind.last}
+                yield KeyDiagnostic(message, (word,), hint="give 'ticks', or zero, limits and reverse")
+        beyond = {
+            word: step for word in ("init", "min", "max") if (step := getattr(ticks, word)) > self.servo_model.last_tick
+        }
         for word in beyond:
-            yield Mistake(f"'{word}' must be at most {self.kind.last}", ("ticks", word))
+            yield KeyDiagnostic(f"'{word}' must be at most {self.servo_model.last_tick}", ("ticks", word))
         if ticks.min == ticks.max and not beyond:
-            yield Mistake(f"'ticks': 'min' and 'max' are both {ticks.min}", ("ticks",))
+            yield KeyDiagnostic(f"'ticks': 'min' and 'max' are both {ticks.min}", ("ticks",))
 
 
-def last_id(model: Model) -> int:
+def max_id(model: ServoModel) -> int:
     """Return the highest ID that a servo can have."""
     return 252 if model.protocol == 2 else 253
 
 
 @keys
-class DynamixelKeys(ArmKeys, Wired):
+class DynamixelKeys(ArmKeys, SerialKeys):
     """The ``arm`` section of a robot with Dynamixel servos on one bus."""
 
     baud: int = key(default=1_000_000, low=1, help="The rate of the bus, in bits per second.")
@@ -183,7 +191,9 @@ class DynamixelKeys(ArmKeys, Wired):
         high=500.0,
         help="How often those servos are read that lead or follow, and others at most.",
     )
-    away: Away = key(default=Away(), help="What it does when it is back after it was unplugged, or silent.")
+    away: ReconnectPolicy = key(
+        default=ReconnectPolicy(), help="What it does when it is back after it was unplugged, or silent."
+    )
 
     @property
     def limits(self) -> Mapping[str, JointLimits]:
@@ -200,11 +210,11 @@ class DynamixelKeys(ArmKeys, Wired):
         """The position offset (steps) that the servos of joints must have, where that is known."""
         return {}
 
-    def step(self, joint: str) -> float:
+    def resolution(self, joint: str) -> float:
         """Return the angle (rad) of one step of a joint's servo."""
-        return self.joints[joint].kind.tick
+        return self.joints[joint].servo_model.tick
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield IDs that stand twice, and what ArmKeys finds."""
         owners: dict[int, str] = {}
         for name, joint in self.joints.items():
@@ -212,14 +222,14 @@ class DynamixelKeys(ArmKeys, Wired):
             if owner != name:
                 message = f"joint '{name}' has id {joint.id}, as '{owner}' has"
                 about = (("joints", name, "id"), ("joints", owner, "id"))
-                yield Mistake(message, ("joints", name), named=True, about=about)
-        yield from second_servos(self.joints)
-        if len({joint.kind.protocol for joint in self.joints.values()}) > 1:
+                yield KeyDiagnostic(message, ("joints", name), marks_key=True, about=about)
+        yield from find_second_servos(self.joints)
+        if len({joint.servo_model.protocol for joint in self.joints.values()}) > 1:
             for name, joint in self.joints.items():
                 if joint.id == 253:  # it would take every packet of 2.0 for one to itself
                     message = f"joint '{name}' cannot have id 253 beside servos of protocol 2.0"
-                    yield Mistake(message, ("joints", name), named=True, about=(("joints",),))
-        yield from ArmKeys.mistakes(self)
+                    yield KeyDiagnostic(message, ("joints", name), marks_key=True, about=(("joints",),))
+        yield from ArmKeys.diagnostics(self)
 
 
 @keys
@@ -240,35 +250,35 @@ class NeckKeys(HeadKeys):
     tilt: NeckJointKeys = key(help="The joint that turns the head up and down.")
 
     @property
-    def joints_led(self) -> tuple[str, ...]:
+    def led_joints(self) -> tuple[str, ...]:
         """See HeadKeys."""
         return self.pan.joint, self.tilt.joint
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield two axes that are one joint."""
         if self.pan.joint == self.tilt.joint:
             about = (("pan", "joint"), ("tilt", "joint"))
-            yield Mistake(f"'pan' and 'tilt' are both joint '{self.pan.joint}'", about=about)
+            yield KeyDiagnostic(f"'pan' and 'tilt' are both joint '{self.pan.joint}'", about=about)
 
 
-def joints_of_arm(neck: NeckKeys, others: Mapping[str, object]) -> Iterator[Mistake]:
+def check_neck_joints(neck: NeckKeys, others: Mapping[str, object]) -> Iterator[KeyDiagnostic]:
     """Yield axes of a head that are no joints of the arm, or that turn where those do not."""
     arm = others.get("arm")
     limits = arm.limits if isinstance(arm, ArmKeys) else {}
     for axis, its in (("pan", neck.pan), ("tilt", neck.tilt)):
         if not isinstance(arm, ArmKeys):
             message = "a head of Dynamixel servos is two joints of the arm: this robot has no arm"
-            yield Mistake(message, (axis,), about=((axis, "joint"),))
+            yield KeyDiagnostic(message, (axis,), about=((axis, "joint"),))
         elif its.joint not in limits:
             message, at = f"'joint' cannot be '{its.joint}'", (axis, "joint")
-            yield Mistake(message, at, seen=its.joint, known=limits, about=(at,))
+            yield KeyDiagnostic(message, at, unknown_word=its.joint, known_words=limits, about=(at,))
         else:
             joint = limits[its.joint]
             reach = (joint.lower - its.trim, joint.upper - its.trim)
-            yield from its.beyond(reach, f"joint '{its.joint}'", (axis,))
+            yield from its.check_reach(reach, f"joint '{its.joint}'", (axis,))
 
 
-def _degrees(angle: float) -> str:
+def _format_degrees(angle: float) -> str:
     return f"{round(degrees(angle), 4) + 0.0:g} deg"
 
 
@@ -304,5 +314,5 @@ NECK = Driver(
     twin="drivers.servos.twin:make_neck",
     virtual="drivers.servos.virtual.chain:make_neck",
     needs=("arm",),
-    check=joints_of_arm,
+    check=check_neck_joints,
 )

@@ -12,56 +12,68 @@ from math import inf
 from threading import Event, RLock
 from typing import Literal
 
-from drivers.api import Away, Coupling, DeviceStatus, Health, JointState, Quality, Reading, Report, ignore
+from drivers.api import (
+    Coupling,
+    DeviceStatus,
+    Health,
+    JointState,
+    Quality,
+    Reading,
+    ReconnectPolicy,
+    StatusCallback,
+    ignore,
+)
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
 from drivers.joints.refusals import check_couplings, check_move, check_names
-from drivers.servos.attention import RESTING, Attention
-from drivers.servos.bus import Bus
-from drivers.servos.commanded import CommandedJoints, Leading
-from drivers.servos.joint import Joint, JointSpec, check
+from drivers.servos.attention import RESTING_INTERVAL, PollSchedule
+from drivers.servos.bus import ServoBus
+from drivers.servos.commanded import JointCouplings, ServoJoints
+from drivers.servos.joint import Joint, JointSpec, check_joints
 from drivers.servos.models import MODELS
-from drivers.servos.pace import Pace
-from drivers.servos.telling import REMEDY
-from drivers.servos.torque import go, go_on, insisting, recover, settle
-from drivers.servos.watch import GRACE, Watch
-from drivers.transport.adapter import timer_of
-from drivers.transport.loop import MakeLoop, ThreadLoop, guarded
+from drivers.servos.pace import RoundSchedule
+from drivers.servos.telling import SHUTDOWN_HINT
+from drivers.servos.torque import hold_or_relax, recover_joints, release_attempts, send_setpoints, start_motion
+from drivers.servos.watch import CONFIRMATION_TIMEOUT, JointMonitor
+from drivers.transport.adapter import latency_timer_path
+from drivers.transport.loop import LoopFactory, ThreadLoop, guard_callback
 
 # What an arm says of itself: whether it is there, what is wrong with it, and the figures of its wire.
 
-SLOW_ADAPTER = 0.004
+SLOW_ADAPTER_LATENCY = 0.004
 """Seconds for which an adapter may hold a reply back before it is worth a word."""
 
 
-def health_of(name: str, bus: Bus, joints: Mapping[str, Joint], watch: Watch, *, runs: bool) -> Health:
+def arm_health(name: str, bus: ServoBus, joints: Mapping[str, Joint], watch: JointMonitor, *, runs: bool) -> Health:
     """Say whether the arm is there: the port open, its driver's thread runs, and at least one servo answers."""
     try:
-        bus.require()
+        bus.require_open()
     except NotConnected as error:
         return Health(False, str(error), error.hint)
     wrong = [] if watch.connected else ["looking for the servos"]
-    wrong += [f"{j.title} {j.complaint}" for j in joints.values() if not j.driven]
+    wrong += [f"{j.title} {j.undriven_reason}" for j in joints.values() if not j.is_driven]
     hint = watch.hint if wrong else ""
-    if shut := [f"{j.title} has shut down" for j in joints.values() if j.driven and j.shut]:
-        wrong, hint = wrong + shut, hint or REMEDY
-    if not wrong and bus.latency > SLOW_ADAPTER:
+    if shut := [f"{j.title} has shut down" for j in joints.values() if j.is_driven and j.is_shut_down]:
+        wrong, hint = wrong + shut, hint or SHUTDOWN_HINT
+    if not wrong and bus.latency > SLOW_ADAPTER_LATENCY:
         wrong = [f"the adapter holds every reply back for {bus.latency * 1000:.0f} ms"]
-        hint = f"echo 1 | sudo tee {timer_of(bus.port)}"
+        hint = f"echo 1 | sudo tee {latency_timer_path(bus.port)}"
     return Health(watch.online and runs, f"{name}: {'; '.join(wrong)}" if wrong else "", hint)
 
 
-def counted(bus: Bus, joints: Mapping[str, Joint], pace: Pace, *, connections: int) -> dict[str, int]:
+def arm_counters(
+    bus: ServoBus, joints: Mapping[str, Joint], pace: RoundSchedule, *, connections: int
+) -> dict[str, int]:
     """Return the figures of the wire and of each servo."""
     counters = {"connections": connections, "rounds": pace.rounds, **bus.exchanges.counters("exchange")}
-    counters |= {"achieved rate (Hz)": round(pace.achieved), "utilisation (%)": round(100 * pace.share)}
-    tallies = {name: bus.tally(joint.spec.id) for name, joint in joints.items()}
+    counters |= {"achieved rate (Hz)": round(pace.achieved_rate), "utilisation (%)": round(100 * pace.utilisation)}
+    tallies = {name: bus.statistics(joint.spec.id) for name, joint in joints.items()}
     for figure in ("tries", "misses", "corrupt", "late", "refused"):
         counters[figure] = sum(getattr(tally, figure) for tally in tallies.values())
     return counters | {f"misses of {name}": tally.misses for name, tally in tallies.items()}
 
 
-def readings(joints: Mapping[str, Joint], *, since: float) -> Mapping[str, Reading[JointState]]:
+def current_readings(joints: Mapping[str, Joint], *, since: float) -> Mapping[str, Reading[JointState]]:
     """Return the newest reading of each joint; those are stale that were taken before ``since``."""
     newest = {name: joint.reading for name, joint in joints.items()}
     return {
@@ -70,23 +82,23 @@ def readings(joints: Mapping[str, Joint], *, since: float) -> Mapping[str, Readi
     }
 
 
-RATE = 100.0
+DEFAULT_POLL_RATE = 100.0
 """Rounds of readings a second at most, as far as the wire can carry them."""
 
-RETRY = 0.5
+RETRY_INTERVAL = 0.5
 """Seconds between attempts to open the port."""
 
-FRESH = 0.25
+STALE_AFTER = 0.25
 """Seconds after which a reading is stale; to who does not keep asking, ``RESTING`` later."""
 
-GO_ON = 0.01
+SETPOINT_INTERVAL = 0.01
 """Seconds between two looks at how far the joints are on their way, as often as the wire allows."""
 
-GIVEN_WAY = 0.2
+COMMAND_PRIORITY_TIMEOUT = 0.2
 """Seconds for which readings wait at most while somebody holds or relaxes joints, of which each is to confirm it."""
 
 
-class DynamixelJoints(CommandedJoints):
+class DynamixelJoints(ServoJoints):
     """The joints of an arm. It owns ``bus``: opens it, and closes it at the end.
 
     ``rate`` (Hz) is how often those joints are read that lead or follow, as far as the wire allows; others as often as
@@ -96,19 +108,19 @@ class DynamixelJoints(CommandedJoints):
 
     def __init__(
         self,
-        bus: Bus,
+        bus: ServoBus,
         joints: Mapping[str, JointSpec],
         clock: Clock,
         *,
-        rate: float = RATE,
+        rate: float = DEFAULT_POLL_RATE,
         at_rest: Literal["hold", "relax"] = "hold",
-        away: Away | None = None,
-        report: Report = ignore,
+        away: ReconnectPolicy | None = None,
+        report: StatusCallback = ignore,
         changed: Callable[[], None] = ignore,
-        loop: MakeLoop = ThreadLoop,
+        loop: LoopFactory = ThreadLoop,
         name: str = "arm",
     ) -> None:
-        check(name, dict(joints))
+        check_joints(name, dict(joints))
         if not 0 < rate <= 1000:
             raise BadRequest(f"{name}: joints are read 1 to 1000 times a second, not {rate}")
         described = {joint: Joint(joint, spec, MODELS[spec.model]) for joint, spec in joints.items()}
@@ -116,33 +128,33 @@ class DynamixelJoints(CommandedJoints):
         self._bus = bus
         self._rate = rate
         self._lock = RLock()
-        self._leading = Leading(bus, self._joints, self._clamping, self._telling)
-        self._watch = Watch(bus, self._joints, self._lock, clock, self._telling, self._absence)
-        self._pace = Pace(rate)
-        self._attention = Attention(rate, min(RESTING, self._absence.shortest / 3))
-        self._loop = loop(f"joints {self.name}", self._turn, ignore)
-        self._opened = False
+        self._couplings = JointCouplings(bus, self._joints, self._goal_limiter, self._reporter)
+        self._monitor = JointMonitor(bus, self._joints, self._lock, clock, self._reporter, self._reconnect)
+        self._round_schedule = RoundSchedule(rate)
+        self._poll_schedule = PollSchedule(rate, min(RESTING_INTERVAL, self._reconnect.min_absence / 3))
+        self._loop = loop(f"joints {self.name}", self._run_round, ignore)
+        self._is_open = False
         self._connections = 0
-        self._went_on_at = 0.0
-        self._calm = Event()  # while nobody holds or relaxes joints, which comes before the next reading
-        self._calm.set()
-        self._attended: frozenset[str] = frozenset()  # read as if they led
-        self._then: Callable[[], object] = ignore
-        self._fault = ""  # the newest of the driver's own that was reported
+        self._setpoints_sent_at = 0.0
+        self._no_command_pending = Event()  # while nobody holds or relaxes joints, which comes before the next reading
+        self._no_command_pending.set()
+        self._fast_joints: frozenset[str] = frozenset()  # read as if they led
+        self._on_round: Callable[[], object] = ignore
+        self._reported_fault = ""  # the newest of the driver's own that was reported
 
     # --- life ---------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
         """Start the thread that looks for the servos; does nothing if it runs."""
-        if not self._opened:
-            self._opened = True
+        if not self._is_open:
+            self._is_open = True
             self._connections = 0
-            self._absence.begin()
+            self._reconnect.restart()
             self._loop.start()
 
     def close(self) -> None:
         """End the thread, bring the arm to rest and release the port. Safe from any state, more than once."""
-        if not self._opened:
+        if not self._is_open:
             return
         with ExitStack() as whatever_happens:
             whatever_happens.callback(self._release)
@@ -150,28 +162,28 @@ class DynamixelJoints(CommandedJoints):
             self._loop.end()
 
     def _release(self) -> None:
-        self._opened = False
+        self._is_open = False
         self._bus.close()
-        self._watch.end()
+        self._monitor.reset()
         self._connections = 0
         for joint in self._joints.values():
-            joint.touched = joint.unsettled = False  # from now on it is no concern of ours
+            joint.may_have_torque = joint.is_unconfirmed = False  # from now on it is no concern of ours
 
     def rest(self) -> None:
         """Hold or relax, as the robot file asks; tell which servos could not be brought to it. Never raises."""
         why = ""
         with self._lock:
             try:
-                failed = self._settle(self._joints, stiff=self._stiff_at_rest)
-                for _ in insisting(self._bus, failed, self._clock):
+                failed = self._hold_or_relax(self._joints, stiff=self._stiff_at_rest)
+                for _ in release_attempts(self._bus, failed, self._clock):
                     for joint in failed:
-                        if not joint.answers:
-                            self._watch.look_for(joint)
-                    failed[:] = self._settle([joint.name for joint in failed], stiff=self._stiff_at_rest)
+                        if not joint.is_answering:
+                            self._monitor.identify(joint)
+                    failed[:] = self._hold_or_relax([joint.name for joint in failed], stiff=self._stiff_at_rest)
             except Exception as error:  # whatever it is, the port is still to be closed and other devices to be rested
-                failed = [joint for joint in self._joints.values() if joint.touched]
+                failed = [joint for joint in self._joints.values() if joint.may_have_torque]
                 why = f" ({type(error).__name__}: {error})"
-            self._telling.unrested(failed, stiff=self._stiff_at_rest, why=why)
+            self._reporter.report_not_at_rest(failed, stiff=self._stiff_at_rest, reason=why)
 
     # --- what behaviours ask ------------------------------------------------------------------------------------------
 
@@ -183,15 +195,15 @@ class DynamixelJoints(CommandedJoints):
         for an unknown joint or a value that is not finite, NotConnected when the bus is gone or has just come back,
         DeviceFault while it is latched, or a joint is blocked.
         """
-        asked, speeds = self._clock.now(), speeds or {}
+        asked, speeds = self._clock.read_value(), speeds or {}
         check_move(self.name, goals, speeds, self._joints)
         with self._lock:
-            self._require(asked)
-            now = self._clock.now()
-            self._permit(goals, now)
-            accepted = self._clamping.accept(goals, now)
-            self._leading.end(goals)
-            go(self._bus, [self._joints[name] for name in goals], accepted, speeds, now)
+            self._require_ready(asked)
+            now = self._clock.read_value()
+            self._refuse_blocked(goals, now)
+            accepted = self._goal_limiter.clamp_goals(goals, now)
+            self._couplings.release(goals)
+            start_motion(self._bus, [self._joints[name] for name in goals], accepted, speeds, now)
         self._loop.wake()
         return accepted
 
@@ -203,19 +215,19 @@ class DynamixelJoints(CommandedJoints):
         the followers are brought over anew. Raises BadRequest for couplings that cannot be, and NotConnected, but not
         in order to end them.
         """
-        asked = self._clock.now()
+        asked = self._clock.read_value()
         check_couplings(self.name, couplings, self._joints)
         with self._lock:
             if couplings:
-                self._require(asked)
-            if freed := self._leading.begin(couplings):
-                self._command(freed, stiff=True)
+                self._require_ready(asked)
+            if freed := self._couplings.replace(couplings):
+                self._hold_or_relax_and_report(freed, stiff=True)
         self._loop.wake()
 
-    def attend(self, joints: Collection[str], then: Callable[[], object] = ignore) -> None:
+    def poll_fast(self, joints: Collection[str], on_round: Callable[[], object] = ignore) -> None:
         """Read ``joints`` as often as those that lead, and call ``then`` in each round. BadRequest: unknown joint."""
         check_names(self.name, set(joints), self._joints)
-        self._attended, self._then = frozenset(joints), guarded(then)
+        self._fast_joints, self._on_round = frozenset(joints), guard_callback(on_round)
         self._loop.wake()
 
     def recover(self) -> tuple[str, ...]:
@@ -225,128 +237,139 @@ class DynamixelJoints(CommandedJoints):
         has removed the cause; so it enables the arm as well. Raises NotConnected.
         """
         with self._lock:
-            self._absence.enable()
-            return tuple(joint.name for joint in recover(self._bus, self._joints.values(), now=self._clock.now()))
+            self._reconnect.enable()
+            return tuple(
+                joint.name for joint in recover_joints(self._bus, self._joints.values(), now=self._clock.read_value())
+            )
 
     def states(self) -> Mapping[str, Reading[JointState]]:
-        """The newest state of each joint; stale after ``FRESH`` seconds without a reading.
+        """The newest state of each joint; stale after ``STALE_AFTER`` seconds without a reading.
 
         Joints at rest are read more seldom while nobody keeps asking.
         """
-        now = self._clock.now()
-        fresh = FRESH if self._attention.asked(now) else FRESH + RESTING
-        return readings(self._joints, since=now - fresh)
+        now = self._clock.read_value()
+        fresh = STALE_AFTER if self._poll_schedule.note_request(now) else STALE_AFTER + RESTING_INTERVAL
+        return current_readings(self._joints, since=now - fresh)
 
     def health(self) -> Health:
         """Say whether the arm is there: the port open, and at least one servo answering."""
-        counters = counted(self._bus, self._joints, self._pace, connections=self._connections)
-        health = health_of(self.name, self._bus, self._joints, self._watch, runs=self._loop.alive)
-        return replace(health, counters=counters, returned=self._absence.returned)
+        counters = arm_counters(self._bus, self._joints, self._round_schedule, connections=self._connections)
+        health = arm_health(self.name, self._bus, self._joints, self._monitor, runs=self._loop.is_alive)
+        return replace(health, counters=counters, reconnected_at=self._reconnect.reconnected_at)
 
-    def _require(self, asked: float) -> None:
+    def _require_ready(self, requested_at: float) -> None:
         """Raise NotConnected unless what is told to a servo now lasts, and was ``asked`` since the arm was back."""
-        self._bus.require()
-        absent = self._absence.unheard(self._clock.now()) or self._absence.before_return(asked)
-        if absent or not self._watch.connected:
+        self._bus.require_open()
+        absent = self._reconnect.is_silent(self._clock.read_value()) or self._reconnect.is_from_before(requested_at)
+        if absent or not self._monitor.connected:
             raise NotConnected(f"{self.name}: {self._bus.port}: looking for the servos", hint="try again")
-        self._absence.require(self.name)
+        self._reconnect.require_unlatched(self.name)
 
-    def _command(self, names: Collection[str], *, stiff: bool) -> None:
+    def _hold_or_relax_and_report(self, names: Collection[str], *, stiff: bool) -> None:
         """Hold or relax; tell of the joints whose servo did not confirm it, and let the watch look after them."""
-        self._calm.clear()
+        self._no_command_pending.clear()
         try:
             with self._lock:
-                for joint in self._settle(names, stiff=stiff):
-                    joint.checked = -inf
-                self._telling.unsettled(since=self._clock.now() - GRACE if self._bus.is_open else inf)
+                for joint in self._hold_or_relax(names, stiff=stiff):
+                    joint.checked_at = -inf
+                self._reporter.report_unconfirmed(
+                    since=self._clock.read_value() - CONFIRMATION_TIMEOUT if self._bus.is_open else inf
+                )
         finally:
-            self._calm.set()
+            self._no_command_pending.set()
         self._loop.wake()
 
-    def _settle(self, names: Collection[str], *, stiff: bool) -> list[Joint]:
+    def _hold_or_relax(self, names: Collection[str], *, stiff: bool) -> list[Joint]:
         """Hold or relax; return the joints whose servo did not confirm it."""
         check_names(self.name, set(names), self._joints)
         with self._lock:
-            self._leading.end(names)
+            self._couplings.release(names)
             joints = [self._joints[name] for name in names]
             for joint in joints:
-                joint.wanted = stiff
-            unsettled = settle(self._bus, joints, stiff=stiff, now=self._clock.now())
+                joint.torque_request = stiff
+            unsettled = hold_or_relax(self._bus, joints, stiff=stiff, now=self._clock.read_value())
             for joint in joints:
                 joint.progress.hold(joint.goal if stiff else None)
             return unsettled
 
     # --- the driver's thread ------------------------------------------------------------------------------------------
 
-    def _turn(self) -> float:
-        pause = RETRY
+    def _run_round(self) -> float:
+        pause = RETRY_INTERVAL
         try:
-            self._round()
-            pause = self._pace.rest(self._clock.now(), self._bus.busy(), self._due_at())
+            self._poll_round()
+            pause = self._round_schedule.end_round(self._clock.read_value(), self._bus.busy_time(), self._next_due())
         except NotConnected as error:
-            self._watch.lost(error)
+            self._monitor.on_port_lost(error)
         except BaseException as error:  # SystemExit too: without this thread nobody would see the arm any more
-            self._complain(error)
+            self._report_driver_error(error)
         self._changed()
-        self._then()
+        self._on_round()
         return pause
 
-    def _due_at(self) -> float:
+    def _next_due(self) -> float:
         """Return when there is something to be done next."""
-        joints, now = self._joints.values(), self._clock.now()
-        return min(self._attention.next_at(joints, self._leading.joints | self._attended, now), self._watch.due_at())
+        joints, now = self._joints.values(), self._clock.read_value()
+        return min(
+            self._poll_schedule.next_due(joints, self._couplings.coupled_joints | self._fast_joints, now),
+            self._monitor.next_confirmation_at(),
+        )
 
-    def _round(self) -> None:
-        if not self._watch.connected:
-            self._watch.connect()
+    def _poll_round(self) -> None:
+        if not self._monitor.connected:
+            self._monitor.connect()
             self._connections += 1
             with self._lock:
-                self._leading.pause()
-            self._telling.slow(self._rate, self._bus.baud)
-            self._pace.begin(self._clock.now(), self._bus.busy())
+                self._couplings.pause()
+            self._reporter.report_slow_bus(self._rate, self._bus.baud)
+            self._round_schedule.restart(self._clock.read_value(), self._bus.busy_time())
             return
-        began = self._clock.now()
-        if self._absence.heard(began):
+        began = self._clock.read_value()
+        if self._reconnect.on_report(began):
             for joint in self._joints.values():
-                joint.strayed = True
-            self._stand()
-        wanted = self._attention.wanted(self._joints.values(), self._leading.joints | self._attended, began)
-        self._watch.read(wanted, meanwhile=self._go_on)
-        self._give_up(wanted)
+                joint.approaches_slowly = True
+            self._hold_all()
+        wanted = self._poll_schedule.due_joints(
+            self._joints.values(), self._couplings.coupled_joints | self._fast_joints, began
+        )
+        self._monitor.read(wanted, after_each=self._send_setpoints)
+        self._stop_blocked_joints(wanted)
         with self._lock:
-            self._leading.lead(since=began, now=self._clock.now())
-        self._go_on()
-        if self._watch.tend():
-            self._stand()
+            self._couplings.update_followers(since=began, now=self._clock.read_value())
+        self._send_setpoints()
+        if self._monitor.run_checks():
+            self._hold_all()
 
-    def _give_up(self, read: Collection[Joint]) -> None:
+    def _stop_blocked_joints(self, polled: Collection[Joint]) -> None:
         """Hold the joints where they stand that do not get where they are sent; let go of those that run away."""
         with self._lock:
-            for joint in self._look(read):
-                self._leading.end([joint.name])
-                joint.wanted = not joint.progress.runs_away
-                settle(self._bus, [joint], stiff=joint.wanted, now=self._clock.now())
+            for joint in self._check_progress(polled):
+                self._couplings.release([joint.name])
+                joint.torque_request = not joint.progress.runs_away
+                hold_or_relax(self._bus, [joint], stiff=joint.torque_request, now=self._clock.read_value())
 
-    def _stand(self) -> None:
+    def _hold_all(self) -> None:
         """Let what is stiff stand where it is, and nothing follow: what was decided before goes on no more."""
         with self._lock:
-            self._leading.begin(())
-            self._command([name for name, joint in self._joints.items() if joint.wanted], stiff=True)
+            self._couplings.replace(())
+            self._hold_or_relax_and_report(
+                [name for name, joint in self._joints.items() if joint.torque_request], stiff=True
+            )
 
-    def _go_on(self) -> None:
+    def _send_setpoints(self) -> None:
         """Send the joints farther on their way that need it: on a slow wire a round takes longer than they wait.
 
         Who holds or relaxes joints meanwhile has the wire first: a lock is not given to who has waited for longest.
         """
-        self._calm.wait(GIVEN_WAY)
-        now = self._clock.now()
-        if now - self._went_on_at >= GO_ON:
-            self._went_on_at = now
+        self._no_command_pending.wait(COMMAND_PRIORITY_TIMEOUT)
+        now = self._clock.read_value()
+        if now - self._setpoints_sent_at >= SETPOINT_INTERVAL:
+            self._setpoints_sent_at = now
             with self._lock:
-                go_on(self._bus, self._joints.values(), now=now)
+                send_setpoints(self._bus, self._joints.values(), now=now)
 
-    def _complain(self, error: BaseException) -> None:
+    def _report_driver_error(self, error: BaseException) -> None:
         """Report what is wrong with the driver itself, unless it is the same as before."""
-        if (fault := f"{type(error).__name__}: {error}") != self._fault:
-            self._fault = fault
+        if (fault := f"{type(error).__name__}: {error}") != self._reported_fault:
+            self._reported_fault = fault
             self._report(DeviceStatus(self.name, "fault", fault))

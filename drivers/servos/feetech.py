@@ -5,13 +5,13 @@ from dataclasses import replace
 from typing import Literal
 
 from drivers.api.driver import Driver
-from drivers.api.keys import Mistake, key, keys
+from drivers.api.keys import KeyDiagnostic, key, keys
 from drivers.errors import BadRequest
-from drivers.servos.calibration import MotorCalibration, load
-from drivers.servos.declared import UNDRIVEN, DynamixelKeys, JointKeys
+from drivers.servos.calibration import MotorCalibration, load_calibration
+from drivers.servos.declared import UNSUPPORTED_HINT, DynamixelKeys, JointKeys
 from drivers.servos.models import MODELS
 
-STS = tuple(name for name, model in MODELS.items() if model.protocol == "STS")
+STS_MODELS = tuple(name for name, model in MODELS.items() if model.protocol == "STS")
 """The models that it drives."""
 
 
@@ -19,22 +19,27 @@ STS = tuple(name for name, model in MODELS.items() if model.protocol == "STS")
 class FeetechJointKeys(JointKeys):
     """One Feetech servo as a joint."""
 
-    written_model: str = key(default="STS3215", among=STS, word="model", hint=UNDRIVEN, help="The model of the servo.")
+    written_model: str = key(
+        default="STS3215", among=STS_MODELS, word="model", hint=UNSUPPORTED_HINT, help="The model of the servo."
+    )
     zero_at: Literal["middle", "lowest", "highest"] = key(
         default="middle", help="Where in the range of the calibration file the joint's 0 lies, unless `zero` says it."
     )
 
-    def calibrated(self, found: MotorCalibration) -> "FeetechJointKeys":
+    def with_calibration(self, calibration: MotorCalibration) -> "FeetechJointKeys":
         """Return the joint with what a calibration file says of it, where the robot file says nothing."""
         if self.ticks is not None:
             return self
-        model, turned = self.kind, bool(found.drive_mode) if self.turned is None else self.turned
-        ends = [model.angle(end) for end in (found.range_min, found.range_max)]
+        model, turned = (
+            self.servo_model,
+            bool(calibration.drive_mode) if self.written_reverse is None else self.written_reverse,
+        )
+        ends = [model.angle(end) for end in (calibration.range_min, calibration.range_max)]
         lowest, highest = reversed(ends) if turned else ends
         zero = {"middle": sum(ends) / 2, "lowest": lowest, "highest": highest}[self.zero_at]
         zero = zero if self.written_zero is None else self.written_zero
         lower, upper = sorted((end - zero) * (-1 if turned else 1) for end in ends)
-        return replace(self, turned=turned, written_zero=zero, limits=self.limits or (lower, upper))
+        return replace(self, written_reverse=turned, written_zero=zero, limits=self.limits or (lower, upper))
 
 
 @keys
@@ -50,37 +55,41 @@ class FeetechKeys(DynamixelKeys):
     @property
     def calibrations(self) -> Mapping[str, MotorCalibration]:
         """What the calibration file says of the joints; nothing without one. Raises BadRequest for a wrong one."""
-        return load(self.calibration) if self.calibration else {}
+        return load_calibration(self.calibration) if self.calibration else {}
 
     @property
     def servos(self) -> Mapping[str, FeetechJointKeys]:
         """The joints as they are driven."""
         found = self.calibrations
-        return {name: each.calibrated(found[name]) if name in found else each for name, each in self.joints.items()}
+        return {
+            name: each.with_calibration(found[name]) if name in found else each for name, each in self.joints.items()
+        }
 
     @property
     def offsets(self) -> Mapping[str, int]:
         """The position offset that the servos of joints must have, as far as a calibration file says so."""
         return {name: each.homing_offset for name, each in self.calibrations.items() if name in self.joints}
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield what is wrong with the calibration file; else what DynamixelKeys finds, and joints beyond it."""
         at = ("calibration",)
         try:
             found = self.calibrations
         except BadRequest as error:
-            yield Mistake(str(error), at, hint=error.hint)
+            yield KeyDiagnostic(str(error), at, hint=error.hint)
             return
         for name, joint in self.joints.items():
             if found and name not in found:
-                yield Mistake(f"calibration {self.calibration} has no motor '{name}'", at, seen=name, known=found)
+                yield KeyDiagnostic(
+                    f"calibration {self.calibration} has no motor '{name}'", at, unknown_word=name, known_words=found
+                )
             elif found and found[name].id != joint.id:
                 told = f"calibration {self.calibration}: motor '{name}': 'id' is {found[name].id}"
-                yield Mistake(f"{told}, and joint '{name}' has {joint.id}", ("joints", name), named=True)
-        yield from DynamixelKeys.mistakes(self)
+                yield KeyDiagnostic(f"{told}, and joint '{name}' has {joint.id}", ("joints", name), marks_key=True)
+        yield from DynamixelKeys.diagnostics(self)
         for name, joint in self.servos.items():
             if name in found:
-                yield from (replace(each, at=("joints", name, *each.at)) for each in joint.mistakes())
+                yield from (replace(each, at=("joints", name, *each.at)) for each in joint.diagnostics())
 
 
 ARM = Driver(

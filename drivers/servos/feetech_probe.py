@@ -2,13 +2,13 @@
 
 from collections.abc import Generator
 
-from drivers.api.probing import Answer, Ask
-from drivers.servos.probe import servos
+from drivers.api.probing import ProbeRequest, ProbeResult
+from drivers.servos.probe import probe_servos
 
-DELIVERED = (1_000_000,)
-OTHERS = (500_000, 115_200, 250_000, 128_000, 76_800, 57_600, 38_400)
+FACTORY_BAUD_RATES = (1_000_000,)
+OTHER_BAUD_RATES = (500_000, 115_200, 250_000, 128_000, 76_800, 57_600, 38_400)
 
 
-def probe() -> Generator[Ask, bytes, Answer | None]:
+def probe() -> Generator[ProbeRequest, bytes, ProbeResult | None]:
     """Ask for STS servos, at the rate at which they are delivered, else at all others."""
-    return (yield from servos(("STS",), DELIVERED, OTHERS))
+    return (yield from probe_servos(("STS",), FACTORY_BAUD_RATES, OTHER_BAUD_RATES))

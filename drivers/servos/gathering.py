@@ -5,37 +5,37 @@ from types import MappingProxyType
 
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NoReply
-from drivers.servos.bus import Bus
+from drivers.servos.bus import ServoBus
 from drivers.servos.codec import CODECS
 from drivers.servos.joint import Joint
-from drivers.servos.models import Reads
-from drivers.servos.register import Block
+from drivers.servos.models import ReadMode
+from drivers.servos.register import RegisterBlock
 from drivers.servos.units import RETURN_DELAY_STEP
 
-IN_VAIN = 2.0
+GROUP_READ_TIMEOUT = 2.0
 """Seconds of group reads that bring nothing from servos that do answer, after which none is tried any more."""
 
-_ASKED = MappingProxyType({"single": 8, "bulk": 3, "sync": 1})
+_REQUEST_BYTES = MappingProxyType({"single": 8, "bulk": 3, "sync": 1})
 """Bytes of a request that each servo adds to a round: its own packet, or its part in one for all."""
 
 
-class Gathering:
+class GroupReader:
     """Reads the fast block of many servos. For one thread.
 
     Servos that can be read by one request are; one that such a read missed, or that was silent before, is asked by
     itself, so that it cannot keep the others from answering. Older firmware does not know the reads of groups.
     """
 
-    def __init__(self, bus: Bus, clock: Clock) -> None:
+    def __init__(self, bus: ServoBus, clock: Clock) -> None:
         self._bus = bus
         self._clock = clock
-        self._given_up: set[Reads] = set()
-        self._in_vain_since: dict[Reads, float] = {}
+        self._disabled_modes: set[ReadMode] = set()
+        self._failing_since: dict[ReadMode, float] = {}
 
     def reset(self) -> None:
         """Forget what the servos can: there may be others now."""
-        self._given_up.clear()
-        self._in_vain_since.clear()
+        self._disabled_modes.clear()
+        self._failing_since.clear()
 
     def read(self, joints: Sequence[Joint]) -> Iterator[tuple[Joint, bool]]:
         """Read each joint once, into its copy of the table; return with each whether it answered.
@@ -43,59 +43,59 @@ class Gathering:
         Raises NotConnected.
         """
         alone: list[Joint] = []
-        groups: dict[Reads, list[Joint]] = {"bulk": [], "sync": []}
+        groups: dict[ReadMode, list[Joint]] = {"bulk": [], "sync": []}
         for joint in joints:
-            reads = joint.model.reads
-            single = reads == "single" or joint.failures or reads in self._given_up
+            reads = joint.model.read_mode
+            single = reads == "single" or joint.missed_reads or reads in self._disabled_modes
             (alone if single else groups[reads]).append(joint)
         for reads, members in groups.items():
             if len(members) > 1:
-                yield from self._together(members, reads)
+                yield from self._read_group_or_singly(members, reads)
             elif members:
                 alone += members
-                self._in_vain_since.pop(reads, None)
+                self._failing_since.pop(reads, None)
         for joint in alone:
-            yield joint, self._alone(joint)
+            yield joint, self._read_single(joint)
 
-    def _together(self, members: Sequence[Joint], reads: Reads) -> Iterator[tuple[Joint, bool]]:
+    def _read_group_or_singly(self, members: Sequence[Joint], mode: ReadMode) -> Iterator[tuple[Joint, bool]]:
         """Read a group at once, and those that it missed one by one."""
-        heard = self._group(members, reads)
+        heard = self._read_group(members, mode)
         answered = False
         for joint in members:
-            here = joint.name in heard or self._alone(joint)
+            here = joint.name in heard or self._read_single(joint)
             answered = answered or here
             yield joint, here
         if heard:
-            self._in_vain_since.pop(reads, None)
+            self._failing_since.pop(mode, None)
         elif answered:
-            now = self._clock.now()
-            if now - self._in_vain_since.setdefault(reads, now) > IN_VAIN:
-                self._given_up.add(reads)
+            now = self._clock.read_value()
+            if now - self._failing_since.setdefault(mode, now) > GROUP_READ_TIMEOUT:
+                self._disabled_modes.add(mode)
 
-    def _group(self, members: Sequence[Joint], reads: Reads) -> set[str]:
+    def _read_group(self, members: Sequence[Joint], mode: ReadMode) -> set[str]:
         """Read a group at once; return the names of those that answered."""
-        wanted = {joint.at: joint.model.table.fast for joint in members}
-        found = self._bus.read_many(wanted, how="sync" if reads == "sync" else "bulk")
-        heard = [joint for joint in members if joint.at in found]
+        wanted = {joint.address: joint.model.table.fast_block for joint in members}
+        found = self._bus.read_many(wanted, mode="sync" if mode == "sync" else "bulk")
+        heard = [joint for joint in members if joint.address in found]
         for joint in heard:
-            joint.take(joint.model.table.fast, found[joint.at])
+            joint.store(joint.model.table.fast_block, found[joint.address])
         return {joint.name for joint in heard}
 
-    def _alone(self, joint: Joint) -> bool:
+    def _read_single(self, joint: Joint) -> bool:
         """Read one servo, once: a reading that was missed costs less than the time of a second try."""
-        fast: Block = joint.model.table.fast
+        fast: RegisterBlock = joint.model.table.fast_block
         try:
-            joint.take(fast, self._bus.read_block(joint.at, fast.address, fast.size, tries=1))
+            joint.store(fast, self._bus.read_block(joint.address, fast.address, fast.size, tries=1))
         except (NoReply, BadRequest):
             return False
         return True
 
 
-def duration(joints: Sequence[Joint], baud: int) -> tuple[float, float]:
+def round_duration(joints: Sequence[Joint], baud: int) -> tuple[float, float]:
     """Return how long (s) a round is on the wire, and how long the servos wait in it before they answer."""
     size, delay = 0, 0
     for joint in joints:
-        asked = _ASKED[joint.model.reads]
-        size += asked + CODECS[joint.at.protocol].overhead + joint.model.table.fast.size
+        asked = _REQUEST_BYTES[joint.model.read_mode]
+        size += asked + CODECS[joint.address.protocol].overhead + joint.model.table.fast_block.size
         delay += joint.value("return_delay")
     return size * 10 / baud, delay * RETURN_DELAY_STEP

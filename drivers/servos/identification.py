@@ -17,101 +17,109 @@ from math import inf
 
 from drivers.api.quick import dataclass
 from drivers.errors import BadRequest, DeviceFault, NoReply
-from drivers.servos.bus import At, Bus, Identity
+from drivers.servos.bus import ServoAddress, ServoBus, ServoIdentity
 from drivers.servos.channel import SECOND_REPLY_DELAY
-from drivers.servos.models import Model, model_of
+from drivers.servos.models import ServoModel, find_model
 
-LOOKS = 10
+FULL_READS = 10
 """Reads of the whole table: of two servos that reply by turns, one alone is seen in 1 of 512 proofs."""
 
-LISTENS = 3
+LISTENED_READS = 3
 """Reads after which a second reply is waited for."""
 
-MIN_DOUBLES = 2
+MIN_DUPLICATE_REPLIES = 2
 """Surplus replies that prove a second servo: a single one may be a reply that was late."""
 
-MIN_DAMAGED, DAMAGED_SHARE = 3, 0.2
+MIN_DAMAGED_REPLIES, MIN_DAMAGED_SHARE = 3, 0.2
 """Damaged replies, and their share of all, from which on the line is not good enough for a write."""
 
-DRIVER_LOOKS, DRIVER_GLANCES, DRIVER_DAMAGED_SHARE = 2, 8, 0.8
+DRIVER_FULL_READS, DRIVER_QUICK_READS, DRIVER_MIN_DAMAGED_SHARE = 2, 8, 0.8
 """Reads of the whole table, and of its readings alone, that a driver takes; and the share of damage that it bears."""
 
-DOUBTED_GLANCES = 30
+DOUBTED_QUICK_READS = 30
 """The same of readings, for a servo that was seen to share its ID: it is looked at again every second."""
 
 MIN_JUMPS = 2
 """Jumps of a reading that prove a second servo: there, and back."""
 
-FRONT = 8
+MIN_READ_ADDRESS = 8
 """The address from which tables are read: the bytes before it leave room for a read that is repeated, and grows."""
 
-HAND = 3.0
+MAX_HAND_SPEED_FACTOR = 3.0
 """How many times faster than its motor a person turns a servo at most."""
 
-POSITION_NOISE, TEMPERATURE_NOISE, TICK_SLACK = 8, 1, 20.0
+POSITION_NOISE, TEMPERATURE_NOISE, CLOCK_SLACK = 8, 1, 20.0
 """Steps, degrees and milliseconds by which two readings of one servo differ at rest."""
 
 
-def require_sole(bus: Bus, at: At, number: int | None = None, *, looks: int = LOOKS) -> Identity:
+def require_unique_id(
+    bus: ServoBus, at: ServoAddress, number: int | None = None, *, full_reads: int = FULL_READS
+) -> ServoIdentity:
     """Return what the one servo at ``at`` is, once it is certain that it is the only one, and of a known model.
 
     ``number`` is the model number that it must have. Raises DeviceFault, with the evidence, for a second servo, a line
     that damages replies, another or an unknown model; NoReply, NotConnected, BadRequest.
     """
-    proof = _Proof(bus, at)
+    proof = _UniqueIdTest(bus, at)
     identity = proof.identify()
-    known = model_of(identity.number)
+    known = find_model(identity.number)
     if known is None:
-        raise DeviceFault(f"{bus.name}: servo {at.id}: model number {identity.number} is not known here", hint=SCAN)
+        raise DeviceFault(
+            f"{bus.name}: servo {at.id}: model number {identity.number} is not known here", hint=SCAN_HINT
+        )
     if known.protocol != at.protocol or number not in (None, identity.number):
         wanted = "" if number is None else f", not {number}"
-        raise DeviceFault(f"{bus.name}: servo {at.id} is model {identity.number} ({known.name}){wanted}", hint=SCAN)
+        raise DeviceFault(
+            f"{bus.name}: servo {at.id} is model {identity.number} ({known.name}){wanted}", hint=SCAN_HINT
+        )
     if (held := bus.read(at, known.table["id"])) != at.id:
         raise DeviceFault(
             f"{bus.name}: servo {at.id} says that it is model {identity.number}, and its table is not that of an "
             f"{known.name}: its ID reads {held} there",
-            hint=SCAN,
+            hint=SCAN_HINT,
         )
-    proof.look(known, looks)
-    if proof.doubtful:
-        proof.look(known, max(looks, LOOKS))
-    proof.judge()
+    proof.read_table(known, full_reads)
+    if proof.is_doubtful:
+        proof.read_table(known, max(full_reads, FULL_READS))
+    proof.raise_if_duplicate()
     return identity
 
 
-def twin_evidence(bus: Bus, at: At, model: Model, *, glances: int = DRIVER_GLANCES) -> str:
+def duplicate_id_evidence(
+    bus: ServoBus, at: ServoAddress, model: ServoModel, *, quick_reads: int = DRIVER_QUICK_READS
+) -> str:
     """Return what shows that a servo of ``model`` shares its ID with another; empty for one that seems to be alone.
 
-    Reads the whole table ``DRIVER_LOOKS`` times, and its readings ``glances`` times. Bears more damage than
-    ``require_sole``: for drivers, which write no EEPROM. Raises NotConnected.
+    Reads the whole table ``DRIVER_FULL_READS`` times, and its readings ``glances`` times. Bears more damage than
+    ``require_unique_id``: for drivers, which write no EEPROM. Raises NotConnected.
     """
-    proof = _Proof(bus, at)
-    proof.look(model, DRIVER_LOOKS, extra=0.0)
-    proof.look(model, glances, start=model.table["present_position"].address, extra=0.0)
-    if proof.doubtful:
-        proof.look(model, LOOKS)
-    return "; ".join(proof.evidence(DRIVER_DAMAGED_SHARE))
+    proof = _UniqueIdTest(bus, at)
+    proof.read_table(model, DRIVER_FULL_READS, extra_time=0.0)
+    proof.read_table(model, quick_reads, start=model.table["present_position"].address, extra_time=0.0)
+    if proof.is_doubtful:
+        proof.read_table(model, FULL_READS)
+    return "; ".join(proof.evidence(DRIVER_MIN_DAMAGED_SHARE))
 
 
-def ping_evidence(bus: Bus, at: At) -> str:
+def duplicate_ping_evidence(bus: ServoBus, at: ServoAddress) -> str:
     """Return what shows, by pings alone, that servos share an ID; empty otherwise. Raises NotConnected."""
-    proof = _Proof(bus, at)
-    for _ in range(LOOKS):
+    proof = _UniqueIdTest(bus, at)
+    for _ in range(FULL_READS):
         bus.answers_ping(at, tries=1)
-        bus.listen(at.protocol, 3)
+        bus.listen_for_duplicate(at.protocol, 3)
     return "; ".join(proof.evidence())
 
 
-UNPLUG = (
+UNPLUG_HINT = (
     "unplug all servos with ID {0} but one, and give it another ID: mission servo set {0} id NEW; then plug in the "
     "next; if it was alone, try another cable"
 )
 """What helps against two servos with one ID."""
 
-SCAN = "mission servo scan  (with the same --robot FILE or --port PORT) shows what answers"
+SCAN_HINT = "mission servo scan  (with the same --robot FILE or --port PORT) shows what answers"
 
 
-def pings_alone(at: At, options: str = " --port PORT") -> DeviceFault:
+def ping_only_error(at: ServoAddress, options: str = " --port PORT") -> DeviceFault:
     """Return the error for a servo that answers a ping and nothing else; ``options`` name its bus in a command."""
     return DeviceFault(
         f"servo {at.id} answers a ping, and no read: its status return level is 0",
@@ -120,14 +128,14 @@ def pings_alone(at: At, options: str = " --port PORT") -> DeviceFault:
 
 
 @dataclass(slots=True)
-class _Readings:
+class _ReadComparison:
     """The replies of one servo, compared with each other."""
 
-    model: Model
+    model: ServoModel
     first: tuple[int, bytes] | None = None  # its address, and the bytes
     last: tuple[float, int, int] | None = None  # when (s), the position (steps), the temperature (degC)
-    moves: int = 0
-    heats: int = 0
+    position_jumps: int = 0
+    temperature_jumps: int = 0
     conflicts: dict[str, tuple[int, int]] = field(default_factory=dict)
     ticks: set[int] = field(default_factory=set)
     earliest: float = -inf
@@ -144,23 +152,23 @@ class _Readings:
                 values = register.decode(before, begin), register.decode(data, start)
                 if values[0] != values[1]:
                     self.conflicts[register.name] = values
-        self._follow(start, data, now)
-        self._tick(start, data, sent, now)
+        self._count_jumps(start, data, now)
+        self._narrow_clock_offset(start, data, sent, now)
 
-    def _follow(self, start: int, data: bytes, now: float) -> None:
+    def _count_jumps(self, start: int, data: bytes, now: float) -> None:
         """Count the changes of position and temperature that no servo makes."""
         table = self.model.table
         place, heat = (table[name].decode(data, start) for name in ("present_position", "present_temperature"))
         if self.last is not None:
             before, stood, warmth = self.last
-            turn = self.model.last + 1
+            turn = self.model.last_tick + 1
             way = abs(place - stood) % turn
-            reach = HAND * self.model.free_speed * (now - before) / self.model.tick + POSITION_NOISE
-            self.moves += min(way, turn - way) > reach
-            self.heats += abs(heat - warmth) > TEMPERATURE_NOISE
+            reach = MAX_HAND_SPEED_FACTOR * self.model.free_speed * (now - before) / self.model.tick + POSITION_NOISE
+            self.position_jumps += min(way, turn - way) > reach
+            self.temperature_jumps += abs(heat - warmth) > TEMPERATURE_NOISE
         self.last = now, place, heat
 
-    def _tick(self, start: int, data: bytes, sent: float, now: float) -> None:
+    def _narrow_clock_offset(self, start: int, data: bytes, sent: float, now: float) -> None:
         """Narrow down when the servo's clock was 0, in milliseconds; it begins anew after 32 768."""
         clock = self.model.table.registers.get("realtime_tick")
         if clock is None or clock.address < start:
@@ -177,96 +185,108 @@ class _Readings:
         """Yield which registers hold what no single servo holds."""
         for name, (before, after) in self.conflicts.items():
             yield f"{name} reads {before} and {after}"
-        if self.moves >= MIN_JUMPS:
-            yield f"its position jumps ({self.moves} times)"
-        if self.heats >= MIN_JUMPS:
-            yield f"its temperature jumps ({self.heats} times)"
-        if len(self.ticks) > 1 and self.earliest > self.latest + TICK_SLACK:
+        if self.position_jumps >= MIN_JUMPS:
+            yield f"its position jumps ({self.position_jumps} times)"
+        if self.temperature_jumps >= MIN_JUMPS:
+            yield f"its temperature jumps ({self.temperature_jumps} times)"
+        if len(self.ticks) > 1 and self.earliest > self.latest + CLOCK_SLACK:
             yield "its clock runs back and forth"
 
 
-class _Proof:
+class _UniqueIdTest:
     """The traces of a second servo at ``at``, gathered over several looks."""
 
-    def __init__(self, bus: Bus, at: At) -> None:
+    def __init__(self, bus: ServoBus, at: ServoAddress) -> None:
         self._bus = bus
         self._at = at
-        tally = bus.tally(at.id)
-        self._before = tally.corrupt, tally.doubles
-        self._looks = self._missed = self._refused = 0
-        self._noisy = 0  # replies of which not even the beginning could be recognised
-        self._readings: _Readings | None = None
+        tally = bus.statistics(at.id)
+        self._before = tally.corrupt, tally.duplicates
+        self._read_count = self._missed_count = self._refused_count = 0
+        self._noise_count = 0  # replies of which not even the beginning could be recognised
+        self._readings: _ReadComparison | None = None
 
-    def identify(self) -> Identity:
-        """Return what the servo says that it is. Raises as ``require_sole``."""
-        noise = self._bus.noise()
+    def identify(self) -> ServoIdentity:
+        """Return what the servo says that it is. Raises as ``require_unique_id``."""
+        noise = self._bus.noise_bytes()
         try:
             return self._bus.identify(self._at)
         except NoReply:
-            self._noisy += self._bus.noise() > noise
-            if self._doubles or self._damaged:
-                self.judge()
+            self._noise_count += self._bus.noise_bytes() > noise
+            if self._duplicate_count or self._damaged_count:
+                self.raise_if_duplicate()
             raise
 
-    def look(self, model: Model, looks: int, *, start: int = FRONT + 2, extra: float = SECOND_REPLY_DELAY) -> None:
+    def read_table(
+        self,
+        model: ServoModel,
+        count: int,
+        *,
+        start: int = MIN_READ_ADDRESS + 2,
+        extra_time: float = SECOND_REPLY_DELAY,
+    ) -> None:
         """Read the table from ``start`` on so many times; each time from elsewhere, so that the checksums differ.
 
         ``extra`` is how much later (s) than one servo may reply a second one is listened for.
         """
         bus, at = self._bus, self._at
-        self._readings = self._readings or _Readings(model)
-        for look in range(looks):
+        self._readings = self._readings or _ReadComparison(model)
+        for look in range(count):
             begin = start - look % 3
-            size, sent, noise, corrupt = model.table.size - begin, bus.now(), bus.noise(), bus.tally(at.id).corrupt
-            self._looks += 1
+            size, sent, noise, corrupt = (
+                model.table.size - begin,
+                bus.read_value(),
+                bus.noise_bytes(),
+                bus.statistics(at.id).corrupt,
+            )
+            self._read_count += 1
             try:
-                self._readings.add(begin, bus.read_block(at, begin, size, tries=1), sent, bus.now())
+                self._readings.add(begin, bus.read_block(at, begin, size, tries=1), sent, bus.read_value())
             except BadRequest:
-                self._missed += 1
-                self._refused += 1
+                self._missed_count += 1
+                self._refused_count += 1
             except NoReply:
-                self._missed += 1
-                self._noisy += bus.noise() > noise and bus.tally(at.id).corrupt == corrupt
-            if look < LISTENS:
-                bus.listen(at.protocol, size, extra)
+                self._missed_count += 1
+                self._noise_count += bus.noise_bytes() > noise and bus.statistics(at.id).corrupt == corrupt
+            if look < LISTENED_READS:
+                bus.listen_for_duplicate(at.protocol, size, extra_time)
 
     @property
-    def _damaged(self) -> int:
-        return self._bus.tally(self._at.id).corrupt - self._before[0] + self._noisy
+    def _damaged_count(self) -> int:
+        return self._bus.statistics(self._at.id).corrupt - self._before[0] + self._noise_count
 
     @property
-    def _doubles(self) -> int:
-        return self._bus.tally(self._at.id).doubles - self._before[1]
+    def _duplicate_count(self) -> int:
+        return self._bus.statistics(self._at.id).duplicates - self._before[1]
 
     @property
-    def doubtful(self) -> bool:
+    def is_doubtful(self) -> bool:
         """Whether something was odd, of which more looks tell what it was."""
         readings = self._readings
-        odd = readings is not None and (readings.moves or readings.heats)
-        return bool(self._doubles or self._damaged or self._missed or odd)
+        odd = readings is not None and (readings.position_jumps or readings.temperature_jumps)
+        return bool(self._duplicate_count or self._damaged_count or self._missed_count or odd)
 
-    def evidence(self, damaged_share: float = DAMAGED_SHARE) -> list[str]:
+    def evidence(self, damaged_share: float = MIN_DAMAGED_SHARE) -> list[str]:
         """Return the traces of a second servo, or of a line that is as bad."""
         found = [] if self._readings is None else list(self._readings.evidence())
-        if self._refused >= MIN_JUMPS and self._refused < self._looks:
-            found.append(f"refuses {self._refused} of {self._looks} equal reads")
-        if self._doubles >= MIN_DOUBLES or (self._doubles and not self._looks):
-            found.append(f"{self._doubles} replies more than requested")
-        if self._damaged >= max(MIN_DAMAGED if self._looks else 1, damaged_share * self._looks):
-            found.append(f"{self._damaged} damaged replies")
+        if self._refused_count >= MIN_JUMPS and self._refused_count < self._read_count:
+            found.append(f"refuses {self._refused_count} of {self._read_count} equal reads")
+        if self._duplicate_count >= MIN_DUPLICATE_REPLIES or (self._duplicate_count and not self._read_count):
+            found.append(f"{self._duplicate_count} replies more than requested")
+        if self._damaged_count >= max(MIN_DAMAGED_REPLIES if self._read_count else 1, damaged_share * self._read_count):
+            found.append(f"{self._damaged_count} damaged replies")
         return found
 
-    def judge(self) -> None:
+    def raise_if_duplicate(self) -> None:
         """Raise DeviceFault for the traces of a second servo; NoReply for one that hardly answers."""
         bus, at = self._bus, self._at
         if evidence := self.evidence():
             raise DeviceFault(
                 f"{bus.name}: two servos with ID {at.id} on {bus.port}, or a bad cable: {'; '.join(evidence)}",
-                hint=UNPLUG.format(at.id),
+                hint=UNPLUG_HINT.format(at.id),
             )
-        if self._missed > self._looks / 3:
+        if self._missed_count > self._read_count / 3:
             raise NoReply(
-                f"{bus.name}: servo {at.id} answers {self._looks - self._missed} of {self._looks} reads alone on "
+                f"{bus.name}: servo {at.id} answers {self._read_count - self._missed_count} of {self._read_count} reads alone on "
                 f"{bus.port} at {bus.baud} baud: too few to write to it",
                 hint="look at its cable and its power",
             )

@@ -5,16 +5,16 @@ from math import ceil, degrees, floor
 
 from drivers.errors import BadRequest, NoReply
 from drivers.servos import wire2
-from drivers.servos.bus import TRIES, At, Bus
-from drivers.servos.identification import DOUBTED_GLANCES, DRIVER_GLANCES, UNPLUG, twin_evidence
-from drivers.servos.joint import OVERFED, Joint
-from drivers.servos.lerobot import Calibrated, calibration_of
-from drivers.servos.models import model_of
-from drivers.servos.register import Block
-from drivers.servos.torque import enable, stiffen
-from drivers.servos.units import called
+from drivers.servos.bus import MAX_READ_ATTEMPTS, ServoAddress, ServoBus
+from drivers.servos.identification import DOUBTED_QUICK_READS, DRIVER_QUICK_READS, UNPLUG_HINT, duplicate_id_evidence
+from drivers.servos.joint import OVERVOLTAGE_FACTOR, Joint
+from drivers.servos.lerobot import CalibrationSettings, match_calibration
+from drivers.servos.models import find_model
+from drivers.servos.register import RegisterBlock
+from drivers.servos.torque import set_torque, stiffen
+from drivers.servos.units import protocol_name
 
-NEEDED = (
+REQUIRED_SETTINGS = (
     ("drive_mode", 0b111, 0, "is reversed, timed or driven by another"),
     ("operating_mode", 0xFF, 3, "does not go to positions"),
     ("homing_offset", -1, 0, "counts from elsewhere"),
@@ -28,147 +28,147 @@ NEEDED = (
 )
 """Registers, which bits of them count, what these must be, and what else is the matter. No model has them all."""
 
-CALIBRATION = ("homing_offset", "operating_mode", "drive_mode")
+CALIBRATION_REGISTERS = ("homing_offset", "operating_mode", "drive_mode")
 """Registers of a Dynamixel that LeRobot sets as it calibrates an arm."""
 
 
-def difference(bus: Bus, joint: Joint) -> str:
+def find_mismatch(bus: ServoBus, joint: Joint) -> str:
     """Return in what the servo is not what the robot file says, all of it; empty when it may be driven.
 
     What helps is left in the joint's ``cure``. Raises NoReply, NotConnected.
     """
-    joint.cure = ""
-    number = bus.ping(joint.at, tries=1 if joint.failures else TRIES)
+    joint.hint = ""
+    number = bus.ping(joint.address, tries=1 if joint.missed_reads else MAX_READ_ATTEMPTS)
     if number != joint.model.number:
-        known = model_of(number)
-        joint.cure = known.advice if known else f"mission servo scan --ids {joint.spec.id} --robot FILE"
+        known = find_model(number)
+        joint.hint = known.robot_file_hint if known else f"mission servo scan --ids {joint.spec.id} --robot FILE"
         return (
             f"is model {number} ({known.name if known else 'unknown'}), not {joint.model.number} ({joint.model.name})"
         )
-    for block in (joint.model.table.setup, *joint.model.table.slow):
-        read(bus, joint, block)
-    glances = DOUBTED_GLANCES if joint.shares_id else 0 if joint.reading.value is not None else DRIVER_GLANCES
-    if evidence := twin_evidence(bus, joint.at, joint.model, glances=glances):
+    for block in (joint.model.table.setup_block, *joint.model.table.slow_blocks):
+        read_table_block(bus, joint, block)
+    glances = DOUBTED_QUICK_READS if joint.shares_id else 0 if joint.reading.value is not None else DRIVER_QUICK_READS
+    if evidence := duplicate_id_evidence(bus, joint.address, joint.model, quick_reads=glances):
         joint.shares_id = True
-        joint.cure = UNPLUG.format(joint.spec.id)
+        joint.hint = UNPLUG_HINT.format(joint.spec.id)
         return f"shares its ID with another servo, or has a bad cable ({evidence})"
     joint.shares_id = False
     faults = _power_faults(bus, joint) + _range_faults(joint) + _mode_faults(joint)
-    joint.cure = "; ".join(dict.fromkeys(cure for _, cure in faults))
+    joint.hint = "; ".join(dict.fromkeys(cure for _, cure in faults))
     return " and ".join(fault for fault, _ in faults)
 
 
-def absence(bus: Bus, joint: Joint, corrupt: int) -> str:
+def diagnose_no_reply(bus: ServoBus, joint: Joint, corrupt: int) -> str:
     """Return what is wrong with a servo that does not answer: it may speak the other protocol. Raises NotConnected.
 
     ``corrupt`` is how many of its replies were damaged before it was looked for. What helps is left in the joint's
     ``cure``.
     """
-    joint.cure = ""
+    joint.hint = ""
     if joint.reading.value is not None:
         return "does not answer"
-    pinged = bus.answers_ping(joint.at, tries=1)
-    if bus.tally(joint.spec.id).corrupt > corrupt:
-        joint.cure, joint.shares_id = UNPLUG.format(joint.spec.id), True
+    pinged = bus.answers_ping(joint.address, tries=1)
+    if bus.statistics(joint.spec.id).corrupt > corrupt:
+        joint.hint, joint.shares_id = UNPLUG_HINT.format(joint.spec.id), True
         return "sends damaged replies: it shares its ID with another servo, or has a bad cable"
     if pinged:
-        joint.cure = f"mission servo set {joint.spec.id} status_return_level 2 --robot FILE"
+        joint.hint = f"mission servo set {joint.spec.id} status_return_level 2 --robot FILE"
         return "answers a ping, and no read: its status return level is 0"
-    other = At(joint.spec.id, 1 if joint.at.protocol == 2 else 2)
+    other = ServoAddress(joint.spec.id, 1 if joint.address.protocol == 2 else 2)
     if other.id <= wire2.LAST_ID:
         with suppress(NoReply, BadRequest):
             told = bus.identify(other, tries=1)
-            known, how = model_of(told.number), called(told.at.protocol)
-            right = known is not None and known.protocol == told.at.protocol
-            joint.cure = known.advice if known and right else f"mission servo info {joint.spec.id}"
-            meant = f": {known.advice}" if known and right else ""
+            known, how = find_model(told.number), protocol_name(told.address.protocol)
+            right = known is not None and known.protocol == told.address.protocol
+            joint.hint = known.robot_file_hint if known and right else f"mission servo info {joint.spec.id}"
+            meant = f": {known.robot_file_hint}" if known and right else ""
             return f"answers in {how} alone, as model {told.number}, not as {joint.model.name}{meant}"
     return "does not answer"
 
 
-def restore(bus: Bus, joint: Joint, *, now: float) -> None:
+def restore_settings(bus: ServoBus, joint: Joint, *, now: float) -> None:
     """Give the servo its torque limit and speed, and the torque that was last asked for; as found if nobody asked.
 
     Its slow registers have just been read. One that has shut itself down stays so. Raises NoReply, NotConnected,
     BadRequest.
     """
     table = joint.model.table
-    joint.touched = True
-    joint.goal = joint.sent = None
+    joint.may_have_torque = True
+    joint.goal = joint.setpoint = None
     joint.progress.hold(None)
-    joint.shut = joint.down
+    joint.is_shut_down = joint.reports_shutdown
     joint.torque = bool(joint.value("torque_enable"))
-    if joint.wanted is False:
-        bus.write(joint.at, table["torque_enable"], 0)
+    if joint.torque_request is False:
+        bus.write(joint.address, table["torque_enable"], 0)
         joint.torque = False
-    if joint.shut:
-        if joint.torque and joint.at.protocol == "STS":
-            enable(bus, joint, on=False)  # its force would return by itself, to an old goal
+    if joint.is_shut_down:
+        if joint.torque and joint.address.protocol == "STS":
+            set_torque(bus, joint, on=False)  # its force would return by itself, to an old goal
             joint.torque = False
-        joint.unsettled = False
+        joint.is_unconfirmed = False
         return
     if "torque_mode" in table and joint.value("torque_mode"):
         if joint.torque:
             stiffen(bus, joint, now=now)  # it has ignored its goal, which may lie anywhere
-        bus.write(joint.at, table["torque_mode"], 0)
+        bus.write(joint.address, table["torque_mode"], 0)
     if "bus_watchdog" in table and joint.value("bus_watchdog"):
-        bus.write(joint.at, table["bus_watchdog"], 0)  # else it fires, or has: then the goals are locked
-    bus.write(joint.at, table[table.torque_limit], joint.torque_ticks)
-    bus.write(joint.at, table[table.speed], joint.speed_ticks(joint.limits.speed))
-    if joint.wanted:
+        bus.write(joint.address, table["bus_watchdog"], 0)  # else it fires, or has: then the goals are locked
+    bus.write(joint.address, table[table.torque_limit], joint.torque_ticks)
+    bus.write(joint.address, table[table.speed], joint.speed_ticks(joint.limits.speed))
+    if joint.torque_request:
         stiffen(bus, joint, now=now)
-    joint.unsettled = False
+    joint.is_unconfirmed = False
 
 
-def read(bus: Bus, joint: Joint, block: Block, *, tries: int = TRIES) -> None:
+def read_table_block(bus: ServoBus, joint: Joint, block: RegisterBlock, *, tries: int = MAX_READ_ATTEMPTS) -> None:
     """Read a block of the servo's table into the joint's copy. Raises NoReply, NotConnected, BadRequest."""
-    joint.take(block, bus.read_block(joint.at, block.address, block.size, tries=tries))
+    joint.store(block, bus.read_block(joint.address, block.address, block.size, tries=tries))
 
 
-Trouble = tuple[str, str]
+Mismatch = tuple[str, str]
 """What keeps a servo from being driven, and what helps."""
 
 
-def _setting(joint: Joint, register: str, value: int) -> str:
+def _set_command(joint: Joint, register: str, value: int) -> str:
     """Return the command that changes a setting."""
     return f"mission servo set {joint.spec.id} {register} {value} --robot FILE"
 
 
-def _power_faults(bus: Bus, joint: Joint) -> list[Trouble]:
+def _power_faults(bus: ServoBus, joint: Joint) -> list[Mismatch]:
     """Say that the servo gets more volts than it bears. Raises NoReply, NotConnected."""
-    volts = bus.read(joint.at, joint.model.table["present_voltage"]) / 10
+    volts = bus.read(joint.address, joint.model.table["present_voltage"]) / 10
     highest = joint.value("highest_voltage") / 10
-    if volts <= OVERFED * highest:
+    if volts <= OVERVOLTAGE_FACTOR * highest:
         return []
-    kind = f"it is made for {joint.volts:g} V" + (
-        ", and others with its model number for 12 V" if joint.at.protocol == "STS" else ""
+    kind = f"it is made for {joint.nominal_voltage:g} V" + (
+        ", and others with its model number for 12 V" if joint.address.protocol == "STS" else ""
     )
-    cure = f"switch its supply off now; give servos of {joint.volts:g} V a supply of their own"
+    cure = f"switch its supply off now; give servos of {joint.nominal_voltage:g} V a supply of their own"
     return [(f"gets {volts:.1f} V, and bears {highest:.1f} V at most ({kind})", cure)]
 
 
-def _range_faults(joint: Joint) -> list[Trouble]:
+def _range_faults(joint: Joint) -> list[Mismatch]:
     """Say in what the limits of the servo do not suit the joint."""
-    names, last = joint.model.table.limits, joint.model.last
+    names, last = joint.model.table.limit_registers, joint.model.last_tick
     low, high = (joint.value(register) for register in names)
-    lowest, highest = joint.bounds
+    lowest, highest = joint.tick_limits
     if low == high == 0:
-        mode = "multi-turn" if joint.at.protocol == "STS" else "wheel"
-        return [(f"is in {mode} mode (both its angle limits are 0)", _setting(joint, names[1], last))]
+        mode = "multi-turn" if joint.address.protocol == "STS" else "wheel"
+        return [(f"is in {mode} mode (both its angle limits are 0)", _set_command(joint, names[1], last))]
     if low == high == last:
         told = f"is in multi-turn mode (both its angle limits are {high})"
-        return [(told, _setting(joint, names[0], 0))]
+        return [(told, _set_command(joint, names[0], 0))]
     if lowest < low or highest > high:
         told = f"has angle limits of {low}..{high} ticks, and the joint needs {lowest}..{highest}"
-        return [(told, _narrower(joint, low, high))]
+        return [(told, _range_hint(joint, low, high))]
     return []
 
 
-def _narrower(joint: Joint, low: int, high: int) -> str:
+def _range_hint(joint: Joint, low: int, high: int) -> str:
     """Return what helps where a servo goes less far than its joint: a servo that was calibrated is to stay so."""
     ends = sorted(degrees(joint.angle(end)) for end in (low, high))
     limits = f"write limits: [{ceil(ends[0])} deg, {floor(ends[1])} deg]"
-    if joint.at.protocol != "STS":
+    if joint.address.protocol != "STS":
         return f"{limits} in the robot file"
     if path := _lerobot_file(joint):
         return (
@@ -185,7 +185,7 @@ LEROBOT_FILES = "~/.cache/huggingface/lerobot/calibration/robots/NAME/ID.json"
 """Where LeRobot keeps its calibrations."""
 
 
-def _calibrated(joint: Joint) -> str:
+def _calibrated_hint(joint: Joint) -> str:
     """Return what is said of a Dynamixel whose offset a program has set: this driver has no place for one."""
     path = _lerobot_file(joint, "homing_offset")
     who = f"LeRobot has calibrated it ({path})" if path else "another program has calibrated it, LeRobot perhaps,"
@@ -198,15 +198,15 @@ def _calibrated(joint: Joint) -> str:
 def _lerobot_file(joint: Joint, offset: str = "position_offset") -> str:
     """Return LeRobot's calibration file that the settings of a servo come from; empty without one."""
     values = (joint.value(name) for name in (offset, "min_position", "max_position"))
-    found = calibration_of({joint.spec.id: Calibrated(*values)})
+    found = match_calibration({joint.spec.id: CalibrationSettings(*values)})
     return found[0] if found else ""
 
 
-def _recalibrated(joint: Joint) -> str:
+def _offset_hint(joint: Joint) -> str:
     """Return what helps where a servo has another offset than its calibration file says."""
     if path := _lerobot_file(joint):
         return f"LeRobot has calibrated it anew: write calibration: {path} in the robot file"
-    last = joint.model.last
+    last = joint.model.last_tick
     if (joint.value("position_offset"), joint.value("min_position"), joint.value("max_position")) == (0, 0, last):
         return "mission servo home --restore --robot FILE"  # as delivered: there is nothing to lose
     return (
@@ -215,16 +215,16 @@ def _recalibrated(joint: Joint) -> str:
     )
 
 
-def _mode_faults(joint: Joint) -> list[Trouble]:
+def _mode_faults(joint: Joint) -> list[Mismatch]:
     """Say in which other settings the servo does not do what its joint needs."""
     found = []
     table = joint.model.table
-    for register, mask, needed, words in NEEDED:
+    for register, mask, needed, words in REQUIRED_SETTINGS:
         if register in table and (value := joint.value(register)) & mask != needed:
             right = value & ~mask | needed
-            cure = _setting(joint, register, right)
-            if register in CALIBRATION and "homing_offset" in table and joint.value("homing_offset"):
-                cure = _calibrated(joint)
+            cure = _set_command(joint, register, right)
+            if register in CALIBRATION_REGISTERS and "homing_offset" in table and joint.value("homing_offset"):
+                cure = _calibrated_hint(joint)
             found.append((f"{words} ({register.replace('_', ' ')} {value}, not {right})", cure))
     if "shadow_id" in table and (leader := joint.value("shadow_id")) <= wire2.LAST_ID:
         told = f"obeys what servo {leader} is sent (shadow id {leader}): they are two servos on one joint"
@@ -232,8 +232,8 @@ def _mode_faults(joint: Joint) -> list[Trouble]:
     if joint.value(table.torque_ceiling) == 0:
         told = f"has no force ({table.torque_ceiling.replace('_', ' ')} 0)"
         most = joint.model.default(table[table.torque_ceiling])
-        found.append((told, _setting(joint, table.torque_ceiling, most)))
+        found.append((told, _set_command(joint, table.torque_ceiling, most)))
     if joint.spec.offset is not None and (offset := joint.value("position_offset")) != joint.spec.offset:
-        cure = _recalibrated(joint)
+        cure = _offset_hint(joint)
         found.append((f"has position offset {offset}, its calibration says {joint.spec.offset}: {cure}", cure))
     return found

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-MAX_FILES, LARGEST = 500, 100_000
+MAX_FILES, MAX_FILE_BYTES = 500, 100_000
 """How many calibration files are looked at, and the bytes of one."""
 
 
-class Calibrated(NamedTuple):
+class CalibrationSettings(NamedTuple):
     """What calibrating sets in the EEPROM of a servo, in steps."""
 
     offset: int
@@ -18,7 +18,7 @@ class Calibrated(NamedTuple):
     high: int
 
 
-def folder() -> Path:
+def calibration_folder() -> Path:
     """Return where LeRobot keeps its calibrations, by the environment variables that it heeds."""
     if own := os.environ.get("HF_LEROBOT_CALIBRATION"):
         return Path(own).expanduser()
@@ -29,10 +29,14 @@ def folder() -> Path:
     return Path(hub).expanduser() / "lerobot" / "calibration"
 
 
-def calibrations() -> Iterator[tuple[Path, Mapping[int, tuple[str, Calibrated]]]]:
+def find_calibrations() -> Iterator[tuple[Path, Mapping[int, tuple[str, CalibrationSettings]]]]:
     """Yield the calibration files that can be read, the newest first: names and settings of the motors by ID."""
     try:
-        files = [path for path in folder().glob("*/*/*.json") if path.is_file() and path.stat().st_size <= LARGEST]
+        files = [
+            path
+            for path in calibration_folder().glob("*/*/*.json")
+            if path.is_file() and path.stat().st_size <= MAX_FILE_BYTES
+        ]
         files.sort(key=lambda path: -path.stat().st_mtime)
     except (OSError, RuntimeError):  # no home folder
         return
@@ -45,15 +49,15 @@ def calibrations() -> Iterator[tuple[Path, Mapping[int, tuple[str, Calibrated]]]
         yield path, motors
 
 
-def _settings(motor: Mapping[str, int]) -> Calibrated:
-    return Calibrated(motor["homing_offset"], motor["range_min"], motor["range_max"])
+def _settings(motor: Mapping[str, int]) -> CalibrationSettings:
+    return CalibrationSettings(motor["homing_offset"], motor["range_min"], motor["range_max"])
 
 
-def calibration_of(servos: Mapping[int, Calibrated]) -> tuple[str, Mapping[int, str]] | None:
+def match_calibration(servos: Mapping[int, CalibrationSettings]) -> tuple[str, Mapping[int, str]] | None:
     """Return the file whose motors have the settings of all ``servos``, by ID, and their names; None without one."""
-    for path, motors in calibrations():
+    for path, motors in find_calibrations():
         if servos and all(number in motors and motors[number][1] == held for number, held in servos.items()):
-            return shown(path), {number: motors[number][0] for number in servos}
+            return home_relative(path), {number: motors[number][0] for number in servos}
     return None
 
 
@@ -62,7 +66,7 @@ def is_wheel(motor: str) -> bool:
     return "wheel" in motor.lower()
 
 
-def shown(path: Path) -> str:
+def home_relative(path: Path) -> str:
     """Return a path as a robot file may name it, short where it is in the home folder."""
     try:
         return f"~/{path.relative_to(Path.home())}"

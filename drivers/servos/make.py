@@ -3,8 +3,8 @@
 from typing import TYPE_CHECKING
 
 from drivers.api import Head, Joints
-from drivers.api.driver import Site
-from drivers.servos.bus import Bus
+from drivers.api.driver import DriverContext
+from drivers.servos.bus import ServoBus
 from drivers.servos.declared import DynamixelKeys, JointKeys, NeckJointKeys, NeckKeys
 from drivers.servos.driver import DynamixelJoints
 from drivers.servos.joint import JointSpec
@@ -19,12 +19,12 @@ VIRTUAL_REPLY_TIMEOUT = 0.1
 """The same for virtual servos, which share one interpreter with perception and the renderer."""
 
 
-def arm(keys: DynamixelKeys, site: Site) -> DynamixelJoints:
+def arm(keys: DynamixelKeys, site: DriverContext) -> DynamixelJoints:
     """Return the driver of the arm's servos."""
-    patience = VIRTUAL_REPLY_TIMEOUT if site.virtual else REPLY_TIMEOUT
+    patience = VIRTUAL_REPLY_TIMEOUT if site.is_virtual else REPLY_TIMEOUT
     return DynamixelJoints(
-        Bus(site.port, site.clock, baud=keys.baud, name=site.part, patience=patience, framing=keys.framing),
-        joints(keys),
+        ServoBus(site.port, site.clock, baud=keys.baud, name=site.part, reply_timeout=patience, framing=keys.framing),
+        joint_specs(keys),
         site.clock,
         rate=keys.rate,
         at_rest=keys.at_end,
@@ -34,16 +34,16 @@ def arm(keys: DynamixelKeys, site: Site) -> DynamixelJoints:
     )
 
 
-def neck(keys: NeckKeys, site: Site) -> Head:
+def neck(keys: NeckKeys, site: DriverContext) -> Head:
     """Return the driver of a head that is two of the arm's joints; the arm is opened and closed besides."""
     from drivers.head.joints_head import NeckDriver  # noqa: PLC0415 - few heads are joints of an arm
 
-    led: Joints = site.parts["arm"]
+    led: Joints = site.needed_parts["arm"]
     return NeckDriver(
         led,
         site.clock,
-        pan=axis(keys.pan),
-        tilt=axis(keys.tilt),
+        pan=joint_axis(keys.pan),
+        tilt=joint_axis(keys.tilt),
         speed=keys.speed,
         acceleration=keys.acceleration,
         report=site.report,
@@ -51,19 +51,19 @@ def neck(keys: NeckKeys, site: Site) -> Head:
     )
 
 
-def joints(keys: DynamixelKeys) -> dict[str, JointSpec]:
+def joint_specs(keys: DynamixelKeys) -> dict[str, JointSpec]:
     """Return the joints of the arm, by name."""
-    return {name: _joint(joint, keys.offsets.get(name)) for name, joint in keys.servos.items()}
+    return {name: _joint_spec(joint, keys.offsets.get(name)) for name, joint in keys.servos.items()}
 
 
-def axis(keys: NeckJointKeys) -> "JointAxis":
+def joint_axis(keys: NeckJointKeys) -> "JointAxis":
     """Return one joint of a neck."""
     from drivers.head.joints_head import JointAxis  # noqa: PLC0415 - as above
 
     return JointAxis(keys.joint, keys.lower, keys.upper, trim=keys.trim)
 
 
-def _joint(keys: JointKeys, offset: int | None) -> JointSpec:
+def _joint_spec(keys: JointKeys, offset: int | None) -> JointSpec:
     return JointSpec(
         keys.id,
         model=keys.model,

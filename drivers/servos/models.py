@@ -13,7 +13,7 @@ from typing import Literal
 
 from drivers.api.quick import dataclass
 from drivers.servos.names_sts import NAMES, SCS_NAMES
-from drivers.servos.register import Register, Table
+from drivers.servos.register import ControlTable, Register
 from drivers.servos.tables import (
     TABLE_AX,
     TABLE_EX,
@@ -31,52 +31,54 @@ from drivers.servos.tables_small import TABLE_XC330_M, TABLE_XC330_T, TABLE_XL32
 from drivers.servos.tables_sts import TABLE_SCS, TABLE_STS
 from drivers.servos.units import RPM, Protocol
 
-Reads = Literal["single", "bulk", "sync"]
+ReadMode = Literal["single", "bulk", "sync"]
 """How the state of several servos is read best: one by one, by one bulk read, or by one sync read."""
 
 Wiring = Literal["TTL", "RS-485", "either"]
 
 
 @dataclass(frozen=True, slots=True)
-class Model:
+class ServoModel:
     """One kind of servo.
 
-    ``tick`` is the angle of one position step and ``speed_unit`` (rad/s) of one speed step; ``centre`` is the tick of
-    angle zero, ``last`` the highest one. ``full`` is all its torque and ``fastest`` its highest speed, in steps of the
+    ``tick`` is the angle of one position step and ``speed_unit`` (rad/s) of one speed step; ``centre_tick`` is the tick of
+    angle zero, ``last_tick`` the highest one. ``full_torque`` is all its torque and ``max_speed_ticks`` its highest speed, in steps of the
     registers that limit them; ``effort_unit`` is one step of its load or current as a share of the stall torque.
     ``free_speed`` is what the unloaded motor reaches (rad/s), ``stall_torque`` what it stops at (Nm), at nominal
-    voltage, which is ``volts``. ``defaults`` holds those defaults of ``table`` in which this model differs, by name.
-    One that is not ``driven`` is recognised, and its registers are read and set; of its motor nothing is known here.
+    voltage, which is ``nominal_voltage``. ``defaults`` holds those defaults of ``table`` in which this model differs, by name.
+    One that is not ``is_driven`` is recognised, and its registers are read and set; of its motor nothing is known here.
     """
 
     name: str
     number: int
     protocol: Protocol
-    table: Table
-    reads: Reads
+    table: ControlTable
+    read_mode: ReadMode
     tick: float
-    centre: int
-    last: int
+    centre_tick: int
+    last_tick: int
     speed_unit: float
     free_speed: float
     stall_torque: float
-    full: int
-    fastest: int
+    full_torque: int
+    max_speed_ticks: int
     effort_unit: float
-    bus: Wiring
-    volts: float
+    wiring: Wiring
+    nominal_voltage: float
     defaults: Mapping[str, int]
-    driven: bool = True
+    is_driven: bool = True
 
     @property
     def top_speed(self) -> float:
         """The highest speed that it can be told, in rad/s."""
-        return self.fastest * self.speed_unit
+        return self.max_speed_ticks * self.speed_unit
 
     @property
-    def advice(self) -> str:
+    def robot_file_hint(self) -> str:
         """What to do where a robot file says another model than this one, which has answered."""
-        return f"write model: {self.name}" if self.driven else f"take another servo: an {self.name} is not driven here"
+        return (
+            f"write model: {self.name}" if self.is_driven else f"take another servo: an {self.name} is not driven here"
+        )
 
     def default(self, register: Register) -> int:
         """Return what ``register`` holds as delivered."""
@@ -84,11 +86,11 @@ class Model:
 
     def angle(self, ticks: float) -> float:
         """Return the angle in radians from the centre."""
-        return (ticks - self.centre) * self.tick
+        return (ticks - self.centre_tick) * self.tick
 
     def ticks(self, angle: float) -> int:
         """Return the nearest position step to ``angle`` (radians from the centre), within the servo's range."""
-        return min(max(round(angle / self.tick) + self.centre, 0), self.last)
+        return min(max(round(angle / self.tick) + self.centre_tick, 0), self.last_tick)
 
     def speed(self, raw: int) -> float:
         """Return a present speed in rad/s."""
@@ -96,7 +98,7 @@ class Model:
 
     def speed_ticks(self, speed: float) -> int:
         """Return ``speed`` (rad/s) as a step: at least 1, since 0 would mean as fast as it can."""
-        return min(max(round(speed / self.speed_unit), 1), self.fastest)
+        return min(max(round(speed / self.speed_unit), 1), self.max_speed_ticks)
 
     def load(self, raw: int) -> float:
         """Return a present load or current as a share of the stall torque, positive anticlockwise."""
@@ -104,9 +106,9 @@ class Model:
 
     def torque_ticks(self, share: float) -> int:
         """Return a share of the stall torque as a limit: at least 1, since 0 looks like a shutdown."""
-        return min(max(round(share * self.full), 1), self.full)
+        return min(max(round(share * self.full_torque), 1), self.full_torque)
 
-    def order(self, goal: int, speed: int) -> tuple[int, bytes]:
+    def goal_write(self, goal: int, speed: int) -> tuple[int, bytes]:
         """Return the one write that sends it to ``goal`` (ticks) at ``speed`` (steps): its address, and its bytes."""
         place, pace = self.table[self.table.goal], self.table[self.table.speed]
         if place.address < pace.address:  # what lies between is 0: the time that a goal may take, which no speed needs
@@ -114,7 +116,7 @@ class Model:
         return pace.address, pace.encode(speed) + place.encode(goal)
 
 
-def model_of(number: int) -> Model | None:
+def find_model(number: int) -> ServoModel | None:
     """Return the model that answers with ``number``, driven or not; None for an unknown one."""
     return _by_number().get(number)
 
@@ -124,7 +126,7 @@ class _Family:
     """What servos of one kind share: ``degrees`` cut into ``ticks``, and speeds in steps of ``rpm``."""
 
     protocol: Protocol
-    reads: Reads
+    read_mode: ReadMode
     degrees: float
     ticks: int
     rpm: float
@@ -144,36 +146,36 @@ def _model(
     family: _Family,
     name: str,
     number: int,
-    table: Table,
+    table: ControlTable,
     bus: Wiring,
     stall_torque: float,
     free_rpm: float,
     defaults: Mapping[str, int],
     current: tuple[float, float] | None = None,
     volts: float = 12.0,
-) -> Model:
+) -> ServoModel:
     """Make one row: the torque in Nm, the speed in turns a minute, and defaults by the names of their registers.
 
     ``current`` is for a servo that reports its current instead of a load: one step of it, and the stall current (A).
     """
     delivered = {"model_number": number, **defaults}
-    return Model(
+    return ServoModel(
         name=name,
         number=number,
         protocol=family.protocol,
         table=table,
-        reads=family.reads,
+        read_mode=family.read_mode,
         tick=radians(family.degrees) / family.ticks,
-        centre=family.ticks // 2,
-        last=family.ticks - 1,
+        centre_tick=family.ticks // 2,
+        last_tick=family.ticks - 1,
         speed_unit=family.rpm * RPM,
         free_speed=free_rpm * RPM,
         stall_torque=stall_torque,
-        full=table[table.torque_ceiling].upper,
-        fastest=delivered.get("velocity_limit", table[table.speed].upper),
+        full_torque=table[table.torque_ceiling].upper,
+        max_speed_ticks=delivered.get("velocity_limit", table[table.speed].upper),
         effort_unit=current[0] / current[1] if current else family.load_unit,
-        bus=bus,
-        volts=volts,
+        wiring=bus,
+        nominal_voltage=volts,
         defaults=MappingProxyType(delivered),
     )
 
@@ -199,7 +201,7 @@ _XC_M181 = {**_XC_M, "velocity_limit": 545, "velocity_i_gain": 1400, "velocity_p
 _XC_M288 = {**_XC_M, "velocity_limit": 350, "velocity_p_gain": 50, "position_p_gain": 1100}
 _XC_T = {"position_p_gain": 900, "velocity_i_gain": 1200, "velocity_p_gain": 40}
 
-MODELS: Mapping[str, Model] = MappingProxyType(
+MODELS: Mapping[str, ServoModel] = MappingProxyType(
     {
         model.name: model
         for model in (
@@ -257,29 +259,29 @@ _OTHER_X = (
 )  # fmt: skip
 
 
-def _others() -> Iterator[Model]:
+def _recognised_models() -> Iterator[ServoModel]:
     """Yield the models that are recognised, but not driven."""
-    yield _named(_model(_XL320, "XL-320", 350, TABLE_XL320, "TTL", 0.39, 114, {}, volts=7.4), "XL-320", 350)
-    yield _named(MODELS["RX-28"], "RX-10", 10)
-    yield _named(MODELS["MX-28"], "MX-12W", 360)
-    yield _named(MODELS["XC330-T288"], "XC335-T332", 1700)
+    yield _variant(_model(_XL320, "XL-320", 350, TABLE_XL320, "TTL", 0.39, 114, {}, volts=7.4), "XL-320", 350)
+    yield _variant(MODELS["RX-28"], "RX-10", 10)
+    yield _variant(MODELS["MX-28"], "MX-12W", 360)
+    yield _variant(MODELS["XC330-T288"], "XC335-T332", 1700)
     for table, name, number in _OTHER_X:
-        yield _named(_model(_X, name, number, table, "either", 1.0, 30, {}), name, number)
+        yield _variant(_model(_X, name, number, table, "either", 1.0, 30, {}), name, number)
     for number, name in NAMES.items():
         if number not in (model.number for model in MODELS.values()):
-            yield _named(MODELS["STS3215"], name, number)
+            yield _variant(MODELS["STS3215"], name, number)
     scs = _model(_SCS, "", 0, TABLE_SCS, "TTL", 0.23, 100, {}, volts=6.0)
-    yield from (_named(scs, name, number) for number, name in SCS_NAMES.items())
+    yield from (_variant(scs, name, number) for number, name in SCS_NAMES.items())
 
 
-def _named(base: Model, name: str, number: int) -> Model:
+def _variant(base: ServoModel, name: str, number: int) -> ServoModel:
     defaults = MappingProxyType({**base.defaults, "model_number": number})
-    return replace(base, name=name, number=number, defaults=defaults, driven=False)
+    return replace(base, name=name, number=number, defaults=defaults, is_driven=False)
 
 
 @cache
-def _by_number() -> Mapping[int, Model]:
-    return {model.number: model for model in (*_others(), *MODELS.values())}
+def _by_number() -> Mapping[int, ServoModel]:
+    return {model.number: model for model in (*_recognised_models(), *MODELS.values())}
 
 
 # What a servo is to mechanics: how stiff, how strong, how fast, by its control table and data sheet. SI units.
@@ -295,7 +297,7 @@ FRICTION_SHARE = 0.0073
 
 
 @dataclass(frozen=True, slots=True)
-class Motor:
+class MotorPhysics:
     """A servo: a torque (Nm) that grows by ``stiffness`` with the error of its angle, up to ``torque``.
 
     It falls by ``damping`` (Nm s) with its speed, so that the motor turns at ``torque / damping`` without a burden.
@@ -310,15 +312,15 @@ class Motor:
     backlash: float = BACKLASH
 
 
-def motor_of(model: Model, torque_limit: float = 1.0) -> Motor:
+def motor_physics(model: ServoModel, torque_limit: float = 1.0) -> MotorPhysics:
     """Return what a model of servo is to physics, with the gain that it has as delivered.
 
     AX, RX and EX give all their torque at an error of ``compliance_slope`` steps; MX and X by their proportional gain.
     Rotor and gears, which no maker tells, are scaled from a servo that was measured.
     """
     stall = model.stall_torque
-    return Motor(
-        stiffness=stall * _gain(model) / model.tick,
+    return MotorPhysics(
+        stiffness=stall * _torque_share_per_step(model) / model.tick,
         damping=stall / model.free_speed,
         torque=stall * torque_limit,
         inertia=INERTIA_SHARE * stall,
@@ -326,7 +328,7 @@ def motor_of(model: Model, torque_limit: float = 1.0) -> Motor:
     )
 
 
-def _gain(model: Model) -> float:
+def _torque_share_per_step(model: ServoModel) -> float:
     """Return the share of its torque that a servo gives for one step of error."""
     table = model.table
     if "cw_compliance_slope" in table:

@@ -8,13 +8,13 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 
-def _numbered(series: int, models: Mapping[int, str]) -> dict[int, str]:
+def _by_model_number(series: int, models: Mapping[int, str]) -> dict[int, str]:
     return {model << 8 | series: name for model, name in models.items()}
 
 
 NAMES: Mapping[int, str] = MappingProxyType(
     {
-        **_numbered(
+        **_by_model_number(
             8,
             {
                 24: "SM24BL",
@@ -27,7 +27,7 @@ NAMES: Mapping[int, str] = MappingProxyType(
                 120: "SM120BL",
             },
         ),
-        **_numbered(
+        **_by_model_number(
             9,
             {
                 1: "STS3015",
@@ -65,9 +65,9 @@ _SCS = {
 
 SCS_NAMES: Mapping[int, str] = MappingProxyType(
     {
-        **_numbered(5, _SCS),
+        **_by_model_number(5, _SCS),
         **{5 << 8 | model: name for model, name in _SCS.items()},
-        **_numbered(9, {15: "SCS15", 25: "SCS215", 35: "SCS225", 40: "SCS40", 41: "SCS25", 46: "SCS46"}),
+        **_by_model_number(9, {15: "SCS15", 25: "SCS215", 35: "SCS225", 40: "SCS40", 41: "SCS25", 46: "SCS46"}),
     }
 )
 """Servos with the control table of the SCS0009."""

@@ -17,14 +17,14 @@ class Coding(Enum):
     """How the bytes of a register stand for a number."""
 
     UNSIGNED = "unsigned"
-    SIGN_BIT = "sign in bit 10"  # protocol 1.0: size in bits 0..9, bit 10 set when it points clockwise
+    SIGN_10 = "sign in bit 10"  # protocol 1.0: size in bits 0..9, bit 10 set when it points clockwise
     SIGN_11 = "sign in bit 11"  # STS
     SIGN_15 = "sign in bit 15"  # STS
-    TWOS = "two's complement"  # protocol 2.0, and positions over several turns
+    TWOS_COMPLEMENT = "two's complement"  # protocol 2.0, and positions over several turns
 
 
 # A member is slow to look up, and registers are many a second.
-_UNSIGNED, _TWOS, _SIGN_BIT, _SIGN_11 = Coding.UNSIGNED, Coding.TWOS, Coding.SIGN_BIT, Coding.SIGN_11
+_UNSIGNED, _TWOS, _SIGN_BIT, _SIGN_11 = Coding.UNSIGNED, Coding.TWOS_COMPLEMENT, Coding.SIGN_10, Coding.SIGN_11
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class Register:
     eeprom: bool = False  # survives a power cut; the others start from their defaults
     coding: Coding = Coding.UNSIGNED
     unit: str = ""
-    order: Literal["little", "big"] = "little"  # of its bytes
+    byte_order: Literal["little", "big"] = "little"  # of its bytes
 
     @property
     def end(self) -> int:
@@ -58,12 +58,12 @@ class Register:
             if value <= -sign:
                 raise OverflowError(f"{self.name}: {value} does not fit: its {self.coding.value}")
             value = -value | sign
-        return value.to_bytes(self.size, self.order, signed=self.coding is _TWOS)
+        return value.to_bytes(self.size, self.byte_order, signed=self.coding is _TWOS)
 
     def decode(self, data: bytes | bytearray, start: int = 0) -> int:
         """Return the value from ``data``, a copy of the table that begins at address ``start``."""
         begin = self.address - start
-        value = int.from_bytes(data[begin : begin + self.size], self.order, signed=self.coding is _TWOS)
+        value = int.from_bytes(data[begin : begin + self.size], self.byte_order, signed=self.coding is _TWOS)
         if self.coding is _UNSIGNED or self.coding is _TWOS or not value & (sign := self._sign):
             return value
         return -(value & ~sign)
@@ -76,7 +76,7 @@ class Register:
         return 0x400 if self.coding is _SIGN_BIT else 0x800 if self.coding is _SIGN_11 else 0x8000
 
 
-class Block(NamedTuple):
+class RegisterBlock(NamedTuple):
     """``size`` bytes of a control table from ``address`` on, read in one transaction."""
 
     address: int
@@ -84,26 +84,26 @@ class Block(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class ControlTable:
     """A control table: its registers by name, in ascending order, and which of them play which part.
 
-    ``fast`` is read in every round, ``slow`` now and then, ``setup`` when a servo joins. The other fields name
+    ``fast_block`` is read in every round, ``slow_blocks`` now and then, ``setup_block`` when a servo joins. The other fields name
     registers: ``speed`` is how fast to go to the ``goal``; ``velocity`` and ``effort`` are how fast the servo turns
     and how hard it pushes; ``torque_limit`` (RAM) is the most it may push, itself bounded by ``torque_ceiling``
-    (EEPROM); ``limits`` bound the goal (EEPROM), the lower one first.
+    (EEPROM); ``limit_registers`` bound the goal (EEPROM), the lower one first.
     """
 
     registers: Mapping[str, Register]
-    fast: Block
-    slow: tuple[Block, ...]
-    setup: Block
+    fast_block: RegisterBlock
+    slow_blocks: tuple[RegisterBlock, ...]
+    setup_block: RegisterBlock
     goal: str
     speed: str
     velocity: str
     effort: str
     torque_limit: str
     torque_ceiling: str
-    limits: tuple[str, str]
+    limit_registers: tuple[str, str]
 
     def __getitem__(self, name: str) -> Register:
         """Return the register called ``name``. Raises KeyError if this table has none."""
@@ -118,7 +118,7 @@ class Table:
         """The address behind the last register."""
         return max(register.end for register in self.registers.values())
 
-    def named(self, name: str) -> Register:
+    def find_register(self, name: str) -> Register:
         """Return the register that somebody has asked for by ``name``. Raises BadRequest, with what may be meant."""
         if name in self.registers:
             return self.registers[name]

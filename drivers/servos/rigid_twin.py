@@ -3,22 +3,22 @@
 from collections.abc import Callable, Mapping
 from typing import Literal
 
-from drivers.api import Away, JointState, Report, ignore
+from drivers.api import JointState, ReconnectPolicy, StatusCallback, ignore
 from drivers.clock import Clock
 from drivers.servos.joint import JointSpec
 from drivers.servos.models import MODELS
 from drivers.servos.twin import TEMPERATURE, VOLTAGE, JointsTwin, ServoTwin
-from drivers.sim.rigid.scene import Scene
+from drivers.sim.rigid.scene import PhysicsScene
 from drivers.sim.servo import Shaft
 
-ARRIVED = 0.02
+ARRIVAL_TOLERANCE = 0.02
 """Radians from its goal within which a servo that carries something no longer moves."""
 
 
 class RigidShaft(Shaft):
     """A shaft that physics turn: where it is told to go, it goes as far as its torque and its burden let it."""
 
-    def __init__(self, scene: Scene, name: str) -> None:
+    def __init__(self, scene: PhysicsScene, name: str) -> None:
         super().__init__(scene.angle(name), 0.0, 0.0)
         self._scene, self._name = scene, name
 
@@ -32,39 +32,39 @@ class RigidShaft(Shaft):
 class RigidServo(ServoTwin):
     """A servo of a robot in physics. It begins stiff, with the joint at 0, where the robot stands."""
 
-    def __init__(self, name: str, spec: JointSpec, scene: Scene) -> None:
+    def __init__(self, name: str, spec: JointSpec, scene: PhysicsScene) -> None:
         super().__init__(name, spec)
         self._scene, self._name = scene, name
         self._shaft = RigidShaft(scene, name)
         self._stall = MODELS[spec.model].stall_torque
         self.joint.torque, self.joint.goal = True, 0.0
 
-    def go(self, goal: float, speed: float, now: float) -> None:
+    def move_to(self, goal: float, speed: float, now: float) -> None:
         """Turn to ``goal`` (radians, within the limits) at ``speed`` (rad/s) or what the motor can, from ``now`` on."""
-        super().go(goal, speed, now)
-        self._scene.go(self._name, self._shaft.goal, self._shaft.speed)
+        super().move_to(goal, speed, now)
+        self._scene.set_goal(self._name, self._shaft.goal, self._shaft.speed)
 
     def relax(self, now: float) -> None:
         """Be limp: what it carries falls."""
         super().relax(now)
-        self._scene.relax(self._name)
+        self._scene.switch_torque_off(self._name)
 
-    def strand(self, now: float) -> None:
+    def stop_at_setpoint(self, now: float) -> None:
         """Go no farther than a real one is sent at a time: from ``now`` on it is not told any more."""
-        super().strand(now)
+        super().stop_at_setpoint(now)
         if self.joint.torque:
-            self._scene.go(self._name, self._shaft.goal, self._shaft.speed)
+            self._scene.set_goal(self._name, self._shaft.goal, self._shaft.speed)
 
-    def exchange(self, angle: float, now: float) -> None:
+    def replace_servo(self, angle: float, now: float) -> None:
         """Be another servo of the same kind, limp, with the joint at ``angle`` (radians)."""
-        super().exchange(angle, now)
-        self._scene.turn(self._name, self._shaft.position)
+        super().replace_servo(angle, now)
+        self._scene.turn_limp_joint(self._name, self._shaft.position)
 
     def turn_by_hand(self, angle: float, now: float) -> None:
         """Turn a limp joint to ``angle`` (radians), as far as its servo turns; a stiff one stays where it is."""
         super().turn_by_hand(angle, now)
         if not self.joint.torque:
-            self._scene.turn(self._name, self._shaft.position)
+            self._scene.turn_limp_joint(self._name, self._shaft.position)
 
     def state(self, now: float) -> JointState:
         """Return what it feels at time ``now``."""
@@ -76,7 +76,7 @@ class RigidServo(ServoTwin):
             load=min(max(scene.torque(self._name) / self._stall, -1.0), 1.0),
             voltage=VOLTAGE,
             temperature=TEMPERATURE,
-            moving=joint.goal is not None and abs(joint.goal - position) > ARRIVED,
+            moving=joint.goal is not None and abs(joint.goal - position) > ARRIVAL_TOLERANCE,
             torque=joint.torque,
         )
 
@@ -91,21 +91,21 @@ class RigidJoints(JointsTwin):
         self,
         joints: Mapping[str, JointSpec],
         clock: Clock,
-        scene: Scene,
+        scene: PhysicsScene,
         *,
         at_rest: Literal["hold", "relax"] = "hold",
-        away: Away | None = None,
-        report: Report = ignore,
+        away: ReconnectPolicy | None = None,
+        report: StatusCallback = ignore,
         changed: Callable[[], None] = ignore,
         name: str = "arm",
     ) -> None:
         self.scene = scene
         super().__init__(joints, clock, at_rest=at_rest, away=away, report=report, changed=changed, name=name)
 
-    def _servo(self, name: str, spec: JointSpec) -> ServoTwin:
+    def _make_servo(self, name: str, spec: JointSpec) -> ServoTwin:
         return RigidServo(name, spec, self.scene)
 
     def step(self) -> None:
         """Let physics go on to now; lead the followers, and tell that there are new readings."""
-        self.scene.advance(self._clock.now())
+        self.scene.advance(self._clock.read_value())
         super().step()

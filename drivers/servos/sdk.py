@@ -23,15 +23,15 @@ _HANDLERS: Mapping[int, Any] = MappingProxyType({1: PacketHandler(1.0), 2: Packe
 """The vendor's packet code for each protocol; it keeps nothing between packets."""
 
 
-class _Bytes:
+class _BufferPort:
     """The vendor's port handler over bytes in memory, as far as its packet code asks for one."""
 
     def __init__(self, waiting: bytes = b"") -> None:
         self.is_using = False
         self.written = b""
-        self.taken = 0
-        self.ran_dry = False
-        self._waiting = waiting
+        self.read_count = 0
+        self.is_exhausted = False
+        self._data = waiting
 
     def clearPort(self) -> None:  # noqa: N802 - the vendor's name
         """Forget nothing: there is no earlier packet."""
@@ -43,13 +43,13 @@ class _Bytes:
 
     def readPort(self, count: int) -> bytes:  # noqa: N802
         """Return the next bytes, at most ``count``."""
-        found = self._waiting[self.taken : self.taken + count]
-        self.taken += len(found)
+        found = self._data[self.read_count : self.read_count + count]
+        self.read_count += len(found)
         return found
 
     def isPacketTimeout(self) -> bool:  # noqa: N802
         """Say that no more will come: asked only where a packet is not whole yet."""
-        self.ran_dry = True
+        self.is_exhausted = True
         return True
 
 
@@ -66,14 +66,14 @@ def frame(protocol: Literal[1, 2], servo: int, instruction: int, parameters: byt
             raise ValueError(f"the vendor's code cannot send {_STUFFED.hex(' ')} in a packet; take framing: own")
         size = len(parameters) + 3
         packet = [0xFF, 0xFF, 0xFD, 0, servo, size & 0xFF, size >> 8, instruction, *parameters, 0, 0]
-    port = _Bytes()
+    port = _BufferPort()
     possible = 0 <= servo <= wire.BROADCAST and len(parameters) <= wire2.MAX_PARAMETERS
     if not possible or _HANDLERS[protocol].txPacket(port, packet) != COMM_SUCCESS:
         raise ValueError(f"the vendor's code takes no packet of {len(parameters)} parameters to servo {servo}")
     return port.written
 
 
-class Parser(wire.Parser):
+class SdkPacketParser(wire.PacketParser):
     """Finds replies in a stream by the vendor's code, which looks anew until a packet is whole.
 
     It takes nothing for a reply that is a request: of protocol 2.0 no echo, of 1.0 no error byte above 7F.
@@ -84,52 +84,52 @@ class Parser(wire.Parser):
         self._buffer += data
         found = []
         while self._buffer:
-            port = _Bytes(bytes(self._buffer))
-            frame, result = self._received(port)  # as long as it is on the wire
-            self._skip(port.taken - len(frame))
-            if port.ran_dry:
+            port = _BufferPort(bytes(self._buffer))
+            frame, result = self._read_frame(port)  # as long as it is on the wire
+            self._skip(port.read_count - len(frame))
+            if port.is_exhausted:
                 break
-            packet = self._said(frame, intact=result == COMM_SUCCESS and self._whole(frame))
+            packet = self._make_packet(frame, intact=result == COMM_SUCCESS and self._is_complete(frame))
             found.append(packet)
             if packet.intact:
                 del self._buffer[: len(frame)]
             else:
-                self.broken += 1
+                self.damaged_packets += 1
                 self._skip(1)
         return found
 
-    def _whole(self, frame: list[int]) -> bool:
+    def _is_complete(self, frame: list[int]) -> bool:
         """Say whether the frame is as long as a reply must be: the vendor's code takes any length for sound."""
         return frame[3] >= 2
 
-    def _received(self, port: _Bytes) -> tuple[list[int], int]:
+    def _read_frame(self, port: _BufferPort) -> tuple[list[int], int]:
         frame, result = _HANDLERS[1].rxPacket(port)
         return frame, result
 
-    def _said(self, frame: list[int], *, intact: bool) -> Packet:
+    def _make_packet(self, frame: list[int], *, intact: bool) -> Packet:
         return Packet(frame[2], frame[4], bytes(frame[5:-1]), intact)
 
 
-class Parser2(Parser):
+class SdkPacketParser2(SdkPacketParser):
     """The same for protocol 2.0."""
 
-    def _whole(self, frame: list[int]) -> bool:
+    def _is_complete(self, frame: list[int]) -> bool:
         return frame[5] | frame[6] << 8 >= 4
 
-    def _received(self, port: _Bytes) -> tuple[list[int], int]:
+    def _read_frame(self, port: _BufferPort) -> tuple[list[int], int]:
         frame, result = _HANDLERS[2].rxPacket(port, False)
         return frame, result
 
-    def _said(self, frame: list[int], *, intact: bool) -> Packet:
+    def _make_packet(self, frame: list[int], *, intact: bool) -> Packet:
         end = (frame[5] | frame[6] << 8) + 5  # the vendor's code has taken out what was stuffed, and says so here
         return Packet(frame[4], frame[7], bytes(frame[8:end]), intact)
 
 
 SDK_CODECS: Mapping[Protocol, Codec] = MappingProxyType(
     {
-        1: replace(CODECS[1], frame=partial(frame, 1), parser=Parser),
-        2: replace(CODECS[2], frame=partial(frame, 2), parser=Parser2),
-        "STS": replace(CODECS["STS"], frame=partial(frame, 1), parser=Parser),
+        1: replace(CODECS[1], frame=partial(frame, 1), parser=SdkPacketParser),
+        2: replace(CODECS[2], frame=partial(frame, 2), parser=SdkPacketParser2),
+        "STS": replace(CODECS["STS"], frame=partial(frame, 1), parser=SdkPacketParser),
     }
 )
 """The protocols, framed by the vendor's code; that of STS servos as protocol 1.0."""

@@ -11,16 +11,16 @@ from types import MappingProxyType
 
 from drivers.errors import BadRequest, DeviceFault, DriverError, NoReply
 from drivers.servos import wire2
-from drivers.servos.bus import At, Bus
-from drivers.servos.identification import SCAN, require_sole
-from drivers.servos.models import model_of
-from drivers.servos.register import Register, Table
+from drivers.servos.bus import ServoAddress, ServoBus
+from drivers.servos.identification import SCAN_HINT, require_unique_id
+from drivers.servos.models import find_model
+from drivers.servos.register import ControlTable, Register
 from drivers.servos.units import Protocol, baud_of
 
-WHEREABOUTS = ("id", "baud")
+ADDRESS_REGISTERS = ("id", "baud")
 """The registers that decide how the servo is reached, in the order in which they are written: last."""
 
-UNHEARD: Mapping[str, tuple[int, str]] = MappingProxyType(
+MIN_REGISTER_VALUES: Mapping[str, tuple[int, str]] = MappingProxyType(
     {
         "protocol": (2, "its control table would no longer be the one of its protocol"),
         "status_return_level": (1, "a servo that answers no reads can be neither verified nor set back"),
@@ -30,7 +30,7 @@ UNHEARD: Mapping[str, tuple[int, str]] = MappingProxyType(
 """Registers that may not go below a value, and why: afterwards nobody here could tell what the servo holds."""
 
 
-FORCE = frozenset(
+FORCE_REGISTERS = frozenset(
     {
         *("torque_enable", "max_torque", "torque_limit", "goal_torque", "pwm_limit", "goal_pwm", "current_limit"),
         *("goal_current", "punch", "position_p_gain", "position_i_gain", "velocity_p_gain", "velocity_i_gain"),
@@ -39,7 +39,7 @@ FORCE = frozenset(
 )
 """Registers with which a servo holds its joint: with a lower size, or the other sign, it holds with less force."""
 
-SOFTNESS = frozenset(
+SOFTNESS_REGISTERS = frozenset(
     {
         *("cw_compliance_margin", "ccw_compliance_margin", "cw_compliance_slope", "ccw_compliance_slope"),
         *("cw_dead_zone", "ccw_dead_zone", "torque_mode"),
@@ -49,7 +49,7 @@ SOFTNESS = frozenset(
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class RegisterChange:
     """A register that holds ``before`` and is to hold ``after``."""
 
     register: Register
@@ -59,13 +59,15 @@ class Change:
     @property
     def weakens(self) -> bool:
         """Whether the servo holds its joint with less force afterwards."""
-        if self.register.name in SOFTNESS:
+        if self.register.name in SOFTNESS_REGISTERS:
             return self.after > self.before
         lower = abs(self.after) < abs(self.before) or self.after * self.before < 0
-        return self.register.name in FORCE and lower
+        return self.register.name in FORCE_REGISTERS and lower
 
 
-def planned(bus: Bus, at: At, table: Table, wanted: Mapping[str, int]) -> list[Change]:
+def plan_changes(
+    bus: ServoBus, at: ServoAddress, table: ControlTable, values: Mapping[str, int]
+) -> list[RegisterChange]:
     """Return what must be changed for the servo to hold ``wanted``, by names of registers; in the order of writing.
 
     Nothing is written. Raises BadRequest, with all that is wrong with ``wanted``, for a speed without a limit, or for
@@ -73,22 +75,22 @@ def planned(bus: Bus, at: At, table: Table, wanted: Mapping[str, int]) -> list[C
     NotConnected.
     """
     who = f"{bus.name}: servo {at.id}"
-    registers = _checked(who, table, wanted)
-    _require_sole(bus, at, table)
-    if wanted.get(table.speed) == 0 and not _turns_a_wheel(bus, at, table):
+    registers = _check_registers(who, table, values)
+    _require_unique_servo(bus, at, table)
+    if values.get(table.speed) == 0 and not _is_in_wheel_mode(bus, at, table):
         hint = f"1 is the slowest, {table[table.speed].upper} the fastest"
         raise BadRequest(f"{who}: {table.speed} 0 is no speed, but as fast as it can", hint=hint)
-    held = [Change(register, bus.read(at, register), wanted[register.name]) for register in registers]
-    changes = sorted((change for change in held if change.before != change.after), key=_turn)
+    held = [RegisterChange(register, bus.read(at, register), values[register.name]) for register in registers]
+    changes = sorted((change for change in held if change.before != change.after), key=_write_order)
     _require_free_id(bus, at, changes)
     return changes
 
 
-def apply(bus: Bus, at: At, table: Table, changes: Sequence[Change]) -> bool:
+def apply_changes(bus: ServoBus, at: ServoAddress, table: ControlTable, changes: Sequence[RegisterChange]) -> bool:
     """Make ``changes``, each verified before the next; return whether the servo was stiff: then it is limp now.
 
-    The servo is identified anew first: it may have been replaced since ``planned``, and another one with its new ID
-    may have been plugged in. When this raises, ``planned`` tells what is left to do. Raises DeviceFault, before
+    The servo is identified anew first: it may have been replaced since ``plan_changes``, and another one with its new ID
+    may have been plugged in. When this raises, ``plan_changes`` tells what is left to do. Raises DeviceFault, before
     anything is written, unless one servo alone, with this table, has its ID; BadRequest, before anything is written,
     for an ID that another servo has; DeviceFault for a register that does not hold what was written to it, or an old
     ID that still answers; BadRequest for what the servo refuses; NoReply when it cannot be found again; NotConnected,
@@ -96,36 +98,36 @@ def apply(bus: Bus, at: At, table: Table, changes: Sequence[Change]) -> bool:
     """
     if not changes:
         return False
-    changes = sorted(changes, key=_turn)
-    _require_sole(bus, at, table)
+    changes = sorted(changes, key=_write_order)
+    _require_unique_servo(bus, at, table)
     _require_free_id(bus, at, changes)
     lasting = any(change.register.eeprom for change in changes)
     opens = at.protocol == "STS" and lasting
     if lasting and not opens and "lock" in table and bus.read(at, table["lock"]):
         raise BadRequest(f"{bus.name}: servo {at.id}: its EEPROM is locked", hint="switch its power off and on")
     for change in changes:
-        with _rate_after(bus, at, change):
-            bus.require()  # an adapter that cannot follow would leave the servo where nobody reaches it
+        with _baud_after(bus, at, change):
+            bus.require_open()  # an adapter that cannot follow would leave the servo where nobody reaches it
     stiff = lasting and _relax(bus, at, table)
     if opens:
-        _lock(bus, at, table, 0)
+        _set_eeprom_lock(bus, at, table, 0)
     try:
         for change in changes:
             with suppress(NoReply):  # it may have been carried out or not: the verification tells
                 bus.write(at, change.register, change.after)
-            at = _verified(bus, at, change)
+            at = _verify(bus, at, change)
     except DriverError:
         if opens:
             with suppress(DriverError):
-                _lock(bus, at, table, 1)
+                _set_eeprom_lock(bus, at, table, 1)
         raise
     if opens:
-        with _rate_after(bus, at, changes[-1]):
-            _lock(bus, at, table, 1)
+        with _baud_after(bus, at, changes[-1]):
+            _set_eeprom_lock(bus, at, table, 1)
     return stiff
 
 
-def _lock(bus: Bus, at: At, table: Table, value: int) -> None:
+def _set_eeprom_lock(bus: ServoBus, at: ServoAddress, table: ControlTable, value: int) -> None:
     """Open (0) or close (1) the EEPROM of an STS: what is written while it is closed is lost with its power."""
     with suppress(NoReply):
         bus.write(at, table["lock"], value)
@@ -133,24 +135,24 @@ def _lock(bus: Bus, at: At, table: Table, value: int) -> None:
         raise DeviceFault(f"{bus.name}: servo {at.id}: lock holds {held} after {value} was written to it")
 
 
-def _turn(change: Change) -> int:
+def _write_order(change: RegisterChange) -> int:
     """When a change is made: how the servo is reached, last."""
     name = change.register.name
-    return WHEREABOUTS.index(name) + 1 if name in WHEREABOUTS else 0
+    return ADDRESS_REGISTERS.index(name) + 1 if name in ADDRESS_REGISTERS else 0
 
 
-def _checked(who: str, table: Table, wanted: Mapping[str, int]) -> list[Register]:
+def _check_registers(subject: str, table: ControlTable, values: Mapping[str, int]) -> list[Register]:
     """Return the registers that ``wanted`` names. Raises BadRequest with all that is wrong with it."""
     registers, faults, hints = [], [], []
-    for name, value in wanted.items():
+    for name, value in values.items():
         try:
-            register = table.named(name)
+            register = table.find_register(name)
         except BadRequest as error:
             faults.append(str(error))
             hints.append(error.hint)
             continue
         registers.append(register)
-        least, why = UNHEARD.get(name, (value, ""))
+        least, why = MIN_REGISTER_VALUES.get(name, (value, ""))
         if not register.writable:
             faults.append(f"{name} cannot be written")
         elif not register.lower <= value <= register.upper:
@@ -164,42 +166,44 @@ def _checked(who: str, table: Table, wanted: Mapping[str, int]) -> list[Register
             faults.append(f"{name} {value} would send it all the way, and nobody could stop it")
             hints.append("mission servo move JOINT ANGLE --robot FILE  (sends it a short way at a time)")
     if faults:
-        raise BadRequest(f"{who}: {'; '.join(faults)}", hint="; ".join(hints))
+        raise BadRequest(f"{subject}: {'; '.join(faults)}", hint="; ".join(hints))
     return registers
 
 
-def _turns_a_wheel(bus: Bus, at: At, table: Table) -> bool:
+def _is_in_wheel_mode(bus: ServoBus, at: ServoAddress, table: ControlTable) -> bool:
     """Whether the servo turns on and on, where speed 0 is to stand still: in protocol 1.0 both its limits are 0."""
     if "mode" in table:
         return bool(bus.read(at, table["mode"]))
-    return at.protocol != 2 and not any(bus.read(at, table[limit]) for limit in table.limits)
+    return at.protocol != 2 and not any(bus.read(at, table[limit]) for limit in table.limit_registers)
 
 
-def _require_sole(bus: Bus, at: At, table: Table) -> None:
+def _require_unique_servo(bus: ServoBus, at: ServoAddress, table: ControlTable) -> None:
     """Raise DeviceFault unless one servo alone, with this table, is at ``at``; NoReply, NotConnected."""
-    number = require_sole(bus, at).number
-    known = model_of(number)
+    number = require_unique_id(bus, at).number
+    known = find_model(number)
     if known is None or known.table is not table:
-        raise DeviceFault(f"{bus.name}: servo {at.id} is model {number}, which has another control table", hint=SCAN)
+        raise DeviceFault(
+            f"{bus.name}: servo {at.id} is model {number}, which has another control table", hint=SCAN_HINT
+        )
 
 
-def _require_free_id(bus: Bus, at: At, changes: Sequence[Change]) -> None:
+def _require_free_id(bus: ServoBus, at: ServoAddress, changes: Sequence[RegisterChange]) -> None:
     """Raise BadRequest if a change gives the servo an ID at which another one answers."""
     for change in changes:
-        if change.register.name == "id" and _is_taken(bus, change.after):
+        if change.register.name == "id" and _is_id_taken(bus, change.after):
             raise BadRequest(
                 f"{bus.name}: servo {at.id} cannot become {change.after}: there is a servo with that ID already",
                 hint="mission servo scan  (with the same --robot FILE or --port PORT) lists the IDs that are taken",
             )
 
 
-def _is_taken(bus: Bus, servo: int) -> bool:
+def _is_id_taken(bus: ServoBus, servo: int) -> bool:
     """Whether anything answers at an ID, in either protocol: two servos that have it may not be understood."""
     protocols: tuple[Protocol, ...] = (1,) if servo > wire2.LAST_ID else (1, 2)
-    return any(bus.answers_ping(At(servo, protocol)) for protocol in protocols)
+    return any(bus.answers_ping(ServoAddress(servo, protocol)) for protocol in protocols)
 
 
-def _relax(bus: Bus, at: At, table: Table) -> bool:
+def _relax(bus: ServoBus, at: ServoAddress, table: ControlTable) -> bool:
     """Switch the torque off; return whether it was on. Raises DeviceFault if it stays on."""
     torque = table["torque_enable"]
     if not bus.read(at, torque):
@@ -211,12 +215,12 @@ def _relax(bus: Bus, at: At, table: Table) -> bool:
     return True
 
 
-def _verified(bus: Bus, at: At, change: Change) -> At:
+def _verify(bus: ServoBus, at: ServoAddress, change: RegisterChange) -> ServoAddress:
     """Read a change back, and return where the servo is from now on. Raises DeviceFault, NoReply, NotConnected."""
     name, old = change.register.name, at
     if name == "id":
         at = at._replace(id=change.after)
-    with _rate_after(bus, at, change):
+    with _baud_after(bus, at, change):
         held = bus.read(at, change.register)
     if held != change.after:
         raise DeviceFault(f"{bus.name}: servo {at.id}: {name} holds {held} after {change.after} was written to it")
@@ -229,7 +233,7 @@ def _verified(bus: Bus, at: At, change: Change) -> At:
 
 
 @contextmanager
-def _rate_after(bus: Bus, at: At, change: Change) -> Iterator[None]:
+def _baud_after(bus: ServoBus, at: ServoAddress, change: RegisterChange) -> Iterator[None]:
     """Talk at the rate at which the servo is heard once ``change`` is made; give the bus its own back in the end."""
     before = bus.baud
     if change.register.name != "baud":

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from types import MappingProxyType
 
-from drivers.servos.register import Block, Coding, Register, Table
+from drivers.servos.register import Coding, ControlTable, Register, RegisterBlock
 
 
 def eeprom(name: str, address: int, size: int, default: int, lower: int, upper: int, unit: str = "") -> Register:
@@ -16,7 +16,7 @@ def eeprom(name: str, address: int, size: int, default: int, lower: int, upper: 
     return Register(name, address, size, default, lower, upper, eeprom=True, unit=unit)
 
 
-def fixed(name: str, address: int, size: int, default: int = 0) -> Register:
+def read_only(name: str, address: int, size: int, default: int = 0) -> Register:
     """Return what a servo says of itself."""
     return Register(name, address, size, default, 0, 0, writable=False, eeprom=True)
 
@@ -31,7 +31,7 @@ def present(name: str, address: int, size: int, unit: str = "", coding: Coding =
     return Register(name, address, size, 0, 0, 0, writable=False, coding=coding, unit=unit)
 
 
-def signed(register: Register, coding: Coding = Coding.TWOS) -> Register:
+def as_signed(register: Register, coding: Coding = Coding.TWOS_COMPLEMENT) -> Register:
     """Return a register that may be below zero."""
     return replace(register, coding=coding)
 
@@ -46,8 +46,8 @@ def rows(*registers: Iterable[Register] | Register) -> MappingProxyType[str, Reg
 
 # Protocol 1.0: AX and RX -----------------------------------------------------------------------------------------
 
-MODEL_NUMBER = fixed("model_number", 0, 2)
-FIRMWARE = fixed("firmware", 2, 1, 24)
+MODEL_NUMBER = read_only("model_number", 0, 2)
+FIRMWARE = read_only("firmware", 2, 1, 24)
 ID = eeprom("id", 3, 1, 1, 0, 253)
 BAUD = eeprom("baud", 4, 1, 1, 0, 249)  # a code: see units.baud_of
 RETURN_DELAY = eeprom("return_delay", 5, 1, 250, 0, 254, "2 µs")
@@ -67,11 +67,11 @@ CCW_MARGIN = ram("ccw_compliance_margin", 27, 1, 1, 0, 255, "ticks")
 CW_SLOPE = ram("cw_compliance_slope", 28, 1, 32, 0, 254)
 CCW_SLOPE = ram("ccw_compliance_slope", 29, 1, 32, 0, 254)
 GOAL_POSITION = ram("goal_position", 30, 2, 0, 0, 1023, "ticks")  # writing it switches the torque on
-MOVING_SPEED = signed(ram("moving_speed", 32, 2, 0, -1023, 1023, "0.111 rpm"), Coding.SIGN_BIT)  # 0: no limit
+MOVING_SPEED = as_signed(ram("moving_speed", 32, 2, 0, -1023, 1023, "0.111 rpm"), Coding.SIGN_10)  # 0: no limit
 TORQUE_LIMIT = ram("torque_limit", 34, 2, 1023, 0, 1023, "1/1023")  # 0 after a shutdown
 PRESENT_POSITION = present("present_position", 36, 2, "ticks")
-PRESENT_SPEED = present("present_speed", 38, 2, "0.111 rpm", Coding.SIGN_BIT)
-PRESENT_LOAD = present("present_load", 40, 2, "1/1023", Coding.SIGN_BIT)
+PRESENT_SPEED = present("present_speed", 38, 2, "0.111 rpm", Coding.SIGN_10)
+PRESENT_LOAD = present("present_load", 40, 2, "1/1023", Coding.SIGN_10)
 PRESENT_VOLTAGE = present("present_voltage", 42, 1, "0.1 V")
 PRESENT_TEMPERATURE = present("present_temperature", 43, 1, "degC")
 REGISTERED = present("registered", 44, 1)
@@ -79,7 +79,7 @@ MOVING = present("moving", 46, 1)
 LOCK = ram("lock", 47, 1, 0, 0, 1)  # 1 closes the EEPROM until the power is cut
 PUNCH = ram("punch", 48, 2, 32, 0, 1023)
 
-TABLE_AX = Table(
+TABLE_AX = ControlTable(
     registers=rows(
         (MODEL_NUMBER, FIRMWARE, ID, BAUD, RETURN_DELAY, CW_ANGLE_LIMIT, CCW_ANGLE_LIMIT, TEMPERATURE_LIMIT),
         (LOWEST_VOLTAGE, HIGHEST_VOLTAGE, MAX_TORQUE, STATUS_RETURN_LEVEL, ALARM_LED, SHUTDOWN),
@@ -87,22 +87,22 @@ TABLE_AX = Table(
         (PRESENT_POSITION, PRESENT_SPEED, PRESENT_LOAD, PRESENT_VOLTAGE, PRESENT_TEMPERATURE),
         (REGISTERED, MOVING, LOCK, PUNCH),
     ),
-    fast=Block(36, 11),
-    slow=(Block(24, 12),),
-    setup=Block(0, 24),
+    fast_block=RegisterBlock(36, 11),
+    slow_blocks=(RegisterBlock(24, 12),),
+    setup_block=RegisterBlock(0, 24),
     goal=GOAL_POSITION.name,
     speed=MOVING_SPEED.name,
     velocity=PRESENT_SPEED.name,
     effort=PRESENT_LOAD.name,
     torque_limit=TORQUE_LIMIT.name,
     torque_ceiling=MAX_TORQUE.name,
-    limits=(CW_ANGLE_LIMIT.name, CCW_ANGLE_LIMIT.name),
+    limit_registers=(CW_ANGLE_LIMIT.name, CCW_ANGLE_LIMIT.name),
 )
 """AX and RX."""
 
 # Protocol 1.0: EX and MX -----------------------------------------------------------------------------------------
 
-_FINE = (  # 4096 ticks
+_POSITIONS_4096 = (  # 4096 ticks
     replace(CW_ANGLE_LIMIT, upper=4095),
     replace(CCW_ANGLE_LIMIT, default=4095, upper=4095),
     replace(GOAL_POSITION, upper=4095),
@@ -113,12 +113,12 @@ TABLE_EX = replace(
     TABLE_AX,
     registers=rows(
         TABLE_AX.registers.values(),
-        _FINE,
+        _POSITIONS_4096,
         _DRIVE_MODE,
         replace(PUNCH, default=0),
         present("present_current", 56, 2, "10 mA, 512 is none"),
     ),
-    slow=(*TABLE_AX.slow, Block(56, 2)),
+    slow_blocks=(*TABLE_AX.slow_blocks, RegisterBlock(56, 2)),
 )
 """EX-106+."""
 
@@ -126,18 +126,18 @@ TABLE_MX = replace(
     TABLE_AX,
     registers=rows(
         (row for row in TABLE_AX.registers.values() if row is not CCW_SLOPE),
-        _FINE,
+        _POSITIONS_4096,
         replace(FIRMWARE, default=41),
         replace(BAUD, default=34, upper=254),
-        signed(eeprom("multi_turn_offset", 20, 2, 0, -24_576, 24_576, "ticks")),
+        as_signed(eeprom("multi_turn_offset", 20, 2, 0, -24_576, 24_576, "ticks")),
         eeprom("resolution_divider", 22, 1, 1, 1, 4),
         ram("position_d_gain", 26, 1, 0, 0, 254, "4/1000"),
         ram("position_i_gain", 27, 1, 0, 0, 254, "1000/2048"),
         ram("position_p_gain", 28, 1, 32, 0, 254, "1/8"),
         # Beyond one turn in multi-turn mode, where both angle limits are 4095.
-        signed(ram("goal_position", 30, 2, 0, -28_672, 28_672, "ticks")),
+        as_signed(ram("goal_position", 30, 2, 0, -28_672, 28_672, "ticks")),
         replace(MOVING_SPEED, unit="0.114 rpm"),
-        signed(PRESENT_POSITION),
+        as_signed(PRESENT_POSITION),
         replace(PRESENT_SPEED, unit="0.114 rpm"),
         replace(PUNCH, default=0),
         present("realtime_tick", 50, 2, "ms"),
@@ -152,9 +152,9 @@ TABLE_MX_CURRENT = replace(
         TABLE_MX.registers.values(),
         present("present_current", 68, 2, "4.5 mA, 2048 is none"),
         ram("torque_mode", 70, 1, 0, 0, 1),
-        signed(ram("goal_torque", 71, 2, 0, -1023, 1023, "4.5 mA"), Coding.SIGN_BIT),
+        as_signed(ram("goal_torque", 71, 2, 0, -1023, 1023, "4.5 mA"), Coding.SIGN_10),
     ),
-    slow=(*TABLE_MX.slow, Block(68, 5)),
+    slow_blocks=(*TABLE_MX.slow_blocks, RegisterBlock(68, 5)),
 )
 """MX-64 as delivered: it measures its current."""
 
@@ -166,11 +166,11 @@ TABLE_MX_PAIR = replace(TABLE_MX_CURRENT, registers=rows(TABLE_MX_CURRENT.regist
 GAIN = (0, 16_383)
 _TURNS = (-1_048_575, 1_048_575)  # 256 turns either way in extended position mode
 
-TABLE_X = Table(
+TABLE_X = ControlTable(
     registers=rows(
-        fixed("model_number", 0, 2),
-        fixed("model_information", 2, 4),
-        fixed("firmware", 6, 1, 45),
+        read_only("model_number", 0, 2),
+        read_only("model_information", 2, 4),
+        read_only("firmware", 6, 1, 45),
         eeprom("id", 7, 1, 1, 0, 252),
         eeprom("baud", 8, 1, 1, 0, 7),  # a code: see units.baud_of
         eeprom("return_delay", 9, 1, 250, 0, 254, "2 µs"),
@@ -178,7 +178,7 @@ TABLE_X = Table(
         eeprom("operating_mode", 11, 1, 3, 0, 16),  # 0 current, 1 velocity, 3 position, 4 extended, 5 both, 16 PWM
         eeprom("shadow_id", 12, 1, 255, 0, 255),  # above 252: none
         eeprom("protocol", 13, 1, 2, 1, 2),
-        signed(eeprom("homing_offset", 20, 4, 0, -1_044_479, 1_044_479, "ticks")),
+        as_signed(eeprom("homing_offset", 20, 4, 0, -1_044_479, 1_044_479, "ticks")),
         eeprom("moving_threshold", 24, 4, 10, 0, 1023, "0.229 rpm"),
         eeprom("temperature_limit", 31, 1, 80, 0, 100, "degC"),
         eeprom("highest_voltage", 32, 2, 160, 60, 160, "0.1 V"),
@@ -201,48 +201,48 @@ TABLE_X = Table(
         ram("position_p_gain", 84, 2, 850, *GAIN, "1/128"),
         ram("feedforward_2nd_gain", 88, 2, 0, *GAIN, "1/4"),
         ram("feedforward_1st_gain", 90, 2, 0, *GAIN, "1/4"),
-        signed(ram("bus_watchdog", 98, 1, 0, 0, 127, "20 ms")),  # reads -1 once it has fired
-        signed(ram("goal_pwm", 100, 2, 885, -885, 885, "0.113 %")),
-        signed(ram("goal_velocity", 104, 4, 0, -1023, 1023, "0.229 rpm")),
+        as_signed(ram("bus_watchdog", 98, 1, 0, 0, 127, "20 ms")),  # reads -1 once it has fired
+        as_signed(ram("goal_pwm", 100, 2, 885, -885, 885, "0.113 %")),
+        as_signed(ram("goal_velocity", 104, 4, 0, -1023, 1023, "0.229 rpm")),
         ram("profile_acceleration", 108, 4, 0, 0, 32_767, "214.577 rev/min²"),
         ram("profile_velocity", 112, 4, 0, 0, 32_767, "0.229 rpm"),  # 0: as fast as it can
-        signed(ram("goal_position", 116, 4, 0, *_TURNS, "ticks")),
+        as_signed(ram("goal_position", 116, 4, 0, *_TURNS, "ticks")),
         present("realtime_tick", 120, 2, "ms"),
         present("moving", 122, 1),
         present("moving_status", 123, 1),
-        present("present_pwm", 124, 2, "0.113 %", Coding.TWOS),
-        present("present_load", 126, 2, "0.1 %", Coding.TWOS),
-        present("present_velocity", 128, 4, "0.229 rpm", Coding.TWOS),
-        present("present_position", 132, 4, "ticks", Coding.TWOS),
-        present("velocity_trajectory", 136, 4, "0.229 rpm", Coding.TWOS),
-        present("position_trajectory", 140, 4, "ticks", Coding.TWOS),
+        present("present_pwm", 124, 2, "0.113 %", Coding.TWOS_COMPLEMENT),
+        present("present_load", 126, 2, "0.1 %", Coding.TWOS_COMPLEMENT),
+        present("present_velocity", 128, 4, "0.229 rpm", Coding.TWOS_COMPLEMENT),
+        present("present_position", 132, 4, "ticks", Coding.TWOS_COMPLEMENT),
+        present("velocity_trajectory", 136, 4, "0.229 rpm", Coding.TWOS_COMPLEMENT),
+        present("position_trajectory", 140, 4, "ticks", Coding.TWOS_COMPLEMENT),
         present("present_voltage", 144, 2, "0.1 V"),
         present("present_temperature", 146, 1, "degC"),
         present("backup_ready", 147, 1),
     ),
-    fast=Block(122, 14),
-    slow=(Block(64, 7), Block(98, 22), Block(144, 3)),
-    setup=Block(0, 64),
+    fast_block=RegisterBlock(122, 14),
+    slow_blocks=(RegisterBlock(64, 7), RegisterBlock(98, 22), RegisterBlock(144, 3)),
+    setup_block=RegisterBlock(0, 64),
     goal="goal_position",
     speed="profile_velocity",
     velocity="present_velocity",
     effort="present_load",
     torque_limit="goal_pwm",
     torque_ceiling="pwm_limit",
-    limits=("min_position", "max_position"),
+    limit_registers=("min_position", "max_position"),
 )
 """XL430: it infers its load from the drive."""
 
 
-def with_current(table: Table, unit: str, limit: int) -> Table:
+def with_current(table: ControlTable, unit: str, limit: int) -> ControlTable:
     """Return the table of a servo that measures its current, in steps of ``unit``, up to ``limit`` of them."""
     return replace(
         table,
         registers=rows(
             table.registers.values(),
             eeprom("current_limit", 38, 2, limit, 0, limit, unit),
-            signed(ram("goal_current", 102, 2, limit, -limit, limit, unit)),
-            present("present_current", 126, 2, unit, Coding.TWOS),
+            as_signed(ram("goal_current", 102, 2, limit, -limit, limit, unit)),
+            present("present_current", 126, 2, unit, Coding.TWOS_COMPLEMENT),
         ),
         effort="present_current",
     )

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from drivers.servos.register import Block, Coding, Table
+from drivers.servos.register import Coding, ControlTable, RegisterBlock
 from drivers.servos.tables import (
     BAUD,
     CCW_ANGLE_LIMIT,
@@ -20,11 +20,11 @@ from drivers.servos.tables import (
     TABLE_X,
     TORQUE_ENABLE,
     TORQUE_LIMIT,
+    as_signed,
     eeprom,
     present,
     ram,
     rows,
-    signed,
     with_current,
 )
 
@@ -43,7 +43,7 @@ TABLE_XL330 = replace(
         ram("velocity_i_gain", 76, 2, 1600, *GAIN, "1/65536"),
         ram("velocity_p_gain", 78, 2, 180, *GAIN, "1/128"),
         ram("position_p_gain", 84, 2, 400, *GAIN, "1/128"),
-        signed(ram("goal_velocity", 104, 4, 0, -2047, 2047, "0.229 rpm")),
+        as_signed(ram("goal_velocity", 104, 4, 0, -2047, 2047, "0.229 rpm")),
     ),
 )
 """XL330, which runs at 5 V."""
@@ -54,7 +54,7 @@ _SMALL_COPPER = replace(
         TABLE_XL330.registers.values(),
         eeprom("current_limit", 38, 2, 2352, 0, 2352, "1 mA"),
         eeprom("shutdown", 63, 1, 52, 0, 63),
-        signed(ram("goal_current", 102, 2, 2352, -2352, 2352, "1 mA")),
+        as_signed(ram("goal_current", 102, 2, 2352, -2352, 2352, "1 mA")),
     ),
 )
 
@@ -69,14 +69,14 @@ TABLE_XC330_T = replace(
         eeprom("lowest_voltage", 34, 2, 55, 55, 140, "0.1 V"),
         eeprom("current_limit", 38, 2, 910, 0, 910, "1 mA"),
         eeprom("pwm_slope", 62, 1, 255, 1, 255, "3.955 mV/ms"),
-        signed(ram("goal_current", 102, 2, 910, -910, 910, "1 mA")),
+        as_signed(ram("goal_current", 102, 2, 910, -910, 910, "1 mA")),
     ),
 )
 """XC330-T, which run at 12 V."""
 
 # Protocol 2.0, another table -------------------------------------------------------------------------------------
 
-TABLE_XL320 = Table(
+TABLE_XL320 = ControlTable(
     registers=rows(
         (MODEL_NUMBER, FIRMWARE, replace(ID, upper=252), replace(BAUD, default=3, upper=3), RETURN_DELAY),
         (CW_ANGLE_LIMIT, CCW_ANGLE_LIMIT),
@@ -96,8 +96,8 @@ TABLE_XL320 = Table(
         MOVING_SPEED,
         ram("torque_limit", 35, 2, 1023, 0, 1023, "1/1023"),
         present("present_position", 37, 2, "ticks"),
-        present("present_speed", 39, 2, "0.111 rpm", Coding.SIGN_BIT),
-        present("present_load", 41, 2, "1/1023", Coding.SIGN_BIT),
+        present("present_speed", 39, 2, "0.111 rpm", Coding.SIGN_10),
+        present("present_load", 41, 2, "1/1023", Coding.SIGN_10),
         present("present_voltage", 45, 1, "0.1 V"),
         present("present_temperature", 46, 1, "degC"),
         present("registered", 47, 1),
@@ -105,15 +105,15 @@ TABLE_XL320 = Table(
         present("error_status", 50, 1),  # bits as in shutdown
         ram("punch", 51, 2, 32, 0, 1023),
     ),
-    fast=Block(37, 13),
-    slow=(Block(24, 13),),
-    setup=Block(0, 24),
+    fast_block=RegisterBlock(37, 13),
+    slow_blocks=(RegisterBlock(24, 13),),
+    setup_block=RegisterBlock(0, 24),
     goal=GOAL_POSITION.name,
     speed=MOVING_SPEED.name,
     velocity=PRESENT_SPEED.name,
     effort=PRESENT_LOAD.name,
     torque_limit=TORQUE_LIMIT.name,
     torque_ceiling=MAX_TORQUE.name,
-    limits=(CW_ANGLE_LIMIT.name, CCW_ANGLE_LIMIT.name),
+    limit_registers=(CW_ANGLE_LIMIT.name, CCW_ANGLE_LIMIT.name),
 )
 """XL-320: the frames of protocol 2.0, and a table much like that of an AX."""

@@ -6,16 +6,16 @@ of the load, bit 11 of the offset, bit 15 of all others.
 
 from dataclasses import replace
 
-from drivers.servos.register import Block, Coding, Table
-from drivers.servos.tables import eeprom, fixed, present, ram, rows, signed
+from drivers.servos.register import Coding, ControlTable, RegisterBlock
+from drivers.servos.tables import as_signed, eeprom, present, ram, read_only, rows
 
 _SIGN_15 = Coding.SIGN_15
 
-TABLE_STS = Table(
+TABLE_STS = ControlTable(
     registers=rows(
-        fixed("firmware", 0, 2, 3 | 10 << 8),  # major, then minor
-        fixed("big_endian", 2, 1),
-        fixed("model_number", 3, 2),
+        read_only("firmware", 0, 2, 3 | 10 << 8),  # major, then minor
+        read_only("big_endian", 2, 1),
+        read_only("model_number", 3, 2),
         eeprom("id", 5, 1, 1, 0, 253),
         eeprom("baud", 6, 1, 0, 0, 7),  # a code: see units.baud_of
         eeprom("return_delay", 7, 1, 0, 0, 254, "2 µs"),
@@ -37,7 +37,7 @@ TABLE_STS = Table(
         eeprom("ccw_dead_zone", 27, 1, 1, 0, 32, "ticks"),
         eeprom("protection_current", 28, 2, 500, 0, 2047, "6.5 mA"),
         eeprom("angular_resolution", 30, 1, 1, 1, 128),
-        signed(eeprom("position_offset", 31, 2, 0, -2047, 2047, "ticks"), Coding.SIGN_11),  # taken off what it sees
+        as_signed(eeprom("position_offset", 31, 2, 0, -2047, 2047, "ticks"), Coding.SIGN_11),  # taken off what it sees
         eeprom("mode", 33, 1, 0, 0, 3),  # 0 position, 1 speed, 2 PWM, 3 steps
         eeprom("protective_torque", 34, 1, 20, 0, 254, "%"),
         eeprom("protection_time", 35, 1, 200, 0, 254, "10 ms"),
@@ -47,14 +47,14 @@ TABLE_STS = Table(
         eeprom("velocity_i_gain", 39, 1, 10, 0, 254),
         ram("torque_enable", 40, 1, 0, 0, 1),  # 128 would make where it stands its middle, for good: never sent
         ram("goal_acceleration", 41, 1, 0, 0, 254, "8.79 deg/s²"),  # 0: no ramp
-        signed(ram("goal_position", 42, 2, 0, -32_767, 32_767, "ticks"), _SIGN_15),
+        as_signed(ram("goal_position", 42, 2, 0, -32_767, 32_767, "ticks"), _SIGN_15),
         ram("goal_time", 44, 2, 0, 0, 1000),  # 0: the speed counts
-        signed(ram("goal_speed", 46, 2, 0, -32_767, 32_767, "0.087891 deg/s"), _SIGN_15),  # 0: as fast as it can
+        as_signed(ram("goal_speed", 46, 2, 0, -32_767, 32_767, "0.087891 deg/s"), _SIGN_15),  # 0: as fast as it can
         ram("torque_limit", 48, 2, 1000, 0, 1000, "0.1 %"),
         ram("lock", 55, 1, 1, 0, 1),  # 1: what is written to the EEPROM holds until the power is cut
         present("present_position", 56, 2, "ticks", _SIGN_15),
         present("present_speed", 58, 2, "0.087891 deg/s", _SIGN_15),
-        present("present_load", 60, 2, "0.1 %", Coding.SIGN_BIT),
+        present("present_load", 60, 2, "0.1 %", Coding.SIGN_10),
         present("present_voltage", 62, 1, "0.1 V"),
         present("present_temperature", 63, 1, "degC"),
         present("registered", 64, 1),
@@ -66,16 +66,16 @@ TABLE_STS = Table(
         ram("fastest_acceleration", 85, 1, 254, 0, 254),
         ram("acceleration_multiplier", 86, 1, 1, 0, 254),
     ),
-    fast=Block(56, 11),
-    slow=(Block(40, 27),),
-    setup=Block(0, 40),
+    fast_block=RegisterBlock(56, 11),
+    slow_blocks=(RegisterBlock(40, 27),),
+    setup_block=RegisterBlock(0, 40),
     goal="goal_position",
     speed="goal_speed",
     velocity="present_speed",
     effort="present_load",
     torque_limit="torque_limit",
     torque_ceiling="max_torque",
-    limits=("min_position", "max_position"),
+    limit_registers=("min_position", "max_position"),
 )
 """STS3215, and its like."""
 
@@ -83,13 +83,13 @@ TABLE_STS = Table(
 
 _SHARED = ("firmware", "big_endian", "id", "baud", "return_delay", "response_level", "temperature_limit")
 
-TABLE_SCS = Table(
+TABLE_SCS = ControlTable(
     registers=rows(
         [TABLE_STS[name] for name in _SHARED],
         [
-            replace(register, order="big")
+            replace(register, byte_order="big")
             for register in (
-                fixed("model_number", 3, 2),
+                read_only("model_number", 3, 2),
                 eeprom("min_position", 9, 2, 0, 0, 1023, "ticks"),
                 eeprom("max_position", 11, 2, 1023, 0, 1023, "ticks"),  # both limits 0: a wheel
                 eeprom("max_torque", 16, 2, 1000, 0, 1000, "0.1 %"),
@@ -98,7 +98,7 @@ TABLE_SCS = Table(
                 ram("goal_speed", 46, 2, 0, 0, 1000, "ticks/s"),
                 present("present_position", 56, 2, "ticks", _SIGN_15),
                 present("present_speed", 58, 2, "ticks/s", _SIGN_15),
-                present("present_load", 60, 2, "0.1 %", Coding.SIGN_BIT),
+                present("present_load", 60, 2, "0.1 %", Coding.SIGN_10),
                 present("present_current", 69, 2, "6.5 mA", _SIGN_15),
             )
         ],
@@ -112,15 +112,15 @@ TABLE_SCS = Table(
         present("present_temperature", 63, 1, "degC"),
         present("moving", 66, 1),
     ),
-    fast=Block(56, 11),
-    slow=(Block(40, 9),),
-    setup=Block(0, 28),
+    fast_block=RegisterBlock(56, 11),
+    slow_blocks=(RegisterBlock(40, 9),),
+    setup_block=RegisterBlock(0, 28),
     goal="goal_position",
     speed="goal_speed",
     velocity="present_speed",
     effort="present_load",
     torque_limit="max_torque",
     torque_ceiling="max_torque",
-    limits=("min_position", "max_position"),
+    limit_registers=("min_position", "max_position"),
 )
 """SCS0009, and its like: big-endian, without an offset and without a limit of the torque in RAM."""

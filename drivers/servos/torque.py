@@ -10,151 +10,157 @@ from contextlib import suppress
 from drivers.api import Quality, Reading
 from drivers.clock import Clock
 from drivers.errors import BadRequest, DriverError, NoReply, NotConnected
-from drivers.servos.attention import under_way
-from drivers.servos.bus import Bus
+from drivers.servos.attention import is_in_motion
+from drivers.servos.bus import ServoBus
 from drivers.servos.joint import Joint
-from drivers.servos.legs import leg, nearest, paced
+from drivers.servos.legs import approach_speed, hold_position, next_setpoint
 from drivers.servos.units import Protocol
 
-RECENT = 0.06
+MAX_MOVING_READING_AGE = 0.06
 """Seconds for which a reading still says where a joint is that may move."""
 
-STOOD = 0.15
+MAX_RESTING_READING_AGE = 0.15
 """The same for one that is stiff and at rest: nobody turns it, and it is read ten times a second."""
 
-RELEASE_TIMEOUT, TRIES = 1.0, 10
+RELEASE_TIMEOUT, MAX_RELEASE_ATTEMPTS = 1.0, 10
 """Seconds for which, and how often, joints are told to rest that have not confirmed that they do."""
 
-REBOOT = 0.5
+REBOOT_TIME = 0.5
 """Seconds that a servo of protocol 2.0 is given to start again."""
 
 
-def send(bus: Bus, orders: Iterable[tuple[Joint, tuple[int, bytes]]]) -> None:
+def write_together(bus: ServoBus, writes: Iterable[tuple[Joint, tuple[int, bytes]]]) -> None:
     """Write each servo some bytes from an address on: in one packet for all, or one for each kind of control table.
 
     None acknowledges it. Raises NotConnected.
     """
-    bus.require()
+    bus.require_open()
     packets: dict[tuple[Protocol, int], list[tuple[Joint, bytes]]] = {}
-    for joint, (address, data) in orders:
-        packets.setdefault((joint.at.protocol, address), []).append((joint, data))
+    for joint, (address, data) in writes:
+        packets.setdefault((joint.address.protocol, address), []).append((joint, data))
     for (protocol, address), blocks in packets.items():
         bus.sync_write_block(protocol, address, {joint.spec.id: data for joint, data in blocks})
 
 
-def seen_lately(joint: Joint, now: float) -> bool:
+def has_recent_reading(joint: Joint, now: float) -> bool:
     """Whether the newest reading of a joint says where it is."""
-    return now - joint.reading.stamp <= (STOOD if joint.torque and not under_way(joint) else RECENT)
+    return now - joint.reading.stamp <= (
+        MAX_RESTING_READING_AGE if joint.torque and not is_in_motion(joint) else MAX_MOVING_READING_AGE
+    )
 
 
-def switch(bus: Bus, joints: Iterable[Joint], *, on: bool) -> None:
+def switch_torque(bus: ServoBus, joints: Iterable[Joint], *, on: bool) -> None:
     """Switch the torque of many servos, which none acknowledges. Raises NotConnected."""
     orders = []
     for joint in joints:
         enable = joint.model.table["torque_enable"]
         orders.append((joint, (enable.address, enable.encode(int(on)))))
-    send(bus, orders)
+    write_together(bus, orders)
 
 
-def stiffen(bus: Bus, joint: Joint, *, now: float) -> None:
+def stiffen(bus: ServoBus, joint: Joint, *, now: float) -> None:
     """Make one joint stiff where it stands, every step acknowledged. Raises NoReply, NotConnected, BadRequest."""
-    here = bus.read(joint.at, joint.model.table["present_position"])
-    _stiffen_at(bus, joint, nearest(joint, here), now=now)
+    here = bus.read(joint.address, joint.model.table["present_position"])
+    _stiffen_at(bus, joint, hold_position(joint, here), now=now)
 
 
-def _stiffen_at(bus: Bus, joint: Joint, place: int, *, now: float) -> None:
+def _stiffen_at(bus: ServoBus, joint: Joint, position: int, *, now: float) -> None:
     """Make one joint stiff at ``place`` (ticks), which it has confirmed before its torque comes on. Raises as above."""
-    _confirmed(bus, joint, *joint.order(place, joint.limits.speed))
-    enable(bus, joint, on=True)
-    _held(joint, place, now=now)
+    _write_confirmed(bus, joint, *joint.goal_write(position, joint.limits.speed))
+    set_torque(bus, joint, on=True)
+    _note_held_position(joint, position, now=now)
 
 
-def enable(bus: Bus, joint: Joint, *, on: bool) -> None:
+def set_torque(bus: ServoBus, joint: Joint, *, on: bool) -> None:
     """Switch the torque of one joint, which it has confirmed then. Raises NoReply, NotConnected, BadRequest."""
     register = joint.model.table["torque_enable"]
-    _confirmed(bus, joint, register.address, register.encode(int(on)))
+    _write_confirmed(bus, joint, register.address, register.encode(int(on)))
 
 
-def _confirmed(bus: Bus, joint: Joint, address: int, data: bytes) -> None:
+def _write_confirmed(bus: ServoBus, joint: Joint, address: int, data: bytes) -> None:
     """Write ``data``, and see it there: a reply that is late on a busy machine says no more than that. Raises so."""
-    joint.mute = True
+    joint.lacks_confirmation = True
     try:
-        bus.write_block(joint.at, address, data)
+        bus.write_block(joint.address, address, data)
     except NoReply:
-        told = bus.read_block(joint.at, address, len(data))
-        joint.mute = False
+        told = bus.read_block(joint.address, address, len(data))
+        joint.lacks_confirmation = False
         if told != data:
             raise
 
 
-def _held(joint: Joint, place: int, *, now: float) -> None:
+def _note_held_position(joint: Joint, position: int, *, now: float) -> None:
     """Take note that a joint was made stiff at ``place`` (ticks)."""
-    joint.goal, joint.speed, joint.torque = joint.angle(joint.nearest(place)), joint.limits.speed, True
-    joint.sent, joint.sent_at = place, now
+    joint.goal, joint.speed, joint.torque = joint.angle(joint.clamp_ticks(position)), joint.limits.speed, True
+    joint.setpoint, joint.setpoint_sent_at = position, now
 
 
-def stop_together(bus: Bus, joints: Iterable[Joint], *, now: float) -> dict[Joint, int]:
+def stop_together(bus: ServoBus, joints: Iterable[Joint], *, now: float) -> dict[Joint, int]:
     """Tell joints to go where they are by now, in one packet that none acknowledges; return these places (ticks).
 
     Raises NotConnected.
     """
-    angles = [(joint, joint.position_at(now)) for joint in joints]
-    places = {joint: nearest(joint, joint.ticks(angle)) for joint, angle in angles if angle is not None}
-    send(bus, [(joint, joint.order(place, joint.limits.speed)) for joint, place in places.items()])
+    angles = [(joint, joint.estimated_position(now)) for joint in joints]
+    places = {joint: hold_position(joint, joint.ticks(angle)) for joint, angle in angles if angle is not None}
+    write_together(bus, [(joint, joint.goal_write(place, joint.limits.speed)) for joint, place in places.items()])
     return places
 
 
-def stiffen_together(bus: Bus, joints: Iterable[Joint], *, now: float) -> None:
+def stiffen_together(bus: ServoBus, joints: Iterable[Joint], *, now: float) -> None:
     """Make joints stiff where they are by now, in two packets that none acknowledges. Raises NotConnected.
 
     For joints that are sent elsewhere in the next moment: should the first packet be lost, they go to an old goal.
     """
     places = stop_together(bus, joints, now=now)
-    switch(bus, places, on=True)
+    switch_torque(bus, places, on=True)
     for joint, place in places.items():
-        _held(joint, place, now=now)
+        _note_held_position(joint, place, now=now)
 
 
-def go(bus: Bus, joints: Sequence[Joint], goals: Mapping[str, float], speeds: Mapping[str, float], now: float) -> None:
+def start_motion(
+    bus: ServoBus, joints: Sequence[Joint], goals: Mapping[str, float], speeds: Mapping[str, float], now: float
+) -> None:
     """Let joints set out for goals (rad, within the limits) at their speeds (rad/s) or, without one, at their limit's.
 
     Limp ones become stiff first. Those that cannot go are marked as left out. Raises NotConnected.
     """
-    going = ready(bus, joints, now=now)
+    going = make_ready(bus, joints, now=now)
     for joint in joints:
-        joint.left_out = joint not in going
-        if joint.left_out:
+        joint.excluded_from_move = joint not in going
+        if joint.excluded_from_move:
             joint.progress.hold(None)
     for joint in going:
         goal = goals[joint.name]
-        speed = paced(joint, goal, speeds.get(joint.name, joint.limits.speed), joint.position_at(now))
+        speed = approach_speed(joint, goal, speeds.get(joint.name, joint.limits.speed), joint.estimated_position(now))
         if (goal, speed) != (joint.goal, joint.speed):
-            joint.goal, joint.speed, joint.sent = goal, speed, None
-        joint.wanted, joint.unsettled = True, False
+            joint.goal, joint.speed, joint.setpoint = goal, speed, None
+        joint.torque_request, joint.is_unconfirmed = True, False
         joint.progress.command(goal, speed, now)
-    go_on(bus, going, now=now)
+    send_setpoints(bus, going, now=now)
 
 
-def go_on(bus: Bus, joints: Iterable[Joint], *, now: float) -> None:
+def send_setpoints(bus: ServoBus, joints: Iterable[Joint], *, now: float) -> None:
     """Send joints that need it farther on their way, in one packet that none acknowledges. Raises NotConnected."""
-    able = [joint for joint in joints if joint.torque and joint.driven and not joint.shut]
-    legs = {joint: place for joint in able if (place := leg(joint, now)) is not None}
+    able = [joint for joint in joints if joint.torque and joint.is_driven and not joint.is_shut_down]
+    legs = {joint: place for joint in able if (place := next_setpoint(joint, now)) is not None}
     if legs:
-        send(bus, [(joint, joint.order(place, joint.speed)) for joint, place in legs.items()])
+        write_together(bus, [(joint, joint.goal_write(place, joint.speed)) for joint, place in legs.items()])
     for joint, place in legs.items():
-        joint.sent, joint.sent_at = place, now
+        joint.setpoint, joint.setpoint_sent_at = place, now
 
 
-def ready(bus: Bus, joints: Sequence[Joint], *, now: float) -> list[Joint]:
+def make_ready(bus: ServoBus, joints: Sequence[Joint], *, now: float) -> list[Joint]:
     """Make those joints stiff that are limp; return all that may be sent a goal. Raises NotConnected.
 
     Those become stiff together, in two packets, that were seen a moment ago, or say where they stand when they are
     asked; any other is asked once more, and left out if it does not say, as are servos that are not driven or have shut
     down.
     """
-    able = [joint for joint in joints if joint.driven and not joint.shut]
+    able = [joint for joint in joints if joint.is_driven and not joint.is_shut_down]
     limp = [joint for joint in able if not joint.torque]
-    stiffen_together(bus, [joint for joint in limp if seen_lately(joint, now) or _seen(bus, joint, now)], now=now)
+    stiffen_together(
+        bus, [joint for joint in limp if has_recent_reading(joint, now) or _read_once(bus, joint, now)], now=now
+    )
     for joint in limp:
         if not joint.torque:
             with suppress(NoReply, BadRequest):
@@ -162,60 +168,62 @@ def ready(bus: Bus, joints: Sequence[Joint], *, now: float) -> list[Joint]:
     return [joint for joint in able if joint.torque]
 
 
-def _seen(bus: Bus, joint: Joint, now: float) -> bool:
+def _read_once(bus: ServoBus, joint: Joint, now: float) -> bool:
     """Read a joint, once; say whether it has answered. Raises NotConnected."""
-    fast = joint.model.table.fast
+    fast = joint.model.table.fast_block
     try:
-        joint.take(fast, bus.read_block(joint.at, fast.address, fast.size, tries=1))
+        joint.store(fast, bus.read_block(joint.address, fast.address, fast.size, tries=1))
     except (NoReply, BadRequest):
         return False
     joint.reading = Reading(joint.state(), now, Quality.GOOD)
     return True
 
 
-def settle(bus: Bus, joints: Iterable[Joint], *, stiff: bool, now: float) -> list[Joint]:
+def hold_or_relax(bus: ServoBus, joints: Iterable[Joint], *, stiff: bool, now: float) -> list[Joint]:
     """Hold or relax joints, first together, then each until it acknowledges; return those that did not.
 
     Never raises. Left alone are servos that this driver never touched or (when holding) that have shut themselves
     down. What is not what it should be any more is relaxed like the others, but cannot be held.
     """
     joints = tuple(joints)
-    ours = [joint for joint in joints if joint.touched and not (stiff and joint.shut)]
+    ours = [joint for joint in joints if joint.may_have_torque and not (stiff and joint.is_shut_down)]
     places: Mapping[Joint, int] = {}
     with suppress(NotConnected, BadRequest):
         if stiff:
-            recent = [joint for joint in ours if joint.driven and seen_lately(joint, now)]
+            recent = [joint for joint in ours if joint.is_driven and has_recent_reading(joint, now)]
             places = stop_together(bus, recent, now=now)
         else:
-            switch(bus, ours, on=False)
+            switch_torque(bus, ours, on=False)
     for joint in joints:
-        before = joint.unsettled
-        joint.unsettled = joint in ours and not _settled(bus, joint, places.get(joint), stiff=stiff, now=now)
-        if joint.unsettled and not before:
-            joint.unsettled_at = now
-        joint.mute = joint.mute and bus.is_open
-    return [joint for joint in ours if joint.unsettled]
+        before = joint.is_unconfirmed
+        joint.is_unconfirmed = joint in ours and not _hold_or_relax_one(
+            bus, joint, places.get(joint), stiff=stiff, now=now
+        )
+        if joint.is_unconfirmed and not before:
+            joint.unconfirmed_since = now
+        joint.lacks_confirmation = joint.lacks_confirmation and bus.is_open
+    return [joint for joint in ours if joint.is_unconfirmed]
 
 
-def _settled(bus: Bus, joint: Joint, place: int | None, *, stiff: bool, now: float) -> bool:
+def _hold_or_relax_one(bus: ServoBus, joint: Joint, position: int | None, *, stiff: bool, now: float) -> bool:
     """Settle one joint, at ``place`` (ticks) or where it says that it stands; try again after a miss."""
-    joint.mute = not joint.answers
-    if stiff and not joint.driven:
+    joint.lacks_confirmation = not joint.is_answering
+    if stiff and not joint.is_driven:
         return False  # nobody knows where it is, or where it would go: stiffening it could make it jump
-    for _ in range(2 if joint.answers else 1):
+    for _ in range(2 if joint.is_answering else 1):
         try:
-            joint.mute = True
+            joint.lacks_confirmation = True
             if not stiff:
-                enable(bus, joint, on=False)
-            elif place is None:
+                set_torque(bus, joint, on=False)
+            elif position is None:
                 stiffen(bus, joint, now=now)
             else:
-                _stiffen_at(bus, joint, place, now=now)
+                _stiffen_at(bus, joint, position, now=now)
         except NotConnected:
             return False
         except (NoReply, BadRequest) as error:
-            place = None
-            joint.mute = joint.mute and isinstance(error, NoReply)
+            position = None
+            joint.lacks_confirmation = joint.lacks_confirmation and isinstance(error, NoReply)
             continue
         joint.torque = stiff
         if not stiff:
@@ -224,47 +232,47 @@ def _settled(bus: Bus, joint: Joint, place: int | None, *, stiff: bool, now: flo
     return False
 
 
-def insisting(bus: Bus, failed: Collection[Joint], clock: Clock) -> Iterator[None]:
+def release_attempts(bus: ServoBus, failed: Collection[Joint], clock: Clock) -> Iterator[None]:
     """Count out the tries in which those that have ``failed`` to confirm their rest yet may, as long as some can."""
-    until = clock.now() + RELEASE_TIMEOUT
-    for _ in range(TRIES):
-        able = any(joint.driven or not joint.answers for joint in failed)
-        if not (able and bus.is_open and clock.now() < until):
+    until = clock.read_value() + RELEASE_TIMEOUT
+    for _ in range(MAX_RELEASE_ATTEMPTS):
+        able = any(joint.is_driven or not joint.is_answering for joint in failed)
+        if not (able and bus.is_open and clock.read_value() < until):
             return
         yield
 
 
-def recover(bus: Bus, joints: Iterable[Joint], *, now: float) -> list[Joint]:
+def recover_joints(bus: ServoBus, joints: Iterable[Joint], *, now: float) -> list[Joint]:
     """Give joints that have shut down their torque back, where they stand; return those that take it.
 
     A servo of protocol 2.0 has to start anew for it: whoever looks for servos that are not driven finds it again.
     Raises NotConnected.
     """
     recovered = []
-    bus.require()
+    bus.require_open()
     for joint in joints:
-        if not (joint.driven and joint.shut):
+        if not (joint.is_driven and joint.is_shut_down):
             continue
         try:
-            if joint.at.protocol != 2:
+            if joint.address.protocol != 2:
                 _rearm(bus, joint, now=now)
             else:
-                bus.reboot(joint.at)
-                joint.complaint, joint.due, joint.torque = "is starting again", now + REBOOT, False
+                bus.reboot(joint.address)
+                joint.undriven_reason, joint.next_read_at, joint.torque = "is starting again", now + REBOOT_TIME, False
         except NotConnected:
             raise
         except DriverError:
             continue  # the watch tells of silent servos, and of one that shuts down again
-        joint.shut, joint.wanted = False, True
+        joint.is_shut_down, joint.torque_request = False, True
         recovered.append(joint)
     return recovered
 
 
-def _rearm(bus: Bus, joint: Joint, *, now: float) -> None:
+def _rearm(bus: ServoBus, joint: Joint, *, now: float) -> None:
     """Give a servo that needs no restart its force back. Raises NoReply, NotConnected, BadRequest."""
     table = joint.model.table
-    if joint.at.protocol == "STS":
-        enable(bus, joint, on=False)  # else it stays in its overload
+    if joint.address.protocol == "STS":
+        set_torque(bus, joint, on=False)  # else it stays in its overload
     stiffen(bus, joint, now=now)  # still without force: the goal must not lie elsewhere when the force returns
-    bus.write(joint.at, table[table.torque_limit], joint.torque_ticks)
-    bus.write(joint.at, table["torque_enable"], 1)
+    bus.write(joint.address, table[table.torque_limit], joint.torque_ticks)
+    bus.write(joint.address, table["torque_enable"], 1)

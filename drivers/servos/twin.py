@@ -5,24 +5,34 @@ from dataclasses import replace
 from math import copysign, inf
 from typing import ClassVar, Literal
 
-from drivers.api import Away, Coupling, HeadPose, Health, JointState, Quality, Reading, Report, ignore
-from drivers.api.joints import Following
+from drivers.api import (
+    Coupling,
+    HeadPose,
+    Health,
+    JointState,
+    Quality,
+    Reading,
+    ReconnectPolicy,
+    StatusCallback,
+    ignore,
+)
+from drivers.api.joints import ActiveCouplings
 from drivers.clock import Clock
 from drivers.head.joints_head import JointsHead
 from drivers.joints.refusals import check_couplings, check_move, check_names
-from drivers.servos.commanded import CommandedJoints
+from drivers.servos.commanded import ServoJoints
 from drivers.servos.declared import DynamixelKeys, NeckKeys
-from drivers.servos.driver import FRESH
-from drivers.servos.joint import Joint, JointSpec, check
-from drivers.servos.legs import paced, reach
-from drivers.servos.make import axis as neck_axis
-from drivers.servos.make import joints
+from drivers.servos.driver import STALE_AFTER
+from drivers.servos.joint import Joint, JointSpec, check_joints
+from drivers.servos.legs import approach_speed, lookahead_distance
+from drivers.servos.make import joint_axis as neck_axis
+from drivers.servos.make import joint_specs
 from drivers.servos.models import MODELS
-from drivers.servos.telling import REMEDY
-from drivers.servos.wire import Fault
-from drivers.sim.plug import Plug
-from drivers.sim.servo import FRICTION, Shaft
-from drivers.sim.stage import Stage
+from drivers.servos.telling import SHUTDOWN_HINT
+from drivers.servos.wire import ServoFault
+from drivers.sim.plug import SimulatedPlug
+from drivers.sim.servo import FRICTION_TORQUE, Shaft
+from drivers.sim.stage import SimContext
 
 # One simulated servo of an arm: a shaft that turns, stiff, limp or shut down, in the angles of its joint.
 
@@ -32,32 +42,32 @@ VOLTAGE = 12.0
 TEMPERATURE = 35.0
 """Degrees Celsius that it measures."""
 
-STALLED = 0.9
+STALL_LOAD = 0.9
 """Share of the stall torque with which it pushes in vain."""
 
-FAULTS = ("blocked", "frozen", "reversed", "silent", "pushed")
+TWIN_FAULTS = ("blocked", "frozen", "reversed", "silent", "pushed")
 """It does not turn; it reports an old angle; it turns the wrong way; it does not report; somebody holds it."""
 
 
 class ServoTwin:
     """A servo and its ``joint``, whose torque, goal and shutdown it keeps. It starts limp, with the joint at 0.
 
-    ``fault`` is one of ``FAULTS`` while it has one.
+    ``fault`` is one of ``TWIN_FAULTS`` while it has one.
     """
 
     def __init__(self, name: str, spec: JointSpec) -> None:
-        self.joint = Joint(name, spec, MODELS[spec.model], complaint="")
+        self.joint = Joint(name, spec, MODELS[spec.model], undriven_reason="")
         self._shaft = Shaft(0.0, 0.0, 0.0)
-        self._still: JointState | None = None  # what it feels for as long as it stands still
+        self._resting_state: JointState | None = None  # what it feels for as long as it stands still
         self.fault = ""
-        self._frozen: float | None = None  # where a frozen sensor says that it is
+        self._frozen_position: float | None = None  # where a frozen sensor says that it is
 
-    def go(self, goal: float, speed: float, now: float) -> None:
+    def move_to(self, goal: float, speed: float, now: float) -> None:
         """Turn to ``goal`` (radians, within the limits) at ``speed`` (rad/s) or what the motor can, from ``now`` on."""
         joint, shaft = self.joint, self._shaft
         if joint.torque and goal == joint.goal and speed == joint.speed:
             return  # it is on its way already
-        joint.goal, joint.torque, joint.speed, self._still = goal, True, speed, None
+        joint.goal, joint.torque, joint.speed, self._resting_state = goal, True, speed, None
         shaft.advance(now)
         shaft.goal = joint.angle(joint.ticks(goal))
         wanted = joint.model.speed_ticks(min(max(speed, 0.0), joint.limits.speed)) * joint.model.speed_unit
@@ -65,53 +75,53 @@ class ServoTwin:
 
     def hold(self, now: float) -> None:
         """Be stiff where it stands; a servo that has shut down stays limp."""
-        if not self.joint.shut:
-            here = self.joint.angle(self.joint.nearest(self.joint.ticks(self.position(now))))
-            self.go(here, self.joint.limits.speed, now)
+        if not self.joint.is_shut_down:
+            here = self.joint.angle(self.joint.clamp_ticks(self.joint.ticks(self.position(now))))
+            self.move_to(here, self.joint.limits.speed, now)
 
     def fail(self, fault: str, now: float) -> None:
         """Have a fault from ``now`` on; none where it is empty."""
         shaft = self._shaft
-        self._frozen = self.position(now) if fault == "frozen" else None
-        shaft.grip = {"blocked": 0.0, "pushed": 0.0, "reversed": -1.0}.get(fault, 1.0)
-        self.fault, self._still = fault, None
-        self.joint.complaint = "does not answer" if fault == "silent" else ""
+        self._frozen_position = self.position(now) if fault == "frozen" else None
+        shaft.motion_factor = {"blocked": 0.0, "pushed": 0.0, "reversed": -1.0}.get(fault, 1.0)
+        self.fault, self._resting_state = fault, None
+        self.joint.undriven_reason = "does not answer" if fault == "silent" else ""
 
     def push(self, angle: float, now: float) -> None:
         """Let somebody hold the joint at ``angle`` (radians), stiff or not, until the fault ends."""
         self.fail("pushed", now)
         self._shaft.position = self.joint.angle(self.joint.ticks(angle))
 
-    def exchange(self, angle: float, now: float) -> None:
+    def replace_servo(self, angle: float, now: float) -> None:
         """Be another servo of the same kind, limp, with the joint at ``angle`` (radians)."""
         self._shaft.advance(now)
         self._shaft.position = self._shaft.goal = self.joint.angle(self.joint.ticks(angle))
-        self._still = None
+        self._resting_state = None
 
-    def strand(self, now: float) -> None:
+    def stop_at_setpoint(self, now: float) -> None:
         """Go no farther than a real one is sent at a time: from ``now`` on it is not told any more."""
-        here, far = self._shaft.advance(now), reach(self.joint, self.joint.speed)
+        here, far = self._shaft.advance(now), lookahead_distance(self.joint, self.joint.speed)
         goal = min(max(self._shaft.goal, here - far), here + far)
-        self.joint.sent = self.joint.ticks(goal)
-        self._shaft.goal = self.joint.angle(self.joint.sent) if self.joint.torque else goal
+        self.joint.setpoint = self.joint.ticks(goal)
+        self._shaft.goal = self.joint.angle(self.joint.setpoint) if self.joint.torque else goal
 
     def relax(self, now: float) -> None:
         """Be limp."""
         self._shaft.goal = self._shaft.advance(now)
-        self.joint.torque, self.joint.goal, self._still = False, None, None
+        self.joint.torque, self.joint.goal, self._resting_state = False, None, None
 
     def turn_by_hand(self, angle: float, now: float) -> None:
         """Turn a limp joint to ``angle`` (radians), as far as its servo turns; a stiff one stays where it is."""
         if not self.joint.torque:
             self._shaft.advance(now)
             self._shaft.position = self._shaft.goal = self.joint.angle(self.joint.ticks(angle))
-            self._still = None
+            self._resting_state = None
 
     def shut_down(self, now: float) -> None:
         """Give up its torque for good, as at an overload; it still knows its goal."""
         goal = self.joint.goal
         self.relax(now)
-        self.joint.goal, self.joint.shut = goal, True
+        self.joint.goal, self.joint.is_shut_down = goal, True
 
     def angle(self, now: float) -> float:
         """Return where the joint really is at time ``now``, in radians."""
@@ -119,16 +129,16 @@ class ServoTwin:
 
     def position(self, now: float) -> float:
         """Return where it feels that it is at time ``now``, in radians: in the steps of its sensor."""
-        if self._frozen is not None:
+        if self._frozen_position is not None:
             self._shaft.advance(now)
-            return self._frozen
+            return self._frozen_position
         return self.joint.angle(self.joint.ticks(self._shaft.advance(now)))
 
     def state(self, now: float) -> JointState:
         """Return what it feels at time ``now``."""
         joint, shaft = self.joint, self._shaft
-        if self._still is not None and self._still.blocked == joint.progress.blocked:
-            return self._still
+        if self._resting_state is not None and self._resting_state.blocked == joint.progress.blocked:
+            return self._resting_state
         position = self.position(now)
         way = shaft.goal - shaft.position
         turns = bool(way) and not self.fault
@@ -136,18 +146,18 @@ class ServoTwin:
             position=position,
             velocity=copysign(shaft.speed, way) if turns else 0.0,
             goal=joint.goal,
-            load=copysign(FRICTION if shaft.grip else STALLED, way) if way else 0.0,
+            load=copysign(FRICTION_TORQUE if shaft.motion_factor else STALL_LOAD, way) if way else 0.0,
             voltage=VOLTAGE,
             temperature=TEMPERATURE,
             moving=turns,
             torque=joint.torque,
             blocked=joint.progress.blocked,
         )
-        self._still = None if way or self.fault else state
+        self._resting_state = None if way or self.fault else state
         return state
 
 
-class JointsTwin(CommandedJoints):
+class JointsTwin(ServoJoints):
     """A ``drivers.api.Joints`` made of arithmetic. ``step`` is to be called every ``PERIOD``; for one thread.
 
     ``joints``, ``at_rest`` and ``away`` as for ``DynamixelJoints``. All joints stand at 0, limp, until somebody moves
@@ -168,17 +178,17 @@ class JointsTwin(CommandedJoints):
         clock: Clock,
         *,
         at_rest: Literal["hold", "relax"] = "hold",
-        away: Away | None = None,
-        report: Report = ignore,
+        away: ReconnectPolicy | None = None,
+        report: StatusCallback = ignore,
         changed: Callable[[], None] = ignore,
         name: str = "arm",
     ) -> None:
-        check(name, dict(joints))
-        self._servos = {joint: self._servo(joint, spec) for joint, spec in joints.items()}
+        check_joints(name, dict(joints))
+        self._servos = {joint: self._make_servo(joint, spec) for joint, spec in joints.items()}
         described = {joint: servo.joint for joint, servo in self._servos.items()}
         super().__init__(described, clock, at_rest=at_rest, away=away, report=report, changed=changed, name=name)
-        self.plug = Plug(self.name, report, back=self._connected, gone=self._gone)
-        self._following = Following()
+        self.plug = SimulatedPlug(self.name, report, on_online=self._on_plugged_in, on_offline=self._on_unplugged)
+        self._following = ActiveCouplings()
         self._read_at = -inf
         self._readings: Mapping[str, Reading[JointState]] = {}
 
@@ -192,12 +202,12 @@ class JointsTwin(CommandedJoints):
         """
         speeds = speeds or {}
         check_move(self.name, goals, speeds, self._servos)
-        self._require()
-        now = self._clock.now()
-        self._permit(goals, now)
-        accepted = self._clamping.accept(goals, now)
-        self._following.end(goals)
-        self._go(accepted, speeds, now)
+        self._require_ready()
+        now = self._clock.read_value()
+        self._refuse_blocked(goals, now)
+        accepted = self._goal_limiter.clamp_goals(goals, now)
+        self._following.release(goals)
+        self._move_joints(accepted, speeds, now)
         return accepted
 
     def follow(self, couplings: Sequence[Coupling]) -> None:
@@ -209,21 +219,21 @@ class JointsTwin(CommandedJoints):
         """
         check_couplings(self.name, couplings, self._servos)
         if couplings:
-            self._require()
-        freed = self._following.freed_by(couplings)
-        self._following = Following(couplings)
-        self._command(freed, stiff=True)
+            self._require_ready()
+        freed = self._following.followers_without(couplings)
+        self._following = ActiveCouplings(couplings)
+        self._hold_or_relax_and_report(freed, stiff=True)
 
     def states(self) -> Mapping[str, Reading[JointState]]:
         """The state of each joint now; as last seen, and soon stale, while the arm is unplugged."""
-        now = self._clock.now()
+        now = self._clock.read_value()
         if self.plug.online:
             if self._read_at != now:
                 self._read(now)
             return self._readings
         if not self._readings:
             return {name: Reading(None, now, Quality.NONE) for name in self._servos}
-        quality = Quality.GOOD if now - self._read_at <= FRESH else Quality.STALE
+        quality = Quality.GOOD if now - self._read_at <= STALE_AFTER else Quality.STALE
         return {name: replace(reading, quality=quality) for name, reading in self._readings.items()}
 
     def recover(self) -> tuple[str, ...]:
@@ -231,12 +241,12 @@ class JointsTwin(CommandedJoints):
 
         It enables the arm as well. Raises NotConnected.
         """
-        self.plug.require()
-        self._absence.enable()
-        shut = [servo for servo in self._servos.values() if servo.joint.shut]
+        self.plug.check_online()
+        self._reconnect.enable()
+        shut = [servo for servo in self._servos.values() if servo.joint.is_shut_down]
         for servo in shut:
-            servo.joint.shut, servo.joint.wanted = False, True
-            servo.hold(self._clock.now())
+            servo.joint.is_shut_down, servo.joint.torque_request = False, True
+            servo.hold(self._clock.read_value())
         self._read_at = -inf
         return tuple(servo.joint.name for servo in shut)
 
@@ -244,36 +254,38 @@ class JointsTwin(CommandedJoints):
 
     def open(self) -> None:
         """Be there at once, unless it is unplugged."""
-        self._absence.begin()
+        self._reconnect.restart()
         self.plug.open()
 
     def rest(self) -> None:
         """Hold or relax, as the robot file asks; tell which servos could not be brought to it. Never raises."""
-        self._telling.unrested(self._settle(self._servos, stiff=self._stiff_at_rest), stiff=self._stiff_at_rest)
+        self._reporter.report_not_at_rest(
+            self._hold_or_relax(self._servos, stiff=self._stiff_at_rest), stiff=self._stiff_at_rest
+        )
 
     def close(self) -> None:
         """Bring the arm to rest, and let it go. Safe from any state, more than once."""
         self.rest()
         self.plug.close()
-        self._telling.end()
+        self._reporter.reset()
         for servo in self._servos.values():
-            servo.joint.unsettled = False
+            servo.joint.is_unconfirmed = False
 
     def health(self) -> Health:
         """Say whether the arm is there, and which servos have shut down."""
-        health = replace(self.plug.health({}), returned=self._absence.returned)
-        shut = [servo.joint.title for servo in self._servos.values() if servo.joint.shut]
+        health = replace(self.plug.health({}), reconnected_at=self._reconnect.reconnected_at)
+        shut = [servo.joint.title for servo in self._servos.values() if servo.joint.is_shut_down]
         if not health.online or not shut:
             return health
-        return replace(health, detail=f"{self.name}: {', '.join(shut)} has shut down", hint=REMEDY)
+        return replace(health, detail=f"{self.name}: {', '.join(shut)} has shut down", hint=SHUTDOWN_HINT)
 
     def step(self) -> None:
         """Lead the followers, and tell that there are new readings; these are worked out when somebody asks."""
         if self.plug.online:
-            self._absence.heard(self._clock.now())
+            self._reconnect.on_report(self._clock.read_value())
             if self._following:
-                self._lead(self._clock.now())
-            self._give_up(self._clock.now())
+                self._update_followers(self._clock.read_value())
+            self._stop_blocked_joints(self._clock.read_value())
             self._changed()
 
     # --- the hand of whoever tests a mission --------------------------------------------------------------------------
@@ -285,82 +297,82 @@ class JointsTwin(CommandedJoints):
     def overload(self, joint: str) -> None:
         """Let the servo of ``joint`` shut itself down for an overload. Raises BadRequest for an unknown joint."""
         check_names(self.name, {joint}, self._servos)
-        servo, now = self._servos[joint], self._clock.now()
-        if servo.joint.shut:
+        servo, now = self._servos[joint], self._clock.read_value()
+        if servo.joint.is_shut_down:
             return
         servo.shut_down(now)
         self._read_at = -inf
         if self.plug.online:
             servo.joint.reading = Reading(servo.state(now), now, Quality.GOOD)
-            self._telling.faults(servo.joint, Fault.OVERLOAD)
-            self._telling.shut(servo.joint)
+            self._reporter.report_faults(servo.joint, ServoFault.OVERLOAD)
+            self._reporter.report_shutdown(servo.joint)
 
     def fail(self, joint: str, fault: str = "") -> None:
-        """Give the servo of ``joint`` one of ``FAULTS``, or none. Raises BadRequest for an unknown joint."""
+        """Give the servo of ``joint`` one of ``TWIN_FAULTS``, or none. Raises BadRequest for an unknown joint."""
         check_names(self.name, {joint}, self._servos)
-        self._servos[joint].fail(fault, self._clock.now())
+        self._servos[joint].fail(fault, self._clock.read_value())
         self._read_at = -inf
 
     def push(self, joint: str, angle: float) -> None:
         """Hold a ``joint`` at ``angle`` (radians), stiff or not, until ``fail`` ends that."""
         check_move(self.name, {joint: angle}, {}, self._servos)
-        self._servos[joint].push(angle, self._clock.now())
+        self._servos[joint].push(angle, self._clock.read_value())
         self._read_at = -inf
 
-    def exchange(self, joint: str, angle: float) -> None:
+    def replace_servo(self, joint: str, angle: float) -> None:
         """Put another servo in the place of that of ``joint``, which stands at ``angle`` (radians), while unplugged."""
         check_move(self.name, {joint: angle}, {}, self._servos)
-        self._servos[joint].exchange(angle, self._clock.now())
+        self._servos[joint].replace_servo(angle, self._clock.read_value())
 
     def turn_by_hand(self, joint: str, angle: float) -> None:
         """Turn a limp ``joint`` to ``angle`` (radians); a stiff one stays. Raises BadRequest for an unknown joint."""
         check_move(self.name, {joint: angle}, {}, self._servos)
-        self._servos[joint].turn_by_hand(angle, self._clock.now())
+        self._servos[joint].turn_by_hand(angle, self._clock.read_value())
         self._read_at = -inf
 
     # --- the inside ---------------------------------------------------------------------------------------------------
 
-    def _servo(self, name: str, spec: JointSpec) -> ServoTwin:
+    def _make_servo(self, name: str, spec: JointSpec) -> ServoTwin:
         """Return the twin of one servo."""
         return ServoTwin(name, spec)
 
-    def _connected(self) -> None:
+    def _on_plugged_in(self) -> None:
         """Give every servo the torque that was last asked for, where it stands; as found if nobody asked."""
-        now = self._clock.now()
+        now = self._clock.read_value()
         for servo in self._servos.values():
-            self._compare(servo.joint, servo.position(now))
-            if servo.joint.shut:
-                self._telling.shut(servo.joint)
-            elif servo.joint.wanted is False:
+            self._check_displacement(servo.joint, servo.position(now))
+            if servo.joint.is_shut_down:
+                self._reporter.report_shutdown(servo.joint)
+            elif servo.joint.torque_request is False:
                 servo.relax(now)
-            elif servo.joint.wanted:
+            elif servo.joint.torque_request:
                 servo.hold(now)
-            servo.joint.unsettled = False
-        self._following.pause()
-        if self._absence.heard(now):
-            self._following = Following()
-        self._telling.unsettled()
+            servo.joint.is_unconfirmed = False
+        self._following.mark_paused()
+        if self._reconnect.on_report(now):
+            self._following = ActiveCouplings()
+        self._reporter.report_unconfirmed()
         self._read(now)
 
-    def _compare(self, joint: Joint, found: float) -> None:
+    def _check_displacement(self, joint: Joint, position: float) -> None:
         """Tell if a joint stands elsewhere than it stood when the arm was unplugged."""
         if joint.name in self._readings:
             joint.reading = self._readings[joint.name]
-            if (stood := joint.stood(found)) is not None:
-                joint.strayed = True
-                self._telling.elsewhere(joint, stood, found)
+            if (stood := joint.expected_position(position)) is not None:
+                joint.approaches_slowly = True
+                self._reporter.report_displacement(joint, stood, position)
 
-    def _require(self) -> None:
+    def _require_ready(self) -> None:
         """Raise NotConnected while it is unplugged, DeviceFault while it is latched."""
-        self.plug.require()
-        self._absence.require(self.name)
+        self.plug.check_online()
+        self._reconnect.require_unlatched(self.name)
 
-    def _gone(self) -> None:
+    def _on_unplugged(self) -> None:
         """Keep what is seen last; nobody sends the servos any farther."""
-        now = self._clock.now()
+        now = self._clock.read_value()
         self._read(now)
         for servo in self._servos.values():
-            servo.strand(now)
+            servo.stop_at_setpoint(now)
 
     def _read(self, now: float) -> None:
         self._readings = {name: self._reading(servo, now) for name, servo in self._servos.items()}
@@ -373,67 +385,67 @@ class JointsTwin(CommandedJoints):
         before = self._readings.get(servo.joint.name)
         if before is None or before.value is None:
             return Reading(None, now, Quality.NONE)
-        return replace(before, quality=Quality.GOOD if now - before.stamp <= FRESH else Quality.STALE)
+        return replace(before, quality=Quality.GOOD if now - before.stamp <= STALE_AFTER else Quality.STALE)
 
-    def _go(self, goals: Mapping[str, float], speeds: Mapping[str, float], now: float) -> None:
+    def _move_joints(self, goals: Mapping[str, float], speeds: Mapping[str, float], now: float) -> None:
         """Send joints to goals within their limits, but those that have shut down."""
         for name, goal in goals.items():
             servo = self._servos[name]
             joint = servo.joint
-            able = joint.driven and not joint.shut
+            able = joint.is_driven and not joint.is_shut_down
             if able:
-                joint.wanted = True
+                joint.torque_request = True
                 speed = speeds.get(name, self._limits[name].speed)
-                speed = paced(joint, goal, speed, servo.position(now))
-                servo.go(goal, speed, now)
+                speed = approach_speed(joint, goal, speed, servo.position(now))
+                servo.move_to(goal, speed, now)
                 joint.progress.command(goal, speed, now)
-            if joint.left_out is able:
-                joint.left_out = not able
-                self._telling.left_out()
+            if joint.excluded_from_move is able:
+                joint.excluded_from_move = not able
+                self._reporter.report_excluded()
         self._read_at = -inf
 
-    def _give_up(self, now: float) -> None:
+    def _stop_blocked_joints(self, now: float) -> None:
         """Hold the joints where they stand that do not get where they are sent; let go of those that run away."""
         watched = [servo for servo in self._servos.values() if servo.joint.progress.active or servo.fault]
         for servo in watched:
             servo.joint.reading = self._reading(servo, now)
-        for joint in self._look(servo.joint for servo in watched):
-            self._following.end([joint.name])
-            joint.wanted = self.always_stiff or not joint.progress.runs_away
+        for joint in self._check_progress(servo.joint for servo in watched):
+            self._following.release([joint.name])
+            joint.torque_request = self.always_stiff or not joint.progress.runs_away
             if self.always_stiff and joint.progress.runs_away:
                 continue  # a further goal would drive it as wrong as the one before
             servo = self._servos[joint.name]
-            servo.hold(now) if joint.wanted else servo.relax(now)
+            servo.hold(now) if joint.torque_request else servo.relax(now)
             self._read_at = -inf
 
-    def _lead(self, now: float) -> None:
+    def _update_followers(self, now: float) -> None:
         """Send every follower where it belongs now."""
         pairs = ((coupling.leader, coupling.follower) for coupling in self._following.couplings)
         positions = {name: self._servos[name].position(now) for pair in pairs for name in pair}
-        goals = self._clamping.accept(self._following.goals(positions), now)
-        self._go(goals, self._following.speeds(goals, positions, now), now)
-        self._following.pause([name for name in goals if self._servos[name].joint.left_out])
+        goals = self._goal_limiter.clamp_goals(self._following.goals(positions), now)
+        self._move_joints(goals, self._following.speeds(goals, positions, now), now)
+        self._following.mark_paused([name for name in goals if self._servos[name].joint.excluded_from_move])
 
-    def _command(self, names: Collection[str], *, stiff: bool) -> None:
+    def _hold_or_relax_and_report(self, names: Collection[str], *, stiff: bool) -> None:
         """Hold or relax; tell of the joints that did not hear it."""
-        self._settle(names, stiff=stiff)
-        self._telling.unsettled()
+        self._hold_or_relax(names, stiff=stiff)
+        self._reporter.report_unconfirmed()
 
-    def _settle(self, names: Collection[str], *, stiff: bool) -> list[Joint]:
+    def _hold_or_relax(self, names: Collection[str], *, stiff: bool) -> list[Joint]:
         """Hold or relax; return the joints that did not hear it. What was never there was never moved."""
         check_names(self.name, set(names), self._servos)
-        now = self._clock.now()
-        self._following.end(names)
+        now = self._clock.read_value()
+        self._following.release(names)
         unheard_by = []
         for name in names:
             servo = self._servos[name]
-            servo.joint.wanted = stiff
+            servo.joint.torque_request = stiff
             if self.plug.online:
                 servo.hold(now) if stiff else servo.relax(now)
                 servo.joint.progress.hold(servo.joint.goal if stiff else None)
                 self._read_at = -inf
-            elif self.plug.connections and not (stiff and servo.joint.shut):
-                servo.joint.unsettled = True
+            elif self.plug.connections and not (stiff and servo.joint.is_shut_down):
+                servo.joint.is_unconfirmed = True
                 unheard_by.append(servo.joint)
         return unheard_by
 
@@ -445,35 +457,35 @@ class NeckTwin(JointsHead[JointsTwin]):
     """A ``JointsHead`` over an arm's twin, with which it shares the plug. ``step`` is to be called every ``PERIOD``."""
 
     @property
-    def plug(self) -> Plug:
+    def plug(self) -> SimulatedPlug:
         """The cable of the bus."""
         return self._joints.plug
 
     def fail(self, fault: str = "") -> None:
-        """Give both joints a fault of ``drivers.servos.twin.FAULTS``, or none."""
-        for axis in self._built:
+        """Give both joints a fault of ``drivers.servos.twin.TWIN_FAULTS``, or none."""
+        for axis in self._untrimmed_axes:
             self._joints.fail(axis.joint, fault)
 
     def true_pose(self, now: float) -> HeadPose:
         """Where the joints really are at time ``now``; what it is trimmed to later turns it in truth."""
-        pan, tilt = (self._joints.true_angle(axis.joint, now) - axis.trim for axis in self._built)
+        pan, tilt = (self._joints.true_angle(axis.joint, now) - axis.trim for axis in self._untrimmed_axes)
         return HeadPose(pan, tilt)
 
 
-def make(keys: DynamixelKeys, stage: Stage) -> JointsTwin:
+def make(keys: DynamixelKeys, stage: SimContext) -> JointsTwin:
     """Return the twin of an arm, whose servos carry the robot's body where there are physics."""
-    if stage.scene is not None and stage.part == "arm":  # of which the body is made
+    if stage.scene is not None and stage.part_name == "arm":  # of which the body is made
         from drivers.servos.rigid_twin import RigidJoints  # noqa: PLC0415 - it extends ``JointsTwin``, and is rare
 
         return RigidJoints(
-            joints(keys), stage.clock, stage.scene, at_rest=keys.at_end, away=keys.away, report=stage.report
+            joint_specs(keys), stage.clock, stage.scene, at_rest=keys.at_end, away=keys.away, report=stage.report
         )
     return JointsTwin(
-        joints(keys), stage.clock, at_rest=keys.at_end, away=keys.away, report=stage.report, name=stage.part
+        joint_specs(keys), stage.clock, at_rest=keys.at_end, away=keys.away, report=stage.report, name=stage.part_name
     )
 
 
-def make_neck(keys: NeckKeys, stage: Stage) -> NeckTwin:
+def make_neck(keys: NeckKeys, stage: SimContext) -> NeckTwin:
     """Return the twin of a head that is two joints of the arm's twin."""
     return NeckTwin(
         stage.parts["arm"],
@@ -483,5 +495,5 @@ def make_neck(keys: NeckKeys, stage: Stage) -> NeckTwin:
         speed=keys.speed,
         acceleration=keys.acceleration,
         report=stage.report,
-        name=stage.part,
+        name=stage.part_name,
     )

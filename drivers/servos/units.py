@@ -20,13 +20,13 @@ Protocol = Literal[1, 2, "STS"]
 Framing = Literal["own", "sdk"]
 """Whose code makes packets of bytes: this project's, or that of ROBOTIS' ``dynamixel-sdk``."""
 
-_TOLERANCE = 0.03
+_RATE_TOLERANCE = 0.03
 """How far, as a share, two rates may be apart and still understand each other."""
 
 # Protocol 1.0: 2 000 000 / (code + 1), called by the usual rate where one is meant; beyond 2 M for the MX alone.
-_USUAL = {16: 115_200, 34: 57_600, 103: 19_200, 207: 9600}
-_FAST = {250: 2_250_000, 251: 2_500_000, 252: 3_000_000}
-_PROTOCOL_1 = {code: round(2_000_000 / (code + 1)) for code in range(255)} | _USUAL | _FAST
+_NOMINAL_RATES = {16: 115_200, 34: 57_600, 103: 19_200, 207: 9600}
+_MX_RATES = {250: 2_250_000, 251: 2_500_000, 252: 3_000_000}
+_PROTOCOL_1 = {code: round(2_000_000 / (code + 1)) for code in range(255)} | _NOMINAL_RATES | _MX_RATES
 _PROTOCOL_2 = dict(enumerate((9600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)))
 _STS = dict(enumerate((1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400)))
 
@@ -35,32 +35,34 @@ _RATES: Mapping[Protocol, Mapping[int, int]] = MappingProxyType(
 )
 
 
-def short(protocol: Protocol) -> str:
+def protocol_label(protocol: Protocol) -> str:
     """Return a protocol in a table: ``1.0``, or ``STS``."""
     return protocol if protocol == "STS" else f"{protocol}.0"
 
 
-def called(protocol: Protocol) -> str:
+def protocol_name(protocol: Protocol) -> str:
     """Return what people call a protocol: ``protocol 1.0``, or ``the STS protocol``."""
-    return "the STS protocol" if protocol == "STS" else f"protocol {short(protocol)}"
+    return "the STS protocol" if protocol == "STS" else f"protocol {protocol_label(protocol)}"
 
 
 def baud_of(code: int, protocol: Protocol) -> int:
     """Return the rate that the ``baud`` register means by ``code``. Raises BadRequest if it means none."""
     if code not in _RATES[protocol]:
-        raise BadRequest(f"baud code {code} stands for no rate in {called(protocol)}", hint=_known(protocol))
+        raise BadRequest(
+            f"baud code {code} stands for no rate in {protocol_name(protocol)}", hint=_rates_hint(protocol)
+        )
     return _RATES[protocol][code]
 
 
 def baud_code(baud: int, protocol: Protocol) -> int:
     """Return the code of the rate nearest to ``baud``. Raises BadRequest if none is within 3 %."""
     code = min(_RATES[protocol], key=lambda code: abs(_RATES[protocol][code] - baud))
-    if not abs(_RATES[protocol][code] - baud) <= _TOLERANCE * baud:
-        raise BadRequest(f"no servo of {called(protocol)} can run at {baud} baud", hint=_known(protocol))
+    if not abs(_RATES[protocol][code] - baud) <= _RATE_TOLERANCE * baud:
+        raise BadRequest(f"no servo of {protocol_name(protocol)} can run at {baud} baud", hint=_rates_hint(protocol))
     return code
 
 
-def _known(protocol: Protocol) -> str:
+def _rates_hint(protocol: Protocol) -> str:
     """The rates that are worth naming."""
     usual = (9600, 19_200, 38_400, 57_600, 76_800, 115_200, 128_000, 200_000, 250_000, 400_000, 500_000)
     rates = sorted(rate for rate in _RATES[protocol].values() if rate in usual or rate >= 1_000_000)

@@ -21,17 +21,17 @@ BROADCAST = 0xFE
 
 LAST_ID = 0xFD
 
-GAP = 0.1
+PACKET_TIMEOUT = 0.1
 """Seconds of silence inside a packet after which a servo forgets what it has heard of it."""
 
 MAX_PARAMETERS = 0xFF - 2
 """Parameters that one packet can hold, in bytes."""
 
-BUFFER = 143
+MAX_PACKET_BYTES = 143
 """Bytes of a whole packet that every servo has room for. Source: e-Manual, sync write of the RX-64."""
 
 
-class Instruction(IntEnum):
+class Protocol1Instruction(IntEnum):
     """What a request asks for."""
 
     PING = 0x01
@@ -44,7 +44,7 @@ class Instruction(IntEnum):
     BULK_READ = 0x92  # MX only; to BROADCAST: 0, then (size, id, address) for each servo
 
 
-class Fault(IntFlag):
+class ServoFault(IntFlag):
     """What a reply can complain about. The bits up to INSTRUCTION are the error byte of protocol 1.0."""
 
     VOLTAGE = 1
@@ -66,18 +66,33 @@ class Fault(IntFlag):
     CURRENT = 16384
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """The bits as words: ``overheating, overload``; empty when none is set."""
         return ", ".join((bit.name or hex(bit)).lower().replace("_", " ") for bit in self)
 
 
 ERROR_BYTE = 0x7F
-"""The bits of ``Fault`` that protocol 1.0 knows."""
+"""The bits of ``ServoFault`` that protocol 1.0 knows."""
 
-LASTING = Fault.VOLTAGE | Fault.OVERHEATING | Fault.OVERLOAD | Fault.ENCODER | Fault.SHOCK | Fault.CURRENT
+LASTING_FAULTS = (
+    ServoFault.VOLTAGE
+    | ServoFault.OVERHEATING
+    | ServoFault.OVERLOAD
+    | ServoFault.ENCODER
+    | ServoFault.SHOCK
+    | ServoFault.CURRENT
+)
 """Bits that describe the state of the servo, repeated in every reply (protocol 1.0, STS) while it lasts."""
 
-REFUSAL = Fault.ANGLE_LIMIT | Fault.RANGE | Fault.INSTRUCTION | Fault.ACCESS | Fault.FAILED | Fault.LENGTH | Fault.LIMIT
+REFUSAL_FAULTS = (
+    ServoFault.ANGLE_LIMIT
+    | ServoFault.RANGE
+    | ServoFault.INSTRUCTION
+    | ServoFault.ACCESS
+    | ServoFault.FAILED
+    | ServoFault.LENGTH
+    | ServoFault.LIMIT
+)
 """Bits that refuse the request itself."""
 
 
@@ -120,10 +135,10 @@ def _frame(servo: int, code: int, parameters: bytes) -> bytes:
     return HEADER + body + bytes((checksum(body),))
 
 
-class Parser:
+class PacketParser:
     """Finds packets in a stream cut anywhere, and finds its way back after noise.
 
-    ``skipped`` counts bytes that belong to no intact packet, ``broken`` frames whose checksum was wrong.
+    ``skipped_bytes`` counts bytes that belong to no intact packet, ``damaged_packets`` frames whose checksum was wrong.
     """
 
     header: ClassVar[bytes] = HEADER
@@ -131,8 +146,8 @@ class Parser:
     """Bytes from which the size of a packet is known."""
 
     def __init__(self) -> None:
-        self.skipped = 0
-        self.broken = 0
+        self.skipped_bytes = 0
+        self.damaged_packets = 0
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[Packet]:
@@ -149,7 +164,7 @@ class Parser:
             if packet.intact:
                 del self._buffer[:end]
             else:
-                self.broken += 1
+                self.damaged_packets += 1
                 self._skip(1)
         return found
 
@@ -182,22 +197,28 @@ class Parser:
         return Packet(frame[2], frame[4], frame[5:-1], checksum(frame[2:-1]) == frame[-1])
 
     def _skip(self, count: int) -> None:
-        self.skipped += count
+        self.skipped_bytes += count
         del self._buffer[:count]
 
 
-_STS_BITS: Final = {0: Fault.VOLTAGE, 1: Fault.ENCODER, 2: Fault.OVERHEATING, 3: Fault.CURRENT, 5: Fault.OVERLOAD}
+_STS_BITS: Final = {
+    0: ServoFault.VOLTAGE,
+    1: ServoFault.ENCODER,
+    2: ServoFault.OVERHEATING,
+    3: ServoFault.CURRENT,
+    5: ServoFault.OVERLOAD,
+}
 
 
-def sts_faults(status: int) -> Fault:
+def decode_sts_faults(status: int) -> ServoFault:
     """Return what an error byte says, or register 65, ``status``."""
-    found = Fault(0)
+    found = ServoFault(0)
     for bit, fault in _STS_BITS.items():
         if status >> bit & 1:
             found |= fault
     return found
 
 
-def sts_status(faults: Fault) -> int:
+def encode_sts_faults(faults: ServoFault) -> int:
     """Return the error byte that says ``faults``."""
     return sum(1 << bit for bit, fault in _STS_BITS.items() if faults & fault)

@@ -10,7 +10,7 @@ from functools import lru_cache
 from typing import ClassVar, Final
 
 from drivers.servos import wire
-from drivers.servos.wire import BROADCAST, Fault, Packet
+from drivers.servos.wire import BROADCAST, Packet, ServoFault
 
 HEADER = b"\xff\xff\xfd\x00"
 LAST_ID = 0xFC
@@ -30,7 +30,7 @@ _MAX_LEN = (MAX_PARAMETERS + 2) * 4 // 3 + 3  # the largest LEN, when as much as
 _FORBIDDEN, _STUFFED = b"\xff\xff\xfd", b"\xff\xff\xfd\xfd"
 
 
-class Instruction(IntEnum):
+class Protocol2Instruction(IntEnum):
     """What a request asks for. Addresses and sizes are two bytes."""
 
     PING = 0x01
@@ -47,7 +47,7 @@ class Instruction(IntEnum):
     BULK_WRITE = 0x93
 
 
-class Error(IntEnum):
+class Protocol2Error(IntEnum):
     """Why a request was refused: the low seven bits of the error byte."""
 
     NONE = 0
@@ -61,26 +61,34 @@ class Error(IntEnum):
 
 
 _FAULTS: Final = {
-    Error.NONE: Fault(0),
-    Error.INSTRUCTION: Fault.INSTRUCTION,
-    Error.CRC: Fault.CHECKSUM,
-    Error.RANGE: Fault.RANGE,
-    Error.LENGTH: Fault.LENGTH,
-    Error.LIMIT: Fault.LIMIT,
-    Error.ACCESS: Fault.ACCESS,
+    Protocol2Error.NONE: ServoFault(0),
+    Protocol2Error.INSTRUCTION: ServoFault.INSTRUCTION,
+    Protocol2Error.CRC: ServoFault.CHECKSUM,
+    Protocol2Error.RANGE: ServoFault.RANGE,
+    Protocol2Error.LENGTH: ServoFault.LENGTH,
+    Protocol2Error.LIMIT: ServoFault.LIMIT,
+    Protocol2Error.ACCESS: ServoFault.ACCESS,
 }
 
 
-def faults_of(error: int) -> Fault:
+def decode_error(error: int) -> ServoFault:
     """Return what the error byte of a status says; a number without a name is a failure all the same."""
-    fault = _FAULTS.get(Error(error & 7) if error & 0x7F <= Error.ACCESS else Error.FAILED, Fault.FAILED)
-    return fault | Fault.ALERT if error & ALERT else fault
+    fault = _FAULTS.get(
+        Protocol2Error(error & 7) if error & 0x7F <= Protocol2Error.ACCESS else Protocol2Error.FAILED, ServoFault.FAILED
+    )
+    return fault | ServoFault.ALERT if error & ALERT else fault
 
 
-def hardware_faults(value: int) -> Fault:
+def decode_hardware_error(value: int) -> ServoFault:
     """Return what register 70, hardware_error_status, says."""
-    bits = {0: Fault.VOLTAGE, 2: Fault.OVERHEATING, 3: Fault.ENCODER, 4: Fault.SHOCK, 5: Fault.OVERLOAD}
-    found = Fault(0)
+    bits = {
+        0: ServoFault.VOLTAGE,
+        2: ServoFault.OVERHEATING,
+        3: ServoFault.ENCODER,
+        4: ServoFault.SHOCK,
+        5: ServoFault.OVERLOAD,
+    }
+    found = ServoFault(0)
     for bit, fault in bits.items():
         if value >> bit & 1:
             found |= fault
@@ -136,7 +144,7 @@ def _frame(servo: int, instruction: int, parameters: bytes) -> bytes:
     return frame + crc(frame).to_bytes(2, "little")
 
 
-class Parser(wire.Parser):
+class PacketParser2(wire.PacketParser):
     """Finds packets of protocol 2.0 in a stream cut anywhere, and finds its way back after noise."""
 
     header: ClassVar[bytes] = HEADER

@@ -11,7 +11,7 @@ from drivers.errors import BadRequest
 Facing = float | Literal["camera", "away"]
 """An angle about z in radians; or ``camera``, turned to whoever looks; or ``away``, turned from whoever looks."""
 
-REACTION = 0.6
+REACTION_TIME = 0.6
 """Seconds from hearing something to doing something about it."""
 
 NOD_TIME = 1.2
@@ -22,7 +22,7 @@ NOD_DEPTH = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Act:
+class PersonAction:
     """One thing that somebody does: at a time, or ``after`` seconds from hearing something that contains ``hears``.
 
     ``at`` is in seconds; the empty text is contained in everything. What they hear makes them do it so many ``times``
@@ -32,7 +32,7 @@ class Act:
 
     at: float | None = None
     hears: str | None = None
-    after: float = REACTION
+    after: float = REACTION_TIME
     say: str = ""
     nod: bool = False
     turn: Facing | None = None
@@ -45,84 +45,84 @@ class Act:
         if not all(isfinite(time) and time >= 0 for time in (self.at or 0.0, self.after)):
             raise BadRequest(f"act: at={self.at}, after={self.after}: must be 0 s or more")
 
-    def heeds(self, text: str) -> bool:
+    def is_triggered_by(self, text: str) -> bool:
         """Say whether ``text`` sets it off; capital and small letters are alike."""
         return self.hears is not None and self.hears.casefold() in text.casefold()
 
 
 @dataclass(frozen=True, slots=True)
-class Cue:
+class ScheduledAction:
     """When an act is done, in seconds."""
 
     time: float
-    act: Act
+    action: PersonAction
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class RobotUtterance:
     """What was said aloud by the robot, when, in seconds, and the names of those who heard it."""
 
     text: str
     time: float
-    by: tuple[str, ...] = ()
+    listeners: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Reply:
-    """What somebody of the name ``who`` says, and ``when``, in seconds."""
+class PersonReply:
+    """What somebody of the name ``speaker`` says, and ``time``, in seconds."""
 
-    who: str
+    speaker: str
     text: str
-    when: float
+    time: float
 
 
-class Cues:
+class ActionSchedule:
     """What one person does when: the acts that have a time, and those that what they hear sets off."""
 
-    def __init__(self, name: str, acts: Sequence[Act]) -> None:
+    def __init__(self, name: str, actions: Sequence[PersonAction]) -> None:
         self._name = name
-        self._waiting = [act for act in acts if act.hears is not None]
-        self._times = [0 for _ in self._waiting]  # how often each has been set off
-        self._due: list[Cue] = []
-        for act in acts:
+        self._triggered_actions = [act for act in actions if act.hears is not None]
+        self._trigger_counts = [0 for _ in self._triggered_actions]  # how often each has been set off
+        self._schedule: list[ScheduledAction] = []
+        for act in actions:
             if act.at is not None:
-                self._add(Cue(act.at, act))
+                self._add(ScheduledAction(act.at, act))
 
-    def listens(self, time: float) -> bool:
+    def is_listening(self, time: float) -> bool:
         """Say whether they listen at ``time`` seconds: who is leaving does not."""
-        return not any(cue.act.leave for cue in self.until(time))
+        return not any(cue.action.leave for cue in self.actions_until(time))
 
-    def hear(self, text: str, time: float) -> list[Reply]:
+    def on_speech(self, text: str, time: float) -> list[PersonReply]:
         """Note what is set off by something said, and return the answers."""
         cues = []
-        for number, act in enumerate(self._waiting):
-            if act.heeds(text) and (act.times == 0 or self._times[number] < act.times):
-                self._times[number] += 1
-                cues.append(Cue(time + act.after, act))
+        for number, act in enumerate(self._triggered_actions):
+            if act.is_triggered_by(text) and (act.times == 0 or self._trigger_counts[number] < act.times):
+                self._trigger_counts[number] += 1
+                cues.append(ScheduledAction(time + act.after, act))
         for cue in cues:
             self._add(cue)
-        return [Reply(self._name, cue.act.say, cue.time) for cue in cues if cue.act.say]
+        return [PersonReply(self._name, cue.action.say, cue.time) for cue in cues if cue.action.say]
 
-    def until(self, time: float) -> list[Cue]:
+    def actions_until(self, time: float) -> list[ScheduledAction]:
         """Return what is done by ``time`` seconds, in order; nothing follows a leave."""
         done = []
-        for cue in self._due:
+        for cue in self._schedule:
             if cue.time > time:
                 break
             done.append(cue)
-            if cue.act.leave:
+            if cue.action.leave:
                 break
         return done
 
-    def said(self, after: float, until: float) -> list[Reply]:
-        """Return what they say later than ``after`` and up to ``until`` seconds."""
-        spoken = (cue for cue in self.until(until) if cue.act.say and cue.time > after)
-        return [Reply(self._name, cue.act.say, cue.time) for cue in spoken]
+    def replies_between(self, after: float, until: float) -> list[PersonReply]:
+        """Return what they say later than ``after`` and up to ``actions_until`` seconds."""
+        spoken = (cue for cue in self.actions_until(until) if cue.action.say and cue.time > after)
+        return [PersonReply(self._name, cue.action.say, cue.time) for cue in spoken]
 
-    def _add(self, cue: Cue) -> None:
-        insort(self._due, cue, key=lambda each: each.time)
+    def _add(self, cue: ScheduledAction) -> None:
+        insort(self._schedule, cue, key=lambda each: each.time)
 
 
-def nod_at(since: float) -> float:
+def eye_drop(elapsed: float) -> float:
     """Return how many metres lower the eyes are, ``since`` seconds after the beginning of a nod."""
-    return NOD_DEPTH * sin(2 * pi * since / NOD_TIME) ** 2 if 0 <= since < NOD_TIME else 0.0
+    return NOD_DEPTH * sin(2 * pi * elapsed / NOD_TIME) ** 2 if 0 <= elapsed < NOD_TIME else 0.0

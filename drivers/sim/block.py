@@ -36,25 +36,25 @@ class Solid(Protocol):
         ...
 
     @property
-    def reach(self) -> float:
+    def bounding_radius(self) -> float:
         """How far its footprint goes from its middle."""
         ...
 
-    def nearest(self, x: float, y: float) -> tuple[float, float]:
+    def nearest_offset(self, x: float, y: float) -> tuple[float, float]:
         """Return the vector from (x, y) to the nearest spot of its footprint; (0, 0) from within."""
         ...
 
-    def ray(self, x: float, y: float, dx: float, dy: float) -> float:
+    def intersect_ray(self, x: float, y: float, dx: float, dy: float) -> float:
         """Return how many times (dx, dy) it is from (x, y) to its edge: infinity where the ray misses, 0 within."""
         ...
 
-    def hides(self, eye: Point3, point: Point3) -> bool:
+    def blocks_sight(self, eye: Point3, point: Point3) -> bool:
         """Say whether the line from ``eye`` to ``point`` goes through it."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class UprightBox:
     """An upright box about (x, y), its ``length`` along ``heading``."""
 
     x: float
@@ -72,7 +72,7 @@ class Block:
         object.__setattr__(self, "sin", sin(self.heading))
 
     @property
-    def reach(self) -> float:
+    def bounding_radius(self) -> float:
         """How far the footprint goes from its middle."""
         return hypot(self.length, self.width) / 2
 
@@ -84,35 +84,35 @@ class Block:
             for u, v in ((a, -b), (a, b), (-a, b), (-a, -b))
         )
 
-    def local(self, x: float, y: float) -> tuple[float, float]:
+    def to_local(self, x: float, y: float) -> tuple[float, float]:
         """Return a place in the box's own axes: along its length, and to its left."""
         dx, dy = x - self.x, y - self.y
         return dx * self.cos + dy * self.sin, dy * self.cos - dx * self.sin
 
-    def nearest(self, x: float, y: float) -> tuple[float, float]:
+    def nearest_offset(self, x: float, y: float) -> tuple[float, float]:
         """Return the vector from (x, y) to the nearest spot of the footprint; (0, 0) from within."""
-        u, v = self.local(x, y)
+        u, v = self.to_local(x, y)
         a, b = self.length / 2, self.width / 2
         du = a - u if u > a else -a - u if u < -a else 0.0
         dv = b - v if v > b else -b - v if v < -b else 0.0
         return du * self.cos - dv * self.sin, du * self.sin + dv * self.cos
 
-    def ray(self, x: float, y: float, dx: float, dy: float) -> float:
+    def intersect_ray(self, x: float, y: float, dx: float, dy: float) -> float:
         """Return how many times (dx, dy) it is from (x, y) to the box."""
-        enter, leave = self._within(x, y, dx, dy)
+        enter, leave = self._line_interval(x, y, dx, dy)
         return max(0.0, enter) if enter <= leave and leave >= 0 else inf
 
-    def hides(self, eye: Point3, point: Point3) -> bool:
+    def blocks_sight(self, eye: Point3, point: Point3) -> bool:
         """Say whether the line from ``eye`` to ``point`` goes through the box."""
-        enter, leave = self._within(eye[0], eye[1], point[0] - eye[0], point[1] - eye[1])
+        enter, leave = self._line_interval(eye[0], eye[1], point[0] - eye[0], point[1] - eye[1])
         return _overlaps(eye[2], point[2], self.bottom, self.top, max(0.0, enter), min(1.0, leave))
 
-    def _within(self, x: float, y: float, dx: float, dy: float) -> tuple[float, float]:
+    def _line_interval(self, x: float, y: float, dx: float, dy: float) -> tuple[float, float]:
         """Return between which multiples of (dx, dy) a line from (x, y) is within; the first above the second: never.
 
         Each pair of sides cuts a piece out of the line; what is left of all pieces is within (Kay and Kajiya, 1986).
         """
-        u, v = self.local(x, y)
+        u, v = self.to_local(x, y)
         enter, leave = -inf, inf
         for start, step, half in (
             (u, dx * self.cos + dy * self.sin, self.length / 2),
@@ -127,7 +127,7 @@ class Block:
 
 
 @dataclass(frozen=True, slots=True)
-class Disc:
+class UprightCylinder:
     """An upright cylinder about (x, y): somebody, or a ball."""
 
     x: float
@@ -137,29 +137,29 @@ class Disc:
     top: float = inf
 
     @property
-    def reach(self) -> float:
+    def bounding_radius(self) -> float:
         """How far the footprint goes from its middle."""
         return self.radius
 
-    def nearest(self, x: float, y: float) -> tuple[float, float]:
+    def nearest_offset(self, x: float, y: float) -> tuple[float, float]:
         """Return the vector from (x, y) to the nearest spot of the disc; (0, 0) from within."""
         dx, dy = self.x - x, self.y - y
         away = hypot(dx, dy)
         share = 1 - self.radius / away if away > self.radius else 0.0
         return dx * share, dy * share
 
-    def ray(self, x: float, y: float, dx: float, dy: float) -> float:
+    def intersect_ray(self, x: float, y: float, dx: float, dy: float) -> float:
         """Return how many times (dx, dy) it is from (x, y) to the disc."""
-        enter, leave = self._within(x, y, dx, dy)
+        enter, leave = self._line_interval(x, y, dx, dy)
         return max(0.0, enter) if enter <= leave and leave >= 0 else inf
 
-    def hides(self, eye: Point3, point: Point3) -> bool:
+    def blocks_sight(self, eye: Point3, point: Point3) -> bool:
         """Say whether the line from ``eye`` to ``point`` goes through the cylinder."""
-        enter, leave = self._within(eye[0], eye[1], point[0] - eye[0], point[1] - eye[1])
+        enter, leave = self._line_interval(eye[0], eye[1], point[0] - eye[0], point[1] - eye[1])
         return _overlaps(eye[2], point[2], self.bottom, self.top, max(0.0, enter), min(1.0, leave))
 
-    def _within(self, x: float, y: float, dx: float, dy: float) -> tuple[float, float]:
-        """Return between which multiples of (dx, dy) a line from (x, y) is within, as ``Block`` does."""
+    def _line_interval(self, x: float, y: float, dx: float, dy: float) -> tuple[float, float]:
+        """Return between which multiples of (dx, dy) a line from (x, y) is within, as ``UprightBox`` does."""
         ex, ey = x - self.x, y - self.y
         a, b, c = dx * dx + dy * dy, ex * dx + ey * dy, ex * ex + ey * ey - self.radius * self.radius
         if a < 1e-18:

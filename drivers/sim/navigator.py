@@ -6,75 +6,79 @@ from math import atan2, copysign, cos, hypot, remainder, tau
 
 from drivers.api import Pose2D, Velocity
 
-SPEED, TURN = 0.22, 1.0
+MAX_SPEED, MAX_TURN_RATE = 0.22, 1.0
 """m/s and rad/s that it drives at."""
 
-NEAR, ASIDE, FACING = 0.05, 0.3, 0.03
+GOAL_DISTANCE, MAX_DRIVE_ANGLE, GOAL_ANGLE = 0.05, 0.3, 0.03
 """Metres and radians: near enough to a place; too far aside to drive on; near enough to its heading."""
 
-PATIENCE = 5.0
+PROGRESS_TIMEOUT = 5.0
 """Seconds without headway after which it gives up."""
 
-HEADWAY = 0.02
+MIN_PROGRESS = 0.02
 """Metres, or radians, nearer that count as headway."""
 
 SUCCEEDED, CANCELLED, ABORTED = 4, 5, 6
 """How a goal ends, as action_msgs numbers that."""
 
-NO_PROGRESS = 105
+NO_PROGRESS_ERROR = 105
 """The error code of Nav2's controller for a robot that makes none."""
 
 
 class Navigator:
-    """Drives through ``places``, in the frame of the poses that it is told. ``ended`` is how; None while it drives."""
+    """Drives through ``places``, in the frame of the poses that it is told. ``result`` is how; None while it drives."""
 
-    def __init__(self, places: Sequence[tuple[float, float, float]]) -> None:
-        self._places = deque(places)
+    def __init__(self, waypoints: Sequence[tuple[float, float, float]]) -> None:
+        self._waypoints = deque(waypoints)
         self._best, self._best_at = float("inf"), -1.0
-        self.ended: int | None = None if places else SUCCEEDED
+        self.result: int | None = None if waypoints else SUCCEEDED
 
     @property
-    def left(self) -> int:
+    def remaining(self) -> int:
         """How many places are still to come."""
-        return len(self._places)
+        return len(self._waypoints)
 
-    def distance(self, pose: Pose2D) -> float:
+    def distance_to_next(self, pose: Pose2D) -> float:
         """Return how far it is to the next place, in metres."""
-        return hypot(self._places[0][0] - pose.x, self._places[0][1] - pose.y) if self._places else 0.0
+        return hypot(self._waypoints[0][0] - pose.x, self._waypoints[0][1] - pose.y) if self._waypoints else 0.0
 
-    def velocity(self, now: float, pose: Pose2D) -> Velocity | None:
+    def next_velocity(self, now: float, pose: Pose2D) -> Velocity | None:
         """Return how to drive at time ``now`` from where the robot is; None once it has ended."""
-        if self.ended is not None:
+        if self.result is not None:
             return None
-        x, y, heading = self._places[0]
+        x, y, heading = self._waypoints[0]
         away = hypot(x - pose.x, y - pose.y)
         aside = remainder(atan2(y - pose.y, x - pose.x) - pose.heading, tau)
-        last = len(self._places) == 1
-        if away > NEAR:
-            given = _turn(aside) if abs(aside) > ASIDE else Velocity(min(SPEED, away) * cos(aside), 1.5 * aside)
+        last = len(self._waypoints) == 1
+        if away > GOAL_DISTANCE:
+            given = (
+                _turn_velocity(aside)
+                if abs(aside) > MAX_DRIVE_ANGLE
+                else Velocity(min(MAX_SPEED, away) * cos(aside), 1.5 * aside)
+            )
             todo = away + abs(aside)
         else:
             off = remainder(heading - pose.heading, tau) if last else 0.0
-            if abs(off) <= FACING:
-                self._places.popleft()
+            if abs(off) <= GOAL_ANGLE:
+                self._waypoints.popleft()
                 self._best = float("inf")
-                if not self._places:
-                    self.ended = SUCCEEDED
+                if not self._waypoints:
+                    self.result = SUCCEEDED
                     return None
-                return self.velocity(now, pose)
-            given, todo = _turn(off), abs(off)
-        if todo < self._best - HEADWAY:
+                return self.next_velocity(now, pose)
+            given, todo = _turn_velocity(off), abs(off)
+        if todo < self._best - MIN_PROGRESS:
             self._best, self._best_at = todo, now
-        elif now - self._best_at > PATIENCE:
-            self.ended = ABORTED
+        elif now - self._best_at > PROGRESS_TIMEOUT:
+            self.result = ABORTED
             return None
         return given
 
     def cancel(self) -> None:
         """End as it is asked to."""
-        if self.ended is None:
-            self.ended = CANCELLED
+        if self.result is None:
+            self.result = CANCELLED
 
 
-def _turn(angle: float) -> Velocity:
-    return Velocity(0.0, copysign(min(TURN, max(0.15, 1.5 * abs(angle))), angle))
+def _turn_velocity(angle: float) -> Velocity:
+    return Velocity(0.0, copysign(min(MAX_TURN_RATE, max(0.15, 1.5 * abs(angle))), angle))

@@ -13,32 +13,32 @@ from drivers.api import Camera, CameraFrame, Health, Image
 from drivers.sim.block import Solid
 from drivers.sim.room import Colour, Fixture, Room, WallName
 from drivers.sim.things import Edge
-from drivers.sim.viewpoint import Pinhole, Viewpoint
+from drivers.sim.viewpoint import PinholeLens, Viewpoint
 
 # A fixed camera made to pan and tilt: its pictures turned as a moving head would have seen them.
 #
 # So footage that was recorded once closes the loop with a simulated head.
 
-_AHEAD = np.array(Viewpoint().rotation())
+_AHEAD_ROTATION = np.array(Viewpoint().rotation())
 
 
-def turned(image: Image, view: Viewpoint, field_of_view: float) -> Image:
+def rotate_view(image: Image, view: Viewpoint, field_of_view: float) -> Image:
     """Return ``image`` as seen after a rotation about the lens by the yaw and pitch of ``view``.
 
     A pure rotation maps pictures by the homography K R K^-1, whatever the distance of what they show (Hartley and
     Zisserman, Multiple View Geometry, 8.4). Outside the source there is the mean colour of the picture, in which
     no detector finds anything.
     """
-    lens = Pinhole(image.shape[1], image.shape[0], field_of_view)
+    lens = PinholeLens(image.shape[1], image.shape[0], field_of_view)
     mean = cv2.mean(image)
     rotation = np.array(view.rotation())
-    angle = acos(float(np.clip(rotation[2] @ _AHEAD[2], -1.0, 1.0)))
+    angle = acos(float(np.clip(rotation[2] @ _AHEAD_ROTATION[2], -1.0, 1.0)))
     # Beyond the first angle the two pictures share nothing; beyond the second the homography would show the source
     # mirrored through the lens, as it cannot tell what is behind it.
     if angle >= min(2 * lens.half_diagonal, pi - 2 * lens.half_diagonal):
         return np.full_like(image, np.rint(mean[:3]))
     camera = np.array(lens.matrix())
-    to_source = camera @ _AHEAD @ rotation.T @ np.linalg.inv(camera)
+    to_source = camera @ _AHEAD_ROTATION @ rotation.T @ np.linalg.inv(camera)
     moved = cv2.warpPerspective(
         image,
         to_source,
@@ -92,7 +92,7 @@ class PannedCamera:
         if frame is None:
             return None
         view = self._viewpoint(frame.stamp)
-        return CameraFrame(turned(frame.image, view, self.field_of_view), frame.stamp, frame.number)
+        return CameraFrame(rotate_view(frame.image, view, self.field_of_view), frame.stamp, frame.number)
 
 
 Floats = npt.NDArray[np.float64]
@@ -106,34 +106,38 @@ _SHIFT = 4  # bits of sub-pixel accuracy in OpenCV's drawing functions
 class Painter:
     """One picture that is being drawn. What is drawn hides what was there: begin with what is farthest."""
 
-    def __init__(self, image: Image, view: Viewpoint, lens: Pinhole) -> None:
+    def __init__(self, image: Image, view: Viewpoint, lens: PinholeLens) -> None:
         self.image = image
         self.view = view
         self.lens = lens
-        self.eye = np.array(view.place())
-        self.turn = np.array(view.rotation())
+        self.eye = np.array(view.position())
+        self.rotation = np.array(view.rotation())
         self._middle = np.array(lens.matrix())[:2, 2]
         # How far sideways, up and down the picture reaches, in multiples of the depth.
-        self._reach = np.array((lens.width, lens.height)) / 2 / lens.focal
+        self._half_extent = np.array((lens.width, lens.height)) / 2 / lens.focal
 
     def is_outside(self, solid: Solid) -> bool:
         """Say whether something is surely behind the camera, or left or right of the picture."""
-        across, _, depth = self.view.sees(solid.x, solid.y, (solid.bottom + solid.top) / 2)
-        radius = hypot(solid.reach, (solid.top - solid.bottom) / 2)
-        wide = float(self._reach[0])
+        across, _, depth = self.view.to_camera_axes(solid.x, solid.y, (solid.bottom + solid.top) / 2)
+        radius = hypot(solid.bounding_radius, (solid.top - solid.bottom) / 2)
+        wide = float(self._half_extent[0])
         return depth < NEAR_PLANE - radius or abs(across) - wide * depth > radius * hypot(1.0, wide)
 
     def fill(self, corners: Floats, colours: Sequence[Colour]) -> None:
         """Draw quadrilaterals, float64 of shape (n, 4, 3) in metres, in their order."""
-        seen = (corners - self.eye) @ self.turn.T  # camera coordinates
+        seen = (corners - self.eye) @ self.rotation.T  # camera coordinates
         depth = seen[..., 2]
-        limits = depth[..., None] * self._reach  # (n, 4, 2)
+        limits = depth[..., None] * self._half_extent  # (n, 4, 2)
         beyond = np.concatenate((seen[..., :2] > limits, seen[..., :2] < -limits), axis=2).all(axis=1)  # (n, 4)
         shown = (depth.max(axis=1) > NEAR_PLANE) & (beyond.sum(axis=1) == 0)
         whole = depth.min(axis=1) > NEAR_PLANE
         pixels = self._pixels(seen)
         for index in np.flatnonzero(shown).tolist():
-            polygon = pixels[index] if whole[index] else self._pixels(np.array([_clipped(seen[index].tolist())]))[0]
+            polygon = (
+                pixels[index]
+                if whole[index]
+                else self._pixels(np.array([_clip_to_near_plane(seen[index].tolist())]))[0]
+            )
             cv2.fillConvexPoly(self.image, polygon, colours[index][::-1], cv2.LINE_AA, _SHIFT)
 
     def _pixels(self, points: Floats) -> npt.NDArray[np.int32]:
@@ -143,7 +147,7 @@ class Painter:
         return pixels
 
 
-def _clipped(corners: list[list[float]]) -> list[list[float]]:
+def _clip_to_near_plane(corners: list[list[float]]) -> list[list[float]]:
     """Cut off what of a polygon lies nearer than ``NEAR_PLANE`` (Sutherland and Hodgman, for this one plane)."""
     kept = []
     for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
@@ -157,70 +161,70 @@ def _clipped(corners: list[list[float]]) -> list[list[float]]:
 
 # Cuts a room into flat coloured quadrilaterals, ready to be projected into a picture.
 
-_SHADES: dict[WallName, float] = {"front": 1.0, "left": 0.9, "back": 0.96, "right": 0.84}
-_SKIRTING = 0.09  # metres
-_STEPS = 6
-_STAIRS: Colour = (58, 48, 42)
-_PLANK = 0.5  # metres, width of a floor board
+_WALL_SHADES: dict[WallName, float] = {"front": 1.0, "left": 0.9, "back": 0.96, "right": 0.84}
+_SKIRTING_HEIGHT = 0.09  # metres
+_STAIR_COUNT = 6
+_STAIR_COLOUR: Colour = (58, 48, 42)
+_PLANK_WIDTH = 0.5  # metres, width of a floor board
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Panel:
+class RoomPanel:
     """A quadrilateral: ``corners`` in metres, float64 of shape (4, 3), in order round its edge."""
 
     corners: Floats
     colour: Colour
 
 
-def panels(room: Room) -> tuple[Panel, ...]:
+def room_panels(room: Room) -> tuple[RoomPanel, ...]:
     """Return what the room consists of, in the order of painting."""
-    fixtures = (part for item in room.fixtures for part in _fixture(room, item))
-    return (*_floor_and_ceiling(room), *_walls(room), *fixtures)
+    fixtures = (part for item in room.fixtures for part in _fixture_panels(room, item))
+    return (*_floor_and_ceiling_panels(room), *_wall_panels(room), *fixtures)
 
 
-def holes(edges: Iterable[Edge]) -> Iterator[Panel]:
+def hole_panels(edges: Iterable[Edge]) -> Iterator[RoomPanel]:
     """Yield what is seen where the floor ends: steps that go down into the dark, the rim before them light."""
     for edge in edges:
         low, high = edge.y - edge.width / 2, edge.y + edge.width / 2
-        places = np.linspace(edge.x - edge.length / 2, edge.x + edge.length / 2, _STEPS + 1)
+        places = np.linspace(edge.x - edge.length / 2, edge.x + edge.length / 2, _STAIR_COUNT + 1)
         for number, (x0, x1) in enumerate(pairwise(places)):
             step = np.array(((x0, low, 0.0), (x1, low, 0.0), (x1, high, 0.0), (x0, high, 0.0)))
-            yield Panel(step, shaded(_STAIRS, 1.0 - number / _STEPS))
+            yield RoomPanel(step, shade_colour(_STAIR_COLOUR, 1.0 - number / _STAIR_COUNT))
 
 
-def shaded(colour: Colour, share: float) -> Colour:
+def shade_colour(colour: Colour, share: float) -> Colour:
     """Return ``colour`` times ``share``, within 0..255."""
     red, green, blue = (min(255, max(0, round(value * share))) for value in colour)
     return red, green, blue
 
 
-def _floor_and_ceiling(room: Room) -> Iterator[Panel]:
+def _floor_and_ceiling_panels(room: Room) -> Iterator[RoomPanel]:
     (x0, x1), (y0, y1) = room.extent()
     ceiling = ((x0, y0, room.height), (x1, y0, room.height), (x1, y1, room.height), (x0, y1, room.height))
-    yield Panel(np.array(ceiling), room.ceiling)
-    edges = [*np.arange(y0, y1, _PLANK), y1]
+    yield RoomPanel(np.array(ceiling), room.ceiling)
+    edges = [*np.arange(y0, y1, _PLANK_WIDTH), y1]
     for number, (low, high) in enumerate(pairwise(edges)):
         board = np.array(((x0, low, 0.0), (x1, low, 0.0), (x1, high, 0.0), (x0, high, 0.0)))
-        yield Panel(board, shaded(room.floor, (1.0, 0.94, 1.04)[number % 3]))
+        yield RoomPanel(board, shade_colour(room.floor, (1.0, 0.94, 1.04)[number % 3]))
 
 
-def _walls(room: Room) -> Iterator[Panel]:
-    for wall, shade in _SHADES.items():
+def _wall_panels(room: Room) -> Iterator[RoomPanel]:
+    for wall, shade in _WALL_SHADES.items():
         half = room.wall_length(wall) / 2
-        colour = shaded(room.wall, shade)
-        yield Panel(_rectangle(room, wall, (-half, half), (0.0, room.height)), colour)
-        yield Panel(_rectangle(room, wall, (-half, half), (0.0, _SKIRTING)), shaded(colour, 0.62))
+        colour = shade_colour(room.wall, shade)
+        yield RoomPanel(_wall_rectangle(room, wall, (-half, half), (0.0, room.height)), colour)
+        yield RoomPanel(_wall_rectangle(room, wall, (-half, half), (0.0, _SKIRTING_HEIGHT)), shade_colour(colour, 0.62))
 
 
-def _fixture(room: Room, item: Fixture) -> Iterator[Panel]:
+def _fixture_panels(room: Room, item: Fixture) -> Iterator[RoomPanel]:
     """Yield the parts of one fixture; places within it are shares of its width and height, from the lower left."""
     for left, right, low, high, colour in _PARTS[item.kind](item.colour):
         along = (item.along + item.width * (left - 0.5), item.along + item.width * (right - 0.5))
         up = (item.bottom + item.height * low, item.bottom + item.height * high)
-        yield Panel(_rectangle(room, item.wall, along, up), colour)
+        yield RoomPanel(_wall_rectangle(room, item.wall, along, up), colour)
 
 
-def _rectangle(room: Room, wall: WallName, along: tuple[float, float], up: tuple[float, float]) -> Floats:
+def _wall_rectangle(room: Room, wall: WallName, along: tuple[float, float], up: tuple[float, float]) -> Floats:
     """Return the corners (4, 3) of a part of a wall: ``along`` to the right from inside, ``up`` from the floor."""
     (x0, x1), (y0, y1) = room.extent()
     x, y = room.centre
@@ -238,17 +242,17 @@ _Parts = Iterator[tuple[float, float, float, float, Colour]]
 
 
 def _door(colour: Colour) -> _Parts:
-    yield 0.0, 1.0, 0.0, 1.0, shaded(colour, 0.7)
+    yield 0.0, 1.0, 0.0, 1.0, shade_colour(colour, 0.7)
     yield 0.06, 0.94, 0.0, 0.97, colour
-    yield 0.18, 0.82, 0.08, 0.46, shaded(colour, 0.88)
-    yield 0.18, 0.82, 0.56, 0.9, shaded(colour, 0.9)
+    yield 0.18, 0.82, 0.08, 0.46, shade_colour(colour, 0.88)
+    yield 0.18, 0.82, 0.56, 0.9, shade_colour(colour, 0.9)
     yield 0.84, 0.92, 0.5, 0.52, (200, 190, 150)
 
 
 def _window(colour: Colour) -> _Parts:
     yield 0.0, 1.0, 0.0, 1.0, (232, 230, 224)
     yield 0.05, 0.95, 0.07, 0.95, colour
-    yield 0.05, 0.95, 0.07, 0.3, shaded(colour, 0.78)
+    yield 0.05, 0.95, 0.07, 0.3, shade_colour(colour, 0.78)
     yield 0.48, 0.52, 0.07, 0.95, (232, 230, 224)
     yield -0.04, 1.04, -0.05, 0.0, (214, 212, 206)
 
@@ -256,9 +260,9 @@ def _window(colour: Colour) -> _Parts:
 def _picture(colour: Colour) -> _Parts:
     yield 0.0, 1.0, 0.0, 1.0, (62, 50, 42)
     yield 0.06, 0.94, 0.08, 0.92, (226, 222, 212)
-    yield 0.14, 0.86, 0.18, 0.82, shaded(colour, 1.3)
+    yield 0.14, 0.86, 0.18, 0.82, shade_colour(colour, 1.3)
     yield 0.14, 0.86, 0.18, 0.46, colour
-    yield 0.5, 0.86, 0.18, 0.38, shaded(colour, 0.7)
+    yield 0.5, 0.86, 0.18, 0.38, shade_colour(colour, 0.7)
 
 
 _PARTS = {"door": _door, "window": _window, "picture": _picture}

@@ -7,86 +7,90 @@ from itertools import accumulate, groupby, pairwise
 from math import atan2, cos, dist, hypot, isfinite, pi, radians
 
 from drivers.errors import BadRequest
-from drivers.sim.acts import Act, Cue, Facing, nod_at
-from drivers.sim.block import Disc
-from drivers.sim.looks import LOOKS
+from drivers.sim.acts import Facing, PersonAction, ScheduledAction, eye_drop
+from drivers.sim.block import UprightCylinder
+from drivers.sim.looks import APPEARANCES
 from drivers.sim.room import Room
 
 # Going along waypoints: where somebody is at any time, and which way they go.
 
-Place = tuple[float, float]
+FloorPosition = tuple[float, float]
 """A place (x, y) on the floor, in metres."""
 
 
 @dataclass(frozen=True, slots=True)
-class Walk:
-    """From the first of ``stops`` on through the others at ``speed`` m/s, from ``start`` seconds on.
+class WaypointPath:
+    """From the first of ``waypoints`` on through the others at ``speed`` m/s, from ``start`` seconds on.
 
     With ``loop`` back to the first and round again, else the last is where the walk ends.
     """
 
-    stops: tuple[Place, ...]
+    waypoints: tuple[FloorPosition, ...]
     speed: float
     start: float = 0.0
     loop: bool = True
-    _ends: tuple[float, ...] = field(init=False, repr=False, compare=False)
+    _leg_ends: tuple[float, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        stops = (*self.stops, self.stops[0]) if self.loop else self.stops
+        stops = (*self.waypoints, self.waypoints[0]) if self.loop else self.waypoints
         stops = tuple(stop for stop, _ in groupby(stops))  # so that no leg is without length
         lengths = (dist(a, b) for a, b in pairwise(stops))
         object.__setattr__(self, "stops", stops)  # the way to fill in a field of a frozen class
         object.__setattr__(self, "_ends", tuple(accumulate(lengths, initial=0.0)))
 
-    def at(self, time: float) -> Place:
+    def position_at(self, time: float) -> FloorPosition:
         """Return (x, y) in metres at ``time`` seconds."""
         leg, done = self._leg(time)
         if done == 0.0:
-            return self.stops[leg]
-        (x0, y0), (x1, y1) = self.stops[leg], self.stops[leg + 1]
-        share = done / (self._ends[leg + 1] - self._ends[leg])
+            return self.waypoints[leg]
+        (x0, y0), (x1, y1) = self.waypoints[leg], self.waypoints[leg + 1]
+        share = done / (self._leg_ends[leg + 1] - self._leg_ends[leg])
         return x0 + share * (x1 - x0), y0 + share * (y1 - y0)
 
-    def heading(self, time: float) -> float | None:
+    def heading_at(self, time: float) -> float | None:
         """Return which way it goes (radians about z) at ``time`` seconds; None where the walk leads nowhere.
 
         Before the start that is the way of the first leg, after the end that of the last.
         """
-        if len(self.stops) < 2:
+        if len(self.waypoints) < 2:
             return None
-        leg = min(self._leg(time)[0], len(self.stops) - 2)
-        (x0, y0), (x1, y1) = self.stops[leg], self.stops[leg + 1]
+        leg = min(self._leg(time)[0], len(self.waypoints) - 2)
+        (x0, y0), (x1, y1) = self.waypoints[leg], self.waypoints[leg + 1]
         return atan2(y1 - y0, x1 - x0)
 
     def _leg(self, time: float) -> tuple[int, float]:
         """Return the number of the stop that was passed last, and the metres gone since."""
-        total = self._ends[-1]
+        total = self._leg_ends[-1]
         walked = (time - self.start) * self.speed
         if walked <= 0.0 or total == 0.0:
             return 0, 0.0
         if self.loop:
             walked %= total
         elif walked >= total:
-            return len(self.stops) - 1, 0.0
-        leg = bisect_right(self._ends, walked) - 1
-        return leg, walked - self._ends[leg]
+            return len(self.waypoints) - 1, 0.0
+        leg = bisect_right(self._leg_ends, walked) - 1
+        return leg, walked - self._leg_ends[leg]
 
 
-BODY = 0.25
+BODY_RADIUS = 0.25
 """Metres from somebody's middle to where a robot touches them."""
 
 EARSHOT = 4.0
 """Metres within which people and robots hear each other, unless something else is said."""
 
-_NECK, _CROWN, _HEAD = 0.18, 0.12, 0.11  # metres: shoulders below the eyes, crown above them, half the width of a head
-_FACE_SHOWS = cos(radians(60.0))  # of the angle by which somebody is turned away from the camera
+_SHOULDER_DROP, _CROWN_HEIGHT, _HEAD_RADIUS = (
+    0.18,
+    0.12,
+    0.11,
+)  # metres: shoulders below the eyes, crown above them, half the width of a head
+_MIN_FACE_COSINE = cos(radians(60.0))  # of the angle by which somebody is turned away from the camera
 
 
 @dataclass(frozen=True, slots=True)
 class Person:
     """Somebody who stands at (x, y), or walks from there along a path.
 
-    ``look`` names one of the drawn people in ``drivers.sim.looks.LOOKS``; ``height`` is that of the eyes above the
+    ``look`` names one of the drawn people in ``drivers.sim.looks.APPEARANCES``; ``height`` is that of the eyes above the
     floor, in metres. ``facing`` is an angle about z in radians, ``camera``: always turned to whoever looks, or
     ``away``: always turned from them.
     From ``start`` seconds on the person walks through the waypoints of ``path`` (x, y in metres) at ``speed`` m/s;
@@ -101,17 +105,17 @@ class Person:
     y: float = 0.0
     height: float = 1.6
     facing: Facing = "camera"
-    path: tuple[Place, ...] = ()
+    path: tuple[FloorPosition, ...] = ()
     speed: float = 0.5
     start: float = 0.0
     loop: bool = True
-    acts: tuple[Act, ...] = ()
+    acts: tuple[PersonAction, ...] = ()
     hears_within: float = EARSHOT
-    walk: Walk = field(init=False, repr=False, compare=False)
+    walk: WaypointPath = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        if self.look not in LOOKS:
-            raise BadRequest(f"{self.name}: no look named '{self.look}'", hint="looks: " + ", ".join(LOOKS))
+        if self.look not in APPEARANCES:
+            raise BadRequest(f"{self.name}: no look named '{self.look}'", hint="looks: " + ", ".join(APPEARANCES))
         if not 0.8 <= self.height <= 2.1:
             raise BadRequest(f"{self.name}: eyes at {self.height} m: must be within 0.8..2.1 m")
         if not (isfinite(self.speed) and self.speed > 0):
@@ -119,34 +123,34 @@ class Person:
         numbers = (self.x, self.y, self.start, *(value for point in self.path for value in point))
         if not all(map(isfinite, numbers)):
             raise BadRequest(f"{self.name}: place, path or start is not finite: {numbers}")
-        walk = Walk(((self.x, self.y), *self.path), self.speed, self.start, self.loop)
+        walk = WaypointPath(((self.x, self.y), *self.path), self.speed, self.start, self.loop)
         object.__setattr__(self, "walk", walk)  # the way to fill in a field of a frozen class
 
     @property
-    def stays(self) -> bool:
+    def is_static(self) -> bool:
         """True for somebody who never moves from the spot, whatever happens."""
         return not (self.path or self.acts)
 
-    def place(self, time: float) -> Place:
+    def position_at(self, time: float) -> FloorPosition:
         """Return where the walk leads, (x, y) in metres, at ``time`` seconds."""
-        return self.walk.at(time)
+        return self.walk.position_at(time)
 
-    def presence(self, time: float, done: Sequence[Cue], room: Room) -> "Presence | None":
+    def presence_at(self, time: float, actions: Sequence[ScheduledAction], room: Room) -> "Presence | None":
         """Return how they are at ``time`` seconds, when ``done`` is what they did by then; None once they have left."""
         facing, nod = self.facing, 0.0
-        for cue in done:
-            if cue.act.turn is not None:
-                facing = cue.act.turn
-            if cue.act.nod:
-                nod = nod_at(time - cue.time)
-            if cue.act.leave:
-                return self._leaving(time - cue.time, self.walk.at(cue.time), room)
-        return Presence(self, *self.walk.at(time), facing, self.height - nod)
+        for cue in actions:
+            if cue.action.turn is not None:
+                facing = cue.action.turn
+            if cue.action.nod:
+                nod = eye_drop(time - cue.time)
+            if cue.action.leave:
+                return self._leaving_presence(time - cue.time, self.walk.position_at(cue.time), room)
+        return Presence(self, *self.walk.position_at(time), facing, self.height - nod)
 
-    def _leaving(self, since: float, here: Place, room: Room) -> "Presence | None":
+    def _leaving_presence(self, elapsed: float, here: FloorPosition, room: Room) -> "Presence | None":
         """Return how they are ``since`` seconds after they set out from ``here``, straight to the nearest wall."""
         (x0, y0), (x1, y1) = here, room.nearest_wall(*here)
-        away, walked = dist(here, (x1, y1)), since * self.speed
+        away, walked = dist(here, (x1, y1)), elapsed * self.speed
         if walked >= away:
             return None
         share = walked / away
@@ -156,13 +160,13 @@ class Person:
 
 @dataclass(frozen=True, slots=True)
 class Presence:
-    """How one person is at one time: at (x, y), turned to ``facing``, the eyes ``eyes`` metres above the floor."""
+    """How one person is at one time: at (x, y), turned to ``facing``, the eyes ``eye_height`` metres above the floor."""
 
     person: Person
     x: float
     y: float
     facing: Facing
-    eyes: float
+    eye_height: float
 
     def distance(self, x: float, y: float) -> float:
         """Return the metres along the floor from (x, y)."""
@@ -178,16 +182,16 @@ class Presence:
         """Say whether their face is seen from (x, y): turned there by less than 60 degrees off."""
         if isinstance(self.facing, str):
             return self.facing == "camera"
-        return cos(self.facing - atan2(y - self.y, x - self.x)) >= _FACE_SHOWS
+        return cos(self.facing - atan2(y - self.y, x - self.x)) >= _MIN_FACE_COSINE
 
-    def body(self) -> Disc:
+    def body_solid(self) -> UprightCylinder:
         """Return what a base bumps into."""
-        return Disc(self.x, self.y, BODY, 0.0, self.eyes + _CROWN)
+        return UprightCylinder(self.x, self.y, BODY_RADIUS, 0.0, self.eye_height + _CROWN_HEIGHT)
 
-    def outline(self) -> tuple[Disc, Disc]:
+    def sight_solids(self) -> tuple[UprightCylinder, UprightCylinder]:
         """Return what hides things: the body up to the shoulders, and the head."""
-        shoulders = self.eyes - _NECK
+        shoulders = self.eye_height - _SHOULDER_DROP
         return (
-            Disc(self.x, self.y, BODY, 0.0, shoulders),
-            Disc(self.x, self.y, _HEAD, shoulders, self.eyes + _CROWN),
+            UprightCylinder(self.x, self.y, BODY_RADIUS, 0.0, shoulders),
+            UprightCylinder(self.x, self.y, _HEAD_RADIUS, shoulders, self.eye_height + _CROWN_HEIGHT),
         )

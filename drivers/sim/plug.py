@@ -2,12 +2,12 @@
 
 from collections.abc import Callable, Mapping
 
-from drivers.api import DeviceStatus, Health, Report, ignore
+from drivers.api import DeviceStatus, Health, StatusCallback, ignore
 from drivers.errors import NotConnected
-from drivers.transport.loop import guarded
+from drivers.transport.loop import guard_callback
 
 
-class Plug:
+class SimulatedPlug:
     """Whether a twin is there, and the notices of its coming and going. It is plugged in until ``unplug``.
 
     ``back`` is called whenever the device has come online, ``gone`` whenever it was unplugged; after a ``close``
@@ -17,16 +17,16 @@ class Plug:
     def __init__(
         self,
         name: str,
-        report: Report = ignore,
+        report: StatusCallback = ignore,
         *,
-        back: Callable[[], None] = ignore,
-        gone: Callable[[], None] = ignore,
+        on_online: Callable[[], None] = ignore,
+        on_offline: Callable[[], None] = ignore,
     ) -> None:
         self.connections = 0
         self._name = name
-        self._report = guarded(report)
-        self._back = back
-        self._gone = gone
+        self._report = guard_callback(report)
+        self._on_online = on_online
+        self._on_offline = on_offline
         self._open = False
         self._plugged = True
 
@@ -50,8 +50,8 @@ class Plug:
         """Pull the plug. Safe more than once."""
         was_online, self._plugged = self.online, False
         if was_online:
-            self._gone()
-            why = self.absent()
+            self._on_offline()
+            why = self.offline_error()
             self._report(DeviceStatus(self._name, "offline", str(why), why.hint))
 
     def plug_in(self) -> None:
@@ -60,26 +60,26 @@ class Plug:
             self._plugged = True
             self._connect()
 
-    def require(self) -> None:
+    def check_online(self) -> None:
         """Raise NotConnected, with the reason and what to try, unless the device is online."""
         if not self.online:
-            raise self.absent()
+            raise self.offline_error()
 
     def health(self, counters: Mapping[str, int]) -> Health:
         """Say whether the device is there, with its ``counters``."""
         figures = {"connections": self.connections, **counters}
         if self.online:
             return Health(online=True, counters=figures)
-        why = self.absent()
+        why = self.offline_error()
         return Health(online=False, detail=str(why), hint=why.hint, counters=figures)
 
     def _connect(self) -> None:
         if self.online:
             self.connections += 1
             self._report(DeviceStatus(self._name, "online", "the simulated device is there"))
-            self._back()
+            self._on_online()
 
-    def absent(self) -> NotConnected:
+    def offline_error(self) -> NotConnected:
         """Return why the device is not there, and what to try."""
         if not self._open:
             return NotConnected(f"{self._name}: not opened yet", hint="open it first")

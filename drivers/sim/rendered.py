@@ -7,10 +7,10 @@ from threading import Event
 from drivers.api import CameraFrame, Health
 from drivers.clock import Clock
 from drivers.sim.render import Renderer
-from drivers.sim.viewpoint import Pinhole, Viewpoint
-from drivers.sim.world import World
+from drivers.sim.viewpoint import PinholeLens, Viewpoint
+from drivers.sim.world import SimulatedWorld
 
-_GLANCE = 0.005
+_POLL_INTERVAL = 0.005
 """Seconds between looks at the clock, which may be a simulated one that no waiting can be matched to."""
 
 
@@ -23,7 +23,7 @@ class RenderedCamera:
 
     def __init__(
         self,
-        world: World,
+        world: SimulatedWorld,
         viewpoint: Callable[[float], Viewpoint],
         clock: Clock,
         *,
@@ -39,44 +39,44 @@ class RenderedCamera:
         self._viewpoint = viewpoint
         self._clock = clock
         self._rate = rate
-        self._renderer = Renderer(world, Pinhole(*size, field_of_view), noise=noise, seed=seed)
-        self._opened: float | None = None
+        self._renderer = Renderer(world, PinholeLens(*size, field_of_view), noise=noise, seed=seed)
+        self._opened_at: float | None = None
         self._number = -1
         self._frames = 0
         self._closed = Event()
 
     def open(self) -> None:
         """Start to count frames; the first is due at once."""
-        if self._opened is None:
+        if self._opened_at is None:
             self._closed.clear()
             self._number = -1
             self._frames = 0
-            self._opened = self._clock.now()
+            self._opened_at = self._clock.read_value()
 
     def rest(self) -> None:
         """Do nothing: a camera moves nothing."""
 
     def close(self) -> None:
         """End a ``read`` that is waiting. Safe from any state, more than once."""
-        self._opened = None
+        self._opened_at = None
         self._closed.set()
 
     def health(self) -> Health:
         """Online between ``open`` and ``close``."""
-        if self._opened is None:
+        if self._opened_at is None:
             return Health(online=False, detail=f"{self.name}: not open")
         return Health(online=True, counters={"frames": self._frames, "dropped": self._number + 1 - self._frames})
 
     def read(self, timeout: float) -> CameraFrame | None:
         """Return the next frame when it is due; None after ``timeout`` seconds of waiting, or when closed."""
         waited = 0.0
-        while (opened := self._opened) is not None:
-            now = self._clock.now()
+        while (opened := self._opened_at) is not None:
+            now = self._clock.read_value()
             number = int((now - opened) * self._rate + 1e-6)  # a clock moved on in steps of 1/rate is a hair early
             if number > self._number:
                 return self._expose(number, now)
             due = opened + (self._number + 1) / self._rate
-            pause = min(max(due - now, 0.0005), _GLANCE, timeout - waited)
+            pause = min(max(due - now, 0.0005), _POLL_INTERVAL, timeout - waited)
             if pause <= 0 or self._closed.wait(pause):
                 return None
             waited += pause

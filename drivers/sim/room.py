@@ -38,7 +38,7 @@ class Fixture:
     colour: Colour = (140, 104, 72)
 
 
-FURNISHED = (
+DEFAULT_FIXTURES = (
     Fixture("picture", "front", along=-1.6, bottom=1.15, width=0.9, height=0.65, colour=(70, 110, 140)),
     Fixture("picture", "front", along=1.9, bottom=1.0, width=0.6, height=0.8, colour=(150, 90, 60)),
     Fixture("window", "left", along=-1.2, bottom=0.9, width=1.6, height=1.2, colour=(196, 214, 226)),
@@ -66,7 +66,7 @@ class Room:
     wall: Colour = (206, 200, 186)
     floor: Colour = (142, 116, 88)
     ceiling: Colour = (226, 224, 218)
-    fixtures: tuple[Fixture, ...] = FURNISHED
+    fixtures: tuple[Fixture, ...] = DEFAULT_FIXTURES
 
     def __post_init__(self) -> None:
         if min(self.length, self.width, self.height) <= 0:
@@ -75,17 +75,17 @@ class Room:
             self._check(fixture)
 
     @classmethod
-    def furnished(cls, length: float, width: float, height: float, centre: tuple[float, float]) -> "Room":
-        """Return a room with what of ``FURNISHED`` fits on its walls."""
+    def with_default_fixtures(cls, length: float, width: float, height: float, centre: tuple[float, float]) -> "Room":
+        """Return a room with what of ``DEFAULT_FIXTURES`` fits on its walls."""
         bare = cls(length, width, height, centre, fixtures=())
-        return replace(bare, fixtures=tuple(item for item in FURNISHED if not bare.misfit(item)))
+        return replace(bare, fixtures=tuple(item for item in DEFAULT_FIXTURES if not bare.misfit(item)))
 
     def extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return ((lowest x, highest x), (lowest y, highest y)) in metres."""
         x, y = self.centre
         return (x - self.length / 2, x + self.length / 2), (y - self.width / 2, y + self.width / 2)
 
-    def inside(self, x: float, y: float, margin: float = 0.0) -> bool:
+    def contains(self, x: float, y: float, margin: float = 0.0) -> bool:
         """Say whether (x, y) is in the room, at least ``margin`` metres from every wall."""
         (x_low, x_high), (y_low, y_high) = self.extent()
         return x_low + margin <= x <= x_high - margin and y_low + margin <= y <= y_high - margin
@@ -96,7 +96,7 @@ class Room:
         spots = ((x_low, y), (x_high, y), (x, y_low), (x, y_high))
         return min(spots, key=lambda spot: abs(spot[0] - x) + abs(spot[1] - y))
 
-    def ray(self, x: float, y: float, dx: float, dy: float) -> float:
+    def intersect_ray(self, x: float, y: float, dx: float, dy: float) -> float:
         """Return how many times (dx, dy) it is from (x, y) in the room to a wall."""
         (x_low, x_high), (y_low, y_high) = self.extent()
         across = ((x_high if dx > 0 else x_low) - x) / dx if dx else inf

@@ -6,25 +6,25 @@ from math import cos, inf, sin
 import numpy as np
 
 from drivers.api import Angles, Pose2D
-from drivers.sim.block import Block, Disc
+from drivers.sim.block import UprightBox, UprightCylinder
 from drivers.sim.room import Room
-from drivers.sim.world import SENSOR_HEIGHT, World
+from drivers.sim.world import SENSOR_HEIGHT, SimulatedWorld
 
-Look = Callable[[Angles, float], Angles]
+RangeFunction = Callable[[Angles, float], Angles]
 """How far it is at bearings of the base (shape (n,), radians, anticlockwise from straight ahead) at a time (seconds):
 shape (n,), metres. From the place where the finder sits."""
 
-FLAT = 1e-12
+MIN_SIDEWAYS_SHARE = 1e-12
 """What a ray goes sideways at most, as a share of its length, to count as one along the side of a block."""
 
 
-def looking(
-    world: World,
+def make_range_function(
+    world: SimulatedWorld,
     place: tuple[float, float, float],
     pose: Callable[[float], Pose2D],
     *,
     height: float = SENSOR_HEIGHT,
-) -> Look:
+) -> RangeFunction:
     """Return what a finder sees that sits at ``place`` (x, y in metres; yaw) on a base.
 
     ``pose`` says where that base really is at a time. The finder sits ``height`` metres above the floor.
@@ -36,13 +36,13 @@ def looking(
         base = pose(time)
         along, across = cos(base.heading), sin(base.heading)
         x, y = base.x + ahead * along - left * across, base.y + ahead * across + left * along
-        return cast(world, x, y, base.heading + bearings, time, height=height)
+        return cast_rays(world, x, y, base.heading + bearings, time, height=height)
 
     return look
 
 
-def cast(
-    world: World,
+def cast_rays(
+    world: SimulatedWorld,
     x: float,
     y: float,
     angles: Angles,
@@ -55,19 +55,19 @@ def cast(
     The angles are in radians in the world's frame, the finder ``height`` metres above the floor.
     """
     dx, dy = np.cos(angles), np.sin(angles)
-    near = _to_walls(world.room, x, y, dx, dy)
+    near = _wall_distances(world.room, x, y, dx, dy)
     in_the_way = [solid for solid in world.solids(time) if solid.bottom <= height <= solid.top]
-    if blocks := [solid for solid in in_the_way if isinstance(solid, Block)]:
-        near = np.minimum(near, _to_blocks(blocks, x, y, dx, dy))
-    if discs := [solid for solid in in_the_way if isinstance(solid, Disc)]:
-        near = np.minimum(near, _to_discs(discs, x, y, dx, dy))
-    for solid in (solid for solid in in_the_way if not isinstance(solid, Block | Disc)):  # one by one
-        rays = (solid.ray(x, y, float(ux), float(uy)) for ux, uy in zip(dx, dy, strict=True))
+    if blocks := [solid for solid in in_the_way if isinstance(solid, UprightBox)]:
+        near = np.minimum(near, _box_distances(blocks, x, y, dx, dy))
+    if discs := [solid for solid in in_the_way if isinstance(solid, UprightCylinder)]:
+        near = np.minimum(near, _cylinder_distances(discs, x, y, dx, dy))
+    for solid in (solid for solid in in_the_way if not isinstance(solid, UprightBox | UprightCylinder)):  # one by one
+        rays = (solid.intersect_ray(x, y, float(ux), float(uy)) for ux, uy in zip(dx, dy, strict=True))
         near = np.minimum(near, np.fromiter(rays, dtype=np.float64, count=len(dx)))
     return near
 
 
-def _to_walls(room: Room, x: float, y: float, dx: Angles, dy: Angles) -> Angles:
+def _wall_distances(room: Room, x: float, y: float, dx: Angles, dy: Angles) -> Angles:
     """Return what ``Room.ray`` does, for many rays."""
     (x_low, x_high), (y_low, y_high) = room.extent()
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -76,24 +76,24 @@ def _to_walls(room: Room, x: float, y: float, dx: Angles, dy: Angles) -> Angles:
     return np.maximum(0.0, np.minimum(across, along))
 
 
-def _to_blocks(blocks: list[Block], x: float, y: float, dx: Angles, dy: Angles) -> Angles:
+def _box_distances(blocks: list[UprightBox], x: float, y: float, dx: Angles, dy: Angles) -> Angles:
     """Return the nearest of what ``Block.ray`` gives for each block, for many rays."""
     rows = np.array([(b.x, b.y, b.cos, b.sin, b.length / 2, b.width / 2) for b in blocks])
     middle_x, middle_y, along, across, half_length, half_width = rows.T[:, :, None]
     ex, ey = x - middle_x, y - middle_y
-    enter, leave = _between(ex * along + ey * across, dx * along + dy * across, half_length)
-    enter_too, leave_too = _between(ey * along - ex * across, dy * along - dx * across, half_width)
-    return _nearest(np.maximum(enter, enter_too), np.minimum(leave, leave_too))
+    enter, leave = _slab_interval(ex * along + ey * across, dx * along + dy * across, half_length)
+    enter_too, leave_too = _slab_interval(ey * along - ex * across, dy * along - dx * across, half_width)
+    return _nearest_entry(np.maximum(enter, enter_too), np.minimum(leave, leave_too))
 
 
-def _between(start: Angles, step: Angles, half: Angles) -> tuple[Angles, Angles]:
+def _slab_interval(start: Angles, step: Angles, half: Angles) -> tuple[Angles, Angles]:
     """Return when rays come between two opposite sides of a block, and when they leave them."""
-    over = 1 / np.where(np.abs(step) > FLAT, step, FLAT)
+    over = 1 / np.where(np.abs(step) > MIN_SIDEWAYS_SHARE, step, MIN_SIDEWAYS_SHARE)
     middle, reach = -start * over, half * np.abs(over)
     return middle - reach, middle + reach
 
 
-def _to_discs(discs: list[Disc], x: float, y: float, dx: Angles, dy: Angles) -> Angles:
+def _cylinder_distances(discs: list[UprightCylinder], x: float, y: float, dx: Angles, dy: Angles) -> Angles:
     """Return the nearest of what ``Disc.ray`` gives for each disc, for many rays."""
     rows = np.array([(d.x, d.y, d.radius) for d in discs])
     middle_x, middle_y, radius = rows.T[:, :, None]
@@ -101,10 +101,10 @@ def _to_discs(discs: list[Disc], x: float, y: float, dx: Angles, dy: Angles) -> 
     b, c = ex * dx + ey * dy, ex * ex + ey * ey - radius * radius
     inside = b * b - c
     root = np.sqrt(np.maximum(0.0, inside))
-    return _nearest(np.where(inside < 0, inf, -b - root), np.where(inside < 0, -inf, -b + root))
+    return _nearest_entry(np.where(inside < 0, inf, -b - root), np.where(inside < 0, -inf, -b + root))
 
 
-def _nearest(enter: Angles, leave: Angles) -> Angles:
+def _nearest_entry(enter: Angles, leave: Angles) -> Angles:
     """Return how far it is into the nearest of several shapes, each of which a ray is in from enter to leave."""
     hit = (enter <= leave) & (leave >= 0)
     nearest: Angles = np.where(hit, np.maximum(0.0, enter), inf).min(axis=0)

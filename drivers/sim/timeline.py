@@ -6,11 +6,11 @@ from itertools import count
 
 from drivers.clock import ManualClock
 
-Action = Callable[[], object]
+TimedAction = Callable[[], object]
 """Something that is done when its time has come; it reads the time from the clock."""
 
 
-def never() -> bool:
+def never_stop() -> bool:
     """Do not stop early."""
     return False
 
@@ -23,31 +23,31 @@ class Timeline:
 
     def __init__(self) -> None:
         self.clock = ManualClock()
-        self._due: list[tuple[float, int, Action]] = []
+        self._queue: list[tuple[float, int, TimedAction]] = []
         self._order = count()
 
-    def at(self, time: float, action: Action) -> None:
+    def call_at(self, time: float, action: TimedAction) -> None:
         """Do ``action`` at ``time`` (seconds); at once, with the next step, if that is over."""
-        heappush(self._due, (time, next(self._order), action))
+        heappush(self._queue, (time, next(self._order), action))
 
-    def every(self, period: float, action: Action, *, start: float | None = None) -> None:
+    def call_every(self, period: float, action: TimedAction, *, start: float | None = None) -> None:
         """Do ``action`` every ``period`` seconds for ever, from ``start`` or now on, on an absolute schedule."""
-        begin = self.clock.now() if start is None else start
+        begin = self.clock.read_value() if start is None else start
         times = count()
 
         def again() -> None:
             action()
-            self.at(begin + next(times) * period, again)
+            self.call_at(begin + next(times) * period, again)
 
-        self.at(begin + next(times) * period, again)
+        self.call_at(begin + next(times) * period, again)
 
-    def run(self, until: float, stop: Callable[[], bool] = never) -> None:
+    def run_until(self, until: float, stop: Callable[[], bool] = never_stop) -> None:
         """Let time pass to ``until``, doing what falls due by then; less far once ``stop`` says so."""
-        clock, due = self.clock, self._due
+        clock, due = self.clock, self._queue
         while due and due[0][0] <= until:
             time, _, action = heappop(due)
-            clock.reach(time)
+            clock.advance_to(time)
             action()
             if stop():
                 return
-        clock.reach(until)
+        clock.advance_to(until)

@@ -24,7 +24,7 @@ class Viewpoint:
     yaw: float = 0.0
     pitch: float = 0.0
 
-    def place(self) -> Point3:
+    def position(self) -> Point3:
         """Return (x, y, z) in metres."""
         return self.x, self.y, self.z
 
@@ -35,7 +35,7 @@ class Viewpoint:
         forward = (cos(self.pitch) * cos(self.yaw), cos(self.pitch) * sin(self.yaw), -sin(self.pitch))
         return right, down, forward
 
-    def sees(self, x: float, y: float, z: float) -> tuple[float, float, float]:
+    def to_camera_axes(self, x: float, y: float, z: float) -> tuple[float, float, float]:
         """Return a point of the world, in metres, in camera axes: right, down and forward."""
         dx, dy, dz = x - self.x, y - self.y, z - self.z
         level = dx * cos(self.yaw) + dy * sin(self.yaw)
@@ -46,10 +46,10 @@ class Viewpoint:
         )
 
 
-def mounted(base: Pose2D, pan: float, tilt: float, place: tuple[float, float, float]) -> Viewpoint:
-    """Return where a camera is that sits at ``place`` on a base, on a head that is turned by ``pan`` and ``tilt``.
+def camera_viewpoint(base: Pose2D, pan: float, tilt: float, place: tuple[float, float, float]) -> Viewpoint:
+    """Return where a camera is that sits at ``position`` on a base, on a head that is turned by ``pan`` and ``tilt``.
 
-    ``place`` (x, y, z) in metres is from the middle of the base on the floor, and does not move with the head.
+    ``position`` (x, y, z) in metres is from the middle of the base on the floor, and does not move with the head.
     """
     x, y, z = place
     ahead, aside = cos(base.heading), sin(base.heading)
@@ -59,7 +59,7 @@ def mounted(base: Pose2D, pan: float, tilt: float, place: tuple[float, float, fl
 
 
 @dataclass(frozen=True, slots=True)
-class Pinhole:
+class PinholeLens:
     """An ideal lens. ``width``, ``height`` of the picture in pixels; ``field_of_view`` horizontal, in radians."""
 
     width: int

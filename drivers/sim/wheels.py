@@ -7,11 +7,11 @@ from typing import Generic, TypeVar
 
 from drivers.api import Pose2D, Velocity
 
-_STEP = 0.01
+_INTEGRATION_STEP = 0.01
 """Seconds of one step of integration while the speeds change; at constant speed a step is exact however long."""
 
 
-class Wheels:
+class SimulatedWheels:
     """A differential drive whose time is handed in. Not safe between threads.
 
     ``acceleration`` in m/s^2 is what each motor does to its own wheel; ``dead_time`` in seconds passes between a
@@ -65,7 +65,7 @@ class Wheels:
         return self.blocked and self._goals[0] != 0.0, self.blocked and self._goals[1] != 0.0
 
     @property
-    def turning(self) -> bool:
+    def is_turning(self) -> bool:
         """True while a wheel turns, or a command waits that may make it turn."""
         return self._speeds != (0.0, 0.0) or self._goals != (0.0, 0.0) or bool(self._commands)
 
@@ -87,7 +87,7 @@ class Wheels:
                 continue
             until = min(now, self._commands[0][0] if self._commands else inf)
             if self._speeds != self._goals:
-                until = min(until, self._now + _STEP)
+                until = min(until, self._now + _INTEGRATION_STEP)
             self._roll(until - self._now)
             self._now = until
         return self.pose
@@ -96,13 +96,13 @@ class Wheels:
         return bool(self._commands) and self._commands[0][0] <= now
 
     def _roll(self, seconds: float) -> None:
-        """Turn both wheels for ``seconds``, and move the base along the arc that this makes."""
+        """Turn both wheels for ``delay``, and move the base along the arc that this makes."""
         if self.blocked:
             self._speeds = (0.0, 0.0)
         if self.blocked or self._speeds == self._goals == (0.0, 0.0):
             return
-        left, left_speed = _run_up(self._speeds[0], self._goals[0], self._acceleration, seconds)
-        right, right_speed = _run_up(self._speeds[1], self._goals[1], self._acceleration, seconds)
+        left, left_speed = _accelerate(self._speeds[0], self._goals[0], self._acceleration, seconds)
+        right, right_speed = _accelerate(self._speeds[1], self._goals[1], self._acceleration, seconds)
         self._speeds = (left_speed, right_speed)
         self.left += left
         self.right += right
@@ -113,7 +113,7 @@ class Wheels:
         self.pose = Pose2D(self.pose.x + chord * cos(along), self.pose.y + chord * sin(along), self.pose.heading + turn)
 
 
-def _run_up(speed: float, goal: float, acceleration: float, seconds: float) -> tuple[float, float]:
+def _accelerate(speed: float, goal: float, acceleration: float, seconds: float) -> tuple[float, float]:
     """Return the travel of a wheel that changes from ``speed`` towards ``goal``, and its speed at the end."""
     if speed == goal:
         return goal * seconds, goal
@@ -136,40 +136,40 @@ T = TypeVar("T")
 
 
 class Encoders:
-    """Counts how far two wheels turn, in metres; ``lost``, both stand still, ``swapped``, both count the other way."""
+    """Counts how far two wheels turn, in metres; ``is_lost``, both stand still, ``is_swapped``, both count the other way."""
 
-    def __init__(self, wheels: Wheels) -> None:
+    def __init__(self, wheels: SimulatedWheels) -> None:
         self._wheels = wheels
         self._signs = (1.0, 1.0)
-        self._counted = self._mark = (0.0, 0.0)
+        self._travel_before = self._wheel_reference = (0.0, 0.0)
 
     @property
-    def lost(self) -> bool:
+    def is_lost(self) -> bool:
         """Whether neither counts."""
         return self._signs == (0.0, 0.0)
 
-    @lost.setter
-    def lost(self, lost: bool) -> None:
-        self.count(*(0.0, 0.0) if lost else (1.0, 1.0))
+    @is_lost.setter
+    def is_lost(self, lost: bool) -> None:
+        self.set_signs(*(0.0, 0.0) if lost else (1.0, 1.0))
 
     @property
-    def swapped(self) -> bool:
+    def is_swapped(self) -> bool:
         """Whether both count the other way."""
         return self._signs == (-1.0, -1.0)
 
-    @swapped.setter
-    def swapped(self, swapped: bool) -> None:
-        self.count(*(-1.0, -1.0) if swapped else (1.0, 1.0))
+    @is_swapped.setter
+    def is_swapped(self, swapped: bool) -> None:
+        self.set_signs(*(-1.0, -1.0) if swapped else (1.0, 1.0))
 
-    def count(self, left: float, right: float) -> None:
+    def set_signs(self, left: float, right: float) -> None:
         """Count so many metres for each that the left and the right wheel turn from now on."""
-        self._counted, self._mark = self.travel, (self._wheels.left, self._wheels.right)
+        self._travel_before, self._wheel_reference = self.travel, (self._wheels.left, self._wheels.right)
         self._signs = (left, right)
 
     @property
     def travel(self) -> tuple[float, float]:
         """How far the left and the right wheel have turned, as far as was counted."""
-        (left, right), (left_mark, right_mark), signs = self._counted, self._mark, self._signs
+        (left, right), (left_mark, right_mark), signs = self._travel_before, self._wheel_reference, self._signs
         wheels = self._wheels
         return left + signs[0] * (wheels.left - left_mark), right + signs[1] * (wheels.right - right_mark)
 
@@ -186,29 +186,29 @@ class GyroDrift:
     def __init__(self) -> None:
         self.rate = 0.0
         """rad/s"""
-        self._error = self._at = 0.0
+        self._error = self._changed_at = 0.0
 
-    def drift(self, rate: float, now: float) -> None:
+    def set_rate(self, rate: float, now: float) -> None:
         """Err by ``rate`` from ``now`` on."""
-        self._error, self._at, self.rate = self.error(now), now, rate
+        self._error, self._changed_at, self.rate = self.error(now), now, rate
 
     def error(self, now: float) -> float:
         """Return the error of the heading at time ``now``, in radians."""
-        return self._error + self.rate * max(now - self._at, 0.0)
+        return self._error + self.rate * max(now - self._changed_at, 0.0)
 
 
 class DelayLine(Generic[T]):
-    """Hands things on ``seconds`` after they came; the delay may change at any time, and nothing overtakes."""
+    """Hands things on ``delay`` after they came; the delay may change at any time, and nothing overtakes."""
 
     def __init__(self) -> None:
-        self.seconds = 0.0
-        self._under_way: deque[tuple[float, T]] = deque()
+        self.delay = 0.0
+        self._queue: deque[tuple[float, T]] = deque()
 
-    def put(self, now: float, thing: T) -> None:
+    def put(self, now: float, item: T) -> None:
         """Take something at time ``now``."""
-        self._under_way.append((now, thing))
+        self._queue.append((now, item))
 
-    def due(self, now: float) -> Iterator[T]:
+    def pop_due(self, now: float) -> Iterator[T]:
         """Yield all that is due by ``now``."""
-        while self._under_way and self._under_way[0][0] <= now - self.seconds + 1e-9:
-            yield self._under_way.popleft()[1]
+        while self._queue and self._queue[0][0] <= now - self.delay + 1e-9:
+            yield self._queue.popleft()[1]

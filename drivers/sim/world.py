@@ -8,22 +8,22 @@ from math import atan2, cos, hypot, inf, pi, sin
 
 from drivers.api import Pose2D
 from drivers.errors import BadRequest
-from drivers.sim.acts import Cues, Heard, Reply
+from drivers.sim.acts import ActionSchedule, PersonReply, RobotUtterance
 from drivers.sim.block import Point3, Solid
-from drivers.sim.people import EARSHOT, Person, Place, Presence
+from drivers.sim.people import EARSHOT, FloorPosition, Person, Presence
 from drivers.sim.room import Room
-from drivers.sim.things import Ball, Box, Dock, Edge, Rover, Wall
+from drivers.sim.things import Edge, Rover, Wall, WorldBall, WorldBox, WorldDock
 
 # The light in a simulated world, and how it changes with time.
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
-    """From ``at`` seconds on the light goes to ``level``, evenly within ``over`` seconds."""
+class LightChange:
+    """From ``at`` seconds on the light goes to ``level``, evenly within ``duration`` seconds."""
 
     at: float
     level: float
-    over: float = 0.0
+    duration: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Light:
     """
 
     level: float = 1.0
-    changes: tuple[Change, ...] = ()
+    changes: tuple[LightChange, ...] = ()
 
     def __post_init__(self) -> None:
         before = 0.0
@@ -43,29 +43,31 @@ class Light:
             if not level >= 0:
                 raise BadRequest(f"world: light {level}: must not be negative")
         for change in self.changes:
-            if change.over < 0 or not change.at >= before:
-                raise BadRequest(f"world: light changes at {change.at} s over {change.over} s: not in order of time")
+            if change.duration < 0 or not change.at >= before:
+                raise BadRequest(
+                    f"world: light changes at {change.at} s over {change.duration} s: not in order of time"
+                )
             before = change.at
 
-    def at(self, time: float) -> float:
+    def level_at(self, time: float) -> float:
         """Return the level at ``time`` seconds."""
         level = self.level
         for number, change in enumerate(self.changes):
             if change.at > time:
                 break
             until = time if number + 1 == len(self.changes) else min(time, self.changes[number + 1].at)
-            share = 1.0 if until - change.at >= change.over else (until - change.at) / change.over
+            share = 1.0 if until - change.at >= change.duration else (until - change.at) / change.duration
             level += share * (change.level - level)
         return level
 
 
-TALL = 0.5
+DRIVE_UNDER_HEIGHT = 0.5
 """Metres: what begins higher than this above the floor, a base drives under."""
 
 ORIGIN = Pose2D(0.0, 0.0, 0.0)
 """Where a robot starts of which nothing else is said."""
 
-MOUTH = 1.0
+MOUTH_HEIGHT = 1.0
 """Metres above the floor at which a robot speaks and hears."""
 
 SENSOR_HEIGHT = 0.2
@@ -73,12 +75,12 @@ SENSOR_HEIGHT = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class World:
+class SimulatedWorld:
     """Everything that a simulated robot can see, hear and bump into; meets ``drivers.sim.things.Ground``.
 
-    A value, but for what has been said in it: ``hear`` adds to that, and people do what it makes them do. So what the
+    A value, but for what has been said in it: ``deliver_speech`` adds to that, and people do what it makes them do. So what the
     world is like is a function of the time and of what was said. ``light`` is 1 in daylight, 0.25 for a quarter of it.
-    ``start`` is where the robot stands at first. Not safe between threads while ``hear`` is called.
+    ``start`` is where the robot stands at first. Not safe between threads while ``deliver_speech`` is called.
     Raises BadRequest when a person's place or path leaves the room, two people share a name, or ``light`` is negative.
     """
 
@@ -86,28 +88,30 @@ class World:
     people: tuple[Person, ...] = ()
     light: float | Light = 1.0
     walls: tuple[Wall, ...] = ()
-    furniture: tuple[Box, ...] = ()
+    furniture: tuple[WorldBox, ...] = ()
     edges: tuple[Edge, ...] = ()
-    objects: tuple[Box | Ball, ...] = ()
+    objects: tuple[WorldBox | WorldBall, ...] = ()
     robots: tuple[Rover, ...] = ()
-    dock: Dock | None = None
+    dock: WorldDock | None = None
     start: Pose2D = ORIGIN
     _light: Light = field(init=False, repr=False, compare=False)
-    _solids: tuple[Solid, ...] = field(init=False, repr=False, compare=False)
-    _still: tuple[Solid, ...] = field(init=False, repr=False, compare=False)  # with the bodies of those who stay
-    _walls: tuple[tuple[float, float], tuple[float, float]] = field(init=False, repr=False, compare=False)
-    _cues: tuple[Cues, ...] = field(init=False, repr=False, compare=False)
-    _heard: list[Heard] = field(init=False, repr=False, compare=False, default_factory=list)
+    _object_solids: tuple[Solid, ...] = field(init=False, repr=False, compare=False)
+    _static_solids: tuple[Solid, ...] = field(
+        init=False, repr=False, compare=False
+    )  # with the bodies of those who stay
+    _room_extent: tuple[tuple[float, float], tuple[float, float]] = field(init=False, repr=False, compare=False)
+    _schedules: tuple[ActionSchedule, ...] = field(init=False, repr=False, compare=False)
+    _utterances: list[RobotUtterance] = field(init=False, repr=False, compare=False, default_factory=list)
 
     def __post_init__(self) -> None:
         light = self.light if isinstance(self.light, Light) else Light(self.light)
         still = (thing.solid() for thing in chain(self.walls, self.furniture, self.things))
         object.__setattr__(self, "_light", light)  # the way to fill in a field of a frozen class
         object.__setattr__(self, "_solids", tuple(still))
-        object.__setattr__(self, "_cues", tuple(Cues(person.name, person.acts) for person in self.people))
-        stands = (person.presence(0.0, (), self.room) for person in self.people if person.stays)
-        bodies = (presence.body() for presence in stands if presence is not None)
-        object.__setattr__(self, "_still", (*self._solids, *bodies))
+        object.__setattr__(self, "_cues", tuple(ActionSchedule(person.name, person.acts) for person in self.people))
+        stands = (person.presence_at(0.0, (), self.room) for person in self.people if person.is_static)
+        bodies = (presence.body_solid() for presence in stands if presence is not None)
+        object.__setattr__(self, "_still", (*self._object_solids, *bodies))
         object.__setattr__(self, "_walls", self.room.extent())
         twice = [name for name, count in Counter(person.name for person in self.people).items() if count > 1]
         if twice:
@@ -115,14 +119,14 @@ class World:
         (x_low, x_high), (y_low, y_high) = self.room.extent()
         for person in self.people:
             for x, y in ((person.x, person.y), *person.path):
-                if not self.room.inside(x, y):
+                if not self.room.contains(x, y):
                     raise BadRequest(
                         f"world: {person.name} at ({x:g}, {y:g}) m is outside the room",
                         hint=f"the room is x {x_low:g}..{x_high:g} m, y {y_low:g}..{y_high:g} m",
                     )
 
     @property
-    def things(self) -> tuple[Box | Ball, ...]:
+    def things(self) -> tuple[WorldBox | WorldBall, ...]:
         """The objects, and the dock."""
         return self.objects if self.dock is None else (*self.objects, self.dock.box)
 
@@ -130,57 +134,63 @@ class World:
 
     def light_at(self, time: float) -> float:
         """Return how bright it is: 1 is daylight."""
-        return self._light.at(time)
+        return self._light.level_at(time)
 
     def people_at(self, time: float) -> tuple[Presence, ...]:
         """Return how everybody is who is still there at ``time`` seconds, in the order of ``people``."""
-        return tuple(self._present(time))
+        return tuple(self._presences(time))
 
     # --- what is said -------------------------------------------------------------------------------------------------
 
     @property
-    def heard(self) -> tuple[Heard, ...]:
+    def utterances(self) -> tuple[RobotUtterance, ...]:
         """What has been said aloud so far."""
-        return tuple(self._heard)
+        return tuple(self._utterances)
 
-    def hear(self, text: str, time: float, at: Place | None = None) -> tuple[Reply, ...]:
+    def deliver_speech(self, text: str, time: float, place: FloorPosition | None = None) -> tuple[PersonReply, ...]:
         """Let people hear what the robot says at ``time``, and return what is answered, in the order of time.
 
         Those hear it who are near enough to the place ``at``, with no inner wall between; without a place, all who are
         there.
         """
         there = ((each.person, each) for each in self.people_at(time))
-        reached = {person.name for person, each in there if at is None or self._carries(at, each, person.hears_within)}
+        reached = {
+            person.name
+            for person, each in there
+            if place is None or self._is_in_earshot(place, each, person.hears_within)
+        }
         listening = [
             (person.name, cues)
-            for person, cues in zip(self.people, self._cues, strict=True)
-            if person.name in reached and cues.listens(time)
+            for person, cues in zip(self.people, self._schedules, strict=True)
+            if person.name in reached and cues.is_listening(time)
         ]
-        self._heard.append(Heard(text, time, tuple(name for name, _ in listening)))
-        return _in_order(reply for _, cues in listening for reply in cues.hear(text, time))
+        self._utterances.append(RobotUtterance(text, time, tuple(name for name, _ in listening)))
+        return _sort_replies(reply for _, cues in listening for reply in cues.on_speech(text, time))
 
-    def audible(self, who: str, time: float, at: Place) -> bool:
+    def is_audible(self, speaker: str, time: float, place: FloorPosition) -> bool:
         """Say whether a robot at that place hears the one of the name ``who`` at ``time`` seconds."""
-        return any(each.person.name == who and self._carries(at, each, EARSHOT) for each in self.people_at(time))
+        return any(
+            each.person.name == speaker and self._is_in_earshot(place, each, EARSHOT) for each in self.people_at(time)
+        )
 
-    def _carries(self, at: Place, presence: Presence, within: float) -> bool:
+    def _is_in_earshot(self, at: FloorPosition, presence: Presence, within: float) -> bool:
         """Say whether sound gets from the one to the other: so far, and through no inner wall."""
-        robot, head = (*at, MOUTH), (presence.x, presence.y, presence.eyes)
+        robot, head = (*at, MOUTH_HEIGHT), (presence.x, presence.y, presence.eye_height)
         far = presence.distance(*at) > within
-        return not far and not any(wall.solid().hides(robot, head) for wall in self.walls)
+        return not far and not any(wall.solid().blocks_sight(robot, head) for wall in self.walls)
 
-    def said(self, after: float, until: float) -> tuple[Reply, ...]:
+    def replies_between(self, after: float, until: float) -> tuple[PersonReply, ...]:
         """Return all that people say, answers and else, later than ``after`` and up to ``until`` seconds."""
-        return _in_order(reply for cues in self._cues for reply in cues.said(after, until))
+        return _sort_replies(reply for cues in self._schedules for reply in cues.replies_between(after, until))
 
     # --- what is in the way -------------------------------------------------------------------------------------------
 
-    def touched(self, x: float, y: float, radius: float, time: float) -> list[float]:
+    def contact_directions(self, x: float, y: float, radius: float, time: float) -> list[float]:
         """Return the directions (radians about z) in which a disc at (x, y) touches or overlaps something solid.
 
         Of what the middle of the disc is in, the direction of its middle.
         """
-        (x_low, x_high), (y_low, y_high) = self._walls
+        (x_low, x_high), (y_low, y_high) = self._room_extent
         found = []
         if x - radius <= x_low:
             found.append(pi)
@@ -191,15 +201,15 @@ class World:
         if y + radius >= y_high:
             found.append(pi / 2)
         for solid in self.solids(time):
-            if solid.bottom < TALL:
-                dx, dy = solid.nearest(x, y)
+            if solid.bottom < DRIVE_UNDER_HEIGHT:
+                dx, dy = solid.nearest_offset(x, y)
                 if hypot(dx, dy) <= radius:
                     found.append(atan2(dy, dx) if dx or dy else atan2(solid.y - y, solid.x - x))
         return found
 
     def has_floor(self, x: float, y: float) -> bool:
         """Say whether there is floor at (x, y)."""
-        return not any(edge.holds(x, y) for edge in self.edges)
+        return not any(edge.contains(x, y) for edge in self.edges)
 
     def distance(
         self, x: float, y: float, angle: float, time: float, limit: float = inf, *, height: float = SENSOR_HEIGHT
@@ -209,49 +219,53 @@ class World:
         It is what a range finder measures that sits ``height`` metres above the floor.
         """
         dx, dy = cos(angle), sin(angle)
-        near = min(limit, self.room.ray(x, y, dx, dy))
+        near = min(limit, self.room.intersect_ray(x, y, dx, dy))
         for solid in self.solids(time):
             if solid.bottom <= height <= solid.top:
-                near = min(near, solid.ray(x, y, dx, dy))
+                near = min(near, solid.intersect_ray(x, y, dx, dy))
         return near
 
-    def visible(self, eye: Point3, point: Point3, time: float) -> bool:
+    def is_visible(self, eye: Point3, point: Point3, time: float) -> bool:
         """Say whether nothing is between ``eye`` and ``point``, each (x, y, z): no wall, thing, nor body.
 
         What the point is in does not count, so that the middle of a thing is seen where its outside is.
         """
         x, y, z = point
-        if not self.room.inside(x, y):
+        if not self.room.contains(x, y):
             return False
-        for solid in chain(self._solids, (rover.solid(time) for rover in self.robots)):
-            if solid.hides(eye, point) and not (solid.bottom <= z <= solid.top and _reaches(solid, x, y)):
+        for solid in chain(self._object_solids, (rover.solid(time) for rover in self.robots)):
+            if solid.blocks_sight(eye, point) and not (solid.bottom <= z <= solid.top and _covers(solid, x, y)):
                 return False
-        for presence in self._present(time):
-            body, head = presence.outline()
-            if (body.hides(eye, point) or head.hides(eye, point)) and not _reaches(body, x, y):
+        for presence in self._presences(time):
+            body, head = presence.sight_solids()
+            if (body.blocks_sight(eye, point) or head.blocks_sight(eye, point)) and not _covers(body, x, y):
                 return False
         return True
 
-    def _present(self, time: float, *, staying: bool = True) -> Iterator[Presence]:
+    def _presences(self, time: float, *, staying: bool = True) -> Iterator[Presence]:
         """Yield how everybody is who is still there; those who always stay where they are only if ``staying``."""
-        for person, cues in zip(self.people, self._cues, strict=True):
-            presence = person.presence(time, cues.until(time), self.room) if staying or not person.stays else None
+        for person, cues in zip(self.people, self._schedules, strict=True):
+            presence = (
+                person.presence_at(time, cues.actions_until(time), self.room)
+                if staying or not person.is_static
+                else None
+            )
             if presence is not None:
                 yield presence
 
     def solids(self, time: float) -> Iterator[Solid]:
         """Yield the shape of every thing and body that is in the way at ``time`` seconds."""
-        yield from self._still
+        yield from self._static_solids
         for rover in self.robots:
             yield rover.solid(time)
-        for presence in self._present(time, staying=False):
-            yield presence.body()
+        for presence in self._presences(time, staying=False):
+            yield presence.body_solid()
 
 
-def _reaches(solid: Solid, x: float, y: float) -> bool:
+def _covers(solid: Solid, x: float, y: float) -> bool:
     """Say whether (x, y) is within the footprint of something, or on its edge."""
-    return hypot(*solid.nearest(x, y)) < 0.01
+    return hypot(*solid.nearest_offset(x, y)) < 0.01
 
 
-def _in_order(replies: Iterator[Reply]) -> tuple[Reply, ...]:
-    return tuple(sorted(replies, key=lambda reply: reply.when))
+def _sort_replies(replies: Iterator[PersonReply]) -> tuple[PersonReply, ...]:
+    return tuple(sorted(replies, key=lambda reply: reply.time))

@@ -5,39 +5,39 @@ from contextlib import contextmanager
 from threading import Event, RLock
 
 
-class Cut:
-    """Broken off or not; whoever works on an utterance says in ``then`` what is to be done at that moment."""
+class CancelToken:
+    """Broken off or not; whoever works on an utterance says in ``on_cancel`` what is to be done at that moment."""
 
     def __init__(self) -> None:
-        self._made = Event()
-        self._lock = RLock()  # over what is done, which so happens within ``then`` or not at all
-        self._act: Callable[[], None] | None = None
+        self._cancelled = Event()
+        self._lock = RLock()  # over what is done, which so happens within ``on_cancel`` or not at all
+        self._callback: Callable[[], None] | None = None
 
     @property
-    def made(self) -> bool:
+    def is_cancelled(self) -> bool:
         """True once it was broken off."""
-        return self._made.is_set()
+        return self._cancelled.is_set()
 
-    def make(self) -> None:
+    def cancel(self) -> None:
         """Break it off. Safe more than once, from any thread."""
         with self._lock:
-            self._made.set()
-            if self._act is not None:
-                self._act()
+            self._cancelled.set()
+            if self._callback is not None:
+                self._callback()
 
-    def wait(self, seconds: float) -> bool:
+    def wait(self, timeout: float) -> bool:
         """Wait until it is broken off, for so many seconds at most; True when it was."""
-        return self._made.wait(max(0.0, seconds))
+        return self._cancelled.wait(max(0.0, timeout))
 
     @contextmanager
-    def then(self, act: Callable[[], None]) -> Iterator[None]:
+    def on_cancel(self, callback: Callable[[], None]) -> Iterator[None]:
         """Within this, have ``act`` called when it is broken off; at once where it was already."""
         with self._lock:
-            self._act = act
-            if self.made:
-                act()
+            self._callback = callback
+            if self.is_cancelled:
+                callback()
         try:
             yield
         finally:
             with self._lock:
-                self._act = None
+                self._callback = None

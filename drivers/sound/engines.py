@@ -4,32 +4,32 @@ import json
 from pathlib import Path
 from typing import Protocol
 
-from drivers.api import DeviceStatus, Manner, Report, ignore
+from drivers.api import DeviceStatus, SpeechStyle, StatusCallback, ignore
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, NoReply
 from drivers.extras import extra_hint
-from drivers.sound.cut import Cut
-from drivers.sound.partner import Partner
-from drivers.sound.program import Speech, request, run, speech
-from drivers.sound.spoken import WORDS_PER_MINUTE, espeak_name, longest
-from drivers.transport.pipe import Message, Worker
+from drivers.sound.cut import CancelToken
+from drivers.sound.partner import WorkerClient
+from drivers.sound.program import Speech, make_request, parse_speech, run_program
+from drivers.sound.spoken import WORDS_PER_MINUTE, espeak_name, speaking_timeout
+from drivers.transport.pipe import Message, WorkerProcess
 
-PROGRAM = Path(__file__).with_name("espeak_worker.py")
+WORKER_PROGRAM = Path(__file__).with_name("espeak_worker.py")
 
-THINKING = 3.0
+SYNTHESIS_TIMEOUT = 3.0
 """Seconds that the synthesiser may take for a text, and one more for each 1000 letters: it needs a tenth of that."""
 
 
-class Engine(Protocol):
-    """Turns words into sound; one that ``speaks_itself`` plays it too."""
+class SpeechEngine(Protocol):
+    """Turns words into sound; one that ``plays_sound`` plays it too."""
 
     @property
-    def speaks_itself(self) -> bool:
+    def plays_sound(self) -> bool:
         """Whether it needs no player."""
         ...
 
     @property
-    def broken(self) -> str:
+    def failure_reason(self) -> str:
         """Why there is no hope for it, else ""."""
         ...
 
@@ -41,7 +41,7 @@ class Engine(Protocol):
         """End that. Safe from any state, more than once."""
         ...
 
-    def speak(self, text: str, manner: Manner, cut: Cut) -> Speech | None:
+    def speak(self, text: str, manner: SpeechStyle, token: CancelToken) -> Speech | None:
         """Return a text as sound; None when it was broken off, or has been spoken. Raises DriverError.
 
         ``manner`` has everything that the robot file or the mission says.
@@ -49,52 +49,57 @@ class Engine(Protocol):
         ...
 
 
-class Espeak(Partner):
+class EspeakEngine(WorkerClient):
     """espeak-ng through the wheel ``espeakng-loader``. ``usual`` is the voice where a mission's does not exist."""
 
-    speaks_itself = False
+    plays_sound = False
 
-    def __init__(self, clock: Clock, *, usual: Manner, report: Report = ignore, name: str = "voice") -> None:
+    def __init__(
+        self, clock: Clock, *, default_manner: SpeechStyle, report: StatusCallback = ignore, name: str = "voice"
+    ) -> None:
         hint = extra_hint("speak", "`driver: print` speaks without espeak-ng")
-        worker = Worker(name, PROGRAM, clock, hint=hint, report=report)
+        worker = WorkerProcess(name, WORKER_PROGRAM, clock, hint=hint, report=report)
         super().__init__(worker, clock, report=report, hint=hint)
-        self._usual = espeak_name(usual)
+        self._default_voice = espeak_name(default_manner)
         self._number = 0
         self._answer: tuple[Message, bytes] | None = None
 
-    def speak(self, text: str, manner: Manner, cut: Cut) -> Speech | None:
+    def speak(self, text: str, manner: SpeechStyle, token: CancelToken) -> Speech | None:
         """See Engine. Raises NotConnected or NoReply."""
-        if not self._be_ready(cut):
+        if not self._wait_until_ready(token):
             return None
-        with self._news:
+        with self._condition:
             self._number += 1
             self._answer = None
-        self._worker.send(request(self._number, text, espeak_name(manner), self._usual, manner.speed))
-        if self._until(lambda: self._answer is not None, cut, THINKING + len(text) / 1000) or cut.made:
-            return None if cut.made else self._answered()
+        self._worker.send(make_request(self._number, text, espeak_name(manner), self._default_voice, manner.speed))
+        if (
+            self._wait_until(lambda: self._answer is not None, token, SYNTHESIS_TIMEOUT + len(text) / 1000)
+            or token.is_cancelled
+        ):
+            return None if token.is_cancelled else self._parse_answer()
         self._worker.kill()
         raise NoReply(f"{self._worker.name}: espeak-ng hangs with {text[:40]!r}", hint=self._hint)
 
-    def _answered(self) -> Speech | None:
+    def _parse_answer(self) -> Speech | None:
         """Return the answer taken apart: here, where that keeps nobody from breaking it off."""
-        return None if self._answer is None else speech(*self._answer)
+        return None if self._answer is None else parse_speech(*self._answer)
 
-    def _take(self, message: Message, body: bytes) -> DeviceStatus | None:
+    def _handle_message(self, message: Message, body: bytes) -> DeviceStatus | None:
         if message.get("id") != self._number:
             return None
         self._answer = message, body
         if not message.get("trouble"):
             return None
         name = self._worker.name
-        what = f"{name}: {message['trouble']}: it speaks with {self._usual or 'en'!r} instead"
+        what = f"{name}: {message['trouble']}: it speaks with {self._default_voice or 'en'!r} instead"
         return DeviceStatus(name, "fault", what, "such as `voice: en-us+f2`; docs/speaking.md says which there are")
 
 
-class Piper:
+class PiperEngine:
     """The user's program ``piper`` with the voice in the file ``model``; what the voice is, its MODEL.json says."""
 
-    speaks_itself = False
-    broken = ""
+    plays_sound = False
+    failure_reason = ""
 
     def __init__(self, model: Path, clock: Clock, *, program: str = "piper") -> None:
         self._model = model
@@ -108,14 +113,14 @@ class Piper:
     def close(self) -> None:
         """Do nothing: what runs is broken off with the words that it says."""
 
-    def speak(self, text: str, manner: Manner, cut: Cut) -> Speech | None:
+    def speak(self, text: str, manner: SpeechStyle, token: CancelToken) -> Speech | None:
         """See Engine. Raises DeviceFault and NoReply."""
         rate = self._sample_rate()
         pace = WORDS_PER_MINUTE / manner.speed
         command = [self._program, "--model", str(self._model), "--output-raw", "--length-scale", f"{pace:.3f}"]
         # It takes each line for a text of its own.
-        line, limit = " ".join(text.split()), longest(text, manner)
-        ran = run(self._name, command, line, cut, self._clock, limit=limit, wanted=True)
+        line, limit = " ".join(text.split()), speaking_timeout(text, manner)
+        ran = run_program(self._name, command, line, token, self._clock, timeout=limit, keep_output=True)
         return None if ran is None else Speech(ran.output[: len(ran.output) & ~1], rate)
 
     def _sample_rate(self) -> int:

@@ -18,11 +18,11 @@ PHONEME = 7  # type of an event
 RATE_PARAMETER = 1
 UTF8 = 1
 BUFFER_MS = 200
-SLOWEST, QUICKEST = 80, 450
+MIN_SPEED, MAX_SPEED = 80, 450
 """Words a minute that espeak can speak."""
 
 
-class Identity(ctypes.Union):
+class EspeakEventId(ctypes.Union):
     """What an event is about."""
 
     _fields_ = (("number", ctypes.c_int), ("name", ctypes.c_char_p), ("string", ctypes.c_char * 8))
@@ -39,7 +39,7 @@ class EspeakEvent(ctypes.Structure):
         ("audio_position", ctypes.c_int),  # ms
         ("sample", ctypes.c_int),
         ("user_data", ctypes.c_void_p),
-        ("id", Identity),
+        ("id", EspeakEventId),
     )
 
 
@@ -62,15 +62,15 @@ class EspeakVoice(ctypes.Structure):
 Callback = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_int, ctypes.POINTER(EspeakEvent))
 
 
-class Espeak:
+class EspeakLibrary:
     """The library. One text at a time: ``sound`` and ``phonemes`` are those of the last.
 
     A text that ``obsolete`` calls so, asked five times for each second of sound, is left where it is.
     """
 
-    def __init__(self, library: str, data: str, obsolete: Callable[[], bool]) -> None:
-        self._obsolete = obsolete
-        self._left = False
+    def __init__(self, library: str, data: str, is_obsolete: Callable[[], bool]) -> None:
+        self._is_obsolete = is_obsolete
+        self._abandoned = False
         self.sound = bytearray()
         self.phonemes: list[tuple[int, str]] = []
         self._library = ctypes.CDLL(library)
@@ -78,12 +78,12 @@ class Espeak:
         self.rate = self._library.espeak_Initialize(SYNCHRONOUS, BUFFER_MS, data.encode(), PHONEME_EVENTS)
         if self.rate <= 0:
             sys.exit(f"espeak-ng does not find its data in {data}")
-        self._callback = Callback(self._keep)  # which must live as long as the library
+        self._callback = Callback(self._on_sound)  # which must live as long as the library
         self._library.espeak_SetSynthCallback(self._callback)
         self._variants = {path.name for path in Path(data, "voices", "!v").iterdir()}
-        self._languages = self._by_language()
+        self._languages = self._voices_by_language()
 
-    def choose(self, voice: str) -> bool:
+    def select_voice(self, voice: str) -> bool:
         """Speak in a voice from now on; False where there is none of this name. Variants it would not check itself."""
         base, plus, variant = voice.partition("+")
         if plus and variant not in self._variants:
@@ -93,15 +93,15 @@ class Espeak:
 
     def speak(self, text: str, speed: int) -> bool:
         """Make sound of a text; False when that was left."""
-        self._left = False
+        self._abandoned = False
         self.sound.clear()
         self.phonemes.clear()
-        self._library.espeak_SetParameter(RATE_PARAMETER, min(max(speed, SLOWEST), QUICKEST), 0)
+        self._library.espeak_SetParameter(RATE_PARAMETER, min(max(speed, MIN_SPEED), MAX_SPEED), 0)
         data = text.replace("\0", " ").encode()
         self._library.espeak_Synth(data, len(data) + 1, 0, 1, 0, UTF8, None, None)
-        return not self._left
+        return not self._abandoned
 
-    def _keep(self, samples: int | None, count: int, events: Any) -> int:
+    def _on_sound(self, samples: int | None, count: int, events: Any) -> int:
         if samples is not None and count:
             self.sound.extend(ctypes.string_at(samples, 2 * count))
         number = 0
@@ -110,10 +110,10 @@ class Espeak:
             if event.type == PHONEME:
                 self.phonemes.append((event.audio_position, event.id.string.decode("utf-8", "replace")))
             number += 1
-        self._left = self._left or self._obsolete()
-        return int(self._left)
+        self._abandoned = self._abandoned or self._is_obsolete()
+        return int(self._abandoned)
 
-    def _by_language(self) -> dict[str, str]:
+    def _voices_by_language(self) -> dict[str, str]:
         """Return the voices by their languages: "en-gb" is none of their names."""
         found: dict[str, str] = {}
         voices, number = self._library.espeak_ListVoices(None), 0
@@ -124,24 +124,24 @@ class Espeak:
         return found
 
 
-def tell(message: dict[str, object], body: bytes = b"") -> None:
+def send(message: dict[str, object], body: bytes = b"") -> None:
     """Say something to the robot."""
     head = {**message, "bytes": len(body)} if body else message
     sys.stdout.buffer.write(json.dumps(head).encode() + b"\n" + body)
     sys.stdout.buffer.flush()
 
 
-def answer(espeak: Espeak, request: dict[str, Any]) -> None:
+def handle_request(espeak: EspeakLibrary, request: dict[str, Any]) -> None:
     """Answer one request, unless another has come meanwhile."""
     trouble = ""
-    if not espeak.choose(request["voice"] or "en"):
+    if not espeak.select_voice(request["voice"] or "en"):
         trouble = f"espeak-ng has no voice that is called {request['voice'][:40]!r}"
-        if not espeak.choose(request["instead"] or "en"):
-            espeak.choose("en")
+        if not espeak.select_voice(request["instead"] or "en"):
+            espeak.select_voice("en")
     if not espeak.speak(request["text"], request["speed"]):
         return
     head = {"id": request["id"], "rate": espeak.rate, "phonemes": espeak.phonemes, "trouble": trouble}
-    tell(head, bytes(espeak.sound))
+    send(head, bytes(espeak.sound))
 
 
 def main() -> None:
@@ -149,19 +149,19 @@ def main() -> None:
     try:
         import espeakng_loader  # noqa: PLC0415 - that it is missing is something to tell
     except ImportError as error:
-        tell({"absent": str(error)})
+        send({"absent": str(error)})
         sys.stdin.buffer.read()
         return
     # Unbuffered: what has come, and is not read yet, can be seen.
     requests = os.fdopen(sys.stdin.fileno(), "rb", buffering=0, closefd=False)
-    espeak = Espeak(
+    espeak = EspeakLibrary(
         espeakng_loader.get_library_path(),
         espeakng_loader.get_data_path(),
         lambda: bool(select.select([requests], [], [], 0)[0]),
     )
-    tell({"ready": "espeak-ng"})
+    send({"ready": "espeak-ng"})
     for line in requests:
-        answer(espeak, json.loads(line))
+        handle_request(espeak, json.loads(line))
 
 
 if __name__ == "__main__":

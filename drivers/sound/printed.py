@@ -4,11 +4,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from threading import RLock
 
-from drivers.api import AS_USUAL, Health, Manner, MouthShape, Priority, Utterance, ignore
+from drivers.api import DEFAULT_STYLE, Health, MouthShape, Priority, SpeechStyle, Utterance, ignore
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.sound.spoken import Turns, filled, seconds_of
-from drivers.sound.wav import checked, length_of
+from drivers.sound.spoken import UtteranceQueue, fill_manner, speaking_time
+from drivers.sound.wav import check_sound_file, sound_duration
 
 
 class PrintedVoice:
@@ -25,16 +25,16 @@ class PrintedVoice:
         clock: Clock,
         out: Callable[[str], None],
         *,
-        usual: Manner = AS_USUAL,
+        default_manner: SpeechStyle = DEFAULT_STYLE,
         changed: Callable[[], None] = ignore,
     ) -> None:
         self._clock = clock
         self._out = out
-        self._usual = usual
+        self._default_manner = default_manner
         self._changed = changed
         self._lock = RLock()
-        self._turns = Turns[PrintedWords]()  # the first is being said
-        self._said = 0
+        self._queue = UtteranceQueue[PrintedUtterance]()  # the first is being said
+        self._utterance_count = 0
         self._open = False
 
     def open(self) -> None:
@@ -44,7 +44,7 @@ class PrintedVoice:
     def rest(self) -> None:
         """Fall silent: cancel all that is being said or waiting."""
         with self._lock:
-            for words in reversed(tuple(self._turns)):  # so that nobody's turn comes
+            for words in reversed(tuple(self._queue)):  # so that nobody's turn comes
                 words.cancel()
 
     def close(self) -> None:
@@ -54,60 +54,62 @@ class PrintedVoice:
 
     def health(self) -> Health:
         """Say that words are printed here, not spoken."""
-        return Health(self._open, "" if self._open else f"{self.name}: not opened yet", counters={"said": self._said})
+        return Health(
+            self._open, "" if self._open else f"{self.name}: not opened yet", counters={"said": self._utterance_count}
+        )
 
-    def say(self, text: str, manner: Manner = AS_USUAL, priority: Priority = Priority.NORMAL) -> Utterance:
+    def say(self, text: str, manner: SpeechStyle = DEFAULT_STYLE, priority: Priority = Priority.NORMAL) -> Utterance:
         """Print ``text`` in its turn; it lasts as its speed says. Raises NotConnected before open."""
-        return self._queued(text, seconds_of(text, filled(manner, self._usual).speed), priority)
+        return self._enqueue(text, speaking_time(text, fill_manner(manner, self._default_manner).speed), priority)
 
     def play(self, path: Path, priority: Priority = Priority.NORMAL) -> Utterance:
         """Print the name of a file in its turn; it lasts as long as the sound. Raises BadRequest, NotConnected."""
-        return self._queued(f"[{checked(self.name, path).name}]", length_of(path), priority)
+        return self._enqueue(f"[{check_sound_file(self.name, path).name}]", sound_duration(path), priority)
 
     def speaking(self) -> Utterance | None:
         """Return what is being said now."""
         with self._lock:
-            self.settle()
-            return self._turns.first
+            self.update()
+            return self._queue.first
 
-    def _queued(self, text: str, duration: float, priority: Priority) -> Utterance:
+    def _enqueue(self, text: str, duration: float, priority: Priority) -> Utterance:
         if not self._open:
             raise NotConnected(f"{self.name}: not open, cannot say {text!r}")
-        words = PrintedWords(self, text, duration, priority)
+        words = PrintedUtterance(self, text, duration, priority)
         if not duration:
             words.ended = True
             return words
         with self._lock:
-            self.settle()
-            self._turns.insert(words)
-            self._said += 1
-            self._begin(self._clock.now())
+            self.update()
+            self._queue.insert(words)
+            self._utterance_count += 1
+            self._start_first(self._clock.read_value())
         return words
 
-    def settle(self) -> None:
+    def update(self) -> None:
         """Take out of the queue what has ended by now; what follows has had its turn from then on."""
         with self._lock:
             changed = False
-            while (first := self._turns.first) is not None and self._clock.now() >= first.end:
-                self._turns.drop(first)
+            while (first := self._queue.first) is not None and self._clock.read_value() >= first.end:
+                self._queue.remove(first)
                 first.ended = changed = True
-                self._begin(first.end)
+                self._start_first(first.end)
         if changed:
             self._changed()
 
-    def drop(self, words: "PrintedWords") -> None:
+    def remove(self, utterance: "PrintedUtterance") -> None:
         """Take ``words`` out of the queue before their time; those behind them move up."""
         with self._lock:
-            self.settle()
-            words.cancelled = words.cancelled or not words.ended
-            words.ended = True
-            self._turns.drop(words)
-            self._begin(self._clock.now())
+            self.update()
+            utterance.cancelled = utterance.cancelled or not utterance.ended
+            utterance.ended = True
+            self._queue.remove(utterance)
+            self._start_first(self._clock.read_value())
 
-    def _begin(self, now: float) -> None:
+    def _start_first(self, now: float) -> None:
         """Print the first of the queue, if it has not begun; what it breaks off begins anew afterwards."""
-        first = self._turns.first
-        for words in self._turns:
+        first = self._queue.first
+        for words in self._queue:
             if words is not first:
                 words.started = None
         if first is not None and first.started is None:
@@ -115,7 +117,7 @@ class PrintedVoice:
             self._out(first.text)
 
 
-class PrintedWords:
+class PrintedUtterance:
     """A ``drivers.api.Utterance`` that is printed and lasts ``duration`` seconds from its turn on."""
 
     mouth: Sequence[MouthShape] = ()
@@ -136,9 +138,9 @@ class PrintedWords:
 
     def done(self) -> bool:
         """True once as much time has passed as the words take."""
-        self._voice.settle()
+        self._voice.update()
         return self.ended
 
     def cancel(self) -> None:
         """End now."""
-        self._voice.drop(self)
+        self._voice.remove(self)

@@ -17,144 +17,144 @@ from threading import Event, Lock, Thread
 from types import ModuleType
 from typing import Any
 
-PERIOD_MS = 20
+BUFFER_MS = 20
 """Milliseconds of sound that a device asks for at a time; it has three of them in store, which a halt cannot undo."""
 
-IDLE = 10.0
+IDLE_TIMEOUT = 10.0
 """Seconds of silence after which the device is stopped: it would ask for more of it 50 times a second."""
 
 MAX_DURATION = 600.0
 """Seconds that a file may last, which is decoded as a whole: of WAV files, which may lie, the robot sees to it."""
 
-USUAL_RATE = 22_050
+DEFAULT_RATE = 22_050
 """That of espeak-ng: so the sound card is ready when the first words come."""
 
 
 @dataclass(slots=True)
-class Sound:
+class QueuedSound:
     """Something to play: its samples so far, whether they are all, and the byte that is next."""
 
     number: int
     rate: int
     samples: bytearray = field(default_factory=bytearray)
-    whole: bool = False
-    at: int = 0
+    is_complete: bool = False
+    position: int = 0
 
 
-class Pipe:
+class MessagePipe:
     """The way to the robot; two threads speak."""
 
     def __init__(self) -> None:
         self._lock = Lock()
 
-    def tell(self, **message: object) -> None:
+    def send(self, **message: object) -> None:
         """Say something."""
         with self._lock:
             sys.stdout.buffer.write(json.dumps(message).encode() + b"\n")
             sys.stdout.buffer.flush()
 
 
-class Queue:
+class PlaybackQueue:
     """What is to be played, first things first. The device's thread takes, the main thread puts in.
 
-    ``silent`` is set once the device, which plays ``rate`` samples a second, was given nothing but silence for so long
+    ``idle`` is set once the device, which plays ``rate`` samples a second, was given nothing but silence for so long
     that it can be stopped.
     """
 
-    def __init__(self, pipe: Pipe, rate: int = USUAL_RATE) -> None:
+    def __init__(self, pipe: MessagePipe, rate: int = DEFAULT_RATE) -> None:
         self.rate = rate
-        self.silent = Event()
-        self._silence = 0  # bytes of it, since something was played
+        self.idle = Event()
+        self._silent_bytes = 0  # bytes of it, since something was played
         self._pipe = pipe
         self._lock = Lock()
-        self._sounds: deque[Sound] = deque()
-        self._over: Sound | None = None  # the device has the last of it, and not yet played that
+        self._sounds: deque[QueuedSound] = deque()
+        self._draining: QueuedSound | None = None  # the device has the last of it, and not yet played that
 
-    def begin(self, rate: int) -> None:
+    def on_device_opened(self, rate: int) -> None:
         """A device was opened: it has not been silent for long, also where the one before could not be stopped."""
         with self._lock:
-            self.rate, self._silence = rate, 0
+            self.rate, self._silent_bytes = rate, 0
 
-    def add(self, number: int, rate: int, samples: bytes, *, whole: bool) -> None:
+    def add(self, number: int, rate: int, samples: bytes, *, is_complete: bool) -> None:
         """Add samples to a sound, which may be new."""
         with self._lock:
             sound = next((sound for sound in self._sounds if sound.number == number), None)
             if sound is None:
-                sound = Sound(number, rate)
+                sound = QueuedSound(number, rate)
                 self._sounds.append(sound)
             sound.samples += samples
-            sound.whole = whole
-            self._silence = 0
-            self.silent.clear()
+            sound.is_complete = is_complete
+            self._silent_bytes = 0
+            self.idle.clear()
 
     def drop(self, number: int) -> None:
         """Take a sound out."""
         with self._lock:
-            sounds = [*self._sounds] if self._over is None else [self._over, *self._sounds]
+            sounds = [*self._sounds] if self._draining is None else [self._draining, *self._sounds]
             for sound in sounds:
                 if sound.number == number:
                     self._sounds = deque(other for other in self._sounds if other is not sound)
-                    self._over = None if self._over is sound else self._over
-                    self._end(sound)
+                    self._draining = None if self._draining is sound else self._draining
+                    self._report_end(sound)
 
-    def primed(self) -> Generator[bytes, int, None]:
+    def start_generator(self) -> Generator[bytes, int, None]:
         """Return what gives a device the samples that it asks for, from now on."""
-        playing = self.playing()
+        playing = self.generate_samples()
         next(playing)
         return playing
 
-    def playing(self) -> Generator[bytes, int, None]:
+    def generate_samples(self) -> Generator[bytes, int, None]:
         """Give the device the samples that it asks for; the first is no answer, as miniaudio wants it."""
         wanted = yield b""
         while True:
-            wanted = yield self._take(2 * wanted)
+            wanted = yield self._take_samples(2 * wanted)
 
-    def _take(self, size: int) -> bytes:
+    def _take_samples(self, size: int) -> bytes:
         taken = bytearray()
         with self._lock:
-            if self._over is not None:
-                self._end(self._over)
-                self._over = None
-            while self._sounds and len(taken) < size and self._over is None:
+            if self._draining is not None:
+                self._report_end(self._draining)
+                self._draining = None
+            while self._sounds and len(taken) < size and self._draining is None:
                 sound = self._sounds[0]
-                if sound.at == 0:
-                    self._pipe.tell(started=sound.number, seconds=len(sound.samples) / 2 / sound.rate)
-                more = sound.samples[sound.at : sound.at + size - len(taken)]
+                if sound.position == 0:
+                    self._pipe.send(started=sound.number, seconds=len(sound.samples) / 2 / sound.rate)
+                more = sound.samples[sound.position : sound.position + size - len(taken)]
                 taken += more
-                sound.at += len(more)
-                if sound.at < len(sound.samples) or not sound.whole:
+                sound.position += len(more)
+                if sound.position < len(sound.samples) or not sound.is_complete:
                     break
-                self._over = self._sounds.popleft()
-            self._silence = 0 if self._sounds or self._over is not None else self._silence + size
-            if self._silence >= 2 * self.rate * IDLE:
-                self.silent.set()
+                self._draining = self._sounds.popleft()
+            self._silent_bytes = 0 if self._sounds or self._draining is not None else self._silent_bytes + size
+            if self._silent_bytes >= 2 * self.rate * IDLE_TIMEOUT:
+                self.idle.set()
         return bytes(taken.ljust(size, b"\0"))
 
-    def _end(self, sound: Sound) -> None:
-        self._pipe.tell(ended=sound.number, seconds=sound.at / 2 / sound.rate)
+    def _report_end(self, sound: QueuedSound) -> None:
+        self._pipe.send(ended=sound.number, seconds=sound.position / 2 / sound.rate)
 
 
-class Player:
+class SoundCardPlayer:
     """The sound card, at the rate of what it plays. It is stopped while there is nothing to be played for long."""
 
-    def __init__(self, name: str, backend: str, volume: float, pipe: Pipe) -> None:
+    def __init__(self, name: str, backend: str, volume: float, pipe: MessagePipe) -> None:
         self._name = name
         self._backends = [miniaudio.Backend[backend.upper()]] if backend else None
         self._volume = volume
         self._pipe = pipe
-        self._queue = Queue(pipe)
+        self._queue = PlaybackQueue(pipe)
         self._lock = Lock()  # over the device, which is stopped on a thread of its own
-        self._device = self._opened(USUAL_RATE)
+        self._device = self._open_device(DEFAULT_RATE)
         self._closed = False
-        self._idler = Thread(target=self._idle, name="idle", daemon=True)
+        self._idler = Thread(target=self._stop_when_idle, name="idle", daemon=True)
         self._idler.start()
 
-    def obey(self, message: dict[str, Any], body: bytes) -> None:
+    def handle_message(self, message: dict[str, Any], body: bytes) -> None:
         """Do what the robot says."""
         match message:
             case {"play": number, "rate": rate, "last": last}:
-                self._add(number, rate, body, whole=last)
-                self._pipe.tell(taken=number)
+                self._play_samples(number, rate, body, is_complete=last)
+                self._pipe.send(taken=number)
             case {"file": number, "path": path}:
                 self._decode(number, path)
             case {"stop": number}:
@@ -162,81 +162,81 @@ class Player:
 
     def _decode(self, number: int, path: str) -> None:
         rate = self._device.sample_rate
-        minutes = _seconds_of(path) / 60
+        minutes = _file_duration(path) / 60
         if minutes > MAX_DURATION / 60:
             why = f"lasts {minutes:.0f} min, and a sound may last {MAX_DURATION / 60:.0f}"
-            self._pipe.tell(refused=number, why=why)
+            self._pipe.send(refused=number, why=why)
             return
         try:
             samples = _decode_file(path, rate)
         except miniaudio.MiniaudioError as error:
-            self._pipe.tell(refused=number, why=str(error.args[0]))
+            self._pipe.send(refused=number, why=str(error.args[0]))
         else:
-            self._add(number, rate, samples, whole=True)
+            self._play_samples(number, rate, samples, is_complete=True)
 
-    def _add(self, number: int, rate: int, samples: bytes, *, whole: bool) -> None:
+    def _play_samples(self, number: int, rate: int, samples: bytes, *, is_complete: bool) -> None:
         """Have samples played, by a device that plays."""
         with self._lock:
-            if rate != self._device.sample_rate or not self._runs():
-                self._open_anew(rate)
-            self._queue.add(number, rate, self._louder(samples), whole=whole)
+            if rate != self._device.sample_rate or not self._ensure_running():
+                self._reopen_device(rate)
+            self._queue.add(number, rate, self._apply_volume(samples), is_complete=is_complete)
 
-    def _runs(self) -> bool:
+    def _ensure_running(self) -> bool:
         """Start the device where it was stopped; say whether it plays."""
         with suppress(miniaudio.MiniaudioError):
             if not self._device.running:
-                self._device.start(self._queue.primed())
+                self._device.start(self._queue.start_generator())
         return bool(self._device.running)
 
-    def _open_anew(self, rate: int) -> None:
+    def _reopen_device(self, rate: int) -> None:
         self._device.close()
-        self._device = self._opened(rate)
+        self._device = self._open_device(rate)
 
-    def _idle(self) -> None:
+    def _stop_when_idle(self) -> None:
         """Stop the device whenever it has been silent for long."""
-        while self._queue.silent.wait():
+        while self._queue.idle.wait():
             with self._lock:
                 if self._closed:
                     return
-                if self._queue.silent.is_set():
-                    self._queue.silent.clear()
+                if self._queue.idle.is_set():
+                    self._queue.idle.clear()
                     try:
                         self._device.stop()
                     except miniaudio.MiniaudioError:
-                        self._open_anew(self._device.sample_rate)
+                        self._reopen_device(self._device.sample_rate)
 
-    def _louder(self, samples: bytes) -> bytes:
+    def _apply_volume(self, samples: bytes) -> bytes:
         if self._volume == 1.0:
             return samples
         values = array("h", samples)
         return array("h", (min(max(int(value * self._volume), -32768), 32767) for value in values)).tobytes()
 
-    def _opened(self, rate: int) -> "miniaudio.PlaybackDevice":
+    def _open_device(self, rate: int) -> "miniaudio.PlaybackDevice":
         """Return the device, playing; where there is none, say why and return one that plays into nothing."""
         try:
-            device = self._device_of(rate, self._backends)
+            device = self._make_device(rate, self._backends)
             if device.backend == "Null" and self._backends is None:
-                self._pipe.tell(mute="no sound card that plays")
+                self._pipe.send(mute="no sound card that plays")
         except (miniaudio.MiniaudioError, LookupError) as error:
-            self._pipe.tell(mute=f"no sound card that plays: {error.args[0]}")
+            self._pipe.send(mute=f"no sound card that plays: {error.args[0]}")
             self._name = ""
-            device = self._device_of(rate, [miniaudio.Backend.NULL])
-        self._queue.begin(rate)
-        device.start(self._queue.primed())
+            device = self._make_device(rate, [miniaudio.Backend.NULL])
+        self._queue.on_device_opened(rate)
+        device.start(self._queue.start_generator())
         return device
 
-    def _device_of(self, rate: int, backends: "list[miniaudio.Backend] | None") -> "miniaudio.PlaybackDevice":
+    def _make_device(self, rate: int, backends: "list[miniaudio.Backend] | None") -> "miniaudio.PlaybackDevice":
         return miniaudio.PlaybackDevice(
             output_format=miniaudio.SampleFormat.SIGNED16,
             nchannels=1,
             sample_rate=rate,
-            buffersize_msec=PERIOD_MS,
-            device_id=self._chosen(),
+            buffersize_msec=BUFFER_MS,
+            device_id=self._find_device_id(),
             backends=backends,
             app_name="missiontree",
         )
 
-    def _chosen(self) -> Any:
+    def _find_device_id(self) -> Any:
         """Return the first device whose name holds ours, None for the system's choice. Raises LookupError."""
         if not self._name:
             return None
@@ -257,7 +257,7 @@ class Player:
         with self._lock:
             self._closed = True
             self._device.close()
-        self._queue.silent.set()
+        self._queue.idle.set()
         self._idler.join()
 
 
@@ -269,7 +269,7 @@ def _decode_file(path: str, rate: int) -> bytes:
     return bytes(miniaudio.convert_frames(floats, 1, rate, sound.samples.tobytes(), whole, 1, rate))
 
 
-def _seconds_of(path: str) -> float:
+def _file_duration(path: str) -> float:
     """Return how long a file lasts that is not WAV, whatever its suffix says, else 0; the robot measures WAV files."""
     with suppress(miniaudio.MiniaudioError, OSError), Path(path).open("rb") as file:
         begin = file.read(4)
@@ -282,12 +282,12 @@ def _seconds_of(path: str) -> float:
 def main() -> None:
     """Play until the input ends."""
     name, backend, volume = sys.argv[1:]
-    pipe, orders = Pipe(), sys.stdin.buffer
-    player = Player(name, backend, float(volume), pipe)
-    pipe.tell(ready=player.backend)
+    pipe, orders = MessagePipe(), sys.stdin.buffer
+    player = SoundCardPlayer(name, backend, float(volume), pipe)
+    pipe.send(ready=player.backend)
     for line in orders:
         message = json.loads(line)
-        player.obey(message, orders.read(message.get("bytes", 0)))
+        player.handle_message(message, orders.read(message.get("bytes", 0)))
     player.close()
 
 
@@ -298,7 +298,7 @@ if __name__ == "__main__":
     try:
         import miniaudio
     except ImportError as missing:
-        Pipe().tell(absent=str(missing))
+        MessagePipe().send(absent=str(missing))
         sys.stdin.buffer.read()
     else:
         main()

@@ -6,7 +6,7 @@ from pathlib import Path
 from threading import Event
 from typing import Generic, Protocol, TypeVar
 
-from drivers.api import Manner, Mouth, MouthShape, Priority
+from drivers.api import Mouth, MouthShape, Priority, SpeechStyle
 
 # Voices, languages and speeds: what a mission leaves open, the robot file says.
 
@@ -14,38 +14,38 @@ WORDS_PER_MINUTE = 150.0
 """How fast people talk, and synthesisers by default."""
 
 
-def filled(manner: Manner, usual: Manner) -> Manner:
+def fill_manner(manner: SpeechStyle, default: SpeechStyle) -> SpeechStyle:
     """Return ``manner`` with what it leaves open taken from ``usual``.
 
     Of a usual voice such as "en-us+f2", only the variant "+f2" goes with another language, and "en-us" with another
     variant.
     """
-    base, plus, variant = usual.voice.partition("+")
-    voice = manner.voice or usual.voice
+    base, plus, variant = default.voice.partition("+")
+    voice = manner.voice or default.voice
     if manner.language and not manner.voice:
         voice = plus + variant
     elif manner.voice.startswith("+") and not manner.language:
         voice = base + manner.voice
-    return Manner(
+    return SpeechStyle(
         voice=voice,
-        speed=manner.speed or usual.speed or WORDS_PER_MINUTE,
-        language=manner.language or usual.language,
+        speed=manner.speed or default.speed or WORDS_PER_MINUTE,
+        language=manner.language or default.language,
     )
 
 
-def espeak_name(manner: Manner) -> str:
+def espeak_name(manner: SpeechStyle) -> str:
     """Return the voice as espeak calls it: "en-us+f2", or "" for its own choice; a variant goes with the language."""
     base, plus, variant = manner.voice.partition("+")
     base = base or manner.language
     return f"{base or 'en'}+{variant}" if plus else base
 
 
-def seconds_of(text: str, speed: float) -> float:
+def speaking_time(text: str, speed: float) -> float:
     """Return how long a text takes to say, at so many words a minute."""
     return len(text.split()) * 60.0 / speed
 
 
-def longest(text: str, manner: Manner) -> float:
+def speaking_timeout(text: str, manner: SpeechStyle) -> float:
     """Return after how many seconds a program that speaks a text, or makes sound of it, is taken to hang.
 
     0.4 s for each letter are five times what English takes, and enough for digits and for Chinese.
@@ -53,7 +53,7 @@ def longest(text: str, manner: Manner) -> float:
     return 10.0 + 0.4 * len(text) * WORDS_PER_MINUTE / (manner.speed or WORDS_PER_MINUTE)
 
 
-class Urgent(Protocol):
+class PrioritisedItem(Protocol):
     """What has a priority."""
 
     @property
@@ -62,10 +62,10 @@ class Urgent(Protocol):
         ...
 
 
-W = TypeVar("W", bound=Urgent)
+W = TypeVar("W", bound=PrioritisedItem)
 
 
-class Turns(Generic[W]):
+class UtteranceQueue(Generic[W]):
     """What is heard and what waits: of the highest priority first, then the oldest. Who uses it has the lock."""
 
     def __init__(self) -> None:
@@ -80,20 +80,20 @@ class Turns(Generic[W]):
         """Whose turn it is."""
         return self._queue[0] if self._queue else None
 
-    def insert(self, words: W) -> None:
+    def insert(self, item: W) -> None:
         """Put ``words`` where they belong, which may be first."""
-        insort(self._queue, words, key=lambda each: -each.priority)
+        insort(self._queue, item, key=lambda each: -each.priority)
 
-    def drop(self, words: W) -> None:
+    def remove(self, item: W) -> None:
         """Take ``words`` out, if they are there."""
-        if words in self._queue:
-            self._queue.remove(words)
+        if item in self._queue:
+            self._queue.remove(item)
 
 
-STRESSES = "',=%|!"
+STRESS_MARKS = "',=%|!"
 """Marks that espeak puts before a phoneme: how it is stressed."""
 
-SHAPES = {
+PHONEME_LETTERS = {
     Mouth.CLOSED: "pbm_",
     Mouth.TEETH: "fv",
     Mouth.ROUND: "uUoOwWyYSZ",
@@ -105,34 +105,39 @@ SHAPES = {
 S and Z are those of *shoe* and *measure*, 0 and V the vowels of *lot* and *cup*, _ is a pause.
 """
 
-_BY_LETTER = {letter: shape for shape, letters in SHAPES.items() for letter in letters}
+_BY_LETTER = {letter: shape for shape, letters in PHONEME_LETTERS.items() for letter in letters}
 
 
-def shape_of(phoneme: str) -> Mouth:
+def mouth_shape(phoneme: str) -> Mouth:
     """Return the shape for one phoneme, such as ``'oU``; a diphthong by its beginning, tS and dZ as S and Z."""
-    bare = phoneme.lstrip(STRESSES)
+    bare = phoneme.lstrip(STRESS_MARKS)
     if bare in ("tS", "dZ"):
         return Mouth.ROUND
     return _BY_LETTER.get(bare[:1], Mouth.NARROW) if bare else Mouth.CLOSED
 
 
-def movement(phonemes: Iterable[tuple[float, str]], end: float) -> tuple[MouthShape, ...]:
+def mouth_movement(phonemes: Iterable[tuple[float, str]], end: float) -> tuple[MouthShape, ...]:
     """Return how the mouth moves with ``phonemes``, each with the second when it begins; closed from ``end`` on."""
     shapes: list[MouthShape] = []
-    for at, shape in (*((at, shape_of(phoneme)) for at, phoneme in phonemes), (end, Mouth.CLOSED)):
+    for at, shape in (*((at, mouth_shape(phoneme)) for at, phoneme in phonemes), (end, Mouth.CLOSED)):
         if not shapes or shapes[-1].shape is not shape:
             shapes.append(MouthShape(at, shape))
     return tuple(shapes)
 
 
-class SpokenWords:
+class SpokenUtterance:
     """A ``drivers.api.Utterance``: a text, or the file at ``path``. ``ended`` is set once it was heard or cancelled.
 
-    ``drop`` takes it out of its voice.
+    ``remove`` takes it out of its voice.
     """
 
     def __init__(
-        self, drop: "Callable[[SpokenWords], None]", text: str, manner: Manner, priority: Priority, path: Path | None
+        self,
+        remove: "Callable[[SpokenUtterance], None]",
+        text: str,
+        manner: SpeechStyle,
+        priority: Priority,
+        path: Path | None,
     ) -> None:
         self.text = text
         self.manner = manner
@@ -142,7 +147,7 @@ class SpokenWords:
         self.cancelled = False
         self.seconds = 0.0
         self.shapes: Sequence[MouthShape] = ()
-        self._drop = drop
+        self._remove = remove
         self._started: float | None = None
 
     def done(self) -> bool:
@@ -151,7 +156,7 @@ class SpokenWords:
 
     def cancel(self) -> None:
         """Fall silent now."""
-        self._drop(self)
+        self._remove(self)
 
     @property
     def started(self) -> float | None:
@@ -168,11 +173,11 @@ class SpokenWords:
         """When it will have been heard."""
         return (self._started or 0.0) + self.seconds
 
-    def begin(self, at: float, seconds: float) -> None:
+    def on_start(self, at: float, seconds: float) -> None:
         """Note that it is heard from ``at`` on."""
         self._started, self.seconds = at, seconds
 
-    def forget(self) -> None:
+    def reset_start(self) -> None:
         """Forget a beginning that came to no end: it waits again."""
         if not self.done():
             self._started = None

@@ -15,7 +15,7 @@ from drivers.errors import BadRequest
 PCM, MS_ADPCM, FLOAT, A_LAW, MU_LAW, IMA_ADPCM, EXTENSIBLE = 1, 2, 3, 6, 7, 0x11, 0xFFFE
 """The encodings that a player takes, as the format chunk numbers them."""
 
-NAMES = {
+ENCODING_NAMES = {
     PCM: "integers", MS_ADPCM: "ADPCM", FLOAT: "floats", A_LAW: "A-law", MU_LAW: "mu-law", IMA_ADPCM: "IMA ADPCM",
     0x31: "GSM", 0x50: "MPEG", 0x55: "MP3", 0xFF: "AAC", 0x161: "Windows Media", 0x674F: "Vorbis",
 }  # fmt: skip
@@ -28,7 +28,7 @@ _CHUNK, _FORMAT, _SIZES = Struct("<4sI"), Struct("<HHIIHH"), Struct("<QQ")
 _GUID_TAIL = bytes.fromhex("000000001000800000aa00389b71")
 _UNKNOWN_SIZE = 0xFFFFFFFF
 
-_OTHERS = (
+_OTHER_FILE_TYPES = (
     (0, b"ID3", "an MP3 file"),
     (0, b"OggS", "an Ogg file"),
     (0, b"fLaC", "a FLAC file"),
@@ -103,7 +103,7 @@ def _describe_other(head: bytes) -> str:
     if not head:
         return "it is empty"
     is_mp3 = len(head) > 1 and head[0] == 0xFF and head[1] & 0xE0 == 0xE0
-    names = [name for place, begin, name in _OTHERS if head[place : place + len(begin)] == begin]
+    names = [name for place, begin, name in _OTHER_FILE_TYPES if head[place : place + len(begin)] == begin]
     return f"it is {names[0]}" if names else "it is an MP3 file" if is_mp3 else "it does not begin with RIFF and WAVE"
 
 
@@ -116,14 +116,16 @@ def _make_format(form: bytes, begin: int, size: int, there: int) -> WavFormat:
             raise BadWav("its samples are of a kind that is not known (extensible)")
         encoding = int.from_bytes(form[24:26], "little")
     if encoding not in (*SAMPLE_WIDTHS, MS_ADPCM, IMA_ADPCM):
-        raise BadWav(f"its samples are {NAMES.get(encoding, f'of kind {encoding:#x}')}, which is not decoded")
+        raise BadWav(f"its samples are {ENCODING_NAMES.get(encoding, f'of kind {encoding:#x}')}, which is not decoded")
     if not channels or not rate:
         raise BadWav(f"its format says {channels} channels and {rate} samples a second")
     width = frame // channels
     if encoding in SAMPLE_WIDTHS and (
         width not in SAMPLE_WIDTHS[encoding] or frame % channels or not 0 < bits <= 8 * width
     ):
-        raise BadWav(f"its format says {bits} bits in {frame} bytes for {channels} channels of {NAMES[encoding]}")
+        raise BadWav(
+            f"its format says {bits} bits in {frame} bytes for {channels} channels of {ENCODING_NAMES[encoding]}"
+        )
     if encoding not in SAMPLE_WIDTHS and not byte_rate:
         raise BadWav("its format says 0 bytes a second")
     if size == 0:
@@ -138,20 +140,20 @@ def _make_format(form: bytes, begin: int, size: int, there: int) -> WavFormat:
 #
 # Their first bytes alone pass much that no player takes, an Ogg file with Opus in it, say.
 
-_BITRATES = {
+_MP3_BITRATES = {
     True: (0, 32, 40, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256, 320),
     False: (0, 8, 16, 24, 32, 40, 48, 56, 64, 80, 96, 112, 128, 144, 160),
 }
 """Of layer III, in kbit/s: of MPEG 1, and of 2 and 2.5."""
 
-_RATES = {3: (44_100, 48_000, 32_000), 2: (22_050, 24_000, 16_000), 0: (11_025, 12_000, 8_000)}
+_MP3_SAMPLE_RATES = {3: (44_100, 48_000, 32_000), 2: (22_050, 24_000, 16_000), 0: (11_025, 12_000, 8_000)}
 """Samples a second, by the bits that tell the version."""
 
-_SEARCHED = 65_536
+_MP3_SEARCH_BYTES = 65_536
 """Bytes in which the first frame of an MP3 must begin."""
 
 
-def playable(file: BinaryIO) -> bool:
+def is_playable(file: BinaryIO) -> bool:
     """Return whether the file begins as a sound that can be played, and has something of it.
 
     Raises BadWav for a WAV file that cannot be played, OSError.
@@ -166,41 +168,44 @@ def playable(file: BinaryIO) -> bool:
     if begin[:4] == b"OggS":
         first = 27 + begin[26] if len(begin) > 26 else len(begin)
         return begin[4:5] == b"\0" and begin[first : first + 7] == b"\x01vorbis"
-    return _mp3(file, begin)
+    return _is_mp3(file, begin)
 
 
 def _is_wav(begin: bytes) -> bool:
     return begin[:4] in (b"RIFF", b"RIFX", b"RF64")
 
 
-def _mp3(file: BinaryIO, begin: bytes) -> bool:
+def _is_mp3(file: BinaryIO, begin: bytes) -> bool:
     """Look for two frames in a row, behind a tag if there is one."""
     tag = 0
     if begin[:3] == b"ID3" and len(begin) >= 10:
         tag = 10 + sum(byte << shift for byte, shift in zip(begin[6:10], (21, 14, 7, 0), strict=True))
-    elif not _frame(begin):
+    elif not _mp3_frame_length(begin):
         return False
     file.seek(tag)
-    data = file.read(_SEARCHED)
+    data = file.read(_MP3_SEARCH_BYTES)
     return any(
-        (length := _frame(data[place : place + 4])) and (place + length >= len(data) or _frame(data[place + length :]))
+        (length := _mp3_frame_length(data[place : place + 4]))
+        and (place + length >= len(data) or _mp3_frame_length(data[place + length :]))
         for place in range(len(data) - 4 if tag else 1)
         if data[place : place + 1] == b"\xff"
     )
 
 
-def _frame(head: bytes) -> int:
+def _mp3_frame_length(head: bytes) -> int:
     """Return the length in bytes of the frame of an MP3 that begins so; 0 for none."""
     if len(head) < 4 or head[0] != 0xFF or head[1] & 0xE0 != 0xE0 or head[1] & 0x06 != 0x02:
         return 0
     version, rate, bits = head[1] >> 3 & 3, head[2] >> 2 & 3, head[2] >> 4
-    if version not in _RATES or rate == 3 or bits in (0, 15):
+    if version not in _MP3_SAMPLE_RATES or rate == 3 or bits in (0, 15):
         return 0
     first = version == 3
-    return (144 if first else 72) * 1000 * _BITRATES[first][bits] // _RATES[version][rate] + (head[2] >> 1 & 1)
+    return (144 if first else 72) * 1000 * _MP3_BITRATES[first][bits] // _MP3_SAMPLE_RATES[version][rate] + (
+        head[2] >> 1 & 1
+    )
 
 
-BYTES_A_SECOND = 16_000
+TYPICAL_BYTES_PER_SECOND = 16_000
 """Of compressed sound at 128 kbit/s, which is common."""
 
 
@@ -208,7 +213,7 @@ MAX_DURATION = 600.0
 """Seconds that a sound may last: it is decoded as a whole, and what is not WAV is measured where that is done."""
 
 
-def checked(name: str, path: Path) -> Path:
+def check_sound_file(name: str, path: Path) -> Path:
     """Return ``path``, which ``name`` is to play. Raises BadRequest where there is no such file, or it is no sound.
 
     Also for a WAV file of more than ten minutes.
@@ -218,7 +223,7 @@ def checked(name: str, path: Path) -> Path:
     why = ""
     try:
         with path.open("rb") as file:
-            fits = playable(file)
+            fits = is_playable(file)
             is_wav = file.seek(0) == 0 and _is_wav(file.read(4))
     except OSError as error:
         raise BadRequest(f"{name}: {path}: {error.strerror}") from error
@@ -229,16 +234,18 @@ def checked(name: str, path: Path) -> Path:
             f"{name}: {path}: is no WAV, MP3, FLAC or Ogg Vorbis file that can be played{why}",
             hint=f"`file {path}` shows what it is; `ffmpeg -i {path} new.wav` makes one that fits",
         )
-    if is_wav and length_of(path) > MAX_DURATION:
-        what = f"{name}: {path}: lasts {length_of(path) / 60:.0f} min, and a sound may last {MAX_DURATION / 60:.0f}"
+    if is_wav and sound_duration(path) > MAX_DURATION:
+        what = (
+            f"{name}: {path}: lasts {sound_duration(path) / 60:.0f} min, and a sound may last {MAX_DURATION / 60:.0f}"
+        )
         raise BadRequest(what, hint=f"`ffmpeg -i {path} -t {MAX_DURATION:.0f} shorter.wav` keeps its beginning")
     return path
 
 
-def length_of(path: Path) -> float:
+def sound_duration(path: Path) -> float:
     """Return about how many seconds a sound lasts: exactly for a WAV file, else as its size suggests."""
     if not path.is_file():
         return 0.0
     with suppress(OSError, BadWav), path.open("rb") as file:
         return read_header(file).seconds
-    return path.stat().st_size / BYTES_A_SECOND
+    return path.stat().st_size / TYPICAL_BYTES_PER_SECOND

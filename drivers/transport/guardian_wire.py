@@ -13,23 +13,23 @@ from dataclasses import dataclass
 
 BAUD = 57_600
 
-WATCHDOG = 0.3
+WATCHDOG_TIMEOUT = 0.3
 """Seconds without a line after which a keeper lets its actuators rest."""
 
-FULL = 1000
+FULL_POWER = 1000
 """What stands for full power of a wheel."""
 
-UNKNOWN = -1
+UNKNOWN_ANGLE = -1
 """Where a servo is that has got no pulse yet."""
 
-LONGEST = 40
+MAX_LINE_LENGTH = 40
 """Bytes of a line at most, but for the last words."""
 
-FIGURES = range(-9999, 32768)
+VALUE_RANGE = range(-9999, 32768)
 
 
 @dataclass(frozen=True, slots=True)
-class Go:
+class GuardianCommand:
     """Send both to somewhere."""
 
     boot: int
@@ -38,7 +38,7 @@ class Go:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class GuardianReport:
     """Where both are."""
 
     boot: int
@@ -47,39 +47,39 @@ class Report:
 
 
 @dataclass(frozen=True, slots=True)
-class Ask:
+class ReportRequest:
     """How are they?"""
 
 
-def _lined(body: str) -> bytes:
+def _make_line(body: str) -> bytes:
     data = body.encode()
     return data + b"*%04X\n" % crc_hqx(data, 0xFFFF)
 
 
-ASK = _lined("?")
+REPORT_REQUEST = _make_line("?")
 
 
-def go(boot: int, first: int, second: int) -> bytes:
+def pack_command(boot: int, first: int, second: int) -> bytes:
     """Return the line that sends both."""
-    return _lined(f"g {boot} {first} {second}")
+    return _make_line(f"g {boot} {first} {second}")
 
 
-def report(boot: int, first: int, second: int) -> bytes:
+def pack_report(boot: int, first: int, second: int) -> bytes:
     """Return the line that says where both are."""
-    return _lined(f"r {boot} {first} {second}")
+    return _make_line(f"r {boot} {first} {second}")
 
 
-def read(line: bytes) -> Go | Report | Ask:
+def parse_line(line: bytes) -> GuardianCommand | GuardianReport | ReportRequest:
     """Return what a line says. Raises ValueError for one that says nothing, or was damaged."""
     body, star, told = line.rpartition(b"*")
-    if not star or len(line) > LONGEST or told != b"%04X" % crc_hqx(body, 0xFFFF):
+    if not star or len(line) > MAX_LINE_LENGTH or told != b"%04X" % crc_hqx(body, 0xFFFF):
         raise ValueError("no line of a keeper")
     if body == b"?":
-        return Ask()
+        return ReportRequest()
     word, *figures = body.split(b" ")
     if word not in (b"g", b"r") or len(figures) != 3:
         raise ValueError("no line of a keeper")
     boot, first, second = map(int, figures)
-    if not all(figure in FIGURES for figure in (boot, first, second)):
+    if not all(figure in VALUE_RANGE for figure in (boot, first, second)):
         raise ValueError("no figures of a keeper")
-    return (Go if word == b"g" else Report)(boot, first, second)
+    return (GuardianCommand if word == b"g" else GuardianReport)(boot, first, second)

@@ -7,7 +7,7 @@ from threading import Lock
 # How long something takes that is done again and again, as figures of a device's health.
 
 
-class Delays:
+class DelayStatistics:
     """Adds up times. For one thread that adds; any may ask for the figures."""
 
     def __init__(self) -> None:
@@ -32,7 +32,7 @@ class Delays:
         }
 
 
-class History:
+class ValueHistory:
     """The last seconds of a few numbers, looked up by time with linear interpolation. Safe between threads."""
 
     def __init__(self, seconds: float = 3.0) -> None:

@@ -11,7 +11,7 @@ from typing import ParamSpec, Protocol
 P = ParamSpec("P")
 
 
-def guarded(listener: Callable[P, object]) -> Callable[P, None]:
+def guard_callback(listener: Callable[P, object]) -> Callable[P, None]:
     """Return ``listener`` as one that never raises; the first error of it is logged, those that follow are not.
 
     SystemExit too is kept away from the driver: a terminal whose pipe has broken raises it in whatever thread prints.
@@ -35,7 +35,7 @@ def guarded(listener: Callable[P, object]) -> Callable[P, None]:
     return guard
 
 
-Turn = Callable[[], float]
+LoopBody = Callable[[], float]
 """Does what is due, and returns the seconds until more is. It raises nothing: a loop has nobody to tell."""
 
 
@@ -43,7 +43,7 @@ class Loop(Protocol):
     """Takes turns from ``start`` to ``end``."""
 
     @property
-    def alive(self) -> bool:
+    def is_alive(self) -> bool:
         """Whether turns are taken."""
         ...
 
@@ -60,23 +60,23 @@ class Loop(Protocol):
         ...
 
 
-MakeLoop = Callable[[str, Turn, Callable[[], object]], Loop]
+LoopFactory = Callable[[str, LoopBody, Callable[[], object]], Loop]
 """Makes a loop from its name, its turn, and what is done once after the last turn."""
 
 
 class ThreadLoop:
     """A ``Loop`` on a daemon thread called ``name``, which does ``last`` too; ``end`` cuts a pause short."""
 
-    def __init__(self, name: str, turn: Turn, last: Callable[[], object]) -> None:
+    def __init__(self, name: str, body: LoopBody, on_end: Callable[[], object]) -> None:
         self._name = name
-        self._turn = turn
-        self._last = last
+        self._body = body
+        self._on_end = on_end
         self._ending = False
         self._woken = Event()
         self._thread: Thread | None = None
 
     @property
-    def alive(self) -> bool:
+    def is_alive(self) -> bool:
         """Whether the thread runs."""
         return self._thread is not None and self._thread.is_alive()
 
@@ -102,8 +102,8 @@ class ThreadLoop:
     def _run(self) -> None:
         try:
             while not self._ending:
-                pause = self._turn()
+                pause = self._body()
                 if pause > 0 and self._woken.wait(pause):
                     self._woken.clear()
         finally:
-            self._last()
+            self._on_end()

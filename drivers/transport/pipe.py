@@ -18,36 +18,36 @@ from subprocess import PIPE, Popen
 from threading import Event, Lock, Thread
 from typing import Any, Protocol
 
-from drivers.api import DeviceStatus, Health, Report, ignore
+from drivers.api import DeviceStatus, Health, StatusCallback, ignore
 from drivers.clock import Clock
 from drivers.errors import NoReply, NotConnected
-from drivers.transport.loop import guarded
+from drivers.transport.loop import guard_callback
 
 Message = Mapping[str, Any]
 """What one line of JSON says."""
 
-LONGEST_DELAY = 30.0
+MAX_RETRY_DELAY = 30.0
 """Seconds between attempts at most; the first takes 1 s, each further one twice as long."""
 
-LAST_WORDS = 200
+MAX_ERROR_LENGTH = 200
 """Characters that are passed on of the last line in which a program complained."""
 
-_PIECE = 65536  # bytes read at a time
+_READ_SIZE = 65536  # bytes read at a time
 
 
-def frame(message: Message, body: bytes = b"") -> bytes:
+def pack_message(message: Message, body: bytes = b"") -> bytes:
     """Return a message as it goes over a pipe; ``bytes`` is added to it where there is a ``body``."""
     head = {**message, "bytes": len(body)} if body else message
     return json.dumps(head, separators=(",", ":")).encode() + b"\n" + body
 
 
-def last_words(complaint: bytes) -> str:
+def last_error_line(stderr: bytes) -> str:
     """Return the last line of what a program wrote to its standard error: the others say how it came to that."""
-    lines = complaint.decode("utf-8", "replace").split("\n")
-    return next((line.strip()[-LAST_WORDS:] for line in reversed(lines) if line.strip()), "")
+    lines = stderr.decode("utf-8", "replace").split("\n")
+    return next((line.strip()[-MAX_ERROR_LENGTH:] for line in reversed(lines) if line.strip()), "")
 
 
-class Unframer:
+class MessageParser:
     """Puts messages together again from bytes that are cut anywhere."""
 
     def __init__(self) -> None:
@@ -78,23 +78,23 @@ class Unframer:
             yield head, body
 
 
-class Talker(Protocol):
+class WorkerHandler(Protocol):
     """Who talks with a worker. All three are called from the worker's reading thread and must return soon."""
 
-    def started(self) -> None:
+    def on_started(self) -> None:
         """A new process runs and knows nothing yet: tell it what it must know."""
         ...
 
-    def received(self, message: Message, body: bytes) -> None:
+    def on_message(self, message: Message, body: bytes) -> None:
         """It said something."""
         ...
 
-    def lost(self, why: str) -> None:
-        """It has died, and whatever it had to do with it; ``started`` follows once there is another."""
+    def on_exit(self, reason: str) -> None:
+        """It has died, and whatever it had to do with it; ``on_started`` follows once there is another."""
         ...
 
 
-class Worker:
+class WorkerProcess:
     """Runs ``program`` (a file) with ``arguments``, and again after 1, 2, 4.. s when it dies.
 
     ``name`` is the part of the robot that it works for, ``hint`` what to type when it does not run. Deaths are
@@ -109,28 +109,30 @@ class Worker:
         *,
         arguments: Sequence[str] = (),
         hint: str = "",
-        report: Report = ignore,
+        report: StatusCallback = ignore,
         command: Sequence[str] = (sys.executable, "-I"),
     ) -> None:
         self.name = name
         self._command = (*command, str(program), *arguments)
-        self._what = program.stem
+        self._program_name = program.stem
         self._clock = clock
         self._hint = hint
-        self._report = guarded(report)
+        self._report = guard_callback(report)
         self._writing = Lock()  # over the process: who holds it may write, and nobody lets it go meanwhile
         self._process: Popen[bytes] | None = None
-        self._trouble = f"{name}: {self._what}: not started yet"
-        self._deaths = 0  # in a row
+        self._offline_reason = f"{name}: {self._program_name}: not started yet"
+        self._exits_in_a_row = 0  # in a row
         self._starts = 0
         self._ending = Event()
         self._thread: Thread | None = None
 
-    def open(self, talker: Talker) -> None:
+    def open(self, handler: WorkerHandler) -> None:
         """Start the program, and the thread that reads what it says; returns at once. Safe more than once."""
         if self._thread is None:
             self._ending.clear()
-            self._thread = Thread(target=self._run, args=(talker,), name=f"{self.name} {self._what}", daemon=True)
+            self._thread = Thread(
+                target=self._run, args=(handler,), name=f"{self.name} {self._program_name}", daemon=True
+            )
             self._thread.start()
 
     def close(self) -> None:
@@ -153,7 +155,7 @@ class Worker:
         counters = {"starts": self._starts}
         if self._process is not None:
             return Health(online=True, counters=counters)
-        return Health(online=False, detail=self._trouble, hint=self._hint, counters=counters)
+        return Health(online=False, detail=self._offline_reason, hint=self._hint, counters=counters)
 
     def send(self, message: Message, body: bytes = b"", *, timeout: float = 1.0) -> None:
         """Send a message whole. Raises NotConnected when it does not run, NoReply when it does not listen.
@@ -162,12 +164,12 @@ class Worker:
         process that has been told half a message is of no more use, so it is killed then.
         """
         if not self._writing.acquire(timeout=timeout):
-            raise NoReply(f"{self.name}: {self._what}: busy for {timeout:g} s", hint=self._hint)
+            raise NoReply(f"{self.name}: {self._program_name}: busy for {timeout:g} s", hint=self._hint)
         try:
             process = self._process
             if process is None or process.stdin is None:
-                raise NotConnected(self._trouble, hint=self._hint)
-            self._write(process.stdin.fileno(), frame(message, body), timeout)
+                raise NotConnected(self._offline_reason, hint=self._hint)
+            self._write(process.stdin.fileno(), pack_message(message, body), timeout)
         finally:
             self._writing.release()
 
@@ -179,30 +181,30 @@ class Worker:
             while left:
                 if not room.poll(timeout * 1000):
                     self.kill()
-                    raise NoReply(f"{self.name}: {self._what}: took nothing for {timeout:g} s", hint=self._hint)
+                    raise NoReply(f"{self.name}: {self._program_name}: took nothing for {timeout:g} s", hint=self._hint)
                 left = left[os.write(pipe, left) :]
         except OSError as error:  # a broken pipe: it is dying, which its reader will tell
             if isinstance(error, NoReply):
                 raise
-            raise NotConnected(f"{self.name}: {self._what}: {error.strerror}", hint=self._hint) from error
+            raise NotConnected(f"{self.name}: {self._program_name}: {error.strerror}", hint=self._hint) from error
 
     # --- the thread ---------------------------------------------------------------------------------------------------
 
-    def _run(self, talker: Talker) -> None:
+    def _run(self, handler: WorkerHandler) -> None:
         while not self._ending.is_set():
-            began = self._clock.now()
-            why = self._live(talker)
+            began = self._clock.read_value()
+            why = self._run_process(handler)
             if self._ending.is_set():
                 return
-            self._deaths = 1 if self._clock.now() - began > LONGEST_DELAY else self._deaths + 1
-            trouble = f"{self.name}: {self._what}: {why}"
-            if self._deaths == 1 or trouble != self._trouble:
+            self._exits_in_a_row = 1 if self._clock.read_value() - began > MAX_RETRY_DELAY else self._exits_in_a_row + 1
+            trouble = f"{self.name}: {self._program_name}: {why}"
+            if self._exits_in_a_row == 1 or trouble != self._offline_reason:
                 self._report(DeviceStatus(self.name, "fault", trouble, self._hint))
-            self._trouble = trouble
-            guarded(talker.lost)(self._trouble)
-            self._ending.wait(min(2.0 ** (self._deaths - 1), LONGEST_DELAY))
+            self._offline_reason = trouble
+            guard_callback(handler.on_exit)(self._offline_reason)
+            self._ending.wait(min(2.0 ** (self._exits_in_a_row - 1), MAX_RETRY_DELAY))
 
-    def _live(self, talker: Talker) -> str:
+    def _run_process(self, handler: WorkerHandler) -> str:
         """Run one process from its birth to its death; return how it ended."""
         try:
             process = Popen(  # noqa: S603 - no shell; a program of ours
@@ -218,7 +220,7 @@ class Worker:
             if self._ending.is_set():  # closed while it was being born
                 self.kill()
             try:
-                complaint = self._serve(process, talker)
+                complaint = self._serve(process, handler)
             finally:
                 self.kill()
                 with self._writing:
@@ -226,41 +228,41 @@ class Worker:
                 process.wait()
         return f"ended with {process.returncode}" + (f": {complaint}" if complaint else "")
 
-    def _serve(self, process: "Popen[bytes]", talker: Talker) -> str:
+    def _serve(self, process: "Popen[bytes]", handler: WorkerHandler) -> str:
         """Pass on what the process says until it says no more; return its last words on standard error."""
         if process.stdout is None or process.stderr is None:
             return ""
-        complaint, unframer = b"", Unframer()
+        complaint, unframer = b"", MessageParser()
         out, err = process.stdout.fileno(), process.stderr.fileno()
         ready = select.poll()
         ready.register(out, select.POLLIN)
         ready.register(err, select.POLLIN)
-        guarded(talker.started)()
-        received = guarded(talker.received)
+        guard_callback(handler.on_started)()
+        received = guard_callback(handler.on_message)
         while True:
             for pipe, _ in ready.poll():
-                data = os.read(pipe, _PIECE)
+                data = os.read(pipe, _READ_SIZE)
                 if pipe == err:
-                    complaint = (complaint + data)[-4 * LAST_WORDS :]  # in UTF-8
+                    complaint = (complaint + data)[-4 * MAX_ERROR_LENGTH :]  # in UTF-8
                     if not data:
                         ready.unregister(err)
                     continue
                 if not data:
-                    return last_words(_drained(err, complaint))
+                    return last_error_line(_read_rest(err, complaint))
                 try:
                     for message, body in unframer.feed(data):
                         received(message, body)
                 except (ValueError, RecursionError) as error:  # the latter from brackets in brackets in brackets
-                    return f"{error}; {last_words(_drained(err, complaint))}"
+                    return f"{error}; {last_error_line(_read_rest(err, complaint))}"
 
 
-def _drained(pipe: int, complaint: bytes) -> bytes:
+def _read_rest(pipe: int, stderr: bytes) -> bytes:
     """Return a complaint with the rest of it, as far as that has come: both pipes of a program end in the same moment.
 
     It is not waited for: somebody whom the program has started may hold its end for ever.
     """
     os.set_blocking(pipe, False)
     with suppress(BlockingIOError):
-        while data := os.read(pipe, _PIECE):
-            complaint = (complaint + data)[-4 * LAST_WORDS :]
-    return complaint
+        while data := os.read(pipe, _READ_SIZE):
+            stderr = (stderr + data)[-4 * MAX_ERROR_LENGTH :]
+    return stderr

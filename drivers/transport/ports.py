@@ -22,10 +22,10 @@ from drivers.transport.programs import Program, device_holders, end_command, exp
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-LISTED = "mission ports  (what is plugged in, and what answers there)"
+PORTS_HINT = "mission ports  (what is plugged in, and what answers there)"
 """What to type where a port is not what it should be."""
 
-_KINDS = {
+_FILE_KINDS = {
     stat.S_ISREG: "a file",
     stat.S_ISDIR: "a folder",
     stat.S_ISFIFO: "a pipe",
@@ -35,7 +35,7 @@ _KINDS = {
 """What stands in a file system besides devices of characters, which serial ports are."""
 
 
-def other_than_serial(port: str) -> str | None:
+def find_non_serial_kind(port: str) -> str | None:
     """Say what stands at ``port`` where that is of no kind that a serial port can be.
 
     None for one that may be, and where there is nothing: it may be plugged in yet.
@@ -44,7 +44,7 @@ def other_than_serial(port: str) -> str | None:
         status = Path(port).stat()
     except (OSError, ValueError):
         return None
-    for is_kind, word in _KINDS.items():
+    for is_kind, word in _FILE_KINDS.items():
         if is_kind(status.st_mode):
             return word
     number = f"{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}"
@@ -55,22 +55,22 @@ def other_than_serial(port: str) -> str | None:
     return None if subsystem == "tty" else f"a device of another kind ({subsystem})"
 
 
-def refuse_other_than_serial(ports: Mapping[str, str]) -> None:
+def require_serial_ports(ports: Mapping[str, str]) -> None:
     """Raise NotConnected where a part's port can never be one, with all that are not."""
-    wrong = {part: what for part, port in ports.items() if (what := other_than_serial(port)) is not None}
+    wrong = {part: what for part, port in ports.items() if (what := find_non_serial_kind(port)) is not None}
     if wrong:
         found = (f"{part}: {ports[part]}: no serial port, but {what}" for part, what in wrong.items())
-        raise NotConnected("\n".join(found), hint=LISTED)
+        raise NotConnected("\n".join(found), hint=PORTS_HINT)
 
 
-DEBUG_CONNECTOR, PINS = "/dev/ttyAMA10", "/dev/ttyAMA0"
+DEBUG_CONNECTOR, PINS_PORT = "/dev/ttyAMA10", "/dev/ttyAMA0"
 """Serial ports of a Raspberry Pi 5: of its debug connector, where /dev/serial0 leads, and of GPIO 14 and 15."""
 
-UART_ON = "dtparam=uart0=on in /boot/firmware/config.txt, and a restart"
+UART_SETTING = "dtparam=uart0=on in /boot/firmware/config.txt, and a restart"
 """The setting that switches the port of the pins on."""
 
-DEBUGGING = f"leads to the debug connector of this Raspberry Pi 5 ({DEBUG_CONNECTOR}), not to its pins"
-PINS_CURE = f"port: {PINS}  (GPIO 14 and 15, after {UART_ON})"
+DEBUG_CONNECTOR_PROBLEM = f"leads to the debug connector of this Raspberry Pi 5 ({DEBUG_CONNECTOR}), not to its pins"
+PINS_HINT = f"port: {PINS_PORT}  (GPIO 14 and 15, after {UART_SETTING})"
 """The message about a link to the debug connector, and its hint."""
 
 _PI_5 = re.compile(r"Raspberry Pi (5|500|Compute Module 5)\b")
@@ -96,24 +96,24 @@ def leads_to_debug_connector(port: str, root: Path = Path("/")) -> bool:
     return link.is_symlink() and link.resolve().name == Path(DEBUG_CONNECTOR).name and is_raspberry_pi_5(root)
 
 
-_CONTROL_FLAGS = 2
+_CONTROL_FLAGS_INDEX = 2
 """Where ``termios.tcgetattr`` has the control modes in its list."""
 
-CHUNK = 4096
+READ_SIZE = 4096
 """Bytes that are read at once at most: all that Linux keeps of a serial line."""
 
 
 class SerialPort(serial.Serial):
     """A serial port that asks the system no more often than it must, and leaves DTR as it was set when it is closed."""
 
-    def arrived(self, patience: float) -> bytes:
+    def read_available(self, timeout: float) -> bytes:
         """Return what has arrived; wait up to ``patience`` seconds for the first byte of it.
 
         Raises OSError when the port has gone, which an empty read of one that is ready says too.
         """
-        if not select.select([self.fileno()], [], [], patience)[0]:
+        if not select.select([self.fileno()], [], [], timeout)[0]:
             return b""
-        data = os.read(self.fileno(), CHUNK)
+        data = os.read(self.fileno(), READ_SIZE)
         if not data:
             raise OSError(errno.EIO, "nothing left to read: the device has gone, or another program reads it too")
         return data
@@ -137,7 +137,7 @@ class SerialPort(serial.Serial):
         """
         try:
             settings = termios.tcgetattr(self.fileno())
-            settings[_CONTROL_FLAGS] &= ~termios.HUPCL
+            settings[_CONTROL_FLAGS_INDEX] &= ~termios.HUPCL
             termios.tcsetattr(self.fileno(), termios.TCSANOW, settings)
         except termios.error as error:
             raise OSError(*error.args) from error
@@ -148,53 +148,55 @@ class SerialPort(serial.Serial):
                 raise
 
 
-def open_port(who: str, port: str, baud: int, *, timeout: float = 0.02) -> SerialPort:
+def open_port(part: str, port: str, baud: int, *, timeout: float = 0.02) -> SerialPort:
     """Open ``port`` at ``baud``, 8N1, exclusively; reads wait ``timeout`` seconds at most, writes half a second.
 
     Raises NotConnected, with what to try: nothing there, no serial port, no right to it, or held by another
     process; a name of the debug connector of a Raspberry Pi 5.
     """
     if leads_to_debug_connector(port):
-        raise NotConnected(f"{who}: {port}: {DEBUGGING}", hint=PINS_CURE)
-    refuse_other_than_serial({who: port})
+        raise NotConnected(f"{part}: {port}: {DEBUG_CONNECTOR_PROBLEM}", hint=PINS_HINT)
+    require_serial_ports({part: port})
     # Before it is opened: that sets the baud rate of whoever holds it, too, and would part a robot from its program.
     if holders := device_holders(port):
-        raise _in_use(who, port, holders)
+        raise _make_in_use_error(part, port, holders)
     try:
         return SerialPort(port, baud, timeout=timeout, write_timeout=0.5, exclusive=True)
     except (serial.SerialException, OSError) as error:
-        raise explain(who, port, error) from error
+        raise make_port_error(part, port, error) from error
 
 
-class Lost(OSError):
+class PortLostError(OSError):
     """A port that has gone, of a kind for which there is something better to try than to look at it."""
 
-    def __init__(self, what: str, hint: str) -> None:
-        super().__init__(what)
+    def __init__(self, message: str, hint: str) -> None:
+        super().__init__(message)
         self.hint = hint
 
 
-def explain(who: str, port: str, error: BaseException) -> NotConnected:
+def make_port_error(part: str, port: str, error: BaseException) -> NotConnected:
     """Turn what the operating system says of ``port`` into an error with a cure."""
     number = _errno_of(error)
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         return NotConnected(
-            f"{who}: {port}: no such device",
-            hint=LISTED,
+            f"{part}: {port}: no such device",
+            hint=PORTS_HINT,
         )
     if number == errno.EACCES:
         what, hint = explain_denied(Path(port))
-        return NotConnected(f"{who}: {port}: {what}", hint=hint)
+        return NotConnected(f"{part}: {port}: {what}", hint=hint)
     if number in (errno.EAGAIN, errno.EBUSY):
-        return _in_use(who, port, device_holders(port))
-    what = str(error).removeprefix(f"{who}: {port}: ")  # which opening it may have said
-    return NotConnected(f"{who}: {port}: {what}", hint=error.hint if isinstance(error, Lost) else f"ls -l {port}")
+        return _make_in_use_error(part, port, device_holders(port))
+    what = str(error).removeprefix(f"{part}: {port}: ")  # which opening it may have said
+    return NotConnected(
+        f"{part}: {port}: {what}", hint=error.hint if isinstance(error, PortLostError) else f"ls -l {port}"
+    )
 
 
-def _in_use(who: str, port: str, holders: Sequence[Program]) -> NotConnected:
+def _make_in_use_error(part: str, port: str, holders: Sequence[Program]) -> NotConnected:
     by = f" by {', '.join(map(str, holders))}" if holders else ""
     hint = end_command(holders, f"fuser -v {port}  (who holds it)")
-    return NotConnected(f"{who}: {port}: in use{by}", hint=hint)
+    return NotConnected(f"{part}: {port}: in use{by}", hint=hint)
 
 
 def _errno_of(error: BaseException) -> int | None:

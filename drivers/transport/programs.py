@@ -27,18 +27,18 @@ def explain_denied(device: Path, path: str = "", groups: Collection[int] | None 
     except (OSError, KeyError):
         return "no permission", f"ls -l {path}"
     if group not in DEVICE_GROUPS or not status.st_mode & stat.S_IRGRP or not status.st_mode & stat.S_IWGRP:
-        owner = f"it belongs to {_user(status.st_uid)} alone" if group in (_user(status.st_uid), "root") else (
-            f"it belongs to {_user(status.st_uid)} and group {group}, which is not made for devices")  # fmt: skip
-        return f"no permission: {owner}", _grant(path, group)
+        owner = f"it belongs to {_user_name(status.st_uid)} alone" if group in (_user_name(status.st_uid), "root") else (
+            f"it belongs to {_user_name(status.st_uid)} and group {group}, which is not made for devices")  # fmt: skip
+        return f"no permission: {owner}", _grant_command(path, group)
     if status.st_gid in (groups if groups is not None else {os.getegid(), *os.getgroups()}):
         return f"no permission, though you are in its group {group}", f"ls -l {path}"
-    if _user(os.geteuid()) in grp.getgrgid(status.st_gid).gr_mem:
+    if _user_name(os.geteuid()) in grp.getgrgid(status.st_gid).gr_mem:
         return f"no permission: you have joined its group {group}, but not in this login", "log out, and in again"
     what = f"no permission: it belongs to group {group}, which you are not in"
     return what, f"sudo usermod -a -G {group} $USER  (then log in again)"
 
 
-def _grant(path: str, group: str) -> str:
+def _grant_command(path: str, group: str) -> str:
     """Return the command that gives the user this one device."""
     if group == "tty":  # a Raspberry Pi gives its serial port to the login console
         return "sudo raspi-config  (Interface Options, Serial Port: no login shell, but the port)"
@@ -47,7 +47,7 @@ def _grant(path: str, group: str) -> str:
     )
 
 
-def _user(number: int) -> str:
+def _user_name(number: int) -> str:
     import pwd  # noqa: PLC0415 - as above
 
     try:
@@ -56,10 +56,10 @@ def _user(number: int) -> str:
         return str(number)
 
 
-STOPPABLE = ("run", "servo", "head", "teleop")
+STOPPABLE_COMMANDS = ("run", "servo", "head", "teleop")
 """Commands of ours that move a robot: `mission stop` ends them with all at rest."""
 
-LISTENING = "0A"
+TCP_LISTEN = "0A"
 """State of a TCP socket that waits for connections, as /proc/net/tcp writes it."""
 
 MAX_NAME_LENGTH = 60
@@ -84,16 +84,16 @@ class Program:
         words = self.name.split()
         if words[:1] != ["mission"]:
             return ""
-        return f"mission stop --end {self.pid}" if words[1:2] and words[1] in STOPPABLE else f"kill {self.pid}"
+        return f"mission stop --end {self.pid}" if words[1:2] and words[1] in STOPPABLE_COMMANDS else f"kill {self.pid}"
 
 
-def program_of(pid: int, root: Path = Path("/")) -> Program:
+def read_program(pid: int, root: Path = Path("/")) -> Program:
     """Return the program of a process."""
     folder = root / "proc" / str(pid)
-    return named(pid, _read(folder / "comm"), _read(folder / "cmdline"))
+    return identify_program(pid, _read(folder / "comm"), _read(folder / "cmdline"))
 
 
-def named(pid: int, comm: str, cmdline: str) -> Program:
+def identify_program(pid: int, comm: str, cmdline: str) -> Program:
     """Return the program of a process by what its files ``comm`` and ``cmdline`` in /proc hold."""
     name, words = comm.strip() or "a program", cmdline.rstrip("\0").split("\0")
     ours = next((at for at, word in enumerate(words) if _is_ours(words, at, word)), None)
@@ -141,7 +141,7 @@ def tcp_holders(port: int) -> list[Program]:
     for table in ("tcp", "tcp6"):
         for line in _read(Path("/proc/net") / table).splitlines()[1:]:
             fields = line.split()
-            if fields[3] == LISTENING and int(fields[1].rpartition(":")[2], 16) == port:
+            if fields[3] == TCP_LISTEN and int(fields[1].rpartition(":")[2], 16) == port:
                 inodes.add(f"socket:[{fields[9]}]")
     return list(_holders(lambda descriptor: str(Path(descriptor).readlink()) in inodes)) if inodes else []
 
@@ -157,7 +157,7 @@ def _holders(holds: Callable[["os.DirEntry[str]"], bool]) -> Iterator[Program]:
             with suppress(OSError):
                 if holds(descriptor):
                     found.add(int(process.name))
-    yield from (program_of(pid) for pid in sorted(found - {os.getpid()}))
+    yield from (read_program(pid) for pid in sorted(found - {os.getpid()}))
 
 
 def _entries(folder: str) -> "list[os.DirEntry[str]]":

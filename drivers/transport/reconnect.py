@@ -2,78 +2,78 @@
 
 from math import inf
 
-from drivers.api import Away
+from drivers.api import ReconnectPolicy
 from drivers.errors import DeviceFault
 
 
-class Absence:
+class ReconnectTracker:
     """Told whenever the part is heard; not safe between threads.
 
-    ``returned`` is when it was last back from an absence after which nothing of before goes on, None if there was none;
+    ``reconnected_at`` is when it was last back from an absence after which nothing of before goes on, None if there was none;
     ``latched`` says why it stays at rest until it is enabled, and is empty while it need not.
     """
 
-    def __init__(self, away: Away | None = None) -> None:
-        self.returned: float | None = None
+    def __init__(self, policy: ReconnectPolicy | None = None) -> None:
+        self.reconnected_at: float | None = None
         self.latched = ""
-        self._away = away or Away()
-        self._heard_at = -inf
+        self._policy = policy or ReconnectPolicy()
+        self._reported_at = -inf
 
     @property
-    def shortest(self) -> float:
+    def min_absence(self) -> float:
         """Seconds from which on it counts as having been away."""
-        return self._away.decide
+        return self._policy.decide_after
 
-    def begin(self) -> None:
+    def restart(self) -> None:
         """Begin anew: what is heard next is the first of it."""
-        self.returned, self.latched, self._heard_at = None, "", -inf
+        self.reconnected_at, self.latched, self._reported_at = None, "", -inf
 
-    def heard(self, now: float, *, anew: bool = False) -> bool:
+    def on_report(self, now: float, *, restarted: bool = False) -> bool:
         """Note that it is there at ``now`` seconds, and may have started ``anew``; say if nothing of before goes on."""
-        before, self._heard_at = self._heard_at, now
-        return before > -inf and self.back(now, now - before, anew=anew)
+        before, self._reported_at = self._reported_at, now
+        return before > -inf and self.on_return(now, now - before, restarted=restarted)
 
-    def back(self, now: float, lasted: float, *, who: str = "it", anew: bool = False) -> bool:
-        """Note that it, or one servo of it (``who``), is back at ``now`` after ``lasted`` seconds; say as ``heard``."""
-        if not (anew or lasted > self._away.decide):
+    def on_return(self, now: float, absence: float, *, name: str = "it", restarted: bool = False) -> bool:
+        """Note that it, or one servo of it (``who``), is back at ``now`` after ``lasted`` seconds; say as ``on_report``."""
+        if not (restarted or absence > self._policy.decide_after):
             return False
-        self.returned = now
-        if lasted > self._away.latch:
-            self.latch(f"{who} was away for {lasted:.0f} s")
+        self.reconnected_at = now
+        if absence > self._policy.latch_after:
+            self.latch(f"{name} was away for {absence:.0f} s")
         return True
 
-    def unheard(self, now: float) -> bool:
+    def is_silent(self, now: float) -> bool:
         """Whether it was silent for so long by ``now`` that it is to be heard again before anything moves."""
-        return -inf < self._heard_at < now - self._away.decide
+        return -inf < self._reported_at < now - self._policy.decide_after
 
-    def before_return(self, asked: float) -> bool:
+    def is_from_before(self, requested_at: float) -> bool:
         """Whether what was ``asked`` at that time is from before its last return."""
-        return self.returned is not None and asked < self.returned
+        return self.reconnected_at is not None and requested_at < self.reconnected_at
 
-    def require(self, who: str) -> None:
+    def require_unlatched(self, part: str) -> None:
         """Raise DeviceFault while it is latched; ``who`` is the part."""
         if self.latched:
-            raise DeviceFault(f"{who}: stopped: {self.latched}", hint=f"look at it, then enable the {who}")
+            raise DeviceFault(f"{part}: stopped: {self.latched}", hint=f"look at it, then enable the {part}")
 
-    def latch(self, reason: str, *, graver: bool = False) -> None:
+    def latch(self, reason: str, *, replace: bool = False) -> None:
         """Let it rest until it is enabled; a ``graver`` reason is told in place of one that was there."""
-        self.latched = reason if graver else self.latched or reason
+        self.latched = reason if replace else self.latched or reason
 
     def enable(self) -> None:
         """Let it be moved again."""
         self.latched = ""
 
 
-class Enabling:
-    """A ``drivers.api.Latching`` part, by its ``_absence``."""
+class LatchingPart:
+    """A ``drivers.api.Latchable`` part, by its ``_reconnect``."""
 
-    _absence: Absence
+    _reconnect: ReconnectTracker
 
     @property
     def latched(self) -> str:
         """Why it moves no more until it is enabled; empty while it does."""
-        return self._absence.latched
+        return self._reconnect.latched
 
     def enable(self) -> None:
         """Let it move again, after it was away for long."""
-        self._absence.enable()
+        self._reconnect.enable()

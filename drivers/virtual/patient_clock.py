@@ -9,7 +9,7 @@ from threading import Lock
 
 from drivers.clock import Clock, SystemClock
 
-PATIENCE = 0.03
+MAX_DEVICE_DELAY = 0.03
 """Seconds that a device may be late before time stands still: less than any driver waits for an answer on a wire."""
 
 
@@ -19,29 +19,29 @@ class PatientClock:
     def __init__(self, machine: Clock | None = None) -> None:
         self._machine = SystemClock() if machine is None else machine
         self._lock = Lock()
-        self._lost = 0.0  # seconds in which somebody was held up
+        self._stopped_time = 0.0  # seconds in which somebody was held up
         self._last = 0.0
-        self._seen: dict[object, float] = {}  # when each whom it waits for was last there
+        self._heartbeats: dict[object, float] = {}  # when each whom it waits for was last there
 
-    def now(self) -> float:
-        """Return the time in seconds: at most ``PATIENCE`` after everybody whom it waits for was last there."""
+    def read_value(self) -> float:
+        """Return the time in seconds: at most ``MAX_DEVICE_DELAY`` after everybody whom it waits for was last there."""
         with self._lock:
             return self._now()
 
-    def attend(self, who: object) -> None:
+    def heartbeat(self, device: object) -> None:
         """Wait for ``who`` from now on; to be said again and again, as long as it is not held up."""
         with self._lock:
-            self._seen[who] = self._now()
+            self._heartbeats[device] = self._now()
 
-    def dismiss(self, who: object) -> None:
+    def unregister(self, device: object) -> None:
         """Wait for ``who`` no more."""
         with self._lock:
-            self._seen.pop(who, None)
+            self._heartbeats.pop(device, None)
 
     def _now(self) -> float:
-        now = self._machine.now() - self._lost
-        if self._seen and (late := now - min(self._seen.values()) - PATIENCE) > 0:
-            self._lost += late
+        now = self._machine.read_value() - self._stopped_time
+        if self._heartbeats and (late := now - min(self._heartbeats.values()) - MAX_DEVICE_DELAY) > 0:
+            self._stopped_time += late
             now -= late
         self._last = max(self._last, now)
         return self._last

@@ -10,8 +10,8 @@ from drivers.virtual.terminal import WireDevice
 T = TypeVar("T")
 
 
-class Socket(Protocol):
-    """Where virtual devices are plugged in: a ``drivers.virtual.terminal.Terminal``, or what does for it elsewhere."""
+class VirtualPort(Protocol):
+    """Where virtual devices are plugged in: a ``drivers.virtual.terminal.PseudoTerminal``, or what does for it elsewhere."""
 
     @property
     def path(self) -> str:
@@ -34,30 +34,30 @@ class Socket(Protocol):
         """Put it in again."""
         ...
 
-    def ask(self, question: Callable[[], T]) -> T:
+    def call_paused(self, question: Callable[[], T]) -> T:
         """Ask the devices something while they stand still."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
-class Plugged:
-    """A ``device`` on a wire, whose pseudo-terminal is called after ``wire``; None for a part on the wire of another.
+class VirtualDevice:
+    """A ``device`` on a wire, whose pseudo-terminal is called after ``port_name``; None for a part on the wire of another.
 
-    ``terminal`` is where it is plugged in, if that is no pseudo-terminal; its device is then its own.
+    ``port`` is where it is plugged in, if that is no pseudo-terminal; its device is then its own.
 
-    A base tells its true ``pose`` at a time, a head where it truly ``looks``, and each its ``state`` in plain values.
+    A base tells its true ``pose`` at a time, a head where it truly ``head_pose``, and each its ``state`` in plain values.
     All are called while the terminal waits: the device is theirs alone.
     """
 
     device: WireDevice | None
-    wire: str = ""
+    port_name: str = ""
     pose: Callable[[float], Pose2D] | None = None
-    looks: Callable[[float], HeadPose] | None = None
+    head_pose: Callable[[float], HeadPose] | None = None
     state: Callable[[float], object] | None = None
-    terminal: Socket | None = None
+    port: VirtualPort | None = None
 
 
-class VirtualBase(WireDevice, Protocol):
+class WireBase(WireDevice, Protocol):
     """A virtual base with a simulated ``body``."""
 
     body: Any
@@ -67,10 +67,10 @@ class VirtualBase(WireDevice, Protocol):
         ...
 
 
-def plugged_base(device: VirtualBase, wire: str) -> Plugged:
+def make_virtual_base(device: WireBase, wire: str) -> VirtualDevice:
     """Return a virtual base on a wire; its state are pose and velocity."""
 
     def state(now: float) -> object:
         return asdict(device.pose(now)) | asdict(device.body.velocity)
 
-    return Plugged(device, wire, pose=device.pose, state=state)
+    return VirtualDevice(device, wire, pose=device.pose, state=state)

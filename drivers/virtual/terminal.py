@@ -24,10 +24,10 @@ from drivers.virtual.patient_clock import PatientClock
 
 T = TypeVar("T")
 
-SPIN = 150e-6
+SPIN_TIME = 150e-6
 """Seconds before something is due that are waited for without sleeping: no sleep ends on time to less than that."""
 
-TOLERANCE = 0.03
+BAUD_TOLERANCE = 0.03
 """How far, as a share, two rates may be apart and still understand each other."""
 
 _TCGETS2 = 0x802C542A
@@ -53,37 +53,37 @@ class WireDevice(Protocol):
 
 
 @runtime_checkable
-class Punctual(Protocol):
+class TimedDevice(Protocol):
     """A device that keeps the times of its wire: the terminal polls it on the moment, not merely now and then."""
 
-    def next_at(self) -> float | None:
+    def next_poll_time(self) -> float | None:
         """Return when ``poll`` will have something to say; None while nothing is under way."""
         ...
 
 
 @runtime_checkable
-class Tunable(Protocol):
+class MultiRateDevice(Protocol):
     """A device made of parts that run at several rates: it is told the computer's, and decides who hears."""
 
-    def tune(self, baud: int) -> None:
+    def set_baud(self, baud: int) -> None:
         """Take note that the computer runs at ``baud``."""
 
 
 @runtime_checkable
-class Powered(Protocol):
+class PoweredDevice(Protocol):
     """A device that has its power from the plug."""
 
-    def plugged(self, now: float) -> None:
+    def power_on(self, now: float) -> None:
         """The plug was put in, at time ``now``."""
 
 
-def agree(one: int, other: int) -> bool:
+def baud_rates_match(one: int, other: int) -> bool:
     """Whether two ends of a wire at these rates understand each other."""
-    return abs(one - other) <= TOLERANCE * max(one, other)
+    return abs(one - other) <= BAUD_TOLERANCE * max(one, other)
 
 
-class Terminal:
-    """Runs a device on a pseudo-terminal, on a thread of its own; one that is ``Punctual`` is heard on time.
+class PseudoTerminal:
+    """Runs a device on a pseudo-terminal, on a thread of its own; one that is ``TimedDevice`` is heard on time.
 
     ``path`` is a stable name (a symbolic link) that survives ``unplug`` and ``replug``, as a udev name does.
     ``distort`` may be set at any time: it sees all bytes that the device sends, and returns what arrives instead
@@ -93,21 +93,23 @@ class Terminal:
     """
 
     def __init__(
-        self, name: str, device: WireDevice, clock: Clock, *, period: float = 0.005, awake: float = 0.0
+        self, name: str, device: WireDevice, clock: Clock, *, poll_interval: float = 0.005, busy_wait: float = 0.0
     ) -> None:
         self.name = name
         self.device = device
         self.distort: Callable[[bytes], bytes] = bytes
-        self._punctual = device if isinstance(device, Punctual) else None
-        self._tunable = device if isinstance(device, Tunable) else None
+        self._timed_device = device if isinstance(device, TimedDevice) else None
+        self._multi_rate_device = device if isinstance(device, MultiRateDevice) else None
         self._clock = clock
-        self._patient = clock if isinstance(clock, PatientClock) else None
-        self._period = period
-        self._awake = awake
-        self._awake_until = 0.0
+        self._patient_clock = clock if isinstance(clock, PatientClock) else None
+        self._poll_interval = poll_interval
+        self._busy_wait = busy_wait
+        self._busy_until = 0.0
         self._folder = Path(tempfile.gettempdir()) / f"missiontree-{secrets.token_hex(8)}"
         self.path = str(self._folder / name)
-        self._forget: weakref.finalize[[Path], Terminal] | None = None  # removes the folder, at exit if nobody did
+        self._remove_folder: weakref.finalize[[Path], PseudoTerminal] | None = (
+            None  # removes the folder, at exit if nobody did
+        )
         self._lock = RLock()
         self._master = self._slave = -1
         self._ending = Event()
@@ -118,7 +120,7 @@ class Terminal:
         if self._thread is not None:
             return
         self._folder.mkdir(mode=0o700)
-        self._forget = weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
+        self._remove_folder = weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
         self.replug()
         self._ending.clear()
         self._thread = Thread(target=self._run, name=f"virtual {self.name}", daemon=True)
@@ -131,8 +133,8 @@ class Terminal:
             self._thread.join()
             self._thread = None
         self.unplug()
-        if self._forget is not None:
-            self._forget()
+        if self._remove_folder is not None:
+            self._remove_folder()
 
     def unplug(self) -> None:
         """Pull the plug: the port vanishes under whoever has it open. The device goes on without a wire."""
@@ -153,11 +155,11 @@ class Terminal:
             # master reads EIO whenever the last client has closed.
             tty.setraw(self._slave)
             os.set_blocking(self._master, False)
-            if isinstance(self.device, Powered):
-                self.device.plugged(self._clock.now())
+            if isinstance(self.device, PoweredDevice):
+                self.device.power_on(self._clock.read_value())
             Path(self.path).symlink_to(os.ttyname(self._slave))
 
-    def ask(self, question: Callable[[], T]) -> T:
+    def call_paused(self, question: Callable[[], T]) -> T:
         """Ask the device something while it stands still: its own thread waits until ``question`` is answered."""
         with self._lock:
             return question()
@@ -173,50 +175,50 @@ class Terminal:
     def _run(self) -> None:
         try:
             while not self._ending.is_set():
-                if self._patient is not None:
-                    self._patient.attend(self)
-                self._turn()
+                if self._patient_clock is not None:
+                    self._patient_clock.heartbeat(self)
+                self._run_once()
         finally:
-            if self._patient is not None:
-                self._patient.dismiss(self)
+            if self._patient_clock is not None:
+                self._patient_clock.unregister(self)
 
-    def _turn(self) -> None:
+    def _run_once(self) -> None:
         """Wait until something has come, or is due, and pass it on."""
         with self._lock:
-            master, due = self._master, self._punctual.next_at() if self._punctual else None
-        rest = self._period if due is None else min(self._period, due - self._clock.now())
+            master, due = self._master, self._timed_device.next_poll_time() if self._timed_device else None
+        rest = self._poll_interval if due is None else min(self._poll_interval, due - self._clock.read_value())
         if master < 0:
-            self._ending.wait(self._period)
-        elif self._clock.now() >= self._awake_until:
+            self._ending.wait(self._poll_interval)
+        elif self._clock.read_value() >= self._busy_until:
             with contextlib.suppress(OSError, ValueError):  # unplugged while we waited
-                select.select([master], [], [], max(0.0, rest - SPIN))
+                select.select([master], [], [], max(0.0, rest - SPIN_TIME))
             self._spin(due)
         with self._lock:
             self._exchange()
 
     def _spin(self, due: float | None) -> None:
         """Wait for ``due`` on the moment if it is near; not if bytes have come long before it."""
-        while due is not None and 0 < due - self._clock.now() <= SPIN and not self._ending.is_set():
+        while due is not None and 0 < due - self._clock.read_value() <= SPIN_TIME and not self._ending.is_set():
             pass
 
     def _exchange(self) -> None:
         """Pass on what has arrived, and what the device has to say."""
-        now = self._clock.now()
+        now = self._clock.read_value()
         data = b""
         if self._master >= 0:
             with contextlib.suppress(OSError):
                 data = os.read(self._master, 4096)
-        heard = data if self._understood() else b""
+        heard = data if self._baud_matches() else b""
         answer = (self.device.feed(heard, now) if heard else b"") + self.device.poll(now)
-        if self._awake and (data or answer):
-            self._awake_until = now + self._awake
-        if answer and self._master >= 0 and self._understood():
+        if self._busy_wait and (data or answer):
+            self._busy_until = now + self._busy_wait
+        if answer and self._master >= 0 and self._baud_matches():
             with contextlib.suppress(OSError):  # nobody reads: the buffer is full, and the bytes are lost as on a wire
                 os.write(self._master, self.distort(answer))
 
-    def _understood(self) -> bool:
+    def _baud_matches(self) -> bool:
         """Whether computer and device run at the same rate, as far as the system tells."""
         rate = self.client_baud()
-        if rate is not None and self._tunable is not None:
-            self._tunable.tune(rate)
-        return rate is None or agree(rate, self.device.baud)
+        if rate is not None and self._multi_rate_device is not None:
+            self._multi_rate_device.set_baud(rate)
+        return rate is None or baud_rates_match(rate, self.device.baud)

@@ -2,14 +2,14 @@
 
 from collections.abc import Iterator
 
-from drivers.api.driver import Finding, Site, warning
+from drivers.api.driver import DriverContext, Finding, warning
 from drivers.extras import extra_hint
 from drivers.sound.printed import PrintedVoice
 from drivers.voice.declared import SpeechKeys
 from drivers.voice.speech import auto
 
 
-def checkup(keys: SpeechKeys, site: Site) -> Iterator[Finding]:
+def checkup(keys: SpeechKeys, site: DriverContext) -> Iterator[Finding]:
     """Look for what speaks."""
     if isinstance(auto(keys, site), PrintedVoice):
         cure = extra_hint("speak", "sudo apt install espeak-ng")

@@ -5,10 +5,10 @@ import shlex
 from collections.abc import Iterator
 
 from drivers.api.driver import Driver
-from drivers.api.keys import Mistake, key, keys
+from drivers.api.keys import KeyDiagnostic, key, keys
 from drivers.api.sections import VoiceKeys
 
-FILLED = ("voice", "language", "name", "speed", "volume")
+PLACEHOLDERS = ("voice", "language", "name", "speed", "volume")
 """What stands in braces in a command and is filled in, as drivers.sound.program knows it."""
 
 
@@ -23,38 +23,38 @@ class SpeechKeys(VoiceKeys):
         "`{voice}`, `{language}`, `{name}`, `{speed}` and `{volume}` are filled in.",
     )
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield what is wrong with the command."""
         try:
             shlex.split(self.command)
         except ValueError as error:
-            yield Mistake(f"'command' cannot be taken apart as a shell would: {error}", ("command",))
-        hint = f"{', '.join(f'{{{each}}}' for each in FILLED)} are; the text comes on standard input"
+            yield KeyDiagnostic(f"'command' cannot be taken apart as a shell would: {error}", ("command",))
+        hint = f"{', '.join(f'{{{each}}}' for each in PLACEHOLDERS)} are; the text comes on standard input"
         for word in re.findall(r"\{(\w+)\}", self.command):
-            if word not in FILLED:
-                yield Mistake(f"'command': {{{word}}} is not filled in", ("command",), hint=hint)
+            if word not in PLACEHOLDERS:
+                yield KeyDiagnostic(f"'command': {{{word}}} is not filled in", ("command",), hint=hint)
 
 
 @keys
 class PiperKeys(SpeechKeys):
     """The ``voice`` section of a robot that speaks with Piper."""
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield a voice that is missing, and what SpeechKeys finds."""
         if not self.model:
-            yield Mistake("a voice with 'driver: piper' needs 'model'", hint="model: en_US-amy-medium.onnx")
-        yield from SpeechKeys.mistakes(self)
+            yield KeyDiagnostic("a voice with 'driver: piper' needs 'model'", hint="model: en_US-amy-medium.onnx")
+        yield from SpeechKeys.diagnostics(self)
 
 
 @keys
 class CommandKeys(SpeechKeys):
     """The ``voice`` section of a robot that speaks with a command."""
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield a command that is missing, and what SpeechKeys finds."""
         if not self.command:
-            yield Mistake("a voice with 'driver: command' needs 'command'", hint='command: "my_tts --stdin"')
-        yield from SpeechKeys.mistakes(self)
+            yield KeyDiagnostic("a voice with 'driver: command' needs 'command'", hint='command: "my_tts --stdin"')
+        yield from SpeechKeys.diagnostics(self)
 
 
 AUTO = Driver(

@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from drivers.api import AS_USUAL, Health, Manner, Priority, Report, Utterance, ignore
+from drivers.api import DEFAULT_STYLE, Health, Priority, SpeechStyle, StatusCallback, Utterance, ignore
 from drivers.clock import Clock
-from drivers.sim.plug import Plug
+from drivers.sim.plug import SimulatedPlug
 from drivers.sound.printed import PrintedVoice
 
 
@@ -19,13 +19,13 @@ class VoiceTwin(PrintedVoice):
         clock: Clock,
         out: Callable[[str], None],
         *,
-        usual: Manner = AS_USUAL,
-        report: Report = ignore,
+        default_style: SpeechStyle = DEFAULT_STYLE,
+        report: StatusCallback = ignore,
         changed: Callable[[], None] = ignore,
     ) -> None:
-        super().__init__(clock, out, usual=usual, changed=changed)
-        self.plug = Plug(self.name, report, gone=self.rest)
-        self.hanging = False
+        super().__init__(clock, out, default_manner=default_style, changed=changed)
+        self.plug = SimulatedPlug(self.name, report, on_offline=self.rest)
+        self.is_hanging = False
         """Whether what it says comes to no end, as with a program that hangs."""
 
     def open(self) -> None:
@@ -42,21 +42,21 @@ class VoiceTwin(PrintedVoice):
         """Say whether it is there."""
         return self.plug.health(super().health().counters)
 
-    def say(self, text: str, manner: Manner = AS_USUAL, priority: Priority = Priority.NORMAL) -> Utterance:
+    def say(self, text: str, manner: SpeechStyle = DEFAULT_STYLE, priority: Priority = Priority.NORMAL) -> Utterance:
         """Print ``text`` in its turn; it lasts as its speed says. Raises NotConnected if unplugged."""
-        self.plug.require()
+        self.plug.check_online()
         return super().say(text, manner, priority)
 
     def play(self, path: Path, priority: Priority = Priority.NORMAL) -> Utterance:
         """Print the name of a file in its turn. Raises BadRequest; NotConnected if unplugged."""
-        self.plug.require()
+        self.plug.check_online()
         return super().play(path, priority)
 
-    def settle(self) -> None:
+    def update(self) -> None:
         """Take out of the queue what has ended by now; nothing while it hangs."""
-        if not self.hanging:
-            super().settle()
+        if not self.is_hanging:
+            super().update()
 
     def step(self) -> None:
         """Take note of what has been said to its end."""
-        self.settle()
+        self.update()

@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 
 from drivers.api.driver import Driver
-from drivers.api.keys import Mistake, key, keys
-from drivers.api.sections import BaseKeys, Wired
+from drivers.api.keys import KeyDiagnostic, key, keys
+from drivers.api.sections import BaseKeys, SerialKeys
 
 
 @keys
-class WaveshareKeys(BaseKeys, Wired):
+class WaveshareKeys(BaseKeys, SerialKeys):
     """The ``base`` section of a robot on a rover of Waveshare's."""
 
     max_speed: float = key("speed", default=0.5, low=0.01, high=2.0, help="The highest speed.")
@@ -27,12 +27,12 @@ class WaveshareKeys(BaseKeys, Wired):
         help="How far apart its wheels act: more than measured where four wheels skid in turns.",
     )
 
-    def mistakes(self) -> Iterator[Mistake]:
+    def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield a speed that it does not reach."""
         if not self.encoders and self.max_speed > self.speed_at_full:
             most, full = f"{self.max_speed:g} m/s", f"{self.speed_at_full:g} m/s"
             message = f"'max_speed' ({most}) is above 'speed_at_full' ({full}): it cannot go that fast"
-            yield Mistake(message, ("max_speed",), ("speed_at_full",))
+            yield KeyDiagnostic(message, ("max_speed",), ("speed_at_full",))
 
 
 WAVESHARE = Driver(

@@ -6,45 +6,45 @@ from math import inf
 from typing import Unpack
 
 from drivers.api import Velocity
-from drivers.api.driver import Site
+from drivers.api.driver import DriverContext
 from drivers.base.arbitrated import BaseSettings, settings_of
-from drivers.base.diff_drive import GREETING_INTERVAL, DiffDriveBase, DiffDriveProtocol, Parsed
+from drivers.base.diff_drive import GREETING_INTERVAL, DiffDriveBase, DiffDriveProtocol, ParsedReports
 from drivers.base.progress_monitor import Instruments
 from drivers.base.reckoning import TwoWheels, WheelOdometry
 from drivers.clock import Clock
 from drivers.transport.lines import LineFinder
-from drivers.transport.link import Link
+from drivers.transport.link import SerialLink
 from drivers.waveshare import wire
 from drivers.waveshare.declared import WaveshareKeys
 
 REPORT_INTERVAL = 0.02
 """Seconds between two reports that are requested."""
 
-HEARTBEAT = 0.4
+HEARTBEAT_TIMEOUT = 0.4
 """Seconds without a command after which the rover is set to stop."""
 
-DEFAULT_HEARTBEAT = 3.0
+DEFAULT_HEARTBEAT_TIMEOUT = 3.0
 """The same of a rover that was not set: ``HEART_BEAT_DELAY`` of the vendor's ``ugv_config.h``."""
 
 CONFIRMATION_TIMEOUT = 2.0
 """Seconds of reports without a confirmation of the heartbeat, after which the user is warned."""
 
-MEDIAN_OF = 5
+MEDIAN_LENGTH = 5
 """Reports of which the median counts: lines have no checksum, and one digit may be damaged."""
 
 EMPTY_VOLTAGE, FULL_VOLTAGE = 9.0, 12.6
 """Volts of three lithium cells in series at 0 and at 100 percent."""
 
-UNCONFIRMED = (
-    f"the rover does not confirm its heartbeat: after a kill or an unplug it may roll on for {DEFAULT_HEARTBEAT:g} s",
+HEARTBEAT_UNCONFIRMED = (
+    f"the rover does not confirm its heartbeat: after a kill or an unplug it may roll on for {DEFAULT_HEARTBEAT_TIMEOUT:g} s",
     "update its firmware (ugv_base_general, ugv_base_ros); until then stay within reach of its switch",
 )
 
 
-def make(keys: WaveshareKeys, site: Site) -> DiffDriveBase:
+def make(keys: WaveshareKeys, site: DriverContext) -> DiffDriveBase:
     """Return the driver of a robot file's section."""
     return waveshare_base(
-        Link("base", site.port, keys.baud, report=site.report),
+        SerialLink("base", site.port, keys.baud, report=site.report),
         site.clock,
         track=keys.track,
         encoders=keys.encoders,
@@ -54,7 +54,7 @@ def make(keys: WaveshareKeys, site: Site) -> DiffDriveBase:
 
 
 def waveshare_base(
-    link: Link,
+    link: SerialLink,
     clock: Clock,
     *,
     track: float,
@@ -77,17 +77,17 @@ class WaveshareProtocol(DiffDriveProtocol):
     noun = "rover"
 
     def __init__(self, track: float, speed_at_full: float, *, encoders: bool) -> None:
-        wheels = TwoWheels(track, wire.FASTEST if encoders else speed_at_full)
+        wheels = TwoWheels(track, wire.MAX_WHEEL_SPEED if encoders else speed_at_full)
         self._odometry = WheelOdometry(wheels, measured=encoders)
-        self._sent_per_speed = 1.0 if encoders else wire.FULL / speed_at_full
-        self._heartbeat = wire.command(wire.HEARTBEAT, cmd=round(1000 * HEARTBEAT))
+        self._sent_per_speed = 1.0 if encoders else wire.FULL_POWER / speed_at_full
+        self._heartbeat = wire.command(wire.HEARTBEAT, cmd=round(1000 * HEARTBEAT_TIMEOUT))
         self._malformed = self._reports = 0
         self._confirmed = False
         self.restart()
 
     def restart(self) -> None:
         self._lines = LineFinder()
-        self._newest: deque[wire.Feedback] = deque(maxlen=MEDIAN_OF)
+        self._newest: deque[wire.WaveshareFeedback] = deque(maxlen=MEDIAN_LENGTH)
         self._warned, self._unconfirmed_since, self._greeted_at = False, inf, -inf
         self._odometry.pause()
 
@@ -107,15 +107,15 @@ class WaveshareProtocol(DiffDriveProtocol):
         self._greeted_at = now
         return self.greet()
 
-    def parse(self, data: bytes, now: float) -> Parsed:
-        parsed = Parsed()
+    def parse(self, data: bytes, now: float) -> ParsedReports:
+        parsed = ParsedReports()
         for line in self._lines.feed(data):
             try:
-                message = wire.read(line)
+                message = wire.parse_line(line)
             except ValueError:
                 self._malformed += 1
                 continue
-            if isinstance(message, wire.Feedback):
+            if isinstance(message, wire.WaveshareFeedback):
                 self._feedback(message, now, parsed)
             elif message is not None and message.line == self._heartbeat.strip() and not self._confirmed:
                 self._confirmed = True
@@ -129,19 +129,20 @@ class WaveshareProtocol(DiffDriveProtocol):
     def counters(self) -> Mapping[str, int]:
         return {"reports": self._reports, "malformed": self._malformed, "overlong": self._lines.overlong}
 
-    def _feedback(self, message: wire.Feedback, now: float, parsed: Parsed) -> None:
+    def _feedback(self, message: wire.WaveshareFeedback, now: float, parsed: ParsedReports) -> None:
         """Add the state of the median of the newest reports, and a warning if the heartbeat is not confirmed."""
         self._newest.append(message)
-        if len(self._newest) < MEDIAN_OF:
+        if len(self._newest) < MEDIAN_LENGTH:
             return
         left, right, volts = (
-            sorted(getattr(each, name) for each in self._newest)[MEDIAN_OF // 2] for name in ("left", "right", "volts")
+            sorted(getattr(each, name) for each in self._newest)[MEDIAN_LENGTH // 2]
+            for name in ("left", "right", "volts")
         )
         self._reports += 1
         self._unconfirmed_since = min(self._unconfirmed_since, now)
         if not (self._confirmed or self._warned) and now - self._unconfirmed_since >= CONFIRMATION_TIMEOUT:
             self._warned = True
-            parsed.faults.append(UNCONFIRMED)
+            parsed.faults.append(HEARTBEAT_UNCONFIRMED)
         percent = min(max(100 * (volts - EMPTY_VOLTAGE) / (FULL_VOLTAGE - EMPTY_VOLTAGE), 0.0), 100.0)
         speeds = (left, right) if self._odometry.measured else None
         parsed.states.append(self._odometry.report(now, speeds, volts=volts, percent=percent))

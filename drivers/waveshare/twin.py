@@ -1,13 +1,13 @@
 """Simulated rover of Waveshare's."""
 
 from drivers.base.reckoning import TwoWheels
-from drivers.base.twin import BaseTwin, WheelTwinOdometry, make_plain
-from drivers.sim.stage import Stage
+from drivers.base.twin import BaseTwin, WheelTwinOdometry, make_wheel_base
+from drivers.sim.stage import SimContext
 from drivers.waveshare.declared import WaveshareKeys
-from drivers.waveshare.wire import FASTEST
+from drivers.waveshare.wire import MAX_WHEEL_SPEED
 
 
-def make(keys: WaveshareKeys, stage: Stage) -> BaseTwin:
+def make(keys: WaveshareKeys, stage: SimContext) -> BaseTwin:
     """Return the twin of a robot file's section."""
-    wheels = TwoWheels(keys.track, FASTEST if keys.encoders else keys.speed_at_full)
-    return make_plain(keys, stage, WheelTwinOdometry(wheels, reckoned=not keys.encoders))
+    wheels = TwoWheels(keys.track, MAX_WHEEL_SPEED if keys.encoders else keys.speed_at_full)
+    return make_wheel_base(keys, stage, WheelTwinOdometry(wheels, reckoned=not keys.encoders))

@@ -6,31 +6,31 @@ from threading import RLock
 
 from drivers.api import Pose2D, Velocity
 from drivers.base.reckoning import TwoWheels
-from drivers.sim.body import Body
-from drivers.sim.stage import Stage
+from drivers.sim.body import BaseBody
+from drivers.sim.stage import SimContext
 from drivers.sim.wheels import DelayLine
-from drivers.virtual.plugged import Plugged, plugged_base
+from drivers.virtual.plugged import VirtualDevice, make_virtual_base
 from drivers.waveshare import wire
 from drivers.waveshare.declared import WaveshareKeys
 
 BANNER = b"Initialize LittleFS for Flash files ctrl.\r\nWiFi init.\r\nUGV started.\r\n"
 """Some of the lines that the firmware writes at its start."""
 
-LOOP = 0.008
+LOOP_INTERVAL = 0.008
 """Seconds of one turn of its loop at least: what a report takes at 115200 baud."""
 
-VOLTS = 12.1
+BATTERY_VOLTAGE = 12.1
 
 
 class VirtualWaveshare:
     """A ``drivers.virtual.terminal.WireDevice`` on the ``body`` of a base. Safe between threads.
 
     ``track`` (m) is what its wheels turn it by, ``unit`` what it is told for 1 m/s. ``echoes`` is False for firmware
-    that knows no echo. ``late`` delays its reports. ``commanded`` keeps the newest speeds that it obeyed.
+    that knows no echo. ``report_delay`` delays its reports. ``commanded`` keeps the newest speeds that it obeyed.
     """
 
     def __init__(
-        self, body: Body, *, track: float, unit: float, encoders: bool, baud: int = 115_200, echoes: bool = True
+        self, body: BaseBody, *, track: float, unit: float, encoders: bool, baud: int = 115_200, echoes: bool = True
     ) -> None:
         self.baud = baud
         self.body = body
@@ -40,61 +40,61 @@ class VirtualWaveshare:
         self._unit = unit
         self._encoders = encoders
         self._lock = RLock()
-        self.late: DelayLine[bytes] = DelayLine()
-        self._forget()
+        self.report_delay: DelayLine[bytes] = DelayLine()
+        self._reset_settings()
 
-    def _forget(self) -> None:
+    def _reset_settings(self) -> None:
         """Be as after a start."""
         self.heartbeat = 3.0
-        self._begun = b""
+        self._partial_line = b""
         self._echo = self._flow = False
         self._interval = 0.0
         self._due = -inf
-        self._heard_at = -inf
+        self._commanded_at = -inf
         self._banner = BANNER
         self.commanded = (0.0, 0.0)
 
     def reset(self, now: float) -> None:
         """Press its reset button: the wheels stand, and nothing that was set is any more."""
         with self._lock:
-            self._forget()
+            self._reset_settings()
             self.body.command(0.0, 0.0, now)
 
-    def plugged(self, now: float) -> None:
+    def power_on(self, now: float) -> None:
         """Do nothing: it has its power from its battery."""
 
     def feed(self, data: bytes, now: float) -> bytes:
         """Take lines; return the echoes and answers."""
         with self._lock:
-            *lines, self._begun = (self._begun + data).split(b"\n")
-            return b"".join(self._line(line, now) for line in lines) + self._said(now)
+            *lines, self._partial_line = (self._partial_line + data).split(b"\n")
+            return b"".join(self._handle_line(line, now) for line in lines) + self._output(now)
 
     def poll(self, now: float) -> bytes:
         """Let time pass; return the reports that are due."""
         with self._lock:
-            return self._said(now)
+            return self._output(now)
 
     def pose(self, now: float) -> Pose2D:
         """Where it really is at time ``now``."""
         with self._lock:
             return self.body.advance(now)
 
-    def _said(self, now: float) -> bytes:
+    def _output(self, now: float) -> bytes:
         said, self._banner = self._banner, b""
-        if now - self._heard_at > self.heartbeat:
+        if now - self._commanded_at > self.heartbeat:
             self.commanded = (0.0, 0.0)
         self._drive(now)
         if self._flow and now >= self._due:
-            self._due = now + max(self._interval, LOOP)
-            self.late.put(now, self._report())
-        return said + b"".join(self.late.due(now))
+            self._due = now + max(self._interval, LOOP_INTERVAL)
+            self.report_delay.put(now, self._report())
+        return said + b"".join(self.report_delay.pop_due(now))
 
     def _drive(self, now: float) -> None:
         """Turn the wheels: those of the body, which forget sooner, are told again."""
         velocity = self._wheels.velocity(*(speed / self._unit for speed in self.commanded))
         self.body.command(velocity.linear, velocity.angular, now)
 
-    def _line(self, line: bytes, now: float) -> bytes:
+    def _handle_line(self, line: bytes, now: float) -> bytes:
         try:
             told = json.loads(line)
             number = told["T"]
@@ -103,8 +103,8 @@ class VirtualWaveshare:
         echo = line + b"\n" if self._echo and self.echoes else b""
         value = told.get("cmd", 0)
         if number == wire.SPEED and all(isinstance(told.get(name), int | float) for name in "LR"):
-            self._heard_at = now
-            if not self._encoders or max(abs(told["L"]), abs(told["R"])) <= wire.FASTEST:
+            self._commanded_at = now
+            if not self._encoders or max(abs(told["L"]), abs(told["R"])) <= wire.MAX_WHEEL_SPEED:
                 self.commanded = (told["L"], told["R"])
         elif number == wire.HEARTBEAT:
             self.heartbeat = value / 1000
@@ -119,7 +119,7 @@ class VirtualWaveshare:
         return echo
 
     def _report(self) -> bytes:
-        told = {"T": wire.FEEDBACK, **self.speeds, "r": 0.31, "p": -0.52, "y": "null", "v": VOLTS}
+        told = {"T": wire.FEEDBACK, **self.speeds, "r": 0.31, "p": -0.52, "y": "null", "v": BATTERY_VOLTAGE}
         return json.dumps(told, separators=(",", ":")).encode() + b"\r\n"
 
     @property
@@ -127,13 +127,13 @@ class VirtualWaveshare:
         """What its encoders measure now, in m/s; nothing, where there are none."""
         if not self._encoders:
             return {"L": 0, "R": 0}
-        left, right = self.body.counters.speeds
+        left, right = self.body.wheel_encoders.speeds
         moves = Velocity((left + right) / 2, (right - left) / self.body.wheels.separation)
         return {name: round(speed, 4) for name, speed in zip("LR", self._wheels.rims(moves), strict=True)}
 
 
-def make(keys: WaveshareKeys, stage: Stage) -> Plugged:
+def make(keys: WaveshareKeys, stage: SimContext) -> VirtualDevice:
     """Return the virtual device of a robot file's section."""
-    unit = 1.0 if keys.encoders else wire.FULL / keys.speed_at_full
-    device = VirtualWaveshare(stage.body(), track=keys.track, unit=unit, encoders=keys.encoders, baud=keys.baud)
-    return plugged_base(device, "rover")
+    unit = 1.0 if keys.encoders else wire.FULL_POWER / keys.speed_at_full
+    device = VirtualWaveshare(stage.make_body(), track=keys.track, unit=unit, encoders=keys.encoders, baud=keys.baud)
+    return make_virtual_base(device, "rover")

@@ -19,21 +19,21 @@ from typing import Any
 SPEED, HEARTBEAT, REPORT, FLOW, INTERVAL, ECHO = 1, 136, 130, 131, 142, 143
 FEEDBACK = 1001
 
-FULL = 0.5
+FULL_POWER = 0.5
 """What stands for full power on a rover without encoders: its firmware makes PWM of it, 512 for 1, of 8 bits."""
 
-FASTEST = 2.0
+MAX_WHEEL_SPEED = 2.0
 """m/s of a wheel that a rover with encoders takes at most; more it ignores."""
 
-MOST = 10_000.0
+MAX_VALUE = 10_000.0
 """No figure of a report is larger."""
 
-HUNDREDTHS = 50.0
+MAX_VOLTS = 50.0
 """A voltage above is in hundredths of a volt, as later firmware has it: no rover has so many volts."""
 
 
 @dataclass(frozen=True, slots=True)
-class Feedback:
+class WaveshareFeedback:
     """One report: the ``left`` and ``right`` wheel as the rover tells them, and the ``volts`` of its battery.
 
     The speeds are m/s where there are encoders. Without, firmware tells PWM or nothing: they mean nothing.
@@ -45,7 +45,7 @@ class Feedback:
 
 
 @dataclass(frozen=True, slots=True)
-class Echo:
+class WaveshareEcho:
     """A line of ours that the rover has understood, as it gave it back."""
 
     line: bytes
@@ -62,7 +62,7 @@ def speeds(left: float, right: float) -> bytes:
     return command(SPEED, L=float(left), R=float(right))
 
 
-def read(line: bytes) -> Feedback | Echo | None:
+def parse_line(line: bytes) -> WaveshareFeedback | WaveshareEcho | None:
     """Return what a line of the rover says; None for one that says nothing of use. Raises ValueError for no JSON."""
     try:
         found = json.loads(line.decode("ascii"), parse_constant=_refuse)
@@ -71,14 +71,16 @@ def read(line: bytes) -> Feedback | Echo | None:
     if not isinstance(found, dict) or type(found.get("T")) is not int:
         raise ValueError("no object with a T")
     if found["T"] != FEEDBACK:
-        return Echo(line)
-    volts = _figure(found, "v")
-    return Feedback(_figure(found, "L"), _figure(found, "R"), volts / 100 if volts > HUNDREDTHS else volts)
+        return WaveshareEcho(line)
+    volts = _read_number(found, "v")
+    return WaveshareFeedback(
+        _read_number(found, "L"), _read_number(found, "R"), volts / 100 if volts > MAX_VOLTS else volts
+    )
 
 
-def _figure(found: dict[str, Any], name: str) -> float:
-    value = found.get(name)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= MOST:
+def _read_number(message: dict[str, Any], name: str) -> float:
+    value = message.get(name)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= MAX_VALUE:
         raise ValueError(f"{name} is no figure")
     return float(value)
 

@@ -2,11 +2,11 @@
 
 from drivers.api.driver import Driver
 from drivers.api.keys import keys
-from drivers.api.sections import ImuKeys, Wired
+from drivers.api.sections import ImuKeys, SerialKeys
 
 
 @keys
-class WitMotionKeys(ImuKeys, Wired):
+class WitMotionKeys(ImuKeys, SerialKeys):
     """The ``imu`` section of a robot with an IMU of WitMotion's, which must be set to 115200 baud."""
 
 

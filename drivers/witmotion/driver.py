@@ -3,9 +3,9 @@
 from math import inf
 
 from drivers.api import Attitude, Health, Quality, Reading
-from drivers.api.driver import Site
+from drivers.api.driver import DriverContext
 from drivers.clock import Clock
-from drivers.transport.link import Link
+from drivers.transport.link import SerialLink
 from drivers.witmotion import wire
 from drivers.witmotion.declared import WitMotionKeys
 
@@ -18,16 +18,16 @@ class WitMotionImu:
 
     name = "imu"
 
-    def __init__(self, link: Link, clock: Clock, *, level: tuple[float, float] = (0.0, 0.0)) -> None:
+    def __init__(self, link: SerialLink, clock: Clock, *, level: tuple[float, float] = (0.0, 0.0)) -> None:
         self._link, self._clock, self._level = link, clock, level
-        self._finder = wire.Finder()
+        self._finder = wire.WitMotionReportFinder()
         # Written by the link's thread alone, and replaced, never altered: any thread may read it.
         self._latest: Reading[Attitude] = Reading(None, -inf, Quality.NONE)
         self._reports = 0
 
     def attitude(self) -> Reading[Attitude]:
         """Return the newest attitude; stale once ``STALE_AFTER`` has passed without another."""
-        latest, now = self._latest, self._clock.now()
+        latest, now = self._latest, self._clock.read_value()
         if latest.value is None:
             return Reading(None, now, Quality.NONE)
         fresh = self._link.online and now - latest.stamp <= STALE_AFTER
@@ -55,30 +55,30 @@ class WitMotionImu:
             return Health(False, detail, "set it to 115200 baud with WitMotion's program, or give 'baud'", counters)
         return Health(True, counters=counters)
 
-    # What follows is drivers.transport.link.Talker, called from the link's thread.
+    # What follows is drivers.transport.link.LinkHandler, called from the link's thread.
 
-    def connected(self) -> None:
+    def on_connected(self) -> None:
         """Begin anew on a port just opened."""
-        self._finder = wire.Finder()
+        self._finder = wire.WitMotionReportFinder()
         self._link.write(wire.UNLOCK)
         self._link.write(wire.HUNDRED_HERTZ)
 
-    def received(self, data: bytes) -> None:
+    def on_data(self, data: bytes) -> None:
         """Take what it says."""
         for report in self._finder.feed(data):
             roll, pitch, yaw = report.angles
             level = self._level
             attitude = Attitude(roll - level[0], pitch - level[1], yaw, report.rates, report.forces)
-            self._latest = Reading(attitude, self._clock.now(), Quality.GOOD)
+            self._latest = Reading(attitude, self._clock.read_value(), Quality.GOOD)
             self._reports += 1
 
-    def pulse(self) -> None:
+    def on_poll(self) -> None:
         """Do nothing: it talks by itself."""
 
-    def ending(self) -> None:
+    def on_closing(self) -> None:
         """Do nothing: it may talk on."""
 
 
-def make(keys: WitMotionKeys, site: Site) -> WitMotionImu:
+def make(keys: WitMotionKeys, site: DriverContext) -> WitMotionImu:
     """Return the driver."""
-    return WitMotionImu(Link("imu", site.port, keys.baud, report=site.report), site.clock, level=keys.level)
+    return WitMotionImu(SerialLink("imu", site.port, keys.baud, report=site.report), site.clock, level=keys.level)

@@ -2,21 +2,21 @@
 
 from collections.abc import Generator
 
-from drivers.api.probing import Answer, Ask
-from drivers.witmotion.wire import Finder
+from drivers.api.probing import ProbeRequest, ProbeResult
+from drivers.witmotion.wire import WitMotionReportFinder
 
-RATES = (115_200, 9_600)
+BAUD_RATES = (115_200, 9_600)
 """The rate that it should be set to, and the one that it comes with."""
 
 
-def probe() -> Generator[Ask, bytes, Answer | None]:
+def probe() -> Generator[ProbeRequest, bytes, ProbeResult | None]:
     """Listen for reports, of which it sends ten a second as it comes."""
-    for baud in RATES:
-        heard = yield Ask(baud, wait=0.4, enough=_reports)
-        if _reports(heard):
-            return Answer("an IMU of WitMotion's", {"baud": baud})
+    for baud in BAUD_RATES:
+        heard = yield ProbeRequest(baud, timeout=0.4, is_complete=_has_report)
+        if _has_report(heard):
+            return ProbeResult("an IMU of WitMotion's", {"baud": baud})
     return None
 
 
-def _reports(heard: bytes) -> bool:
-    return next(Finder().feed(heard), None) is not None
+def _has_report(data: bytes) -> bool:
+    return next(WitMotionReportFinder().feed(data), None) is not None

@@ -2,8 +2,8 @@
 
 from drivers.api import Attitude, Health, Quality, Reading
 from drivers.api.sections import ImuKeys
-from drivers.sim.plug import Plug
-from drivers.sim.stage import Stage
+from drivers.sim.plug import SimulatedPlug
+from drivers.sim.stage import SimContext
 
 GRAVITY = 9.81
 
@@ -13,16 +13,16 @@ class ImuTwin:
 
     name = "imu"
 
-    def __init__(self, stage: Stage) -> None:
+    def __init__(self, stage: SimContext) -> None:
         self._stage = stage
-        self.plug = Plug(self.name, stage.report)
+        self.plug = SimulatedPlug(self.name, stage.report)
         self._latest: Reading[Attitude] = Reading(None, 0.0, Quality.NONE)
 
     def attitude(self) -> Reading[Attitude]:
         """Return how the robot leans now; as felt last, and stale, while it is unplugged."""
-        now = self._stage.clock.now()
+        now = self._stage.clock.read_value()
         if self.plug.online:
-            self._latest = Reading(self._felt(now), now, Quality.GOOD)
+            self._latest = Reading(self._measure(now), now, Quality.GOOD)
         elif self._latest.value is not None:
             return Reading(self._latest.value, self._latest.stamp, Quality.STALE)
         return self._latest
@@ -42,15 +42,15 @@ class ImuTwin:
         """Say whether it is there."""
         return self.plug.health({})
 
-    def _felt(self, now: float) -> Attitude:
+    def _measure(self, now: float) -> Attitude:
         scene = self._stage.scene
         if scene is None:
             return Attitude(0.0, 0.0, self._stage.pose(now).heading, (0.0, 0.0, 0.0), (0.0, 0.0, GRAVITY))
         scene.advance(now)
         roll, pitch = scene.lean()
-        return Attitude(roll, pitch, scene.pose().heading, scene.rates(), scene.force())
+        return Attitude(roll, pitch, scene.pose().heading, scene.gyro_rates(), scene.proper_acceleration())
 
 
-def imu(keys: ImuKeys, stage: Stage) -> ImuTwin:  # noqa: ARG001 - all makers are called with both
+def imu(keys: ImuKeys, stage: SimContext) -> ImuTwin:  # noqa: ARG001 - all makers are called with both
     """Return the twin of an IMU."""
     return ImuTwin(stage)

@@ -7,72 +7,74 @@ from typing import TYPE_CHECKING, Any
 
 from config.robot import RobotConfig, Section
 from drivers.api import Device, Voice
-from drivers.api.driver import Site, resolved
-from drivers.api.sections import Wired
+from drivers.api.driver import DriverContext, resolve_name
+from drivers.api.sections import SerialKeys
 from drivers.clock import Clock
-from drivers.transport.ports import refuse_other_than_serial
-from missions.assembly.assembled import Assembled, Looking
-from missions.assembly.lags import Lags
-from missions.assembly.together import Hooks, Overrides, made_by, put_together, with_carriers
+from drivers.transport.ports import require_serial_ports
+from missions.assembly.assembled import AssembledRobot, RunEyes
+from missions.assembly.lags import LearntDelays
+from missions.assembly.together import Hooks, Overrides, make_parts, resolve_maker, with_carriers
 from missions.library.folders import state_folder
 
 if TYPE_CHECKING:
     from missions.assembly.simulation import Simulation
 
 
-def real_voice(place: "Place", section: Section, made: Mapping[str, Any]) -> tuple[Voice, Voice]:
+def real_voice(factory: "RealPartFactory", section: Section, made: Mapping[str, Any]) -> tuple[Voice, Voice]:
     """Return the voice of a robot; in a simulation it prints its words, and the people there hear them."""
-    simulation = place.simulation
+    simulation = factory.simulation
     if simulation is None:
-        voice: Voice = place.device(section, made)
+        voice: Voice = factory.device(section, made)
     else:
         from drivers.voice.speech import printed  # noqa: PLC0415 - a robot on the metal without a voice needs none of it
 
-        out = partial(_aloud, place.audience.out, simulation.hear)
-        voice = printed(section.keys, place.site(section, made, out))
+        out = partial(_say_aloud, factory.hooks.print_line, simulation.hear)
+        voice = printed(section.keys, factory.site(section, made, out))
     return voice, voice
 
 
-def _aloud(out: Callable[[str], None], hear: Callable[[str], None], text: str) -> None:
+def _say_aloud(out: Callable[[str], None], hear: Callable[[str], None], text: str) -> None:
     """Say ``text``, where people hear it."""
     out(text)
     hear(text)
 
 
-BY_HAND: Mapping[str, str] = {
+PART_MAKERS: Mapping[str, str] = {
     "voice": "missions.assembly.assemble:real_voice",
     "microphone": "missions.assembly.hearing:real_ears",
     "screen": "missions.assembly.face:real_face",
     "camera": "missions.assembly.eyes:real_eyes",
 }
-"""Parts that are more than a driver: what makes each, called with the ``Place``, the section and the devices."""
+"""Parts that are more than a driver: what makes each, called with the ``RealPartFactory``, the section and the devices."""
 
 
-class Place:
+class RealPartFactory:
     """Where a robot is put together in real time: on the metal, or on virtual devices in a world."""
 
-    def __init__(self, config: RobotConfig, clock: Clock, wishes: Overrides, audience: Hooks) -> None:
+    def __init__(self, config: RobotConfig, clock: Clock, overrides: Overrides, hooks: Hooks) -> None:
         self.config = config
         self.clock = clock
-        self.wishes = wishes
-        self.audience = audience
+        self.overrides = overrides
+        self.hooks = hooks
         self.simulation: Simulation | None = None
-        self.eyes: Looking | None = None
-        self.lags = Lags(config, simulated=wishes.world is not None, other_camera=wishes.camera is not None)
-        self._ports: dict[str, str] = dict(wishes.ports)
+        self.eyes: RunEyes | None = None
+        self.lags = LearntDelays(
+            config, simulated=overrides.world is not None, other_camera=overrides.camera is not None
+        )
+        self._ports: dict[str, str] = dict(overrides.ports)
 
     def simulate(self, chosen: frozenset[str]) -> None:
         """Have virtual devices for the ``chosen`` parts, where there is a world for them.
 
         Raises BadRequest for a driver that has none: its real device must not move while all is taken for simulated.
         """
-        wishes = self.wishes
+        wishes = self.overrides
         if wishes.world is not None:
-            for part in sorted((chosen & self.config.sections.keys()).difference(BY_HAND, wishes.ports)):
-                made_by(self.config.sections[part].driver.virtual, self.config.sections[part], "virtual device")
-            wired = chosen.difference(BY_HAND)
-            self.simulation = found = resolved("missions.assembly.simulation:Simulation")(
-                self.config, wired, self.clock, world=wishes.world, answered=self.audience.answered, seed=wishes.seed
+            for part in sorted((chosen & self.config.sections.keys()).difference(PART_MAKERS, wishes.ports)):
+                resolve_maker(self.config.sections[part].driver.virtual, self.config.sections[part], "virtual device")
+            wired = chosen.difference(PART_MAKERS)
+            self.simulation = found = resolve_name("missions.assembly.simulation:Simulation")(
+                self.config, wired, self.clock, world=wishes.world, answered=self.hooks.on_answer, seed=wishes.seed
             )
             self._ports = {**found.ports, **wishes.ports}
 
@@ -80,51 +82,53 @@ class Place:
         """Raise NotConnected where something stands at the port of a ``chosen`` part that is none."""
         sections = {kind: section for kind, section in self.config.sections.items() if kind in chosen}
         ports = {kind: self._port(section) for kind, section in sections.items()}
-        refuse_other_than_serial({kind: port for kind, port in ports.items() if port})
+        require_serial_ports({kind: port for kind, port in ports.items() if port})
 
     def make(self, kind: str, section: Section, made: Mapping[str, Any]) -> tuple[Device, object]:
         """Return the device of a part, and what leaves see of it."""
-        if kind in BY_HAND:
-            found: tuple[Device, object] = resolved(BY_HAND[kind])(self, section, made)
+        if kind in PART_MAKERS:
+            found: tuple[Device, object] = resolve_name(PART_MAKERS[kind])(self, section, made)
             return found
         device = self.device(section, made)
         return device, device
 
     def device(self, section: Section, made: Mapping[str, Any] | None = None, keys: object = None) -> Any:
         """Return what the driver of a section makes, of its ``keys`` or of others."""
-        make = made_by(section.driver.make, section, "make")
+        make = resolve_maker(section.driver.make, section, "make")
         return make(section.keys if keys is None else keys, self.site(section, made or {}))
 
-    def site(self, section: Section, made: Mapping[str, Any], out: Callable[[str], None] | None = None) -> Site:
+    def site(
+        self, section: Section, made: Mapping[str, Any], out: Callable[[str], None] | None = None
+    ) -> DriverContext:
         """Return where a device of a section is made; ``out`` prints what people are to read."""
-        audience = self.audience
-        return Site(
+        audience = self.hooks
+        return DriverContext(
             self.clock,
             self._port(section),
             audience.report,
-            audience.changed,
-            audience.steered,
-            audience.out if out is None else out,
+            audience.on_change,
+            audience.on_steering,
+            audience.print_line if out is None else out,
             {need: made[need] for need in section.driver.needs if need in made},
             state_folder() if self.simulation is None else None,
             section.part,
         )
 
     def _port(self, section: Section) -> str:
-        return self._ports.get(section.part, section.keys.port if isinstance(section.keys, Wired) else "")
+        return self._ports.get(section.part, section.keys.port if isinstance(section.keys, SerialKeys) else "")
 
 
 def assemble(
-    config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: Overrides, audience: Hooks
-) -> Assembled:
+    config: RobotConfig, chosen: frozenset[str], clock: Clock, overrides: Overrides, hooks: Hooks
+) -> AssembledRobot:
     """Put together the ``chosen`` parts of a robot, and those that carry them; opens nothing.
 
     Raises BadRequest for a part that cannot be simulated, NotConnected where something stands at a port that is none.
     """
     chosen = with_carriers(config, chosen)
-    place = Place(config, clock, wishes, audience)
+    place = RealPartFactory(config, clock, overrides, hooks)
     place.simulate(chosen)
     place.refuse_other_ports(chosen)
-    robot, devices = put_together(config, chosen, place)
+    robot, devices = make_parts(config, chosen, place)
     robot = replace(robot, lag=place.lags.lag)
-    return Assembled(config.name, robot, devices, place.eyes, place.simulation, place.lags)
+    return AssembledRobot(config.name, robot, devices, place.eyes, place.simulation, place.lags)

@@ -4,27 +4,27 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
 from behaviours.robot import Robot, hold_still
-from behaviours.run import Run
-from drivers.api import Device, DeviceStatus, Health, Report
-from drivers.api.kinds import SOUNDING, STILLED
+from behaviours.run import RunState
+from drivers.api import Device, DeviceStatus, Health, StatusCallback
+from drivers.api.kinds import SOUND_KINDS, STOPPABLE_KINDS
 from drivers.api.quick import dataclass
 from drivers.errors import NotConnected
-from missions.assembly.lags import Lags
+from missions.assembly.lags import LearntDelays
 
 if TYPE_CHECKING:
     from missions.assembly.simulation import Simulation
 
-CONNECT_TIME = 6.0
+CONNECT_TIMEOUT = 6.0
 """Seconds that the parts of a robot have to appear: a board that boots needs two, a servo bus a second."""
 
 POLL_INTERVAL = 0.05
 """Seconds from one look at the parts to the next while a run waits for them; a picture ends it early."""
 
-REMARK_TIME = 1.0
+REMARK_DELAY = 1.0
 """Seconds after which a part that is still missing is mentioned."""
 
 
-class Looking(Protocol):
+class RunEyes(Protocol):
     """Eyes, as far as a run opens and closes them: ``perception.eyes.Eyes``, or those of simulated time."""
 
     may_rest: bool
@@ -45,7 +45,7 @@ class Looking(Protocol):
 
 
 @dataclass(slots=True)
-class Assembled:
+class AssembledRobot:
     """Everything that a run opens and must close.
 
     ``devices`` are the parts by name, in the order in which they open; more can be added before that. ``safe_stop`` and
@@ -55,20 +55,20 @@ class Assembled:
     name: str
     robot: Robot
     devices: dict[str, Device]
-    eyes: Looking | None = None
+    eyes: RunEyes | None = None
     simulation: "Simulation | None" = None
-    lags: Lags | None = None
+    lags: LearntDelays | None = None
 
     @property
-    def stilled(self) -> tuple[str, ...]:
+    def stoppable_parts(self) -> tuple[str, ...]:
         """The parts that a stop reaches: those that move, and a voice, which is silenced."""
-        others = (name for name, other in self.robot.others.items() if other.kind in STILLED)
-        return tuple(part for part in (*STILLED, *others) if part in self.devices)
+        others = (name for name, other in self.robot.extra_parts.items() if other.kind in STOPPABLE_KINDS)
+        return tuple(part for part in (*STOPPABLE_KINDS, *others) if part in self.devices)
 
     @property
-    def moving(self) -> tuple[str, ...]:
+    def moving_parts(self) -> tuple[str, ...]:
         """The parts with actuators."""
-        return tuple(part for part in self.stilled if part not in SOUNDING)
+        return tuple(part for part in self.stoppable_parts if part not in SOUND_KINDS)
 
     def open(self) -> None:
         """Start everything; returns at once, hardware or not."""
@@ -90,27 +90,27 @@ class Assembled:
             missing.setdefault("camera", ("camera: no picture has been searched yet", ""))
         return missing
 
-    def wait_until_complete(self, run: Run, report: Report, stopping: Callable[[], bool]) -> None:
+    def wait_until_complete(self, run: RunState, report: StatusCallback, stopping: Callable[[], bool]) -> None:
         """Wait until every part is there; those that let wait for them are told.
 
-        Raises NotConnected with all that are not there after ``CONNECT_TIME``.
+        Raises NotConnected with all that are not there after ``CONNECT_TIMEOUT``.
         """
-        begun = run.now()
+        begun = run.read_value()
         mentioned: set[str] = set()
         while (missing := self.missing()) and not stopping():
-            waited = run.now() - begun
+            waited = run.read_value() - begun
             for part, (detail, hint) in missing.items():
-                if waited > REMARK_TIME and part not in mentioned:
+                if waited > REMARK_DELAY and part not in mentioned:
                     mentioned.add(part)
                     what = f"waiting for it: {detail.removeprefix(f'{part}: ')}"
                     report(DeviceStatus(part, "offline", what, hint))
-            if waited > CONNECT_TIME:
+            if waited > CONNECT_TIMEOUT:
                 details = "\n".join(f"  {detail}" for detail, _ in missing.values())
                 hints = dict.fromkeys(hint for _, hint in missing.values() if hint)
                 raise NotConnected(f"{self.name} is not complete:\n{details}", hint="\n       ".join(hints))
             run.wait(POLL_INTERVAL)
-            run.woken.clear()
-            run.beat()
+            run.wake_event.clear()
+            run.record_heartbeat()
 
     def safe_stop(self, claims: frozenset[str]) -> None:
         """Make the named actuators hold still: base and head stopped, arm stiff where it is, voice silent.
@@ -132,7 +132,7 @@ class Assembled:
         if self.simulation is not None:
             steps.append(("simulation", self.simulation.close))
         if self.lags is not None:
-            steps.append(("what was learnt of the delays", self.lags.keep))
+            steps.append(("what was learnt of the delays", self.lags.save))
         for name, step in steps:
             try:
                 step()

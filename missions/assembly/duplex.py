@@ -5,7 +5,7 @@ from math import inf
 from drivers.api import Voice
 from drivers.clock import Clock
 
-ECHO = 0.25
+ECHO_TIME = 0.25
 """Seconds after its end in which what was said may still sound: in the loudspeaker's buffer, and in the room."""
 
 
@@ -21,7 +21,7 @@ class HalfDuplex:
         self._speaks = False
         self._from = self._until = -inf  # what sounded last, without pauses shorter than an echo
 
-    def deaf(self, start: float, end: float) -> bool:
+    def may_be_own_speech(self, start: float, end: float) -> bool:
         """Say whether sound from ``start`` to ``end`` (s) may be the robot's own."""
         self._look()
         return start < self._until and end > self._from
@@ -34,4 +34,4 @@ class HalfDuplex:
                 self._from = begun
             self._speaks, self._until = True, inf
         elif self._speaks:
-            self._speaks, self._until = False, self._clock.now() + ECHO
+            self._speaks, self._until = False, self._clock.read_value() + ECHO_TIME

@@ -9,7 +9,7 @@ import cv2
 
 from config.colours import COLOURS
 from config.robot import Section
-from drivers.api import Base, Camera, DeviceStatus, Head, Report
+from drivers.api import Base, Camera, DeviceStatus, Head, StatusCallback
 from drivers.api.senses import CameraKeys
 from drivers.camera.make import make
 from drivers.camera.source import is_live
@@ -18,25 +18,25 @@ from drivers.errors import NotConnected
 from missions.assembly.models import face_detector
 from missions.assembly.together import gaze
 from missions.library.interests import Interests
-from perception.api import Face, Frame, Gaze, Marker, Scene, Sight, Thing, View, Wanted, ignore
+from perception.api import Face, Frame, Gaze, Marker, Scene, Sight, Thing, ThingSpec, View, ignore
 from perception.change import MotionSense
-from perception.delay import Delay
+from perception.delay import CameraDelay
 from perception.eyes import Eyes, Vision
 from perception.finder import FaceDetector, FaceFinder
-from perception.identity import NamedFaces, Recogniser
-from perception.senses import FaceSense, Sense, Senses
+from perception.identity import FaceRecogniser, NamedFaceSense
+from perception.senses import ActiveSenses, FaceSense, Sense
 from perception.tracks import Tracker
 
 if TYPE_CHECKING:
-    from missions.assembly.assemble import Place
-    from perception.tracks import MarkerKind
+    from missions.assembly.assemble import RealPartFactory
+    from perception.tracks import MarkerSet
 
 
-class WatchfulSight:
+class OnDemandSight:
     """A ``Sight`` that says with each question that somebody ``asks``, who says back whether the answer is of now.
 
     While it is not, as the eyes have rested, each question raises NotConnected: whoever asks waits for a picture or
-    three, and nobody is told that a face is not there because nobody has looked. ``unasked`` answers as the eyes are,
+    three, and nobody is told that a face is not there because nobody has looked. ``passive_view`` answers as the eyes are,
     for who only keeps a record: by its questions, which wake nobody, ``awake`` is told.
     """
 
@@ -46,97 +46,99 @@ class WatchfulSight:
         self._is_awake = awake
 
     @property
-    def unasked(self) -> "WatchfulSight":
+    def passive_view(self) -> "OnDemandSight":
         """The view of the eyes, for a reader that does not count as somebody who asks."""
-        return WatchfulSight(self._sight, self._is_awake, self._is_awake)
+        return OnDemandSight(self._sight, self._is_awake, self._is_awake)
 
     def faces(self) -> Sequence[Face]:
         """See perception.api.Sight."""
-        return self._awake().faces()
+        return self._fresh_sight().faces()
 
     def things(self) -> Sequence[Thing]:
         """See perception.api.Sight."""
-        return self._awake().things()
+        return self._fresh_sight().things()
 
     def markers(self) -> Sequence[Marker]:
         """See perception.api.Sight."""
-        return self._awake().markers()
+        return self._fresh_sight().markers()
 
     def looked(self) -> float | None:
         """See perception.api.Sight."""
-        return self._awake().looked()
+        return self._fresh_sight().looked()
 
     def scene(self) -> Scene | None:
         """See perception.api.Sight."""
-        return self._awake().scene()
+        return self._fresh_sight().scene()
 
-    def _awake(self) -> Sight:
+    def _fresh_sight(self) -> Sight:
         if not self._asks():
             raise NotConnected("camera: its pictures were not searched for a while; the next ones are")
         return self._sight
 
 
-def real_eyes(place: "Place", section: Section, made: Mapping[str, Any]) -> tuple[Camera, WatchfulSight]:
+def real_eyes(factory: "RealPartFactory", section: Section, made: Mapping[str, Any]) -> tuple[Camera, OnDemandSight]:
     """Return the camera of a robot, or what renders the world for it, and what tells of its pictures."""
-    wishes, audience = place.wishes, place.audience
-    keys = _keys(place, section)
-    camera = _camera(place, section, keys, made)
+    wishes, audience = factory.overrides, factory.hooks
+    keys = _keys(factory, section)
+    camera = _camera(factory, section, keys, made)
     base: Base | None = made.get("base")
     head: Head | None = made.get("head")
     world = wishes.world
-    if place.simulation is None:
+    if factory.simulation is None:
         cv2.setNumThreads(1)  # to share a small picture out among threads costs half as much again as to search it
     sight = vision(
         lambda stamp: gaze(stamp, base, head),
-        place.clock,
+        factory.clock,
         interests=wishes.interests,
         detector=face_detector(keys),
         lens=keys.upright() if world is None else None,
-        field_of_view=partial(keys.turn.view, keys.field_of_view) if world is None else camera.field_of_view,
+        field_of_view=partial(keys.orientation.field_of_view, keys.field_of_view)
+        if world is None
+        else camera.field_of_view,
         report=audience.report,
-        seen=audience.seen,
-        watched=audience.watched,
-        recogniser=_recogniser(place, keys),
-        delay=place.lags.delay,
+        seen=audience.on_view,
+        watched=audience.on_frame,
+        recogniser=_recogniser(factory, keys),
+        delay=factory.lags.delay,
     )
-    place.eyes = eyes = Eyes(camera, sight)
-    return camera, WatchfulSight(sight, eyes.ask, eyes.awake)
+    factory.eyes = eyes = Eyes(camera, sight)
+    return camera, OnDemandSight(sight, eyes.wake, eyes.is_awake)
 
 
-def _recogniser(place: "Place", keys: CameraKeys) -> Recogniser | None:
+def _recogniser(place: "RealPartFactory", keys: CameraKeys) -> FaceRecogniser | None:
     """Return what knows the people whom the robot sees, for a mission that asks for names."""
-    wishes, world = place.wishes, place.wishes.world
+    wishes, world = place.overrides, place.overrides.world
     if not wishes.interests.names:
         return None
     from missions.assembly.gallery import recogniser  # noqa: PLC0415 - most missions ask for no names
 
     return recogniser(
         wishes.interests,
-        place.audience.report,
+        place.hooks.report,
         camera=keys if world is None or wishes.camera is not None else None,
         drawn=() if world is None else world.people,
     )
 
 
-def _keys(place: "Place", section: Section) -> CameraKeys:
+def _keys(place: "RealPartFactory", section: Section) -> CameraKeys:
     """Return the keys of the camera; a film in its place is upright."""
     keys: CameraKeys = section.keys
-    source = place.wishes.camera
+    source = place.overrides.camera
     if source is None:
         return keys
     return replace(keys, source=source) if is_live(source) else replace(keys.upright(), source=source)
 
 
-def _camera(place: "Place", section: Section, keys: CameraKeys, made: Mapping[str, Any]) -> Camera:
-    source, simulation = place.wishes.camera, place.simulation
+def _camera(place: "RealPartFactory", section: Section, keys: CameraKeys, made: Mapping[str, Any]) -> Camera:
+    source, simulation = place.overrides.camera, place.simulation
     if simulation is not None and source is None:
-        return simulation.rendered(seed=place.wishes.seed)
+        return simulation.rendered_camera(seed=place.overrides.seed)
     if source is None:
         camera: Camera = place.device(section, made)
     else:  # whatever camera the robot has: a source is one of OpenCV's
         camera = make(keys, place.site(section, {}))
     # A simulated head cannot turn a real camera, so its picture is turned instead.
-    return camera if simulation is None else simulation.panned(camera)
+    return camera if simulation is None else simulation.panned_camera(camera)
 
 
 def vision(
@@ -147,11 +149,11 @@ def vision(
     detector: FaceDetector,
     field_of_view: float | Callable[[int, int], float],
     lens: CameraKeys | None,
-    report: Report,
+    report: StatusCallback,
     seen: Callable[[View], None],
     watched: Callable[[Frame, Gaze | None], None] = ignore,
-    recogniser: Recogniser | None = None,
-    delay: Delay | None = None,
+    recogniser: FaceRecogniser | None = None,
+    delay: CameraDelay | None = None,
 ) -> Vision:
     """Return what searches the pictures of a camera for what somebody is interested in; ``detector`` finds faces.
 
@@ -161,9 +163,9 @@ def vision(
     """
     finder = FaceFinder(detector)
     faces: Sense[Face] = FaceSense(finder, Tracker())
-    senses = Senses(
-        faces=(faces if recogniser is None else NamedFaces(faces, recogniser)) if interests.faces else None,
-        things=_things(interests.wanted) if interests.wanted else None,
+    senses = ActiveSenses(
+        faces=(faces if recogniser is None else NamedFaceSense(faces, recogniser)) if interests.faces else None,
+        things=_things(interests.objects) if interests.objects else None,
         markers=None if interests.markers is None else _markers(interests.markers),
         scene=MotionSense() if interests.motion else None,
     )
@@ -171,24 +173,24 @@ def vision(
         gaze,
         field_of_view=field_of_view,
         centre=(0.5, 0.5) if lens is None else lens.centre,
-        distortion=() if lens is None else lens.bent,
+        distortion=() if lens is None else lens.distortion_coefficients,
         senses=senses,
-        now=clock.now,
+        now=clock.read_value,
         delay=delay,
-        afresh=finder.reset,
+        on_resume=finder.reset,
         on_view=seen,
         on_frame=watched,
         on_trouble=lambda error: report(DeviceStatus("camera", "fault", f"a picture could not be searched: {error}")),
     )
 
 
-def _things(wanted: tuple[Wanted, ...]) -> Sense[Thing]:
+def _things(wanted: tuple[ThingSpec, ...]) -> Sense[Thing]:
     from perception.spots import ThingSense  # noqa: PLC0415 - most missions look for none
 
     return ThingSense(wanted, COLOURS)
 
 
-def _markers(kind: "MarkerKind") -> Sense[Marker]:
+def _markers(kind: "MarkerSet") -> Sense[Marker]:
     from perception.markers import MarkerSense  # noqa: PLC0415 - as above
 
     return MarkerSense(kind)

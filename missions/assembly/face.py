@@ -12,9 +12,9 @@ from drivers.api import (
     Health,
     Mood,
     Mouth,
-    Report,
     Screen,
-    Shown,
+    ScreenContent,
+    StatusCallback,
     Utterance,
     Voice,
     ignore,
@@ -22,9 +22,9 @@ from drivers.api import (
 from drivers.clock import Clock
 
 if TYPE_CHECKING:
-    from missions.assembly.assemble import Place
+    from missions.assembly.assemble import RealPartFactory
 
-OPENINGS = {
+MOUTH_OPENINGS = {
     Mouth.CLOSED: 0.0,
     Mouth.TEETH: 0.2,
     Mouth.NARROW: 0.25,
@@ -34,21 +34,21 @@ OPENINGS = {
 }
 """How far the mouth is open, for each of its shapes."""
 
-SYLLABLES = 4.0
+SYLLABLE_RATE = 4.0
 """Times a second that the mouth opens where nobody knows its shapes."""
 
-FRAME, QUIET = 1 / 30, 0.1
+FRAME_INTERVAL, IDLE_INTERVAL = 1 / 30, 0.1
 """Seconds from one look of the mouth to the next, while something is to be said and while nothing is."""
 
 
-def real_face(place: "Place", section: Section, made: Mapping[str, Any]) -> tuple[Device, Screen]:
+def real_face(factory: "RealPartFactory", section: Section, made: Mapping[str, Any]) -> tuple[Device, Screen]:
     """Return the screen of a robot, whose mouth moves with its voice."""
-    face = LivelyScreen(place.device(section), made.get("voice"), place.clock, place.audience.report)
+    face = TalkingScreen(factory.device(section), made.get("voice"), factory.clock, factory.hooks.report)
     return face, face
 
 
 @runtime_checkable
-class Served(Protocol):
+class ScreenPage(Protocol):
     """A screen that is a page somewhere."""
 
     @property
@@ -57,7 +57,7 @@ class Served(Protocol):
         ...
 
 
-class Lips:
+class MouthAnimation:
     """Moves the mouth on a ``screen`` with a ``voice``, at each ``step``."""
 
     def __init__(self, voice: Voice, screen: Screen, clock: Clock) -> None:
@@ -73,37 +73,37 @@ class Lips:
         if opening or self._moving:
             self._screen.mouth(opening)
         self._moving = opening > 0
-        return QUIET if said is None else FRAME
+        return IDLE_INTERVAL if said is None else FRAME_INTERVAL
 
     def _opening(self, said: Utterance | None) -> float:
         started = None if said is None else said.started
         if said is None or started is None:
             return 0.0
-        spoken = self._clock.now() - started
+        spoken = self._clock.read_value() - started
         shapes = said.mouth
         if not shapes:
-            return 0.3 * (1 - cos(2 * pi * SYLLABLES * spoken))
+            return 0.3 * (1 - cos(2 * pi * SYLLABLE_RATE * spoken))
         shape = next((each.shape for each in reversed(shapes) if each.at <= spoken), Mouth.CLOSED)
-        return OPENINGS[shape]
+        return MOUTH_OPENINGS[shape]
 
 
-class LivelyScreen:
+class TalkingScreen:
     """A ``screen`` whose mouth moves with the ``voice``, on a thread of its own: a ``drivers.api.Screen``.
 
     A robot without a voice has no such thread. Where it is a page, its address is told to ``report``.
     """
 
-    def __init__(self, screen: Screen, voice: Voice | None, clock: Clock, report: Report = ignore) -> None:
+    def __init__(self, screen: Screen, voice: Voice | None, clock: Clock, report: StatusCallback = ignore) -> None:
         self.name = screen.name
         self.mood: Callable[[Mood], None] = screen.mood
         self.show: Callable[[str], None] = screen.show
         self.mouth: Callable[[float], None] = screen.mouth
-        self.shown: Callable[[], Shown] = screen.shown
+        self.content: Callable[[], ScreenContent] = screen.content
         self.health: Callable[[], Health] = screen.health
         self.rest: Callable[[], None] = screen.rest
         self._screen = screen
         self._report = report
-        self._lips = None if voice is None else Lips(voice, screen, clock)
+        self._lips = None if voice is None else MouthAnimation(voice, screen, clock)
         self._open = False
         self._ending = Event()
         self._thread: Thread | None = None
@@ -114,7 +114,7 @@ class LivelyScreen:
             return
         self._open = True
         self._screen.open()
-        if isinstance(self._screen, Served) and self._screen.address:
+        if isinstance(self._screen, ScreenPage) and self._screen.address:
             self._report(DeviceStatus(self.name, "online", f"the face is at {self._screen.address}"))
         if self._lips is not None:
             self._ending.clear()
@@ -130,7 +130,7 @@ class LivelyScreen:
             thread.join()
         self._screen.close()
 
-    def _run(self, lips: Lips) -> None:
-        pause = FRAME
+    def _run(self, lips: MouthAnimation) -> None:
+        pause = FRAME_INTERVAL
         while not self._ending.wait(pause):
             pause = lips.step()

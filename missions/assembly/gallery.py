@@ -10,29 +10,38 @@ from pathlib import Path
 import numpy as np
 
 from config.things import PersonConfig
-from drivers.api import DeviceStatus, Report
+from drivers.api import DeviceStatus, StatusCallback
 from drivers.api.senses import CameraKeys
 from missions.assembly.models import yunet_file
 from missions.library.interests import Interests
-from missions.library.people import FEATURES, NEW, People, PeopleError, digest, files_in, people_of, read
+from missions.library.people import (
+    FEATURES_FILE,
+    NEW_PREFIX,
+    People,
+    PeopleError,
+    people_of,
+    picture_digest,
+    picture_files,
+    read_picture,
+)
 from perception.api import Box, Image
-from perception.crops import face_in
-from perception.dlib_people import LENGTH, DlibDescriber, DlibPeople, Feature
-from perception.identity import Look, Nobody, Recogniser
-from perception.people import KnownPeople
-from perception.sface import SFacePeople
-from perception.yunet import YuNetFaces
+from perception.crops import portrait_face_box
+from perception.dlib_people import FEATURE_LENGTH, DlibDescriber, DlibRecogniser, Feature
+from perception.identity import FaceMatch, FaceRecogniser, NullRecogniser
+from perception.people import PatchRecogniser
+from perception.sface import SFaceRecogniser
+from perception.yunet import YuNetFaceDetector
 
 # What dlib's network makes of people's portraits, kept beside them: it takes 84 ms for each, at each start otherwise.
 #
 # They are in a file of each person's folder, for the owner only, each by the digest of its picture. Whoever removes a
 # person removes it too; what was of a picture that has gone goes with the next that is kept.
 
-MOST_BYTES = 4_000_000
+MAX_CACHE_BYTES = 4_000_000
 """Bytes of a file that is read: a picture's numbers are 2600."""
 
 
-class Features:
+class FeatureCache:
     """Makes features of portraits, those alone that are not kept: a ``perception.dlib_people.Learner``."""
 
     def __init__(self, people: People, describe: DlibDescriber) -> None:
@@ -41,62 +50,70 @@ class Features:
 
     def __call__(self, name: str, portraits: Sequence[Image]) -> list[Feature]:
         """Return the features of the portraits of somebody; raises what ``describe`` does."""
-        home, model = self._people.where / name, self._describe.model
-        kept = _kept(home / FEATURES, model)
+        home, model = self._people.folder / name, self._describe.model
+        kept = _read_cache(home / FEATURES_FILE, model)
         found = {
-            key: kept[key] if key in kept else self._describe(each, face_in(each))
+            key: kept[key] if key in kept else self._describe(each, portrait_face_box(each))
             for each in portraits
-            for key in [digest(each).hex()]
+            for key in [picture_digest(each).hex()]
         }
         if found.keys() != kept.keys():
             with suppress(OSError, PeopleError):  # no room, no rights, or they were removed meanwhile: nothing is lost
-                self._keep(home, model, found)
-        return [found[digest(each).hex()] for each in portraits]
+                self._write_cache(home, model, found)
+        return [found[picture_digest(each).hex()] for each in portraits]
 
-    def _keep(self, home: Path, model: str, found: Mapping[str, Feature]) -> None:
+    def _write_cache(self, home: Path, model: str, found: Mapping[str, Feature]) -> None:
         """Write those of pictures that are still there."""
-        with self._people.alone():
-            there = {digest(picture).hex() for path in files_in(home) if (picture := read(path)) is not None}
+        with self._people.exclusive_access():
+            there = {
+                picture_digest(picture).hex()
+                for path in picture_files(home)
+                if (picture := read_picture(path)) is not None
+            }
             features = {key: feature.tolist() for key, feature in found.items() if key in there}
             if not features:
                 return
-            new = home / f"{NEW}features"
+            new = home / f"{NEW_PREFIX}features"
             new.unlink(missing_ok=True)
             with os.fdopen(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
                 json.dump({"model": model, "features": features}, file)
-            new.replace(home / FEATURES)
+            new.replace(home / FEATURES_FILE)
 
 
-def _kept(path: Path, model: str) -> dict[str, Feature]:
+def _read_cache(path: Path, model: str) -> dict[str, Feature]:
     """Return what is kept of ``model``, by digest: nothing where the file is damaged, a link, or another model's."""
     try:
-        with open(path, encoding="utf-8", opener=_unfollowed) as file:
-            told = json.loads(file.read(MOST_BYTES))
+        with open(path, encoding="utf-8", opener=_open_no_link) as file:
+            told = json.loads(file.read(MAX_CACHE_BYTES))
     except (OSError, ValueError, RecursionError):
         return {}
     features = told.get("features") if isinstance(told, dict) and told.get("model") == model else None
-    if not isinstance(features, dict) or not all(map(_whole, features.values())):
+    if not isinstance(features, dict) or not all(map(_is_feature, features.values())):
         return {}
     return {key: np.array(values, np.float64) for key, values in features.items()}
 
 
-def _unfollowed(path: str, flags: int) -> int:
+def _open_no_link(path: str, flags: int) -> int:
     """Open what is no link, and wait for nobody."""
     return os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK)
 
 
-def _whole(values: object) -> bool:
+def _is_feature(values: object) -> bool:
     """Whether these are the numbers of one feature."""
     return (
         isinstance(values, list)
-        and len(values) == LENGTH
+        and len(values) == FEATURE_LENGTH
         and all(type(each) is float and isfinite(each) for each in values)
     )
 
 
 def recogniser(
-    interests: Interests, report: Report, *, camera: CameraKeys | None = None, drawn: Sequence[PersonConfig] = ()
-) -> Recogniser | None:
+    interests: Interests,
+    report: StatusCallback,
+    *,
+    camera: CameraKeys | None = None,
+    drawn: Sequence[PersonConfig] = (),
+) -> FaceRecogniser | None:
     """Return what knows the people whom a robot sees: the user's, for a real ``camera``, else those ``drawn``.
 
     None where the mission does not ask for names. What is the matter with the pictures is told to ``report`` at the
@@ -111,24 +128,24 @@ def recogniser(
         found = drawn_gallery(drawn, notices.append)
     else:
         found = gallery(camera, notices.append)
-    return _Remarking(found, notices, report) if notices else found
+    return _ReportingRecogniser(found, notices, report) if notices else found
 
 
-class _Remarking:
+class _ReportingRecogniser:
     """A recogniser that tells, at the first look at somebody, what is the matter with its pictures."""
 
-    def __init__(self, recogniser: Recogniser, notices: Sequence[DeviceStatus], report: Report) -> None:
+    def __init__(self, recogniser: FaceRecogniser, notices: Sequence[DeviceStatus], report: StatusCallback) -> None:
         self._recogniser = recogniser
         self._notices = list(notices)
         self._report = report
 
-    def look(self, image: Image, face: Box) -> Look | None:
+    def match(self, image: Image, face: Box) -> FaceMatch | None:
         while self._notices:
             self._report(self._notices.pop(0))
-        return self._recogniser.look(image, face)
+        return self._recogniser.match(image, face)
 
 
-def gallery(camera: CameraKeys, report: Report) -> Recogniser:
+def gallery(camera: CameraKeys, report: StatusCallback) -> FaceRecogniser:
     """Return what knows the user's people; with nobody there, or where they cannot be read, all are strangers.
 
     ``report`` hears of pictures that cannot be read, which are left out.
@@ -139,23 +156,23 @@ def gallery(camera: CameraKeys, report: Report) -> Recogniser:
 
     people = people_of(camera)
     try:
-        if people.shut():
+        if people.restrict_access():
             report(
-                DeviceStatus("camera", "fault", f"others could read the pictures of people in {people.where}; not now")
+                DeviceStatus("camera", "fault", f"others could read the pictures of people in {people.folder}; not now")
             )
         portraits = people.portraits(told)
     except PeopleError as error:
         report(DeviceStatus("camera", "fault", f"nobody can be recognised: {error}", error.hint))
-        return Nobody()
+        return NullRecogniser()
     if not portraits:
         report(
             DeviceStatus("camera", "fault", "it knows nobody yet, so that all are unknown", "mission person add NAME")
         )
-        return Nobody()
+        return NullRecogniser()
     if camera.identity.method == "sface":
         model = Path(camera.identity.model).expanduser()
-        return SFacePeople(model, YuNetFaces(yunet_file(camera)), portraits)
+        return SFaceRecogniser(model, YuNetFaceDetector(yunet_file(camera)), portraits)
     if camera.identity.method == "dlib":
         describe = DlibDescriber()
-        return DlibPeople(portraits, describe, Features(people, describe))
-    return KnownPeople(portraits)
+        return DlibRecogniser(portraits, describe, FeatureCache(people, describe))
+    return PatchRecogniser(portraits)

@@ -5,28 +5,30 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from config.robot import Section
-from drivers.api import Device, DeviceStatus, Health, Microphone, Report, Voice
-from drivers.api.driver import resolved
+from drivers.api import Device, DeviceStatus, Health, Microphone, StatusCallback, Voice
+from drivers.api.driver import resolve_name
 from drivers.api.senses import MicrophoneKeys
 from drivers.clock import Clock
-from drivers.transport.pipe import Worker
+from drivers.transport.pipe import WorkerProcess
 from missions.assembly.duplex import HalfDuplex
 from missions.library.pronouncing import lexicon_for
 from perception.api import Hearing as Heard
 from perception.api import Words, ignore
-from perception.hearing.acceptance import learned
-from perception.hearing.engines import MODELLED, Modelled, Sphinx
-from perception.hearing.grammar import Grammar
-from perception.hearing.listener import Ears, Listener, never
+from perception.hearing.acceptance import load_acceptance
+from perception.hearing.engines import MODEL_ENGINES, ModelEngine, SphinxEngine
+from perception.hearing.grammar import PhraseGrammar
+from perception.hearing.listener import Ears, SpeechListener, never_deaf
 
 if TYPE_CHECKING:
-    from missions.assembly.assemble import Place
+    from missions.assembly.assemble import RealPartFactory
 
 
-class Hearing:
+class MicrophoneEars:
     """A microphone with ears behind it: the device ``microphone``, and a ``perception.api.Hearing``."""
 
-    def __init__(self, microphone: Microphone, worker: Worker, listener: Listener, report: Report) -> None:
+    def __init__(
+        self, microphone: Microphone, worker: WorkerProcess, listener: SpeechListener, report: StatusCallback
+    ) -> None:
         self.name = microphone.name
         self.listener = listener
         self._microphone = microphone
@@ -58,7 +60,7 @@ class Hearing:
         sound, recogniser = self._microphone.health(), self._worker.health()
         if not sound.online:
             return sound
-        if not recogniser.online or not self.listener.ready:
+        if not recogniser.online or not self.listener.is_ready:
             detail = recogniser.detail or f"{self.name}: the recogniser is not ready yet"
             return Health(False, detail, recogniser.hint, sound.counters)
         return sound
@@ -80,52 +82,57 @@ class Hearing:
         return self.listener.level()
 
 
-def real_ears(place: "Place", section: Section, made: Mapping[str, Any]) -> tuple[Device, Heard]:
+def real_ears(factory: "RealPartFactory", section: Section, made: Mapping[str, Any]) -> tuple[Device, Heard]:
     """Return ears that understand the phrases of a mission, and do not hear the robot itself speak."""
     keys: MicrophoneKeys = section.keys
     voice: Voice | None = made.get("voice")
-    wishes, audience, simulation = place.wishes, place.audience, place.simulation
+    wishes, audience, simulation = factory.overrides, factory.hooks, factory.simulation
     phrases = wishes.interests.phrases
     if simulation is None or wishes.world is None:
-        source: Microphone = place.device(section)
-        deaf = HalfDuplex(voice, place.clock).deaf
-        found = hearing(keys, source, phrases, place.clock, report=audience.report, deaf=deaf, changed=audience.changed)
+        source: Microphone = factory.device(section)
+        deaf = HalfDuplex(voice, factory.clock).may_be_own_speech
+        found = make_ears(
+            keys, source, phrases, factory.clock, report=audience.report, deaf=deaf, changed=audience.on_change
+        )
         return found, found
-    ears, simulation.robot_hears = resolved("missions.assembly.simulated_hearing:simulated_hearing")(
+    ears, simulation.on_reply = resolve_name("missions.assembly.simulated_hearing:make_simulated_ears")(
         keys,
         wishes.world,
         phrases,
-        place.clock,
+        factory.clock,
         voice=voice,
         seed=wishes.seed,
         report=audience.report,
-        changed=audience.changed,
+        changed=audience.on_change,
     )
     return ears, ears
 
 
-def hearing(
+def make_ears(
     config: MicrophoneKeys,
     source: Microphone,
     phrases: Sequence[str],
     clock: Clock,
     *,
-    report: Report,
-    deaf: Callable[[float, float], bool] = never,
+    report: StatusCallback,
+    deaf: Callable[[float, float], bool] = never_deaf,
     changed: Callable[[], None] = ignore,
-) -> Hearing:
+) -> MicrophoneEars:
     """Return ears that understand ``phrases`` of what comes from ``source``.
 
     Raises NotConnected without a recogniser, and BadRequest for words of which nobody knows how they are pronounced.
     """
-    engine = _engine(config, Grammar.of(phrases), clock)
-    worker = Worker("microphone", engine.program, clock, hint=engine.hint, report=report)
-    return Hearing(
-        source, worker, Listener(worker, engine, threshold=config.threshold, deaf=deaf, changed=changed), report
+    engine = _engine(config, PhraseGrammar.from_texts(phrases), clock)
+    worker = WorkerProcess("microphone", engine.program, clock, hint=engine.hint, report=report)
+    return MicrophoneEars(
+        source,
+        worker,
+        SpeechListener(worker, engine, threshold=config.threshold, is_deaf=deaf, changed=changed),
+        report,
     )
 
 
-def _engine(config: MicrophoneKeys, grammar: Grammar, clock: Clock) -> Sphinx | Modelled:
-    if (kind := MODELLED.get(config.recogniser)) is not None:
+def _engine(config: MicrophoneKeys, grammar: PhraseGrammar, clock: Clock) -> SphinxEngine | ModelEngine:
+    if (kind := MODEL_ENGINES.get(config.recogniser)) is not None:
         return kind(grammar, Path(config.model).expanduser().absolute())
-    return Sphinx(grammar, lexicon_for(config, grammar.words, clock), learned())
+    return SphinxEngine(grammar, lexicon_for(config, grammar.words, clock), load_acceptance())

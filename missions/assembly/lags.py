@@ -14,19 +14,19 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from behaviours.tracking import lag
-from behaviours.tracking.lag import Lag
+from behaviours.tracking.lag import LagEstimator
 from config.reading import read_regular
 from config.robot import RobotConfig
 from missions.library.folders import state_folder
-from perception.exposure_clock import EARLIEST, LATEST
+from perception.exposure_clock import MAX_DELAY, MIN_DELAY
 
 if TYPE_CHECKING:
-    from perception.delay import Delay
+    from perception.delay import CameraDelay
 
-KNOWN = 0.015
+MAX_LAG_SIGMA = 0.015
 """Seconds, one sigma, within which the lag of a base must be known to be kept; see ``Delay.known`` for the camera."""
 
-ENOUGH = 30
+MIN_SAMPLES = 30
 """Pairs of pictures, or reports of the base, from which it must have been learnt."""
 
 MAX_FILE_SIZE = 1000
@@ -35,17 +35,17 @@ MAX_FILE_SIZE = 1000
 CAMERA, BASE = "camera", "base"
 """The keys of the two delays, in seconds."""
 
-LEAST = {CAMERA: EARLIEST, BASE: lag.GRID[0]}
-MAX_LAGS = {CAMERA: LATEST, BASE: lag.GRID[-1]}
+MIN_LAGS = {CAMERA: MIN_DELAY, BASE: lag.LAG_GRID[0]}
+MAX_LAGS = {CAMERA: MAX_DELAY, BASE: lag.LAG_GRID[-1]}
 """Seconds that each can be."""
 
 
-def lags_file(robot: str) -> Path:
+def delays_file(robot: str) -> Path:
     """Return where the delays of a robot are kept."""
     return state_folder() / "lags" / f"{quote(robot, safe='')}.json"
 
 
-class Lags:
+class LearntDelays:
     """The delays of a robot: ``delay`` of its camera, with the lag of its head, and ``lag`` of its base.
 
     Both begin with what earlier runs have kept, where its file is still the same, and learn on. A ``simulated`` robot
@@ -56,38 +56,38 @@ class Lags:
     def __init__(self, config: RobotConfig, *, simulated: bool, other_camera: bool = False) -> None:
         self._name, self._simulated = config.name, simulated
         self._file = "" if simulated else _fingerprint(config)
-        self._kept = {} if simulated else kept(config)
+        self._stored = {} if simulated else load_delays(config)
         self._other_camera = other_camera
         self._told = 0.0 if config.camera is None else config.camera.delay
-        self.lag = Lag()
-        if BASE in self._kept:
-            self.lag.believe(self._kept[BASE], learnt=True)
+        self.lag = LagEstimator()
+        if BASE in self._stored:
+            self.lag.set_prior(self._stored[BASE], learnt=True)
 
     @cached_property
-    def delay(self) -> "Delay":
+    def delay(self) -> "CameraDelay":
         """The delay of the camera. A robot whose pictures are not searched never asks, and loads no numpy for it."""
-        from perception.delay import Delay  # noqa: PLC0415
+        from perception.delay import CameraDelay  # noqa: PLC0415
 
-        return Delay(0.0 if self._other_camera else self._kept.get(CAMERA, self._told))
+        return CameraDelay(0.0 if self._other_camera else self._stored.get(CAMERA, self._told))
 
-    def keep(self) -> None:
+    def save(self) -> None:
         """Write down what is known well by now, and drop what has proved wrong.
 
         Raises OSError where nothing can be written.
         """
         if self._simulated:
             return
-        found, lag = dict(self._kept), self.lag
-        if lag.reports >= ENOUGH and lag.spread <= KNOWN:
+        found, lag = dict(self._stored), self.lag
+        if lag.reports >= MIN_SAMPLES and lag.spread <= MAX_LAG_SIGMA:
             found[BASE] = round(lag.seconds, 4)
         if "delay" in vars(self) and not self._other_camera:
             delay = self.delay
-            if delay.pairs >= ENOUGH and delay.known:
+            if delay.informative_pairs >= MIN_SAMPLES and delay.is_known:
                 found[CAMERA] = round(delay.seconds, 4)
             elif CAMERA in found and delay.contradicts(found[CAMERA]):
                 del found[CAMERA]
-        if found != self._kept:
-            _write(lags_file(self._name), {"robot_file": self._file, **found})
+        if found != self._stored:
+            _write(delays_file(self._name), {"robot_file": self._file, **found})
 
 
 def _fingerprint(config: RobotConfig) -> str:
@@ -98,13 +98,13 @@ def _fingerprint(config: RobotConfig) -> str:
         return ""
 
 
-def kept(config: RobotConfig) -> dict[str, float]:
+def load_delays(config: RobotConfig) -> dict[str, float]:
     """Return the delays in seconds that earlier runs have kept of a robot, by ``CAMERA`` and ``BASE``.
 
     What is not sound, or was learnt from another robot file, counts as none.
     """
     try:
-        found = json.loads(read_regular(lags_file(config.name), MAX_FILE_SIZE))
+        found = json.loads(read_regular(delays_file(config.name), MAX_FILE_SIZE))
         if found["robot_file"] != _fingerprint(config):
             return {}
         delays = {CAMERA: found.get(CAMERA), BASE: found.get(BASE)}
@@ -113,7 +113,7 @@ def kept(config: RobotConfig) -> dict[str, float]:
     return {
         key: value
         for key, value in delays.items()
-        if isinstance(value, float) and LEAST[key] <= value <= MAX_LAGS[key]  # and so it is no NaN either
+        if isinstance(value, float) and MIN_LAGS[key] <= value <= MAX_LAGS[key]  # and so it is no NaN either
     }
 
 

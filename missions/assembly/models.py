@@ -11,13 +11,13 @@ from typing import BinaryIO
 from drivers.api.quick import dataclass
 from drivers.api.senses import CameraKeys
 from missions.library.folders import data_folder
-from perception.faces import HaarFaces
+from perception.faces import HaarFaceDetector
 from perception.finder import FaceDetector
 
-TIMEOUT = 30.0
+SERVER_TIMEOUT = 30.0
 """Seconds for which a server may be silent."""
 
-CHUNK = 1 << 16
+CHUNK_BYTES = 1 << 16
 
 
 class FetchError(RuntimeError):
@@ -29,7 +29,7 @@ class FetchError(RuntimeError):
 
 
 @dataclass(frozen=True, slots=True)
-class Model:
+class ModelFile:
     """A model's file: its name, where it is published, its SHA-256 in hexadecimal and its size in bytes."""
 
     name: str
@@ -41,7 +41,7 @@ class Model:
 
 
 # Sum and size as the OpenCV Zoo publishes them in its repository (Git LFS, models/face_detection_yunet).
-YUNET = Model(
+YUNET = ModelFile(
     "yunet",
     "Finds faces, also small, dark and turned ones (OpenCV Zoo, MIT licence).",
     "face_detection_yunet_2023mar.onnx",
@@ -50,15 +50,15 @@ YUNET = Model(
     232_589,
 )
 
-MODELS: Mapping[str, Model] = {model.name: model for model in (YUNET,)}
+MODELS: Mapping[str, ModelFile] = {model.name: model for model in (YUNET,)}
 
 
-def folder(environment: Mapping[str, str] = os.environ) -> Path:
+def models_folder(environment: Mapping[str, str] = os.environ) -> Path:
     """Return where models are kept: among the user's data."""
     return data_folder(environment) / "models"
 
 
-def is_there(model: Model, where: Path) -> bool:
+def is_fetched(model: ModelFile, where: Path) -> bool:
     """Say whether the very file is there already."""
     path = where / model.file
     try:
@@ -67,7 +67,9 @@ def is_there(model: Model, where: Path) -> bool:
         return False
 
 
-def fetch(model: Model, where: Path, *, url: str | None = None, told: Callable[[int], None] = lambda _: None) -> Path:
+def fetch(
+    model: ModelFile, where: Path, *, url: str | None = None, on_progress: Callable[[int], None] = lambda _: None
+) -> Path:
     """Download a model into the folder ``where``, and return the file's path; ``told`` hears how many bytes came.
 
     ``url`` is another place to fetch it from. The file appears whole and checked, or not at all.
@@ -85,7 +87,7 @@ def fetch(model: Model, where: Path, *, url: str | None = None, told: Callable[[
     part = Path(name)
     try:
         with os.fdopen(number, "wb") as file:
-            _download(model, source, file, told)
+            _download(model, source, file, on_progress)
         part.chmod(0o644)
         part.replace(target)
     except OSError as error:
@@ -95,7 +97,7 @@ def fetch(model: Model, where: Path, *, url: str | None = None, told: Callable[[
     return target
 
 
-def _download(model: Model, source: str, file: BinaryIO, told: Callable[[int], None]) -> None:
+def _download(model: ModelFile, source: str, file: BinaryIO, on_progress: Callable[[int], None]) -> None:
     """Write what the server sends into ``file``, as long as it can be the model; raise FetchError if it is not."""
     # What speaks to servers takes a while to import, and a run only asks where models are kept.
     from http.client import HTTPException  # noqa: PLC0415
@@ -103,14 +105,14 @@ def _download(model: Model, source: str, file: BinaryIO, told: Callable[[int], N
     from urllib.request import urlopen  # noqa: PLC0415
 
     who, sum256, size = f"{model.name}: {source}", hashlib.sha256(), 0
-    elsewhere = f"curl -LO {source}  (does it work elsewhere? then copy it to {folder()})"
+    elsewhere = f"curl -LO {source}  (does it work elsewhere? then copy it to {models_folder()})"
     try:
-        with closing(urlopen(source, timeout=TIMEOUT)) as answer:  # noqa: S310 - a web address, see fetch
-            while (chunk := answer.read(CHUNK)) and size <= model.size:
+        with closing(urlopen(source, timeout=SERVER_TIMEOUT)) as answer:  # noqa: S310 - a web address, see fetch
+            while (chunk := answer.read(CHUNK_BYTES)) and size <= model.size:
                 size += len(chunk)
                 sum256.update(chunk)
                 file.write(chunk)
-                told(size)
+                on_progress(size)
     except HTTPError as error:
         error.close()
         raise FetchError(f"{who}: the server says {error.code} {error.reason}", hint=elsewhere) from error
@@ -132,13 +134,13 @@ def _download(model: Model, source: str, file: BinaryIO, told: Callable[[int], N
 def face_detector(camera: CameraKeys | None) -> FaceDetector:
     """Return the detector of ``camera``, Haar where nothing is said; it reads its file when the first picture comes."""
     if camera is None or camera.detector == "haar":
-        return HaarFaces()
-    from perception.yunet import YuNetFaces  # noqa: PLC0415 - most robots have no such file
+        return HaarFaceDetector()
+    from perception.yunet import YuNetFaceDetector  # noqa: PLC0415 - most robots have no such file
 
-    return YuNetFaces(yunet_file(camera))
+    return YuNetFaceDetector(yunet_file(camera))
 
 
 def yunet_file(camera: CameraKeys) -> Path:
     """Return where YuNet's file is: as the robot file says, else where `mission robot models fetch` puts it."""
     named = camera.model if camera.detector == "yunet" else ""
-    return Path(named).expanduser() if named else folder() / YUNET.file
+    return Path(named).expanduser() if named else models_folder() / YUNET.file

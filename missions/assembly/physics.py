@@ -10,12 +10,12 @@ from drivers.legs.body import body_of
 from drivers.legs.declared import LegsKeys
 from drivers.legs.figure import figure_of
 from drivers.servos.declared import DynamixelKeys
-from drivers.servos.models import motor_of
-from drivers.sim.rigid.links import Floor, Push, mjcf
-from drivers.sim.rigid.scene import Scene
+from drivers.servos.models import motor_physics
+from drivers.sim.rigid.links import Floor, TrunkPush, make_mjcf
+from drivers.sim.rigid.scene import PhysicsScene
 
 
-def scene_of(config: RobotConfig, world: WorldConfig, start: Pose2D, seed: int) -> Scene:
+def scene_of(config: RobotConfig, world: WorldConfig, start: Pose2D, seed: int) -> PhysicsScene:
     """Return a robot's body on the floor of a world.
 
     Raises BadRequest for a robot without one, without MuJoCo, and for a model that is none.
@@ -26,14 +26,14 @@ def scene_of(config: RobotConfig, world: WorldConfig, start: Pose2D, seed: int) 
             f"physics: the robot '{config.name}' has no body that could fall",
             hint="physics are for robots whose base has `driver: legs`, such as --robot humanoid",
         )
-    motors = {name: motor_of(joint.kind, joint.torque) for name, joint in arm.servos.items()}
+    motors = {name: motor_physics(joint.servo_model, joint.torque) for name, joint in arm.servos.items()}
     body = body_of(legs.body)
-    model = own_model(legs, config) or mjcf(figure_of(body, motors, arm.reaches))
+    model = model_file(legs, config) or make_mjcf(figure_of(body, motors, arm.ranges))
     backlashes = {name: motors[name].backlash for name in body.joints}
-    return Scene(model, backlashes, floor_of(world), start=start, seed=seed)
+    return PhysicsScene(model, backlashes, floor_of(world), start=start, seed=seed)
 
 
-def own_model(legs: LegsKeys, config: RobotConfig) -> Path | None:
+def model_file(legs: LegsKeys, config: RobotConfig) -> Path | None:
     """Return the model that a robot file names, from its own folder; None where it names none. Raises BadRequest."""
     if not legs.model:
         return None
@@ -49,7 +49,7 @@ def floor_of(world: WorldConfig) -> Floor:
     return Floor(
         friction=physics.friction,
         slope=physics.slope,
-        masses=physics.masses,
-        delay=physics.servo_delay,
-        pushes=tuple(Push(each.at, each.speed, each.towards, each.over) for each in physics.pushes),
+        mass_error=physics.masses,
+        servo_delay=physics.servo_delay,
+        pushes=tuple(TrunkPush(each.at, each.speed, each.towards, each.over) for each in physics.pushes),
     )

@@ -8,20 +8,20 @@ from typing import Generic, TypeVar
 from config.colours import COLOURS
 from drivers.sim.timeline import Timeline
 from drivers.sim.viewpoint import Viewpoint
-from drivers.sim.world import World
-from missions.assembly.truth import SensorNoise, TrueNames, Truth
+from drivers.sim.world import SimulatedWorld
+from missions.assembly.truth import GroundTruth, SensorNoise, TrueNames
 from missions.library.interests import Interests
 from perception.api import Face, Gaze, Marker, Scene, Thing, View
 from perception.geometry import Pinhole
-from perception.identity import Naming
+from perception.identity import FaceNamer
 from perception.senses import NewestView
-from perception.tracks import MarkerSighting, Sighting, ThingSighting, Tracker
+from perception.tracks import FaceSighting, MarkerSighting, ThingSighting, Tracker
 
 __all__ = ["Glimpse", "SensorNoise", "SteppedEyes", "TrueSight"]
 
 T = TypeVar("T")
 
-DARKEST = 0.08
+MIN_LIGHT = 0.08
 """The share of daylight below which it sees nothing."""
 
 
@@ -55,7 +55,7 @@ class SteppedEyes(Generic[T]):
         self._open = True
         if not self._opened:
             self._opened = True
-            self._timeline.every(self._period, self._look)
+            self._timeline.call_every(self._period, self._look)
 
     def close(self) -> None:
         """Look no more. Safe more than once."""
@@ -66,7 +66,7 @@ class SteppedEyes(Generic[T]):
             return
         taken = self._take()
         if taken is not None:
-            self._timeline.at(self._timeline.clock.now() + self._delay, lambda: self._see(taken))
+            self._timeline.call_at(self._timeline.clock.read_value() + self._delay, lambda: self._see(taken))
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class Glimpse:
 
     stamp: float
     scene: Scene
-    faces: tuple[Sighting, ...] = ()
+    faces: tuple[FaceSighting, ...] = ()
     things: tuple[ThingSighting, ...] = ()
     markers: tuple[MarkerSighting, ...] = ()
 
@@ -89,12 +89,12 @@ class TrueSight(NewestView):
 
     def __init__(
         self,
-        world: World,
+        world: SimulatedWorld,
         viewpoint: Callable[[float], Viewpoint],
         gaze: Callable[[float], Gaze | None],
         lens: Pinhole,
         *,
-        flaws: SensorNoise,
+        noise: SensorNoise,
         seed: int,
         on_view: Callable[[View], None],
         interests: Interests | None = None,
@@ -105,21 +105,21 @@ class TrueSight(NewestView):
         self._gaze = gaze
         self._lens = lens
         self._interests = interests or Interests()
-        self._truth = Truth(world, lens, flaws, Random(seed))  # noqa: S311 - noise is no secret
+        self._truth = GroundTruth(world, lens, noise, Random(seed))  # noqa: S311 - noise is no secret
         self._faces, self._things, self._markers = Tracker[Face](), Tracker[Thing](), Tracker[Marker]()
-        self._names, self._naming = names, Naming()
+        self._names, self._naming = names, FaceNamer()
         self._on_view = on_view
-        self._glimpsed: float | None = None
+        self._last_glimpse: float | None = None
 
     def glimpse(self, now: float, *, dark: bool = False) -> Glimpse:
         """Return what a picture taken at ``now`` would show; nothing through a covered lens, which is ``dark``."""
         light = 0.0 if dark else self._world.light_at(now)
         scene = Scene(now, brightness=min(255.0, 150.0 * light), contrast=40.0 * min(1.0, light))
-        interests, before = self._interests, self._glimpsed
-        self._glimpsed = now
+        interests, before = self._interests, self._last_glimpse
+        self._last_glimpse = now
         if interests.motion:
             scene = replace(scene, motion=0.0)
-        if light < DARKEST:
+        if light < MIN_LIGHT:
             return Glimpse(now, scene)
         view, truth = self._viewpoint(now), self._truth
         if interests.motion and before is not None:
@@ -128,7 +128,7 @@ class TrueSight(NewestView):
             now,
             scene,
             truth.faces(view, now) if interests.faces else (),
-            truth.things(view, now, interests.wanted, COLOURS) if interests.wanted else (),
+            truth.things(view, now, interests.objects, COLOURS) if interests.objects else (),
             () if interests.markers is None else truth.markers(view, now, interests.markers),
         )
 

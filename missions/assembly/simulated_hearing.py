@@ -6,23 +6,23 @@ from threading import Event, Lock, Thread
 
 from config.things import PersonConfig
 from config.world import WorldConfig
-from drivers.api import DeviceStatus, Health, Manner, Report, Voice
+from drivers.api import DeviceStatus, Health, SpeechStyle, StatusCallback, Voice
 from drivers.api.senses import MicrophoneKeys
 from drivers.clock import Clock
 from drivers.extras import extra_hint
 from drivers.microphone.twin import HearingTwin
 from drivers.microphone.virtual import VoicedMicrophone
-from drivers.sim.acts import Reply
-from drivers.sound.engines import Espeak
+from drivers.sim.acts import PersonReply
+from drivers.sound.engines import EspeakEngine
 from missions.assembly.duplex import HalfDuplex
-from missions.assembly.hearing import Hearing, hearing
+from missions.assembly.hearing import MicrophoneEars, make_ears
 from perception.api import Words
-from perception.hearing.grammar import Grammar
+from perception.hearing.grammar import PhraseGrammar
 
-NEEDED = ("espeakng_loader", "pocketsphinx")
+NEEDED_MODULES = ("espeakng_loader", "pocketsphinx")
 """The modules that are imported to speak and to understand."""
 
-VOICES = {
+PERSON_VOICES = {
     "anna": "en-us+f2",
     "ben": "en-us+m7",
     "chidi": "en-us",
@@ -32,11 +32,11 @@ VOICES = {
 }
 """The voices of people, by their looks."""
 
-PACE = 150.0
+WORDS_PER_MINUTE = 150.0
 """Words a minute that people speak."""
 
 
-class TextHearing:
+class TextEars:
     """A ``HearingTwin`` that is stepped in real time; its answers may be asked for from any thread."""
 
     def __init__(self, twin: HearingTwin[Words]) -> None:
@@ -69,10 +69,10 @@ class TextHearing:
         """Say whether it listens."""
         return self._twin.health()
 
-    def hear(self, reply: Reply) -> None:
+    def hear(self, reply: PersonReply) -> None:
         """Take note of what somebody says now."""
         with self._lock:
-            self._twin.hear(reply)
+            self._twin.on_reply(reply)
 
     def words(self) -> Sequence[Words]:
         """See perception.api.Hearing."""
@@ -94,12 +94,12 @@ class TextHearing:
             return self._twin.level()
 
     def _run(self) -> None:
-        while not self._ending.wait(self._twin.PERIOD):
+        while not self._ending.wait(self._twin.STEP_INTERVAL):
             with self._lock:
                 self._twin.step()
 
 
-def simulated_hearing(
+def make_simulated_ears(
     config: MicrophoneKeys,
     world: WorldConfig,
     phrases: Sequence[str],
@@ -107,25 +107,30 @@ def simulated_hearing(
     *,
     voice: Voice | None,
     seed: int,
-    report: Report,
+    report: StatusCallback,
     changed: Callable[[], None],
-) -> tuple[Hearing | TextHearing, Callable[[Reply], None]]:
+) -> tuple[MicrophoneEars | TextEars, Callable[[PersonReply], None]]:
     """Return ears, and whom to tell what somebody says within earshot. Raises BadRequest as ``hearing`` does."""
-    if config.recogniser == "pocketsphinx" and all(find_spec(name) for name in NEEDED):
+    if config.recogniser == "pocketsphinx" and all(find_spec(name) for name in NEEDED_MODULES):
         people = {person.name: _manner(person) for person in world.people}
-        engine = Espeak(clock, usual=Manner(VOICES["chidi"], PACE), report=report, name="microphone")
-        source = VoicedMicrophone(
-            clock, engine, lambda who: people[who], deaf=HalfDuplex(voice, clock).deaf, report=report
+        engine = EspeakEngine(
+            clock,
+            default_manner=SpeechStyle(PERSON_VOICES["chidi"], WORDS_PER_MINUTE),
+            report=report,
+            name="microphone",
         )
-        deaf = HalfDuplex(voice, clock).deaf
-        ears = hearing(config, source, phrases, clock, report=report, deaf=deaf, changed=changed)
-        return ears, source.hear
-    text = TextHearing(
+        source = VoicedMicrophone(
+            clock, engine, lambda who: people[who], is_deaf=HalfDuplex(voice, clock).may_be_own_speech, report=report
+        )
+        deaf = HalfDuplex(voice, clock).may_be_own_speech
+        ears = make_ears(config, source, phrases, clock, report=report, deaf=deaf, changed=changed)
+        return ears, source.on_reply
+    text = TextEars(
         HearingTwin(
             clock,
-            Grammar.of(phrases),
+            PhraseGrammar.from_texts(phrases),
             Words,
-            deaf=HalfDuplex(voice, clock).deaf,
+            is_deaf=HalfDuplex(voice, clock).may_be_own_speech,
             mishearing=world.physics.mishearing,
             seed=seed,
             report=report,
@@ -137,5 +142,5 @@ def simulated_hearing(
     return text, text.hear
 
 
-def _manner(person: PersonConfig) -> Manner:
-    return Manner(VOICES[person.look], PACE)
+def _manner(person: PersonConfig) -> SpeechStyle:
+    return SpeechStyle(PERSON_VOICES[person.look], WORDS_PER_MINUTE)

@@ -8,32 +8,32 @@ from threading import Timer
 from typing import TypeVar
 
 from config.robot import RobotConfig
-from config.world import NOISE, PhysicsConfig, WorldConfig
+from config.world import DEFAULT_NOISE, PhysicsConfig, WorldConfig
 from drivers.api import Camera, HeadPose, Pose2D, ignore
-from drivers.api.driver import resolved
+from drivers.api.driver import resolve_name
 from drivers.clock import Clock
-from drivers.sim.acts import Reply
+from drivers.sim.acts import PersonReply
 from drivers.sim.painter import PannedCamera
 from drivers.sim.rendered import RenderedCamera
-from drivers.sim.stage import Stage
-from drivers.sim.viewpoint import Viewpoint, mounted
-from drivers.sim.world import ORIGIN, World
-from drivers.virtual.plugged import Plugged, Socket
-from drivers.virtual.terminal import Terminal
-from missions.assembly.together import making_order
+from drivers.sim.stage import SimContext
+from drivers.sim.viewpoint import Viewpoint, camera_viewpoint
+from drivers.sim.world import ORIGIN, SimulatedWorld
+from drivers.virtual.plugged import VirtualDevice, VirtualPort
+from drivers.virtual.terminal import PseudoTerminal
+from missions.assembly.together import order_parts
 from missions.library.worlds import build_physics, build_world
 
 D = TypeVar("D")
 
 
-def deaf(reply: Reply) -> None:
+def ignore_reply(reply: PersonReply) -> None:
     """Do nothing: the robot has no ears."""
 
 
 class Simulation:
     """Virtual devices for some parts of a robot, each on a pseudo-terminal of its own, in one world.
 
-    Without a ``world`` there is open floor, and nobody. ``answered`` is told who says what, and ``robot_hears`` what
+    Without a ``world`` there is open floor, and nobody. ``answered`` is told who says what, and ``on_reply`` what
     of that is said within earshot of the robot. ``parts`` are the devices by kind.
     """
 
@@ -44,40 +44,42 @@ class Simulation:
         clock: Clock,
         *,
         world: WorldConfig | None = None,
-        answered: Callable[[str, str], None] = ignore,
+        on_answer: Callable[[str, str], None] = ignore,
         seed: int = 0,
         listen: str = "",
     ) -> None:
         self._config = world
         self._world = None if world is None else build_world(world)
-        self._answered = answered
-        self.robot_hears: Callable[[Reply], None] = deaf
+        self._on_answer = on_answer
+        self.on_reply: Callable[[PersonReply], None] = ignore_reply
         self._answers: list[Timer] = []
         self._robot = robot
         self._clock = clock
-        self.parts: dict[str, Plugged] = {}
-        self.terminals: dict[str, Socket] = {}
-        stage = Stage(
+        self.parts: dict[str, VirtualDevice] = {}
+        self.terminals: dict[str, VirtualPort] = {}
+        stage = SimContext(
             clock,
             self._world,
             self.pose,
             physics=build_physics(PhysicsConfig() if world is None else world.physics),
             seed=seed,
-            listen=listen,
+            listen_address=listen,
             viewpoint=self.viewpoint,
-            noise=NOISE if world is None else world.noise,
+            camera_noise=DEFAULT_NOISE if world is None else world.noise,
             parts=self.parts,
-            keys={kind: section.keys for kind, section in robot.sections.items()},
+            part_keys={kind: section.keys for kind, section in robot.sections.items()},
         )
-        for kind in making_order(robot, chosen):
+        for kind in order_parts(robot, chosen):
             section = robot.sections[kind]
             if not section.driver.virtual:
                 continue
-            self.parts[kind] = plugged = resolved(section.driver.virtual)(section.keys, replace(stage, part=kind))
+            self.parts[kind] = plugged = resolve_name(section.driver.virtual)(
+                section.keys, replace(stage, part_name=kind)
+            )
             if plugged.terminal is not None:
                 self.terminals[kind] = plugged.terminal
             elif plugged.device is not None:
-                self.terminals[kind] = Terminal(plugged.wire, plugged.device, clock)
+                self.terminals[kind] = PseudoTerminal(plugged.wire, plugged.device, clock)
 
     @property
     def ports(self) -> dict[str, str]:
@@ -93,7 +95,7 @@ class Simulation:
         for terminal in self.terminals.values():
             terminal.open()
         if self._world is not None:
-            self._expect(self._world.said(-1.0, math.inf))
+            self._expect(self._world.replies_between(-1.0, math.inf))
 
     def close(self) -> None:
         """Unplug everything and remove the ports. Safe more than once."""
@@ -110,75 +112,77 @@ class Simulation:
         if base is None or base.pose is None:
             return ORIGIN if self._world is None else self._world.start
         pose = base.pose
-        return self._terminal("base").ask(lambda: pose(time))
+        return self._terminal("base").call_paused(lambda: pose(time))
 
     def viewpoint(self, time: float) -> Viewpoint:
         """Return where the camera truly is and looks: on the head, on the base."""
-        looks = self._looks(time)
+        looks = self._head_pose(time)
         camera = None if self._robot.camera is None else self._robot.camera.upright()
-        return mounted(self.pose(time), looks.pan, looks.tilt, (0.0, 0.0, 1.0) if camera is None else camera.position)
+        return camera_viewpoint(
+            self.pose(time), looks.pan, looks.tilt, (0.0, 0.0, 1.0) if camera is None else camera.position
+        )
 
-    def _looks(self, time: float) -> HeadPose:
+    def _head_pose(self, time: float) -> HeadPose:
         """Return where the head truly looks, from the base; ahead, for one that is not there."""
         head = self.parts.get("head")
-        if head is None or head.looks is None:
+        if head is None or head.head_pose is None:
             return HeadPose(0.0, 0.0)
-        looks = head.looks
-        return self._terminal("head").ask(lambda: looks(time))
+        looks = head.head_pose
+        return self._terminal("head").call_paused(lambda: looks(time))
 
-    def _terminal(self, kind: str) -> Socket:
+    def _terminal(self, kind: str) -> VirtualPort:
         """Return the terminal of a part, or of the part on whose wire it sits."""
         owner = next(each for each in (kind, *self._robot.sections[kind].driver.needs) if each in self.terminals)
         return self.terminals[owner]
 
     def state(self) -> dict[str, object]:
         """Return what the devices truly do: the base in SI units, servos of the head in degrees, joints in radians."""
-        now = self._clock.now()
+        now = self._clock.read_value()
         found = {}
         for kind, plugged in self.parts.items():
             if plugged.state is not None:
-                found[kind] = self._terminal(kind).ask(partial(plugged.state, now))
+                found[kind] = self._terminal(kind).call_paused(partial(plugged.state, now))
         return found
 
     def hear(self, text: str) -> None:
         """Let the people hear what the robot says; what they answer is told in their own time."""
         if self._world is not None:
-            now = self._clock.now()
-            self._expect(self._world.hear(text, now, self._stand(now)))
+            now = self._clock.read_value()
+            self._expect(self._world.deliver_speech(text, now, self._robot_position(now)))
 
-    def _expect(self, replies: Iterable[Reply]) -> None:
+    def _expect(self, replies: Iterable[PersonReply]) -> None:
         for reply in replies:
-            timer = Timer(max(0.0, reply.when - self._clock.now()), self._spoken, (reply,))
+            timer = Timer(max(0.0, reply.time - self._clock.read_value()), self._on_spoken, (reply,))
             timer.daemon = True
             timer.start()
             self._answers.append(timer)
 
-    def _spoken(self, reply: Reply) -> None:
-        now = self._clock.now()
-        self._answered(reply.who, reply.text)
-        if self._world is not None and self._world.audible(reply.who, now, self._stand(now)):
-            self.robot_hears(reply)
+    def _on_spoken(self, reply: PersonReply) -> None:
+        now = self._clock.read_value()
+        self._on_answer(reply.speaker, reply.text)
+        if self._world is not None and self._world.is_audible(reply.speaker, now, self._robot_position(now)):
+            self.on_reply(reply)
 
-    def _stand(self, time: float) -> tuple[float, float]:
+    def _robot_position(self, time: float) -> tuple[float, float]:
         pose = self.pose(time)
         return pose.x, pose.y
 
-    def rendered(self, *, seed: int = 0, rate: float = 25.0) -> Camera:
+    def rendered_camera(self, *, seed: int = 0, rate: float = 25.0) -> Camera:
         """Return a camera that sees the world from the head, ``rate`` times a second."""
         camera = self._robot.camera
         size = (640, 480) if camera is None else (camera.width, camera.height)
         view = math.radians(60) if camera is None else camera.field_of_view
         return RenderedCamera(
-            World() if self._world is None else self._world,
+            SimulatedWorld() if self._world is None else self._world,
             self.viewpoint,
             self._clock,
             rate=rate,
             size=size,
             field_of_view=view,
-            noise=NOISE if self._config is None else self._config.noise,
+            noise=DEFAULT_NOISE if self._config is None else self._config.noise,
             seed=seed,
         )
 
-    def panned(self, camera: Camera) -> Camera:
+    def panned_camera(self, camera: Camera) -> Camera:
         """Return ``camera``, which looks ahead, as if it sat on the simulated head."""
         return PannedCamera(camera, self.viewpoint)

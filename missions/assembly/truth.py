@@ -7,30 +7,30 @@ from math import atan2, cos, hypot, pi, remainder, sin, tau
 from random import Random
 
 from config.things import PersonConfig
-from drivers.sim.block import Block, Point3, Solid
+from drivers.sim.block import Point3, Solid, UprightBox
 from drivers.sim.people import Presence
 from drivers.sim.room import Colour
-from drivers.sim.things import MARKER_SIZE, Ball, Rover
-from drivers.sim.things import Box as Crate
+from drivers.sim.things import MARKER_SIZE, Rover, WorldBall
+from drivers.sim.things import WorldBox as Crate
 from drivers.sim.viewpoint import Viewpoint
-from drivers.sim.world import World
-from perception.api import ANY, BALL, BOX, Box, Detection, Wanted
+from drivers.sim.world import SimulatedWorld
+from perception.api import ANY, BALL, BOX, Box, Detection, ThingSpec
 from perception.geometry import FACE_WIDTH, Pinhole
-from perception.identity import Look
+from perception.identity import FaceMatch
 from perception.tracks import (
     BOX_WIDENING,
+    MIN_SPOT_PIXELS,
     SEARCH_WIDTH,
-    SMALLEST_SPOT,
-    MarkerKind,
+    ColourSpot,
+    FaceSighting,
+    MarkerSet,
     MarkerSighting,
-    Sighting,
-    Spot,
     ThingSighting,
 )
 
 # Names for eyes that know the world: what a recogniser would say of each face, mistakes now and then included.
 
-SURE = 1.0
+LOOK_MARGIN = 1.0
 """The margin of each look, either way."""
 
 
@@ -42,22 +42,22 @@ class TrueNames:
         self._mistaken = mistaken
         self._random = random
 
-    def look(self, face: Box, sightings: Sequence[Sighting]) -> Look | None:
+    def look(self, face: Box, sightings: Sequence[FaceSighting]) -> FaceMatch | None:
         """Return what one look at the face in a box says; None where none of the ``sightings`` is there."""
-        who = next((sighting.who for sighting in sightings if sighting.box == face), "")
+        who = next((sighting.person for sighting in sightings if sighting.box == face), "")
         if not who:
             return None
         wrong = self._random.random() < self._mistaken
-        return Look(who, SURE if (who in self._known) is not wrong else -SURE)
+        return FaceMatch(who, LOOK_MARGIN if (who in self._known) is not wrong else -LOOK_MARGIN)
 
 
 FACE_DROP = 0.03
 """Metres from the eyes down to the middle of a Haar box, which reaches from the hairline to the chin."""
 
-SMALLEST_FACE = 28.0
+MIN_FACE_WIDTH = 28.0
 """Pixels of a face's width below which the detector does not see it either (``perception.faces``)."""
 
-SMALLEST_MARKER = 24.0
+MIN_MARKER_SIDE = 24.0
 """Pixels of a marker's side below which its number cannot be read: 4 for each of its cells."""
 
 MARKER_HEIGHT = MARKER_SIZE * 4 / 3
@@ -76,41 +76,41 @@ class SensorNoise:
     mistaken: float = 0.03
 
 
-class Truth:
+class GroundTruth:
     """Knows what is to be seen of a world through ``lens`` from somewhere at a time, with the ``flaws`` of detectors.
 
     ``random`` decides what is missed and how far off a box is.
     """
 
-    def __init__(self, world: World, lens: Pinhole, flaws: SensorNoise, random: Random) -> None:
+    def __init__(self, world: SimulatedWorld, lens: Pinhole, noise: SensorNoise, random: Random) -> None:
         self._world = world
         self._lens = lens
-        self._flaws = flaws
+        self._noise = noise
         self._random = random
 
-    def faces(self, view: Viewpoint, now: float) -> tuple[Sighting, ...]:
+    def faces(self, view: Viewpoint, now: float) -> tuple[FaceSighting, ...]:
         """Return the faces in view, largest first."""
         boxes = ((self._face(presence, view, now), presence.person.name) for presence in self._world.people_at(now))
-        found = [Sighting(Detection(box, 5.0), found=True, who=who) for box, who in boxes if box is not None]
+        found = [FaceSighting(Detection(box, 5.0), found=True, person=who) for box, who in boxes if box is not None]
         return tuple(sorted(found, key=lambda sighting: -sighting.box.width))
 
     def things(
-        self, view: Viewpoint, now: float, wanted: Sequence[Wanted], colours: Mapping[str, Colour]
+        self, view: Viewpoint, now: float, wanted: Sequence[ThingSpec], colours: Mapping[str, Colour]
     ) -> tuple[ThingSighting, ...]:
         """Return the things ``wanted`` that are in view, furniture of that colour and shape among them."""
         found = []
         for thing in chain(self._world.objects, self._world.furniture):
-            shape = BALL if isinstance(thing, Ball) else BOX
+            shape = BALL if isinstance(thing, WorldBall) else BOX
             fitting = [
                 one for one in wanted if colours[one.colour] == thing.colour and one.shape in (ANY, shape)
             ]  # most things are not looked for, and cost no more than this
             seen = self._thing(thing, view, now) if fitting else None
             if seen is not None:
                 box, width = seen
-                found += [ThingSighting(Spot(box, one.colour, shape, width), one) for one in fitting]
+                found += [ThingSighting(ColourSpot(box, one.colour, shape, width), one) for one in fitting]
         return tuple(found)
 
-    def markers(self, view: Viewpoint, now: float, kind: MarkerKind) -> tuple[MarkerSighting, ...]:
+    def markers(self, view: Viewpoint, now: float, kind: MarkerSet) -> tuple[MarkerSighting, ...]:
         """Return the markers in view, of each robot the one that looks largest."""
         seen = (self._marker(rover, view, now, kind) for rover in self._world.robots)
         return tuple(one for one in seen if one is not None)
@@ -124,20 +124,20 @@ class Truth:
         for name, solid in self._moving(now):
             was = then.get(name)
             middle = (solid.x, solid.y, (solid.bottom + solid.top) / 2)
-            place = self._at(view, middle)
-            if was is None or place is None or not self._world.visible((view.x, view.y, view.z), middle, now):
+            place = self._pixel_of(view, middle)
+            if was is None or place is None or not self._world.is_visible((view.x, view.y, view.z), middle, now):
                 continue
-            old = self._at(view, (was.x, was.y, (was.bottom + was.top) / 2))
+            old = self._pixel_of(view, (was.x, was.y, (was.bottom + was.top) / 2))
             if old is None or not 0 <= place[0] <= self._lens.width:
                 continue
-            scale = self._lens.focal / view.sees(*middle)[2]
+            scale = self._lens.focal / view.to_camera_axes(*middle)[2]
             high = min((solid.top - solid.bottom) * scale, self._lens.height)
-            changed += 2 * high * min(hypot(place[0] - old[0], place[1] - old[1]), 2 * solid.reach * scale)
+            changed += 2 * high * min(hypot(place[0] - old[0], place[1] - old[1]), 2 * solid.bounding_radius * scale)
         return min(1.0, changed / (self._lens.width * self._lens.height))
 
     def _moving(self, time: float) -> Iterator[tuple[str, Solid]]:
         for presence in self._world.people_at(time):
-            yield presence.person.name, presence.body()
+            yield presence.person.name, presence.body_solid()
         for rover in self._world.robots:
             yield rover.name, rover.solid(time)
 
@@ -145,90 +145,90 @@ class Truth:
         """Return where a face is in the picture; None where it is not to be seen, or is missed this time."""
         if not presence.shows_face(view.x, view.y):
             return None
-        middle = (presence.x, presence.y, presence.eyes - FACE_DROP)
-        _, _, ahead = view.sees(*middle)
+        middle = (presence.x, presence.y, presence.eye_height - FACE_DROP)
+        _, _, ahead = view.to_camera_axes(*middle)
         if ahead <= 0:
             return None
         half = FACE_WIDTH / 2
         width = 2 * half * self._lens.focal / ahead
-        seen = self._at(view, middle)
-        if seen is None or width < SMALLEST_FACE:
+        seen = self._pixel_of(view, middle)
+        if seen is None or width < MIN_FACE_WIDTH:
             return None
-        return self._noticed(Box(seen[0] - width / 2, seen[1] - width / 2, width, width), view, middle, now)
+        return self._detected_box(Box(seen[0] - width / 2, seen[1] - width / 2, width, width), view, middle, now)
 
-    def _thing(self, thing: Ball | Crate, view: Viewpoint, now: float) -> tuple[Box, float] | None:
+    def _thing(self, thing: WorldBall | Crate, view: Viewpoint, now: float) -> tuple[Box, float] | None:
         """Return where a thing is in the picture, and its width as ``Spot`` has it."""
         solid = thing.solid()
         middle = (thing.x, thing.y, (solid.bottom + solid.top) / 2)
-        _, _, ahead = view.sees(*middle)
-        if isinstance(thing, Ball):
-            place = self._at(view, middle)
+        _, _, ahead = view.to_camera_axes(*middle)
+        if isinstance(thing, WorldBall):
+            place = self._pixel_of(view, middle)
             width = thing.size * self._lens.focal / max(ahead, 0.01)
             around = None if place is None else Box(place[0] - width / 2, place[1] - width / 2, width, width)
         else:
-            around = self._around(view, _corners(thing.solid()))
+            around = self._bounding_box(view, _corners(thing.solid()))
             width = 0.0 if around is None else around.width / BOX_WIDENING
-        least = SMALLEST_SPOT * self._lens.width / SEARCH_WIDTH
+        least = MIN_SPOT_PIXELS * self._lens.width / SEARCH_WIDTH
         if around is None or min(around.width, around.height) < least:
             return None
-        box = self._noticed(around, view, middle, now)
+        box = self._detected_box(around, view, middle, now)
         return None if box is None else (box, width)
 
-    def _marker(self, rover: Rover, view: Viewpoint, now: float, kind: MarkerKind) -> MarkerSighting | None:
+    def _marker(self, rover: Rover, view: Viewpoint, now: float, kind: MarkerSet) -> MarkerSighting | None:
         """Return the marker that a robot turns to the camera most; None where none can be read."""
         solid = rover.solid(now)
-        x, y, facing = max(_sides(solid), key=lambda side: cos(_turned(side, view)))
-        turned = _turned((x, y, facing), view)
+        x, y, facing = max(_sides(solid), key=lambda side: cos(_side_angle(side, view)))
+        turned = _side_angle((x, y, facing), view)
         height = max(solid.top / 2, solid.top - MARKER_HEIGHT / 2 - 0.03)
         middle = (x, y, height)
-        _, _, ahead = view.sees(*middle)
-        place = self._at(view, middle)
+        _, _, ahead = view.to_camera_axes(*middle)
+        place = self._pixel_of(view, middle)
         width = MARKER_SIZE * self._lens.focal * cos(turned) / max(ahead, 0.01)
-        if place is None or width < SMALLEST_MARKER:
+        if place is None or width < MIN_MARKER_SIDE:
             return None
         side = width / cos(turned)
-        box = self._noticed(Box(place[0] - width / 2, place[1] - side / 2, width, side), view, middle, now)
+        box = self._detected_box(Box(place[0] - width / 2, place[1] - side / 2, width, side), view, middle, now)
         if box is None:
             return None
         away = hypot(x - view.x, y - view.y, height - view.z)
         return MarkerSighting(rover.marker, kind.robots.get(rover.marker, ""), box, away, turned)
 
-    def _at(self, view: Viewpoint, point: Point3) -> tuple[float, float] | None:
+    def _pixel_of(self, view: Viewpoint, point: Point3) -> tuple[float, float] | None:
         """Return the pixel (x, y) of a point; None where it is behind the camera."""
-        right, down, ahead = view.sees(*point)
+        right, down, ahead = view.to_camera_axes(*point)
         if ahead <= 0.01:
             return None
         lens = self._lens
         return lens.width / 2 + lens.focal * right / ahead, lens.height / 2 + lens.focal * down / ahead
 
-    def _around(self, view: Viewpoint, points: Iterator[Point3]) -> Box | None:
+    def _bounding_box(self, view: Viewpoint, points: Iterator[Point3]) -> Box | None:
         """Return the box around some points; None where one is behind the camera."""
-        places = [self._at(view, point) for point in points]
+        places = [self._pixel_of(view, point) for point in points]
         inside = [place for place in places if place is not None]
         if len(inside) < len(places):
             return None
         xs, ys = zip(*inside, strict=True)
         return Box(min(xs), min(ys), max(xs) - min(xs), max(ys) - min(ys))
 
-    def _noticed(self, box: Box, view: Viewpoint, middle: Point3, now: float) -> Box | None:
+    def _detected_box(self, box: Box, view: Viewpoint, middle: Point3, now: float) -> Box | None:
         """Return a box as a detector gives it; None where the picture cuts it off, it is hidden, or it is missed."""
-        random, noise, lens = self._random, self._flaws.noise, self._lens
+        random, noise, lens = self._random, self._noise.noise, self._lens
         x, y = box.x + random.gauss(0.0, noise), box.y + random.gauss(0.0, noise)
         inside = 0 <= x <= lens.width - box.width and 0 <= y <= lens.height - box.height
-        if not inside or random.random() < self._flaws.missed:
+        if not inside or random.random() < self._noise.missed:
             return None
-        if not self._world.visible((view.x, view.y, view.z), middle, now):
+        if not self._world.is_visible((view.x, view.y, view.z), middle, now):
             return None
         return Box(x, y, box.width, box.height)
 
 
-def _corners(block: Block) -> Iterator[Point3]:
+def _corners(block: UprightBox) -> Iterator[Point3]:
     """Yield the eight corners of a box."""
     for (x, y), z in product(block.corners(), (block.bottom, block.top)):
         yield x, y, z
 
 
-def _sides(block: Block) -> Iterator[tuple[float, float, float]]:
+def _sides(block: UprightBox) -> Iterator[tuple[float, float, float]]:
     """Yield the middle (x, y) of each side of a box, and which way it faces (radians about z)."""
     for quarter in range(4):
         facing = block.heading + quarter * pi / 2
@@ -236,7 +236,7 @@ def _sides(block: Block) -> Iterator[tuple[float, float, float]]:
         yield block.x + half * cos(facing), block.y + half * sin(facing), facing
 
 
-def _turned(side: tuple[float, float, float], view: Viewpoint) -> float:
+def _side_angle(side: tuple[float, float, float], view: Viewpoint) -> float:
     """Return by how much a side is turned from the camera, in radians, positive to its own left."""
     x, y, facing = side
     return remainder(facing - atan2(view.y - y, view.x - x), tau)

@@ -16,23 +16,23 @@ from drivers.api.senses import CameraKeys
 from drivers.camera.twin import CameraTwin, black_like
 from drivers.microphone.twin import HearingTwin
 from drivers.screen.twin import ScreenTwin
-from drivers.sim.acts import Reply
-from drivers.sim.stage import Stage
+from drivers.sim.acts import PersonReply
+from drivers.sim.stage import SimContext
 from drivers.sim.timeline import Timeline
-from drivers.sim.viewpoint import Pinhole as Lens
+from drivers.sim.viewpoint import PinholeLens as Lens
 from drivers.voice.twin import VoiceTwin
-from missions.assembly.assembled import Assembled, Looking
+from missions.assembly.assembled import AssembledRobot, RunEyes
 from missions.assembly.duplex import HalfDuplex
-from missions.assembly.face import FRAME, Lips
+from missions.assembly.face import FRAME_INTERVAL, MouthAnimation
 from missions.assembly.seeing import Glimpse, SensorNoise, SteppedEyes, TrueSight
-from missions.assembly.together import Hooks, gaze, made_by, put_together, with_carriers
+from missions.assembly.together import Hooks, gaze, make_parts, resolve_maker, with_carriers
 from missions.assembly.truth import TrueNames
 from missions.assembly.twins import Twins
 from missions.library.interests import Interests
 from missions.library.worlds import build_physics, build_world
 from perception.api import Gaze, Words
 from perception.geometry import Pinhole
-from perception.hearing.grammar import Grammar
+from perception.hearing.grammar import PhraseGrammar
 
 if TYPE_CHECKING:
     from perception.eyes import Vision
@@ -48,10 +48,10 @@ class Conversation:
     robot listens for.
     """
 
-    def __init__(self, twins: Twins, world: WorldConfig, audience: Hooks, phrases: tuple[str, ...], seed: int) -> None:
+    def __init__(self, twins: Twins, world: WorldConfig, hooks: Hooks, phrases: tuple[str, ...], seed: int) -> None:
         self._twins = twins
         self._world = world
-        self._audience = audience
+        self._hooks = hooks
         self._phrases = phrases
         self._seed = seed
 
@@ -68,60 +68,62 @@ class Conversation:
 
     def begin(self) -> None:
         """Let the people say what they say unasked."""
-        self._expect(self._twins.world.said(-1.0, inf))
+        self._expect(self._twins.world.replies_between(-1.0, inf))
 
     def _voice(self, keys: VoiceKeys) -> VoiceTwin:
-        clock, audience = self._twins.timeline.clock, self._audience
-        return VoiceTwin(clock, self._say, usual=keys.manner, report=audience.report, changed=audience.changed)
+        clock, audience = self._twins.timeline.clock, self._hooks
+        return VoiceTwin(clock, self._say, default_style=keys.style, report=audience.report, changed=audience.on_change)
 
     def _microphone(self) -> HearingTwin[Words]:
-        clock, audience = self._twins.timeline.clock, self._audience
+        clock, audience = self._twins.timeline.clock, self._hooks
         return HearingTwin(
             clock,
-            Grammar.of(self._phrases),
+            PhraseGrammar.from_texts(self._phrases),
             Words,
-            deaf=HalfDuplex(self._twins.parts.get("voice"), clock).deaf,
+            is_deaf=HalfDuplex(self._twins.parts.get("voice"), clock).may_be_own_speech,
             mishearing=self._world.physics.mishearing,
             seed=self._seed,
             report=audience.report,
-            changed=audience.changed,
+            changed=audience.on_change,
         )
 
     def _screen(self, keys: ScreenKeys) -> ScreenTwin:
         timeline, voice = self._twins.timeline, self._twins.parts.get("voice")
-        screen = ScreenTwin(timeline.clock, awake=Mood(keys.mood), report=self._audience.report)
+        screen = ScreenTwin(timeline.clock, awake=Mood(keys.mood), report=self._hooks.report)
         if voice is not None:
-            timeline.every(FRAME, Lips(voice, screen, timeline.clock).step)
+            timeline.call_every(FRAME_INTERVAL, MouthAnimation(voice, screen, timeline.clock).step)
         return screen
 
     def _say(self, text: str) -> None:
         """Say something aloud."""
         twins = self._twins
-        self._audience.out(text)
-        self._expect(twins.world.hear(text, twins.timeline.clock.now(), self._stand()))
+        self._hooks.print_line(text)
+        self._expect(twins.world.deliver_speech(text, twins.timeline.clock.read_value(), self._robot_position()))
 
-    def _expect(self, replies: Iterable[Reply]) -> None:
+    def _expect(self, replies: Iterable[PersonReply]) -> None:
         """Have what people say told, and heard, when they say it."""
         for reply in replies:
-            self._twins.timeline.at(reply.when, partial(self._spoken, reply))
+            self._twins.timeline.call_at(reply.time, partial(self._on_spoken, reply))
 
-    def _spoken(self, reply: Reply) -> None:
+    def _on_spoken(self, reply: PersonReply) -> None:
         twins = self._twins
-        self._audience.answered(reply.who, reply.text)
-        if twins.microphone is not None and twins.world.audible(reply.who, twins.timeline.clock.now(), self._stand()):
-            twins.microphone.hear(reply)
+        self._hooks.on_answer(reply.speaker, reply.text)
+        if twins.microphone is not None and twins.world.is_audible(
+            reply.speaker, twins.timeline.clock.read_value(), self._robot_position()
+        ):
+            twins.microphone.on_reply(reply)
 
-    def _stand(self) -> tuple[float, float]:
+    def _robot_position(self) -> tuple[float, float]:
         """Return where the robot truly is."""
         pose = self._twins.pose()
         return pose.x, pose.y
 
 
-PICTURE_PERIOD = 0.08
+PICTURE_INTERVAL = 0.08
 """Seconds from one searched picture to the next, for eyes of either kind: what a small computer manages with this
 detector. A camera that is quicker has its other pictures dropped by the real eyes too."""
 
-SEEING_TIME = 0.03
+DETECTION_DELAY = 0.03
 """Seconds from a picture to what it shows."""
 
 WHITE, BLACK = cast(Image, Array()), cast(Image, Array())
@@ -133,13 +135,13 @@ def twin_robot(
     chosen: frozenset[str],
     timeline: Timeline,
     world: WorldConfig,
-    audience: Hooks,
+    hooks: Hooks,
     *,
     interests: Interests,
     seed: int,
     truth: bool,
     physics: bool = False,
-) -> tuple[Twins, Assembled]:
+) -> tuple[Twins, AssembledRobot]:
     """Put together twins for the ``chosen`` parts of a robot, stepped by ``timeline``, and the robot that they make.
 
     With ``truth``, faces are known from the world instead of being searched for in pictures. With ``physics`` the
@@ -152,17 +154,17 @@ def twin_robot(
         from missions.assembly.physics import scene_of  # noqa: PLC0415
 
         twins.scene = scene_of(config, world, twins.world.start, seed)
-    place = _Place(twins, config, world, audience, interests, seed, truth=truth)
-    robot, devices = put_together(config, chosen, place)
+    place = _TwinPartFactory(twins, config, world, hooks, interests, seed, truth=truth)
+    robot, devices = make_parts(config, chosen, place)
     place.conversation.begin()
-    steps = {part: step for part in twins.parts if (step := config.kind_of(part).step) is not None}
+    steps = {part: step for part in twins.parts if (step := config.kind_of(part).step_order) is not None}
     for part in sorted(steps, key=lambda it: steps[it]):
         twin = twins.parts[part]
-        timeline.every(twin.PERIOD, twin.step)
-    return twins, Assembled(config.name, robot, devices, place.looking)
+        timeline.call_every(twin.PERIOD, twin.step)
+    return twins, AssembledRobot(config.name, robot, devices, place.run_eyes)
 
 
-class _Place:
+class _TwinPartFactory:
     """Where the twins of one robot are put together."""
 
     def __init__(
@@ -170,7 +172,7 @@ class _Place:
         twins: Twins,
         config: RobotConfig,
         world: WorldConfig,
-        audience: Hooks,
+        hooks: Hooks,
         interests: Interests,
         seed: int,
         *,
@@ -179,21 +181,21 @@ class _Place:
         self._twins = twins
         self._clock = twins.timeline.clock
         self._world = world
-        self._audience = audience
+        self._hooks = hooks
         self._interests = interests
         self._seed = seed
         self._truth = truth
-        self.conversation = Conversation(twins, world, audience, interests.phrases, seed)
-        self.looking: Looking | None = None
-        self._stage = Stage(
+        self.conversation = Conversation(twins, world, hooks, interests.phrases, seed)
+        self.run_eyes: RunEyes | None = None
+        self._stage = SimContext(
             self._clock,
             twins.world,
             lambda _: twins.pose(),
             build_physics(world.physics),
             seed,
-            audience.report,
-            audience.changed,
-            audience.steered,
+            hooks.report,
+            hooks.on_change,
+            hooks.on_steering,
             twins.parts,
             {kind: section.keys for kind, section in config.sections.items()},
             scene=twins.scene,
@@ -207,8 +209,8 @@ class _Place:
             return parts[kind], seen
         twin = self.conversation.twin(kind, section.keys)
         if twin is None:
-            make = made_by(section.driver.twin, section, "twin")
-            twin = make(section.keys, replace(self._stage, part=kind))
+            make = resolve_maker(section.driver.twin, section, "twin")
+            twin = make(section.keys, replace(self._stage, part_name=kind))
         parts[kind] = twin
         return twin, twin
 
@@ -216,7 +218,7 @@ class _Place:
         self._twins.place = keys.position
         upright = keys.upright()
         self._twins.lens = Lens(upright.width, upright.height, upright.field_of_view)
-        sight, self.looking = self.true_eyes() if self._truth else self.eyes(keys)
+        sight, self.run_eyes = self.true_eyes() if self._truth else self.eyes(keys)
         return sight
 
     def camera(self, draw: Callable[[float], Image], black: Callable[[Image], Image] = black_like) -> CameraTwin:
@@ -225,7 +227,7 @@ class _Place:
             draw,
             self._clock,
             field_of_view=twins.lens.field_of_view,
-            report=self._audience.report,
+            report=self._hooks.report,
             dropouts=self._world.dropouts,
             seed=self._seed,
             black=black,
@@ -239,7 +241,7 @@ class _Place:
         from missions.assembly.gallery import recogniser  # noqa: PLC0415
         from missions.assembly.models import face_detector  # noqa: PLC0415
 
-        twins, audience = self._twins, self._audience
+        twins, audience = self._twins, self._hooks
         renderer = Renderer(twins.world, twins.lens, noise=self._world.noise, seed=self._seed)
         camera = self.camera(lambda time: renderer.draw(twins.viewpoint(), time))
         sight = vision(
@@ -250,16 +252,16 @@ class _Place:
             lens=None,  # what draws the pictures is ideal
             field_of_view=twins.lens.field_of_view,
             report=audience.report,
-            seen=audience.seen,
-            watched=audience.watched,
+            seen=audience.on_view,
+            watched=audience.on_frame,
             recogniser=recogniser(self._interests, audience.report, drawn=self._world.people),
         )
 
         def take() -> CameraFrame | None:
-            return camera.expose(self._clock.now())
+            return camera.expose(self._clock.read_value())
 
         return sight, SteppedEyes(
-            twins.timeline, take, sight.see, sight.looked, period=PICTURE_PERIOD, delay=SEEING_TIME
+            twins.timeline, take, sight.see, sight.looked, period=PICTURE_INTERVAL, delay=DETECTION_DELAY
         )
 
     def true_eyes(self) -> tuple[TrueSight, SteppedEyes[Glimpse]]:
@@ -271,9 +273,9 @@ class _Place:
             lambda _: twins.viewpoint(),
             self._gaze,
             lens,
-            flaws=SensorNoise(),
+            noise=SensorNoise(),
             seed=self._seed,
-            on_view=self._audience.seen,
+            on_view=self._hooks.on_view,
             interests=self._interests,
             names=self._true_names(),
         )
@@ -287,7 +289,7 @@ class _Place:
         camera = self.camera(draw, black=lambda _: BLACK)
 
         def take() -> Glimpse | None:
-            frame = camera.expose(self._clock.now())
+            frame = camera.expose(self._clock.read_value())
             if frame is None:
                 return None
             if frame.image is not WHITE:
@@ -296,7 +298,7 @@ class _Place:
             return replace(newest, stamp=frame.stamp, scene=replace(newest.scene, stamp=frame.stamp))
 
         return sight, SteppedEyes(
-            twins.timeline, take, sight.see, sight.looked, period=PICTURE_PERIOD, delay=SEEING_TIME
+            twins.timeline, take, sight.see, sight.looked, period=PICTURE_INTERVAL, delay=DETECTION_DELAY
         )
 
     def _true_names(self) -> TrueNames | None:

@@ -11,16 +11,16 @@ from drivers.microphone.twin import HearingTwin
 from drivers.screen.twin import ScreenTwin
 from drivers.sim.stage import TrueBase, TrueHead
 from drivers.sim.timeline import Timeline
-from drivers.sim.viewpoint import Pinhole as Lens
-from drivers.sim.viewpoint import Viewpoint, mounted
-from drivers.sim.world import World
+from drivers.sim.viewpoint import PinholeLens as Lens
+from drivers.sim.viewpoint import Viewpoint, camera_viewpoint
+from drivers.sim.world import SimulatedWorld
 from drivers.voice.twin import VoiceTwin
 from perception.api import Words
 
 if TYPE_CHECKING:  # what few robots have is not imported for the others
     from drivers.legs.twin import LegsTwin
     from drivers.servos.twin import JointsTwin
-    from drivers.sim.rigid.scene import Scene
+    from drivers.sim.rigid.scene import PhysicsScene
 
 T = TypeVar("T")
 
@@ -35,11 +35,11 @@ class Twins:
     """
 
     timeline: Timeline
-    world: World
+    world: SimulatedWorld
     parts: dict[str, Any] = field(default_factory=dict)
     place: tuple[float, float, float] = (0.0, 0.0, 1.0)
     lens: Lens = field(default_factory=lambda: Lens(640, 480, 1.047))
-    scene: "Scene | None" = None
+    scene: "PhysicsScene | None" = None
 
     @property
     def devices(self) -> Mapping[str, Device]:
@@ -95,20 +95,20 @@ class Twins:
     def pose(self) -> Pose2D:
         """Return where the base truly is now, in the world's frame; in physics, the trunk."""
         if self.scene is not None:
-            self.scene.advance(self.timeline.clock.now())
+            self.scene.advance(self.timeline.clock.read_value())
             return self.scene.pose()
         base: TrueBase | None = self.parts.get("base")
-        return self.world.start if base is None else base.true_pose(self.timeline.clock.now())
+        return self.world.start if base is None else base.true_pose(self.timeline.clock.read_value())
 
     def viewpoint(self) -> Viewpoint:
         """Return where the camera truly is and looks now."""
         pan = tilt = 0.0
         if self.head is not None:
-            looks = self.head.true_pose(self.timeline.clock.now())
+            looks = self.head.true_pose(self.timeline.clock.read_value())
             pan, tilt = looks.pan, looks.tilt
         if self.scene is not None:
             tilt += self.scene.lean()[1]
-        return mounted(self.pose(), pan, tilt, self.place)
+        return camera_viewpoint(self.pose(), pan, tilt, self.place)
 
     def _of(self, kind: str, cls: type[T]) -> T | None:
         found = self.parts.get(kind)

@@ -11,27 +11,27 @@ from rich.table import Table
 from behaviours.leaf import Leaf
 from config.units import UNITS
 from missions.cli.console import console, echo
-from missions.cli.options import own_files
+from missions.cli.options import folder_behaviour_files
 from missions.language.counts import COUNTS
-from missions.language.nodes import BRANCHES, COMPOSITES, MODIFIERS, OTHERS
-from missions.language.steps import BESIDE
-from missions.language.synonyms import word_meant
-from missions.library.catalogue import shown_default, summary, terms
-from missions.library.vocabulary import vocabulary
+from missions.language.nodes import BRANCHES, COMPOSITES, MODIFIERS, OTHER_PARENTS
+from missions.language.steps import BESIDE_KEYS
+from missions.language.synonyms import unknown_word_hint
+from missions.library.catalogue import default_text, requirements_text, summary
+from missions.library.vocabulary import load_leaves
 
 
 def show_behaviour(name: str, files: Sequence[Path], *, as_json: bool) -> None:
     """Print all about a behaviour, or about another word of the language. Raises click.UsageError without one."""
-    leaves = vocabulary(own_files(files), files)
+    leaves = load_leaves(folder_behaviour_files(files), files)
     if name in leaves:
         if as_json:
             click.echo(json.dumps([_as_dict(leaves[name])], indent=2))
         else:
             _describe(leaves[name])
-    elif name in (known := _known()):
+    elif name in (known := word_help()):
         click.echo(f"{name}: {known[name]}")
     else:
-        hint = word_meant(name, leaves, BRANCHES, (*MODIFIERS, *BESIDE), alone=False)
+        hint = unknown_word_hint(name, leaves, BRANCHES, (*MODIFIERS, *BESIDE_KEYS), alone=False)
         raise click.UsageError(
             f"no behaviour '{name}'" + (f"; {hint}" if hint else "; `mission list behaviours` has all")
         )
@@ -39,7 +39,7 @@ def show_behaviour(name: str, files: Sequence[Path], *, as_json: bool) -> None:
 
 def list_behaviours(files: Sequence[Path], *, as_json: bool) -> None:
     """Print a line on each behaviour, and on every other word of the language; or all of the behaviours as JSON."""
-    leaves = vocabulary(own_files(files), files)
+    leaves = load_leaves(folder_behaviour_files(files), files)
     if as_json:
         click.echo(json.dumps([_as_dict(leaf) for leaf in leaves.values()], indent=2))
     else:
@@ -48,10 +48,10 @@ def list_behaviours(files: Sequence[Path], *, as_json: bool) -> None:
 
 def is_word(name: str, files: Sequence[Path]) -> bool:
     """Say whether a behaviour, or another word of the language, has this name."""
-    return name in vocabulary(files) or name in _known()
+    return name in load_leaves(files) or name in word_help()
 
 
-def _known() -> Mapping[str, str]:
+def word_help() -> Mapping[str, str]:
     """Return what every word of the language does that is no leaf."""
     beside = {word: f"{text} (takes {takes})" for word, (takes, text) in COUNTS.items()}
     modifiers = {word: f"{each.help} (takes {each.takes})" for word, each in MODIFIERS.items()}
@@ -63,7 +63,7 @@ def _list(leaves: Mapping[str, type[Leaf]]) -> None:
     for title, rows in (
         ("Behaviours", {word: (summary(leaf), ", ".join(sorted(leaf.drives))) for word, leaf in leaves.items()}),
         ("Composites, each with a list of behaviours", {word: (kind.help, "") for word, kind in COMPOSITES.items()}),
-        ("Others that have behaviours below them", {word: (kind.help, "") for word, kind in OTHERS.items()}),
+        ("Others that have behaviours below them", {word: (kind.help, "") for word, kind in OTHER_PARENTS.items()}),
         ("Beside a parallel", {word: (f"{text} ({takes})", "") for word, (takes, text) in COUNTS.items()}),
         ("Modifiers, beside a behaviour", {word: (f"{m.help} ({m.takes})", "") for word, m in MODIFIERS.items()}),
     ):
@@ -75,30 +75,30 @@ def _list(leaves: Mapping[str, type[Leaf]]) -> None:
 
 
 def _describe(leaf: type[Leaf]) -> None:
-    echo(leaf.word, "bold")
+    echo(leaf.tag, "bold")
     for line in (inspect.getdoc(leaf) or "").splitlines():
         click.echo(f"  {line}")
     click.echo(f"\n  claims: {', '.join(sorted(leaf.drives)) or 'nothing'}")
     click.echo(f"  needs:  {', '.join(sorted(leaf.needs)) or 'nothing'}")
-    if leaf.uses:
-        click.echo(f"  uses:   {', '.join(sorted(leaf.uses))}, where there is one")
-    if leaf.stores:
-        click.echo(f"  as:     keeps {leaf.stores}")
+    if leaf.optional_parts:
+        click.echo(f"  uses:   {', '.join(sorted(leaf.optional_parts))}, where there is one")
+    if leaf.output_doc:
+        click.echo(f"  as:     keeps {leaf.output_doc}")
     if leaf.arguments:
         click.echo("\n  arguments:")
     for argument in leaf.arguments.values():
         principal = "; may stand alone" if argument.principal else ""
-        click.echo(f"    {argument.name}: {terms(argument)}{principal}\n        {argument.help}")
+        click.echo(f"    {argument.name}: {requirements_text(argument)}{principal}\n        {argument.help}")
 
 
 def _as_dict(leaf: type[Leaf]) -> dict[str, object]:
     return {
-        "name": leaf.word,
+        "name": leaf.tag,
         "help": inspect.getdoc(leaf),
         "claims": sorted(leaf.drives),
         "needs": sorted(leaf.needs),
-        "uses": sorted(leaf.uses),
-        "stores": leaf.stores or None,
+        "uses": sorted(leaf.optional_parts),
+        "stores": leaf.output_doc or None,
         "arguments": [
             {
                 "name": argument.name,
@@ -106,7 +106,7 @@ def _as_dict(leaf: type[Leaf]) -> dict[str, object]:
                 "units": list(UNITS.get(argument.kind, ())),
                 "span": argument.span,
                 "required": argument.required,
-                "default": None if argument.required else shown_default(argument),
+                "default": None if argument.required else default_text(argument),
                 "principal": argument.principal,
                 "help": argument.help,
             }

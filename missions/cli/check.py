@@ -7,18 +7,18 @@ from pathlib import Path
 import click
 
 from behaviours.leaf import Leaf
-from config.faults import Diagnostic, InvalidFileError, InvalidInputError, Mark, Source
+from config.faults import Diagnostic, InvalidFileError, InvalidInputError, Mark, SourceText
 from config.library import UnknownNameError
 from missions.cli.declared import behaviours_option, params_option
 from missions.cli.names import MISSION
-from missions.cli.options import files_of, leaves_for
-from missions.cli.usual_robot import load_for, robot_option, robots_for, target
-from missions.language.claims import impossible
-from missions.language.outcomes import actions_as_guards, guards_kept
+from missions.cli.options import leaf_loader, mission_files_in
+from missions.cli.usual_robot import load_mission_for, load_target, robot_option, robots_for
+from missions.language.claims import impossible_alternatives
+from missions.language.outcomes import actions_as_guards, remembered_guards
 from missions.language.phrases import confusions
-from missions.library.plugins import file_kind_of, load
+from missions.library.plugins import find_file_kind, load
 from missions.library.shipped import shipped_missions
-from missions.library.things import THINGS
+from missions.library.things import LOOKUPS
 
 
 @click.command(epilog="Example: mission check greet patrol")
@@ -32,11 +32,11 @@ def command(
 ) -> int:
     """Check missions and their tests: names, files or folders; all that ship with MissionTree when none is given."""
     robots = robots_for(robot)
-    leaves = leaves_for(files)
+    leaves = leaf_loader(files)
     found: list[Diagnostic] = []
     hints: list[Diagnostic] = []
-    for name in [file for each in names for file in files_of(each)] or list(shipped_missions()):
-        said, faults, advice = _checked(name, params, robots, leaves, files)
+    for name in [file for each in names for file in mission_files_in(each)] or list(shipped_missions()):
+        said, faults, advice = _check_file(name, params, robots, leaves, files)
         found += faults
         hints += advice
         if not as_json:
@@ -51,7 +51,7 @@ def command(
     return 2 if found else 0
 
 
-def _checked(
+def _check_file(
     name: str,
     params: dict[str, str],
     robots: Sequence[Path],
@@ -63,19 +63,23 @@ def _checked(
     Return what to tell, its mistakes, and hints about what is no mistake.
     """
     try:
-        if (found := file_kind_of(Path(name).name)) is not None and found[1].check:
+        if (found := find_file_kind(Path(name).name)) is not None and found[1].check:
             plugin, kind = found
             return f"{name}: good ({load(plugin, kind.check)(Path(name), files)})", [], []
-        plan, able = load_for(name, params, robots, leaves(name))
+        plan, able = load_mission_for(name, params, robots, leaves(name))
     except InvalidFileError as error:
-        return str(error), error.faults, []
+        return str(error), error.diagnostics, []
     except (InvalidInputError, UnknownNameError) as error:
-        return f"mission: {error}", [Diagnostic(Source(name, ""), Mark(), str(error))], []
+        return f"mission: {error}", [Diagnostic(SourceText(name, ""), Mark(), str(error))], []
     count = sum(1 for _ in plan.tree.walk())
     other = "" if able == robots[0] else f", for robot '{able.stem}'"
-    robot = target(able)
+    robot = load_target(able)
     said = f"{name}: good ({plan.mission}, {count} node{'s' if count > 1 else ''}{other})"
-    hints = [*actions_as_guards(plan.tree), *guards_kept(plan.tree), *impossible(plan.tree, robot, THINGS)]
+    hints = [
+        *actions_as_guards(plan.tree),
+        *remembered_guards(plan.tree),
+        *impossible_alternatives(plan.tree, robot, LOOKUPS),
+    ]
     return said, [], [*hints, *confusions(plan.tree, robot)]
 
 

@@ -9,21 +9,21 @@ from typing import Any
 
 import click
 
-from missions.library.plugins import command_of, load, plugins
+from missions.library.plugins import find_command, load, plugins
 from missions.plugin import COMMAND_GROUPS, LOOK, RUN, SET_UP, CommandEntry
 
-ALONE = "alone"
+OWN_PROCESS = "alone"
 """What the context of a command is told where the process is its alone: `missions.control.holders.OWN_PROCESS`."""
 
 
-def settle() -> None:
+def freeze_garbage_collector() -> None:
     """Have Python's search for rubbish pass over all that is there now: it is held off until then, and goes on.
 
     What is there lasts, and would be searched again and again, in a run within ticks (0.1 s on a Raspberry Pi). Does
     nothing where the process is not the command's alone.
     """
     context = click.get_current_context(silent=True)
-    if context is not None and context.find_root().obj == ALONE:
+    if context is not None and context.find_root().obj == OWN_PROCESS:
         gc.freeze()
         gc.enable()
 
@@ -76,7 +76,7 @@ OLD_NAMES: Mapping[str, str] = {
 """Commands by their names of before, each with its name of today; a word in capitals is to be filled in."""
 
 
-def new_name(words: Sequence[str]) -> str:
+def current_name(words: Sequence[str]) -> str:
     """Return the command line of today for one of before; empty for words that were no command."""
     for size in (2, 1):
         if (new := OLD_NAMES.get(" ".join(words[:size]))) is not None:
@@ -92,19 +92,19 @@ class SharedOption(click.Option):
 shared_option = partial(click.option, cls=SharedOption)
 
 
-class FullHelp(click.Command):
+class FullHelpCommand(click.Command):
     """A command whose help shows all of its options with ``--help-all``, and else those that it needs first."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Read the arguments; ``--help-all`` prints the whole help, and ends."""
         if "--help-all" in args[: args.index("--") if "--" in args else len(args)] and not ctx.resilient_parsing:
-            ctx.meta[FullHelp.__name__] = True
+            ctx.meta[FullHelpCommand.__name__] = True
             click.echo(self.get_help(ctx))
             ctx.exit()
         return super().parse_args(ctx, args)
 
 
-class SharingCommand(FullHelp):
+class SharingCommand(FullHelpCommand):
     """A command of a group with shared options, which are listed in its own help with ``--help-all`` only."""
 
     def __init__(self, *args: Any, **more: Any) -> None:
@@ -119,7 +119,7 @@ class SharingCommand(FullHelp):
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write its own options, and the names of those that it shares."""
-        shared = [] if FullHelp.__name__ in ctx.meta else self.shared
+        shared = [] if FullHelpCommand.__name__ in ctx.meta else self.shared
         shown = [each for each in self.get_params(ctx) if each not in shared and not isinstance(each, click.Argument)]
         rows = [each.get_help_record(ctx) for each in shown]
         with formatter.section("Options"):
@@ -145,7 +145,7 @@ class LazyGroup(click.Group):
         return tuple(str(self.name).split())
 
     @property
-    def lazy(self) -> Mapping[str, CommandEntry]:
+    def lazy_commands(self) -> Mapping[str, CommandEntry]:
         """Its subcommands that are declared in a table, by their last words."""
         found = {tuple(name.split()): each for name, each in declared_commands()}
         return {words[-1]: each for words, each in found.items() if words[:-1] == self.path}
@@ -153,7 +153,7 @@ class LazyGroup(click.Group):
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names: those that are imported already, then the others."""
         del ctx
-        return [*self.commands, *self.lazy]
+        return [*self.commands, *self.lazy_commands]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import and return one subcommand; None for an unknown name."""
@@ -163,12 +163,12 @@ class LazyGroup(click.Group):
         if entry := COMMANDS.get(name):
             module, _, attribute = entry.path.partition(":")
             command = getattr(import_module(module), attribute)
-        elif found := command_of(name):
+        elif found := find_command(name):
             plugin, entry = found
             command = load(plugin, entry.path)
         else:
             return None
-        settle()
+        freeze_garbage_collector()
         if not isinstance(command, click.Command):
             raise click.ClickException(f"{entry.path} is {type(command).__name__}, not a click command")
         return command
@@ -179,11 +179,11 @@ class LazyGroup(click.Group):
         """Return the subcommand; say what may be meant by an unknown one."""
         word = args[0]
         if not word.startswith("-") and self.get_command(ctx, word) is None:
-            meant = new_name([*self.path, *args]) or f"mission {self.meant(ctx, word)}"
+            meant = current_name([*self.path, *args]) or f"mission {self.suggestion(ctx, word)}"
             ctx.fail(f"no such command: '{word}'\n  try: {meant}")
         return super().resolve_command(ctx, args)
 
-    def meant(self, ctx: click.Context, word: str) -> str:
+    def suggestion(self, ctx: click.Context, word: str) -> str:
         """Return the words behind ``mission`` that are meant by an unknown ``word``."""
         from config.faults import closest  # noqa: PLC0415 - as in `guarded`
 
@@ -206,25 +206,25 @@ class LazyGroup(click.Group):
         del ctx
         own = [(name, each.get_short_help_str(formatter.width)) for name, each in self.commands.items()]
         with formatter.section("Commands"):
-            formatter.write_dl([*own, *((name, each.help) for name, each in self.lazy.items())])
+            formatter.write_dl([*own, *((name, each.help) for name, each in self.lazy_commands.items())])
 
 
-class Commands(LazyGroup):
+class MissionGroup(LazyGroup):
     """The command itself."""
 
     path = ()
 
-    def meant(self, ctx: click.Context, word: str) -> str:
+    def suggestion(self, ctx: click.Context, word: str) -> str:
         """Return the words that are meant by an unknown ``word``, which may be the name of a mission."""
         from missions.library.shipped import shipped_missions  # noqa: PLC0415 - as in `guarded`
 
         is_mission = word in shipped_missions() or word.endswith(".yaml")
-        return f"run {word}" if is_mission else super().meant(ctx, word)
+        return f"run {word}" if is_mission else super().suggestion(ctx, word)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the lists for ``--help``, with the second columns of all below each other."""
         del ctx
-        commands = self.lazy
+        commands = self.lazy_commands
         widest = max(map(len, commands))
         for title in dict.fromkeys((*COMMAND_GROUPS, *(each.group for each in commands.values()))):
             if rows := [(name.ljust(widest), each.help) for name, each in commands.items() if each.group == title]:

@@ -16,17 +16,17 @@ from click.shell_completion import (
 )
 
 from config.reading import save_file
-from missions.cli.outputs import writing
-from missions.cli.root import COMPLETING, SUCCESS, mission
+from missions.cli.outputs import report_write_errors
+from missions.cli.root import COMPLETION_VARIABLE, SUCCESS, mission
 from missions.library.folders import data_folder
 
 SHELLS = ("bash", "zsh", "fish")
 
-ZSH_BEGIN = "(( $+functions[compdef] )) || { autoload -Uz compinit && compinit }\n"
+ZSH_PRELUDE = "(( $+functions[compdef] )) || { autoload -Uz compinit && compinit }\n"
 """A zsh that was never set up has no completion at all."""
 
 
-class Bash(BashComplete):
+class BashCompletion(BashComplete):
     """Completion for bash, which takes ``to=Anna`` for three words and puts no quotes around what it completes."""
 
     source_template = BashComplete.source_template.replace(
@@ -51,7 +51,7 @@ class Bash(BashComplete):
         return f"{item.type},{shlex.quote(value) if item.type == 'plain' else value}"
 
 
-class Zsh(ZshComplete):
+class ZshCompletion(ZshComplete):
     """Completion for zsh, which is not to put a space behind ``to=``."""
 
     source_template = ZshComplete.source_template.replace(
@@ -61,7 +61,7 @@ class Zsh(ZshComplete):
     )
 
 
-for each in (Bash, Zsh):
+for each in (BashCompletion, ZshCompletion):
     add_completion_class(each)
 
 
@@ -74,7 +74,7 @@ def command() -> None:
 @click.argument("shell", type=click.Choice(SHELLS))
 def show(shell: str) -> None:
     """Print the script that a shell needs."""
-    click.echo(script(shell), nl=False)
+    click.echo(completion_script(shell), nl=False)
 
 
 @command.command(epilog="Example: mission completion install --shell bash")
@@ -94,10 +94,12 @@ def install(shell: str | None) -> int:
         started = (
             Path(os.environ.get("ZDOTDIR") or Path.home()) / ".zshrc" if shell == "zsh" else Path.home() / ".bashrc"
         )
-    with writing(path, "--shell"):
+    with report_write_errors(path, "--shell"):
         path.parent.mkdir(parents=True, exist_ok=True)
-        save_file(path, script(shell))
-    added = started is not None and _add(started, f"[ -r {shlex.quote(str(path))} ] && . {shlex.quote(str(path))}")
+        save_file(path, completion_script(shell))
+    added = started is not None and _append_line(
+        started, f"[ -r {shlex.quote(str(path))} ] && . {shlex.quote(str(path))}"
+    )
     click.echo(
         f"terminals that are opened from now on complete `mission`; for this one: source {shlex.quote(str(path))}"
     )
@@ -105,17 +107,19 @@ def install(shell: str | None) -> int:
     return SUCCESS
 
 
-def script(shell: str) -> str:
+def completion_script(shell: str) -> str:
     """Return the script of a shell."""
     found = get_completion_class(shell)
     if found is None:
         raise ValueError(shell)
-    return (ZSH_BEGIN if shell == "zsh" else "") + found(mission, {}, "mission", COMPLETING).source().lstrip()
+    return (ZSH_PRELUDE if shell == "zsh" else "") + found(
+        mission, {}, "mission", COMPLETION_VARIABLE
+    ).source().lstrip()
 
 
-def _add(file: Path, line: str) -> bool:
+def _append_line(file: Path, line: str) -> bool:
     """Add a line to a file that a shell reads when it starts, unless it is there; say whether it was added."""
-    with writing(file, "--shell"):
+    with report_write_errors(file, "--shell"):
         text = file.read_text(encoding="utf-8", errors="surrogateescape") if file.exists() else ""
         if line in text.splitlines():
             return False

@@ -9,7 +9,7 @@ from rich.live import Live
 from rich.segment import Segment
 from rich.text import Text
 
-from missions.cli.printable import printable, terminal
+from missions.cli.printable import make_printable, unwrap_stream
 
 
 class PrintableConsole(Console):
@@ -18,12 +18,12 @@ class PrintableConsole(Console):
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         """Return what is to be written, each text of it made printable."""
         for segment in super().render(renderable, options):
-            yield segment if segment.control else segment._replace(text=printable(segment.text))
+            yield segment if segment.control else segment._replace(text=make_printable(segment.text))
 
 
 def console(out: TextIO | None = None, *, highlight: bool = False, soft_wrap: bool = False) -> PrintableConsole:
     """Return a console on ``out``, or on stdout."""
-    return PrintableConsole(file=terminal(out or sys.stdout), highlight=highlight, soft_wrap=soft_wrap)
+    return PrintableConsole(file=unwrap_stream(out or sys.stdout), highlight=highlight, soft_wrap=soft_wrap)
 
 
 def echo(text: str, style: str, *more: str) -> None:
@@ -34,7 +34,7 @@ def echo(text: str, style: str, *more: str) -> None:
 class LiveLines:
     """Lines of a terminal with their colours, and the one below them, which goes with ``stop``."""
 
-    moves = True
+    is_live = True
 
     def __init__(self, out: TextIO) -> None:
         self._console = console(out, soft_wrap=True)

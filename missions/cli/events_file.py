@@ -8,9 +8,9 @@ from typing import Self
 
 import click
 
-from missions.cli.outputs import writing
+from missions.cli.outputs import report_write_errors
 from missions.cli.session import RunSession
-from missions.executive.events import JsonLines
+from missions.executive.events import JsonLinesWriter
 from missions.library.private_files import EarlierFile, open_private
 
 
@@ -23,14 +23,14 @@ class EventsFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        with writing(path, "--events"):
+        with report_write_errors(path, "--events"):
             self._earlier = EarlierFile(path)
             try:
                 self.file = open_private(path)
             except OSError:
                 self._earlier.restore()
                 raise
-        self.lines = JsonLines(self.file)
+        self.lines = JsonLinesWriter(self.file)
 
     def __enter__(self) -> Self:
         return self
@@ -38,7 +38,7 @@ class EventsFile:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        whole = self.lines.whole
+        whole = self.lines.is_complete
         try:
             self.file.close()
         except OSError:  # told by the stream that an event could not be written
@@ -54,13 +54,13 @@ class EventsFile:
 
 
 @contextmanager
-def events_into(path: Path, session: RunSession) -> Iterator[None]:
+def write_events(path: Path, session: RunSession) -> Iterator[None]:
     """Write the events of a run to ``path``. Raises click.UsageError for a file that the run reads."""
     for step in session.runner.plan.tree.walk():
         if Path(step.source.name).exists() and path.exists() and path.samefile(step.source.name):
             raise click.UsageError(f"--events would write over the mission {path}")
     with EventsFile(path) as events:
         session.listen(events.lines)
-        session.watched.append(events.file)
+        session.watched_outputs.append(events.file)
         session.outputs.append(lambda: events.path)
         yield

@@ -11,25 +11,25 @@ from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 from typing import Any, Self
 
-ESCAPE_TIME = 0.2
+ESCAPE_TIMEOUT = 0.2
 """Seconds to wait for the rest of an arrow key's three bytes: over a slow line they come one by one."""
 
 _ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
 _CURSOR = re.compile(r"(\d{1,5});(\d{1,5})R", re.ASCII)
 """The answer to where the cursor is, behind its bracket."""
 
-_NAMED = {"\r": "enter", "\n": "enter", "\x1b": "escape", "\x04": "end", "": "end"}
+_KEY_NAMES = {"\r": "enter", "\n": "enter", "\x1b": "escape", "\x04": "end", "": "end"}
 
 
-class Keys:
+class KeyReader:
     """Reads keys from the terminal behind ``descriptor``, between ``with`` and its end.
 
     Ctrl-Z does nothing meanwhile: it would leave the shell with a terminal that does not echo. ``answered`` is called
     with row and column where the terminal answers where its cursor is.
     """
 
-    def __init__(self, descriptor: int, answered: Callable[[int, int], object] | None = None) -> None:
-        self._descriptor, self._answered = descriptor, answered
+    def __init__(self, descriptor: int, on_cursor_position: Callable[[int, int], object] | None = None) -> None:
+        self._descriptor, self._on_cursor_position = descriptor, on_cursor_position
         self._terminal: list[Any] = []
 
     def __enter__(self) -> Self:
@@ -51,28 +51,28 @@ class Keys:
 
         The empty text when none was pressed within ``timeout`` seconds.
         """
-        while self._waiting(timeout):
-            key = self._byte()
-            if key != "\x1b" or not self._waiting(ESCAPE_TIME):
-                return _NAMED.get(key, key)
-            if self._byte() not in ("[", "O"):
+        while self._has_input(timeout):
+            key = self._read_byte()
+            if key != "\x1b" or not self._has_input(ESCAPE_TIMEOUT):
+                return _KEY_NAMES.get(key, key)
+            if self._read_byte() not in ("[", "O"):
                 return "escape"
             # Parameters, as of a key that is pressed with Shift, stand between the bracket and the letter. A line that
             # stops in the middle must not hold up whoever waits for keys.
             text = ""
-            while (not text or text[-1].isdigit() or text[-1] == ";") and self._waiting(ESCAPE_TIME):
-                text += self._byte() or "?"
+            while (not text or text[-1].isdigit() or text[-1] == ";") and self._has_input(ESCAPE_TIMEOUT):
+                text += self._read_byte() or "?"
             if (place := _CURSOR.fullmatch(text)) is None:
                 return _ARROWS.get(text[-1:], "other")
-            if self._answered is not None:
-                self._answered(int(place[1]), int(place[2]))
+            if self._on_cursor_position is not None:
+                self._on_cursor_position(int(place[1]), int(place[2]))
             timeout = 0.0  # what was pressed has waited behind it
         return ""
 
-    def _waiting(self, timeout: float) -> bool:
+    def _has_input(self, timeout: float) -> bool:
         return bool(select.select([self._descriptor], [], [], timeout)[0])
 
-    def _byte(self) -> str:
+    def _read_byte(self) -> str:
         try:
             return os.read(self._descriptor, 1).decode("latin-1")
         except OSError:  # a terminal that was closed

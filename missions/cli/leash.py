@@ -17,13 +17,13 @@ import click
 
 from missions.executive.events import Event, Notified, Ticked
 from missions.executive.executive import Executive
-from missions.executive.stream import Listener, Stream
+from missions.executive.stream import EventStream, Listener
 
-GONE = "nobody reads any more what it writes"
+OUTPUT_CLOSED = "nobody reads any more what it writes"
 
 
 @contextmanager
-def heeded(files: Iterable[TextIO], gone: Callable[[str], object]) -> Iterator[None]:
+def watch_outputs(files: Iterable[TextIO], on_closed: Callable[[str], object]) -> Iterator[None]:
     """Call ``gone`` once, from a thread, when the other end of a pipe among ``files`` is closed; files never are."""
     numbers = set()
     for file in files:
@@ -36,28 +36,28 @@ def heeded(files: Iterable[TextIO], gone: Callable[[str], object]) -> Iterator[N
         for number in numbers:
             poll.register(number, 0)
         if all(number != over for number, _ in poll.poll()):
-            gone(GONE)
+            on_closed(OUTPUT_CLOSED)
 
-    with watching("heeded", watch):
+    with watcher_thread("heeded", watch):
         yield
 
 
-def heeded_each_tick(files: Iterable[TextIO], gone: Callable[[str], object]) -> Listener:
-    """Return a listener that does what ``heeded`` does at each tick, without a thread: for simulated time."""
+def watch_outputs_each_tick(files: Iterable[TextIO], on_closed: Callable[[str], object]) -> Listener:
+    """Return a listener that does what ``watch_outputs`` does at each tick, without a thread: for simulated time."""
     poll = select.poll()
     for file in files:
-        with suppress(OSError, ValueError):  # as in ``heeded``
+        with suppress(OSError, ValueError):  # as in ``watch_outputs``
             poll.register(file.fileno(), 0)
 
     def look(event: Event) -> None:
         if isinstance(event, Ticked) and poll.poll(0):
-            gone(GONE)
+            on_closed(OUTPUT_CLOSED)
 
     return look
 
 
 @contextmanager
-def watching(name: str, watch: Callable[[int], None]) -> Iterator[None]:
+def watcher_thread(name: str, watch: Callable[[int], None]) -> Iterator[None]:
     """Have ``watch`` look at something on a thread of its own; the descriptor that it gets is readable in the end."""
     over, end = os.pipe()
     thread = Thread(target=watch, args=(over,), name=name, daemon=True)
@@ -77,23 +77,23 @@ STOP_TIMEOUT = 5.0
 
 
 @contextmanager
-def leashed(leash: int | None, executive: Executive, stream: Stream) -> Iterator[None]:
+def stop_with_server(leash: int | None, executive: Executive, stream: EventStream) -> Iterator[None]:
     """Stop ``executive`` when the pipe ``leash`` ends, and write notices as lines of JSON; nothing without a leash."""
     if leash is None:
         yield
         return
-    stream.listeners.append(tell_home)
-    with _watched(leash, executive.stop):
+    stream.listeners.append(write_notice)
+    with _watch_leash(leash, executive.stop):
         yield
 
 
-def tell_home(event: Event) -> None:
+def write_notice(event: Event) -> None:
     """Write what the mission wants to be told, as a line of JSON for the server."""
     if isinstance(event, Notified):
         click.echo(json.dumps({"notice": event.text}))
 
 
-def _watched(leash: int, stop: Callable[[str], None]) -> AbstractContextManager[None]:
+def _watch_leash(leash: int, stop: Callable[[str], None]) -> AbstractContextManager[None]:
     def watch(over: int) -> None:
         ready, _, _ = select.select([leash, over], [], [])
         if over in ready:
@@ -102,4 +102,4 @@ def _watched(leash: int, stop: Callable[[str], None]) -> AbstractContextManager[
         if not select.select([over], [], [], STOP_TIMEOUT)[0]:
             os.kill(os.getpid(), signal.SIGTERM)
 
-    return watching("leash", watch)
+    return watcher_thread("leash", watch)

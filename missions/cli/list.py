@@ -9,10 +9,10 @@ import click
 
 from behaviours.joint_ranges import JointRanges
 from config.controller import load_controller
-from config.defaults import own_files, unreadable_folders
+from config.defaults import unreadable_folders, user_files
 from config.faults import InvalidFileError
 from config.gesture import load_gait, load_gesture
-from config.library import shipped
+from config.library import shipped_files
 from config.object import load_object
 from config.world import load_world
 from drivers.api.driver import BrokenDriver
@@ -20,17 +20,17 @@ from drivers.api.sections import ArmKeys
 from missions.cli.behaviours import list_behaviours
 from missions.cli.console import echo
 from missions.cli.declared import behaviours_option
-from missions.library.drivers import Table, load_robot
+from missions.library.drivers import DriverTable, load_robot
 from missions.library.shipped import MOTIONS, load_mission, shipped_missions
 
-KINDS = (
+LISTED_KINDS = (
     *("missions", "motions", "behaviours", "robots", "worlds", "gestures", "gaits", "controllers", "objects"),
     "drivers",
 )
 
 
 @click.command(epilog="Example: mission list gestures")
-@click.argument("kind", required=False, type=click.Choice(KINDS))
+@click.argument("kind", required=False, type=click.Choice(LISTED_KINDS))
 @click.option("--json", "as_json", is_flag=True, help="Of behaviours: as JSON, with all of their arguments.")
 @behaviours_option
 def command(kind: str | None, as_json: bool, files: tuple[Path, ...]) -> None:
@@ -41,13 +41,13 @@ def command(kind: str | None, as_json: bool, files: tuple[Path, ...]) -> None:
     """
     if kind != "behaviours" and (as_json or files):
         raise click.UsageError("--json and --behaviours are for behaviours: mission list behaviours")
-    for each in KINDS if kind is None else (kind,):
+    for each in LISTED_KINDS if kind is None else (kind,):
         if each == "behaviours":
             if kind is not None:
                 list_behaviours(files, as_json=as_json)
             continue
         echo(each, "bold")
-        for name, summary in chain(_own(each), _entries(each)):
+        for name, summary in chain(_user_entries(each), _entries(each)):
             click.echo(f"  {name:<28} {summary}")
 
 
@@ -66,19 +66,19 @@ def _entries(kind: str) -> Iterator[tuple[str, str]]:
     if kind == "gestures":
         yield from _gestures()
         return
-    for name, path in shipped(kind).items():
+    for name, path in shipped_files(kind).items():
         yield name, _SUMMARIES[kind](path)
 
 
-def _own(kind: str) -> Iterator[tuple[str, str]]:
+def _user_entries(kind: str) -> Iterator[tuple[str, str]]:
     """Yield the user's own files of a kind; one with mistakes hides none of the others."""
     arms = _arms() if kind == "gestures" else {}
-    for name, path in own_files(kind).items():
+    for name, path in user_files(kind).items():
         try:
-            able = f" ({_able(path, arms)})" if kind == "gestures" else ""
+            able = f" ({_capable_arms(path, arms)})" if kind == "gestures" else ""
             yield name, f"{_SUMMARIES[kind](path)}{able} ({path})"
         except InvalidFileError as error:
-            yield name, f"has {len(error.faults)} mistakes ({path})"
+            yield name, f"has {len(error.diagnostics)} mistakes ({path})"
     for told in unreadable_folders(kind):
         click.echo(f"mission: {told}", err=True)
 
@@ -86,14 +86,14 @@ def _own(kind: str) -> Iterator[tuple[str, str]]:
 def _gestures() -> Iterator[tuple[str, str]]:
     """Yield every gesture with the robots that can do it."""
     arms = _arms()
-    for name, path in shipped("gestures").items():
-        yield name, f"{load_gesture(path).summary} ({_able(path, arms)})"
+    for name, path in shipped_files("gestures").items():
+        yield name, f"{load_gesture(path).summary} ({_capable_arms(path, arms)})"
 
 
 def _arms() -> dict[str, JointRanges]:
     """Return how far the arms of all robots reach, the user's own too: by the robot, a further arm with its name."""
     found = {}
-    for name, path in (shipped("robots") | own_files("robots")).items():
+    for name, path in (shipped_files("robots") | user_files("robots")).items():
         with suppress(InvalidFileError):  # which is told in the list of robots
             for part, section in load_robot(path).sections.items():
                 if isinstance(arm := section.keys, ArmKeys):
@@ -102,16 +102,18 @@ def _arms() -> dict[str, JointRanges]:
     return found
 
 
-def _able(path: Path, arms: Mapping[str, JointRanges]) -> str:
+def _capable_arms(path: Path, arms: Mapping[str, JointRanges]) -> str:
     """Say which arms have the joints of a gesture, and reach as far."""
     poses = [pose for _, pose in load_gesture(path).keyframes]
-    return ", ".join(arm for arm, reach in arms.items() if not reach.beyond(poses)) or "for none of these robots"
+    return (
+        ", ".join(arm for arm, reach in arms.items() if not reach.limit_violations(poses)) or "for none of these robots"
+    )
 
 
 def _drivers() -> Iterator[tuple[str, str]]:
     """Yield every driver as robot files name it, and where it is from, or what is wrong with it."""
-    table = Table()
-    for part, name, driver in table.all():
+    table = DriverTable()
+    for part, name, driver in table.iter_drivers():
         if isinstance(driver, BrokenDriver):
             yield f"{part}.{name}", f"cannot be used: {driver}"
             continue

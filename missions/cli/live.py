@@ -9,7 +9,7 @@ from py_trees.common import Status
 
 from behaviours.leaf import Leaf
 from behaviours.node import Node
-from missions.cli.printable import printable, terminal
+from missions.cli.printable import make_printable, unwrap_stream
 from missions.executive.events import (
     CommandSent,
     Ended,
@@ -27,15 +27,15 @@ from missions.trees.drawing import ACTIVE
 if TYPE_CHECKING:
     from missions.cli.console import LiveLines
 
-REFRESH = 0.1
+REFRESH_INTERVAL = 0.1
 """Seconds between two drawings of the live line."""
 
-SOON = 2.0
+READY_NOTICE_DELAY = 2.0
 """Seconds after which it is worth a line that the parts of the robot are ready."""
 
-SIGNS = {"success": ("✓", "green"), "skipped": ("»", "dim"), "failure": ("✗", "red"), "idle": ("-", "dim")}
+STATUS_SIGNS = {"success": ("✓", "green"), "skipped": ("»", "dim"), "failure": ("✗", "red"), "idle": ("-", "dim")}
 
-REFLEXES = {
+REFLEX_TEXTS = {
     "bumper": "bumped",
     "latched": "stopped until it is enabled",
     "battery_low": "its battery is low",
@@ -51,10 +51,10 @@ Part = str | tuple[str, str]
 class PlainLines:
     """Lines of a file or a pipe: without colours, and with none below them that is drawn anew."""
 
-    moves = False
+    is_live = False
 
     def __init__(self, out: TextIO) -> None:
-        self._out = terminal(out)
+        self._out = unwrap_stream(out)
 
     def start(self) -> None:
         """Do nothing."""
@@ -64,7 +64,7 @@ class PlainLines:
 
     def print(self, *parts: Part) -> None:
         """Write a line."""
-        self._out.write(printable("".join(part if isinstance(part, str) else part[0] for part in parts)) + "\n")
+        self._out.write(make_printable("".join(part if isinstance(part, str) else part[0] for part in parts)) + "\n")
         self._out.flush()
 
     def show(self, line: str) -> None:
@@ -80,19 +80,19 @@ def lines_on(out: TextIO) -> "PlainLines | LiveLines":
     return LiveLines(out)
 
 
-class Watcher:
+class RunDisplay:
     """A listener that shows a run on a terminal, or as plain lines where there is none."""
 
     def __init__(self, out: TextIO) -> None:
         self._leaves: dict[str, Leaf] = {}
         self._lines = lines_on(out)
-        self._drawn = -REFRESH
+        self._drawn_at = -REFRESH_INTERVAL
         self._started: dict[str, float] = {}
-        self._there: list[str] = []  # parts, until the first tick
-        self._troubled: set[str] = set()  # parts of which something was told that may be over
+        self._online_parts: list[str] = []  # parts, until the first tick
+        self._faulty_parts: set[str] = set()  # parts of which something was told that may be over
         self._ready = False
 
-    def watch(self, root: Node) -> None:
+    def show_tree(self, root: Node) -> None:
         """Show the leaves of this tree."""
         self._leaves = {node.key: node for node in root.iterate() if isinstance(node, Leaf)}
 
@@ -112,14 +112,14 @@ class Watcher:
         match event:
             case Started():
                 self._lines.print(("mission ", "bold"), event.mission, f" on {event.robot}")
-                self._prepare()
+                self._show_preparing()
             case NodeChanged() if event.kind:
                 self._node(event)
             case FaultRaised():
                 self._fault(event)
             case CommandSent(to="screen"):
                 self._face(event.values)
-            case ReflexFired() if event.on and event.what in REFLEXES:
+            case ReflexFired() if event.on and event.what in REFLEX_TEXTS:
                 self._reflex(event)
             case Logged():
                 self._log(event)
@@ -132,17 +132,17 @@ class Watcher:
             case _:
                 pass
 
-    def _prepare(self) -> None:
+    def _show_preparing(self) -> None:
         """Show, until the first tick, which parts of the robot are there."""
         if not self._ready:
-            there = f": {', '.join(self._there)}" if self._there else ""
+            there = f": {', '.join(self._online_parts)}" if self._online_parts else ""
             self._lines.show(f"  getting ready{there}")
 
     def _tick(self, time: float) -> None:
-        if not self._ready and time > SOON:
+        if not self._ready and time > READY_NOTICE_DELAY:
             self._lines.print(f"{time:6.1f} s  ready")
         self._ready = True
-        if time - self._drawn >= REFRESH:
+        if time - self._drawn_at >= REFRESH_INTERVAL:
             self._draw(time)
 
     def _node(self, event: NodeChanged) -> None:
@@ -153,24 +153,26 @@ class Watcher:
         began = self._started.pop(event.node, None)
         if began is None or event.node not in self._leaves:
             return
-        sign, style = SIGNS[event.status]
+        sign, style = STATUS_SIGNS[event.status]
         note = "halted" if event.status == "idle" else event.reason if event.status == "failure" else ""
         took = (f"  ({event.t - began:.1f} s{', ' + note if note else ''})", "dim")
         self._lines.print(f"{event.t:6.1f} s  ", (sign, style), f" {event.name}", took)
 
     def _fault(self, event: FaultRaised) -> None:
         if event.what == "online":
-            self._there.append(event.part)
-            self._prepare()
+            self._online_parts.append(event.part)
+            self._show_preparing()
             if "is at http:" in event.detail:  # where the page with its face is
-                self._lines.print(f"  {event.plain}")
-            elif event.part in self._troubled:
-                self._troubled.discard(event.part)
-                self._lines.print(f"{event.t:6.1f} s  ", ("✓", "green"), f" {event.part}: back: {event.plain}")
+                self._lines.print(f"  {event.detail_without_part}")
+            elif event.part in self._faulty_parts:
+                self._faulty_parts.discard(event.part)
+                self._lines.print(
+                    f"{event.t:6.1f} s  ", ("✓", "green"), f" {event.part}: back: {event.detail_without_part}"
+                )
             return
-        self._troubled.add(event.part)
+        self._faulty_parts.add(event.part)
         hint = f"\n            try: {event.hint}" if event.hint else ""
-        self._lines.print(f"{event.t:6.1f} s  ", ("!", "yellow"), f" {event.part}: {event.plain}{hint}")
+        self._lines.print(f"{event.t:6.1f} s  ", ("!", "yellow"), f" {event.part}: {event.detail_without_part}{hint}")
 
     def _face(self, values: Mapping[str, object]) -> None:
         """Show what is seen of the robot's face: for whoever has no display before them."""
@@ -180,7 +182,7 @@ class Watcher:
             self._lines.print(("  shows: ", "bold cyan"), str(values["show"]))
 
     def _reflex(self, event: ReflexFired) -> None:
-        what = f" base: {REFLEXES[event.what]}" + (f": {event.where}" if event.where else "")
+        what = f" base: {REFLEX_TEXTS[event.what]}" + (f": {event.where}" if event.where else "")
         self._lines.print(f"{event.t:6.1f} s  ", ("!", "yellow"), what)
 
     def _log(self, event: Logged) -> None:
@@ -194,8 +196,8 @@ class Watcher:
             self._lines.print(f"{event.t:6.1f} s  ", (f"{event.level}: ", style), event.text)
 
     def _draw(self, time: float) -> None:
-        self._drawn = time
-        if not self._lines.moves:
+        self._drawn_at = time
+        if not self._lines.is_live:
             return
         running = [leaf for leaf in self._leaves.values() if leaf.status is Status.RUNNING]
         words = [f"{leaf.name}: {leaf.reason}" if leaf.reason else leaf.name for leaf in running]
@@ -203,6 +205,6 @@ class Watcher:
 
     def _end(self, event: Ended) -> None:
         self._lines.show("")
-        sign, style = SIGNS.get(event.result, ("✗", "yellow"))
+        sign, style = STATUS_SIGNS.get(event.result, ("✗", "yellow"))
         reason = f": {event.reason}" if event.reason else ""
         self._lines.print((f"{sign} {event.mission}: {event.result}", style), f" after {event.seconds:.1f} s{reason}")

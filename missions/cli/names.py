@@ -9,16 +9,16 @@ import click
 from click.shell_completion import CompletionItem
 
 from config.faults import InvalidFileError
-from config.library import LISTED, MINE, SUFFIXES, UnknownNameError, find, kinds_of, shipped
+from config.library import LISTED_KINDS, OWN_ROBOT, SUFFIXES, UnknownNameError, find_file, kinds_of, shipped_files
 
 FILE = "file"
 """What tells the shell to complete the names of files itself."""
 
 
-class Name(click.ParamType[str]):
+class NameType(click.ParamType[str]):
     """A name of one of some kinds, or a file: the shell is offered the names, and the files of that kind that are here.
 
-    A kind is one of ``config.library.LISTED``, "tests", "person" or "behaviour".
+    A kind is one of ``config.library.LISTED_KINDS``, "tests", "person" or "behaviour".
     """
 
     name = "name"
@@ -36,18 +36,18 @@ class Name(click.ParamType[str]):
         del param
         if incomplete.startswith((".", "/", "~")):
             return [CompletionItem(incomplete, type=FILE)]
-        found = [*dict.fromkeys(name for kind in self._kinds for name in names_of(kind, ctx)), *self._here()]
+        found = [*dict.fromkeys(name for kind in self._kinds for name in names_of(kind, ctx)), *self._local_files()]
         fitting = [CompletionItem(name) for name in found if name.startswith(incomplete)]
         return fitting or [CompletionItem(incomplete, type=FILE)]
 
-    def _here(self) -> Iterator[str]:
+    def _local_files(self) -> Iterator[str]:
         """Yield the files of this folder that are of its kinds."""
         for path in sorted(Path().iterdir()):
             if path.suffix in (*SUFFIXES, ".mcap") and not {*kinds_of(path)}.isdisjoint(self._kinds):
                 yield path.name
 
 
-class Params(click.ParamType[str]):
+class ParamsType(click.ParamType[str]):
     """A param of the mission of this command line, and its value: ``to=Anna``."""
 
     name = "param"
@@ -66,13 +66,13 @@ class Params(click.ParamType[str]):
         from behaviours.catalogue import LEAVES  # noqa: PLC0415
         from missions.language.document import declared_params  # noqa: PLC0415
         from missions.library.shipped import find_mission  # noqa: PLC0415
-        from missions.library.things import THINGS  # noqa: PLC0415
+        from missions.library.things import LOOKUPS  # noqa: PLC0415
 
         # An option that waits for its value ends click's parsing: the arguments are left over, then.
         given = [ctx.params.get("name"), ctx.params.get("mission"), *(ctx.params.get("names") or ()), *ctx.args]
         mission = next(filter(None, given), "")
         with suppress(InvalidFileError, UnknownNameError):
-            params = declared_params(find_mission(mission), LEAVES, THINGS)
+            params = declared_params(find_mission(mission), LEAVES, LOOKUPS)
             name, equals, begun = incomplete.partition("=")
             if not equals:
                 found = [each for each in params.values() if each.name.startswith(name)]
@@ -94,22 +94,22 @@ def names_of(kind: str, ctx: click.Context) -> Iterable[str]:
     if kind == "missions":
         from missions.library.shipped import shipped_missions  # noqa: PLC0415
 
-        return [*shipped_missions(), *_own(kind)]
+        return [*shipped_missions(), *_user_names(kind)]
     if kind == "behaviour":
         from behaviours.catalogue import LEAVES  # noqa: PLC0415
 
         return LEAVES
     if kind == "person":
         return _people(ctx.params.get("robot"))
-    return [*shipped(kind), *_own(kind)] if kind in (*LISTED, "gaits") else ()
+    return [*shipped_files(kind), *_user_names(kind)] if kind in (*LISTED_KINDS, "gaits") else ()
 
 
-def _own(kind: str) -> Iterable[str]:
+def _user_names(kind: str) -> Iterable[str]:
     """Return the names of the user's own files of a kind, and that of this computer's robot."""
-    from config.defaults import load_defaults, own_files  # noqa: PLC0415
+    from config.defaults import load_defaults, user_files  # noqa: PLC0415
 
     with suppress(InvalidFileError, OSError):
-        return [*own_files(kind), *([MINE] if kind == "robots" and load_defaults().robot else [])]
+        return [*user_files(kind), *([OWN_ROBOT] if kind == "robots" and load_defaults().robot else [])]
     return ()
 
 
@@ -119,29 +119,29 @@ def _people(robot: str | None) -> Iterable[str]:
     from missions.library.people import PeopleError, people_of  # noqa: PLC0415
 
     with suppress(PeopleError, UnknownNameError, InvalidFileError):
-        camera = None if robot is None else load_robot(find("robots", robot)).camera
+        camera = None if robot is None else load_robot(find_file("robots", robot)).camera
         if robot is None or camera is not None:
-            return [each.name for each in people_of(camera).known()]
+            return [each.name for each in people_of(camera).known_people()]
     return ()
 
 
-def runs(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+def complete_runs(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Return what runs on this machine, by the numbers of the processes: for `mission stop`."""
     del ctx, param
-    from missions.control.searching import search  # noqa: PLC0415
+    from missions.control.searching import search_runs  # noqa: PLC0415
 
-    found = {each.run: "" if each.holder is None else each.holder.name for each in search().found}
+    found = {each.run: "" if each.holder is None else each.holder.name for each in search_runs().processes}
     return [CompletionItem(number, help=name) for number, name in found.items() if number.startswith(incomplete)]
 
 
-MISSION = Name("missions")
-ROBOT = Name("robots")
-WORLD = Name("worlds")
-GESTURE = Name("gestures")
-GAIT = Name("gaits")
-CONTROLLER = Name("controllers")
-PERSON = Name("person")
-BEHAVIOUR = Name("behaviour")
-TESTED = Name("missions", "tests")
-SHOWN = Name("missions", "records", "behaviour", "worlds", "gaits")
-PARAMS = Params()
+MISSION = NameType("missions")
+ROBOT = NameType("robots")
+WORLD = NameType("worlds")
+GESTURE = NameType("gestures")
+GAIT = NameType("gaits")
+CONTROLLER = NameType("controllers")
+PERSON = NameType("person")
+BEHAVIOUR = NameType("behaviour")
+TESTED_NAME = NameType("missions", "tests")
+SHOWN_NAME = NameType("missions", "records", "behaviour", "worlds", "gaits")
+PARAMS = ParamsType()

@@ -5,13 +5,13 @@ from typing import Any
 
 import click
 
-from config.units import EXAMPLES, UNITS, article, in_dimension
+from config.units import EXAMPLES, UNITS, si_value, with_article
 
 _WHOLE = re.compile(r"[-+]?[0-9]+")
 _REAL = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 
 
-class Whole(click.IntRange):
+class WholeNumber(click.IntRange):
     """A whole number within a range."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
@@ -25,7 +25,7 @@ class Whole(click.IntRange):
         return "" if self.min is self.max is None else super()._describe_range()
 
 
-class Real(click.FloatRange):
+class RealNumber(click.FloatRange):
     """A number within a range."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
@@ -39,7 +39,7 @@ class Real(click.FloatRange):
         return "" if self.min is self.max is None else super()._describe_range()
 
 
-class InUnit(Real):
+class QuantityInUnit(RealNumber):
     """A quantity as missions have it, such as ``20 deg`` or ``0.35 rad``; a bare number counts in ``unit``.
 
     The bounds and the value are in ``unit``.
@@ -54,8 +54,8 @@ class InUnit(Real):
         """Return it. Raises click.BadParameter."""
         if isinstance(value, str) and _REAL.fullmatch(value.strip()) is None:
             try:
-                value = in_dimension(value, self._dimension) / UNITS[self._dimension][self._unit]
+                value = si_value(value, self._dimension) / UNITS[self._dimension][self._unit]
             except ValueError:
                 example = EXAMPLES[self._dimension]
-                self.fail(f"{value!r} is not {article(self._dimension)}, such as '{example}'.", param, ctx)
+                self.fail(f"{value!r} is not {with_article(self._dimension)}, such as '{example}'.", param, ctx)
         return super().convert(value, param, ctx)

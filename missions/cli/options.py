@@ -10,12 +10,12 @@ from typing import ClassVar
 import click
 
 from behaviours.leaf import Leaf
-from config.units import in_dimension
-from missions.library.shipped import TESTS, behaviour_files
-from missions.library.vocabulary import found_beside, vocabulary
+from config.units import si_value
+from missions.library.shipped import TEST_SUFFIX, behaviour_files
+from missions.library.vocabulary import behaviour_files_beside, load_leaves
 
 
-class Seconds(click.ParamType[float]):
+class SecondsType(click.ParamType[float]):
     """A time from the beginning of a run, with its unit: ``12.5s``, ``"2 min"``."""
 
     name = "time"
@@ -25,7 +25,7 @@ class Seconds(click.ParamType[float]):
         if isinstance(value, float):
             return value
         try:
-            found = in_dimension(str(value), "duration")
+            found = si_value(str(value), "duration")
         except ValueError as error:
             self.fail(str(error), param, ctx)
         if found < 0:
@@ -33,10 +33,10 @@ class Seconds(click.ParamType[float]):
         return found
 
 
-SECONDS = Seconds()
+SECONDS = SecondsType()
 
 
-class Size(click.ParamType[float]):
+class SizeType(click.ParamType[float]):
     """A size of a file: ``500 MB``, ``2GB``."""
 
     name = "size"
@@ -52,7 +52,7 @@ class Size(click.ParamType[float]):
         return float(found[1]) * self.UNITS[found[2].lower()]
 
 
-SIZE = Size()
+SIZE = SizeType()
 
 
 class MissionCommand(click.Command):
@@ -68,17 +68,17 @@ class MissionCommand(click.Command):
         ctx.allow_extra_args = True
         left = super().parse_args(ctx, list(args))
         if left and not ctx.resilient_parsing:
-            ctx.fail(self.too_much(left, args))
+            ctx.fail(self.unexpected_message(left, args))
         return left
 
-    def too_much(self, words: list[str], args: list[str]) -> str:
+    def unexpected_message(self, words: list[str], args: list[str]) -> str:
         """Say what is wrong with ``words``, which are none of the arguments that it takes."""
         del args
         params = [f"--param {quote(word)}" for word in words if "=" in word]
         return f"unexpected: {' '.join(words)}" + (f"\n  try: {' '.join(params)}" if params else "")
 
 
-def pairs(
+def name_value_callback(
     example: str, *, empty: bool = True
 ) -> Callable[[click.Context, click.Parameter, tuple[str, ...]], dict[str, str]]:
     """Return a click callback that reads NAME=VALUE, as often as it is given; in UTF-8, since the text is passed on.
@@ -100,44 +100,44 @@ def pairs(
     return read
 
 
-def files_of(name: str, *, tests: bool = True) -> list[str]:
+def mission_files_in(name: str, *, tests: bool = True) -> list[str]:
     """Return what a name means: itself or, for a folder, every mission in it, and every file of ``tests``."""
     folder = Path(name)
     if not folder.is_dir():
         return [name]
     files = (path for path in sorted(folder.glob("*.yaml")) if path.is_file())
-    found = [str(path) for path in files if tests or not path.name.endswith(TESTS)]
+    found = [str(path) for path in files if tests or not path.name.endswith(TEST_SUFFIX)]
     if not found:
         raise click.UsageError(f"{name}: this folder holds no missions (files that end in .yaml)")
     return found
 
 
-def leaves_for(given: Sequence[Path]) -> Callable[[str], Mapping[str, type[Leaf]]]:
+def leaf_loader(required_files: Sequence[Path]) -> Callable[[str], Mapping[str, type[Leaf]]]:
     """Return what gives the leaves for a mission by its name or path: ours, those ``given``, those in its own folder.
 
     Each set of files is run once. Those that nobody has given are told on stderr: to read a mission is to run them.
     Raises InvalidFileError, as what it gives does; that raises UnknownNameError too.
     """
-    known = {tuple(given): vocabulary(given)}
+    known = {tuple(required_files): load_leaves(required_files)}
 
     def leaves(name: str) -> Mapping[str, type[Leaf]]:
-        files = tuple(behaviour_files(name, given))
+        files = tuple(behaviour_files(name, required_files))
         if files not in known:
-            tell_found(files, given)
-            known[files] = vocabulary(files, given)
+            print_found_files(files, required_files)
+            known[files] = load_leaves(files, required_files)
         return known[files]
 
     return leaves
 
 
-def own_files(given: Sequence[Path]) -> list[Path]:
+def folder_behaviour_files(given_files: Sequence[Path]) -> list[Path]:
     """Return the files of behaviours that missions of this folder are made of: those ``given``, and those in it."""
-    files = [*given, *(path for path in found_beside(Path("mission.yaml")) if path not in given)]
-    tell_found(files, given)
+    files = [*given_files, *(path for path in behaviour_files_beside(Path("mission.yaml")) if path not in given_files)]
+    print_found_files(files, given_files)
     return files
 
 
-def tell_found(files: Sequence[Path], given: Sequence[Path]) -> None:
+def print_found_files(files: Sequence[Path], known_files: Sequence[Path]) -> None:
     """Tell on stderr which files of behaviours are run that nobody has given."""
-    if found := [str(path) for path in files if path not in given]:
+    if found := [str(path) for path in files if path not in known_files]:
         click.echo(f"behaviours of this folder: {', '.join(found)}", err=True)

@@ -3,7 +3,7 @@
 from contextvars import ContextVar
 from pathlib import Path
 
-from config.library import DEFAULT_ROBOT, MINE, find
+from config.library import DEFAULT_ROBOT, OWN_ROBOT, find_file
 
 _origin: ContextVar[tuple[str, str]] = ContextVar("origin", default=("", ""))
 """The robot that was taken, and where its name came from; empty while one was named."""
@@ -16,10 +16,10 @@ def forget_origin() -> None:
 
 def take_default(robot: str) -> None:
     """Remember that ``robot`` was taken from the file of defaults."""
-    from config.defaults import FILE, config_folder  # noqa: PLC0415 - most commands name their robot
+    from config.defaults import DEFAULTS_FILE, config_folder  # noqa: PLC0415 - most commands name their robot
 
     ignore = "--robot NAME takes another, `mission robot use --none` forgets it"
-    _origin.set((robot, f"the robot is '{robot}', this computer's own by {config_folder() / FILE}: {ignore}"))
+    _origin.set((robot, f"the robot is '{robot}', this computer's own by {config_folder() / DEFAULTS_FILE}: {ignore}"))
 
 
 def chosen_robot(robot: str | None) -> str | None:
@@ -44,12 +44,12 @@ def robot_file(name: str | None, default: str = DEFAULT_ROBOT) -> Path:
     """
     if name is None:
         _origin.set((default, f"the robot is '{default}', for no other was named: --robot NAME takes another"))
-    elif name == MINE:
+    elif name == OWN_ROBOT:
         from config.defaults import load_defaults  # noqa: PLC0415 - as above
 
         if mine := load_defaults().robot:
             take_default(mine)
-    return find("robots", name or default)
+    return find_file("robots", name or default)
 
 
 def origin_note(text: str) -> str:

@@ -14,20 +14,20 @@ from config.editing import rewrite
 from config.reading import save_file
 from missions.library.folders import state_folder
 
-MIN_ROOM = 65_536
+MIN_FREE_BYTES = 65_536
 """Bytes that must fit where a procedure is going to write its result."""
 
 
 @contextmanager
-def writing(path: Path, option: str) -> Iterator[None]:
+def report_write_errors(path: Path, option: str) -> Iterator[None]:
     """Say of an OSError while ``path`` is written what stands in the way, and what to type; ``option`` named it."""
     try:
         yield
     except OSError as error:
-        raise click.BadParameter(_why(path, error), param_hint=option) from error
+        raise click.BadParameter(_write_error_message(path, error), param_hint=option) from error
 
 
-def wrote(*paths: Path | str, what: str = "") -> str:
+def written_message(*paths: Path | str, subject: str = "") -> str:
     """Say what was written, and who can read it: ``what`` into the paths, or these themselves.
 
     Reports, films and records show people, and are made for their owner only; a stick knows no such rights.
@@ -36,17 +36,17 @@ def wrote(*paths: Path | str, what: str = "") -> str:
     names = ", ".join(map(str, paths))
     it = "it" if len(paths) == 1 else "them"
     who = f"others can read {', '.join(map(str, open_to_others))}" if open_to_others else f"only you can read {it}"
-    return f"wrote {what}{names} ({who})"
+    return f"wrote {subject}{names} ({who})"
 
 
-def check_folder(path: Path, option: str, instead: str) -> None:
+def check_folder(path: Path, option: str, command: str) -> None:
     """Raise click.BadParameter where ``path`` has the ending of a file, and no folder of that name is there.
 
     ``instead`` says what to type for what was meant.
     """
     if path.suffix[1:2].isalpha() and not path.is_dir():
         raise click.BadParameter(
-            f"{path} would become a folder, and ends in {path.suffix}\n  try: {instead}", param_hint=option
+            f"{path} would become a folder, and ends in {path.suffix}\n  try: {command}", param_hint=option
         )
 
 
@@ -56,7 +56,7 @@ def check_writable(path: Path, option: str) -> None:
     The file may be there already; links are followed. Nothing changes but for a file beside it, which is removed again.
     """
     target = Path(os.path.realpath(path))
-    with writing(path, option):
+    with report_write_errors(path, option):
         if target.is_dir():
             raise OSError(EISDIR, "it is a folder: name a file in it")
         if target.is_symlink() or (target.exists() and not target.is_file()):
@@ -66,7 +66,7 @@ def check_writable(path: Path, option: str) -> None:
         if not target.parent.is_dir():
             raise NotADirectoryError(ENOTDIR if target.parent.exists() else ENOENT, "no such folder")
         with tempfile.NamedTemporaryFile(dir=target.parent, prefix=f".{target.name[:100]}.") as probe:
-            probe.write(b"\0" * MIN_ROOM)
+            probe.write(b"\0" * MIN_FREE_BYTES)
             probe.flush()
             os.fsync(probe.fileno())
 
@@ -77,9 +77,9 @@ def save(path: Path, text: str) -> bool:
     The rescued text goes to a file in the state folder, else to stdout; stderr says where, and why.
     """
     try:
-        _put(path, text)
+        _write_file(path, text)
     except OSError as error:
-        click.echo(_why(path, error), err=True)
+        click.echo(_write_error_message(path, error), err=True)
     else:
         return True
     for folder in (state_folder() / "rescued", Path(tempfile.gettempdir())):
@@ -97,7 +97,7 @@ def save(path: Path, text: str) -> bool:
     return False
 
 
-def _put(path: Path, text: str) -> None:
+def _write_file(path: Path, text: str) -> None:
     """Write ``text`` at ``path``, which may be there, and wait until it is on the disk. Raises OSError."""
     target = Path(os.path.realpath(path))
     if target.exists() and not target.is_file():
@@ -108,7 +108,7 @@ def _put(path: Path, text: str) -> None:
         save_file(target, text)
 
 
-def _why(path: Path, error: OSError) -> str:
+def _write_error_message(path: Path, error: OSError) -> str:
     """Say why a file cannot be written, and what to type."""
     folder = shlex.quote(str(path.parent))
     in_the_way = next((each for each in path.parents if os.path.lexists(each)), path.parent)

@@ -17,7 +17,9 @@ import click
 # Tables on a terminal: rows of words under their headings, each column as wide as it must be.
 
 
-def in_columns(headings: Sequence[str], rows: Sequence[Sequence[str]], *, left: frozenset[str] = frozenset()) -> str:
+def format_columns(
+    headings: Sequence[str], rows: Sequence[Sequence[str]], *, left: frozenset[str] = frozenset()
+) -> str:
     """Return lines with the headings above; columns are aligned to the right but those named in ``left``."""
     widths = [max(len(row[number]) for row in (headings, *rows)) for number in range(len(headings))]
     lines = []
@@ -30,24 +32,24 @@ def in_columns(headings: Sequence[str], rows: Sequence[Sequence[str]], *, left: 
     return "\n".join(lines)
 
 
-_OBEYED = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]|\r(?!\n)")
+_CONTROL_CODES = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]|\r(?!\n)")
 """Control codes of both sets but tab and new line, separators of lines, and what turns the direction of writing."""
 
 
-def printable(text: str) -> str:
+def make_printable(text: str) -> str:
     """Return a text with every code that a terminal obeys written out, as JSON does it, which stays the same JSON."""
-    return _OBEYED.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+    return _CONTROL_CODES.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
-def all_printable(data: Any) -> Any:
+def make_all_printable(data: Any) -> Any:
     """Return what was read from JSON with every text in it made printable."""
     match data:
         case str():
-            return printable(data)
+            return make_printable(data)
         case list():
-            return [all_printable(each) for each in data]
+            return [make_all_printable(each) for each in data]
         case dict():
-            return {all_printable(key): all_printable(each) for key, each in data.items()}
+            return {make_all_printable(key): make_all_printable(each) for key, each in data.items()}
         case _:
             return data
 
@@ -60,7 +62,7 @@ class PrintableStream:
 
     def write(self, text: str) -> int:
         """Write a text, made printable."""
-        return self.raw.write(printable(text))
+        return self.raw.write(make_printable(text))
 
     def writelines(self, lines: Any) -> None:
         """Write texts, made printable."""
@@ -74,13 +76,13 @@ class PrintableStream:
         return iter(self.raw)
 
 
-def terminal(stream: TextIO) -> TextIO:
+def unwrap_stream(stream: TextIO) -> TextIO:
     """Return the stream behind a printable one, for who writes codes of our own and makes all else printable."""
     return stream.raw if isinstance(stream, PrintableStream) else stream
 
 
 @contextmanager
-def printable_streams() -> Iterator[None]:
+def use_printable_streams() -> Iterator[None]:
     """Have all that this process prints made printable: ours, that of libraries, and errors."""
     before = sys.stdout, sys.stderr
     for stream in before:
@@ -99,10 +101,12 @@ def printable_streams() -> Iterator[None]:
 
 # A line that is shown again and again in one place of a terminal.
 
-WIDTH = 78
+LINE_WIDTH = 78
 """Columns of such a line: a longer one would wrap, and could not be written over."""
 
 
-def show_over(line: str, *, err: bool = False) -> None:
+def overwrite_line(line: str, *, err: bool = False) -> None:
     """Show ``line``, as far as it fits, in the place of the one before; on stderr if ``err``."""
-    click.echo(f"\r\x1b[K{printable(line)[:WIDTH]}", nl=False, file=terminal(sys.stderr if err else sys.stdout))
+    click.echo(
+        f"\r\x1b[K{make_printable(line)[:LINE_WIDTH]}", nl=False, file=unwrap_stream(sys.stderr if err else sys.stdout)
+    )

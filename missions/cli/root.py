@@ -10,15 +10,15 @@ from pathlib import Path
 
 import click
 
-from missions.cli.commands import ALONE, Commands
-from missions.cli.printable import printable_streams
+from missions.cli.commands import OWN_PROCESS, MissionGroup
+from missions.cli.printable import use_printable_streams
 
 # Commands that run out of memory: said so, with what to do, whichever error it came as.
 
-ENOUGH_MEMORY = 1_000_000_000
+MIN_MEMORY_BYTES = 1_000_000_000
 """Bytes of address space with which every command works: simulation and cameras take 0.6 GB."""
 
-SIGNS = (
+MEMORY_ERROR_TEXTS = (
     "failed to map segment",
     "cannot allocate memory",
     "insufficient memory",
@@ -33,7 +33,7 @@ class OutOfMemoryError(Exception):
     """A command has run out of memory; the message says what failed."""
 
 
-def shortage(error: BaseException) -> str:
+def memory_error(error: BaseException) -> str:
     """Return what failed for lack of memory: this error, or one that has led to it; nothing where none did."""
     seen: list[BaseException] = []
     at: BaseException | None = error
@@ -41,23 +41,23 @@ def shortage(error: BaseException) -> str:
         seen.append(at)
         if isinstance(at, MemoryError) or (isinstance(at, OSError) and at.errno == errno.ENOMEM):
             return str(at) or "no memory is left"
-        for line in _words(at).splitlines():
-            if any(sign in line.lower() for sign in SIGNS):
+        for line in _message_of(at).splitlines():
+            if any(sign in line.lower() for sign in MEMORY_ERROR_TEXTS):
                 return line.strip()[-200:]
         at = at.__cause__ or at.__context__
     return ""
 
 
-def _words(error: BaseException) -> str:
+def _message_of(error: BaseException) -> str:
     """Return the message of an error; nothing where it cannot be read, or may be for lack of processes."""
     try:
         words = str(error)
     except Exception:  # of somebody else's
         return ""
-    return "" if "start new thread" in words and limit() is None else words
+    return "" if "start new thread" in words and memory_limit() is None else words
 
 
-def limit() -> int | None:
+def memory_limit() -> int | None:
     """Return the bytes of memory that this process may take, as ``ulimit -v`` and ``-d`` say; None for any number."""
     try:
         import resource  # noqa: PLC0415 - Python in a browser does not have it
@@ -67,18 +67,18 @@ def limit() -> int | None:
     return min((each for each in found if each != resource.RLIM_INFINITY), default=None)
 
 
-def tell_of_limit() -> None:
+def warn_of_memory_limit() -> None:
     """Warn of a limit that is low: libraries in C may end the process without a word when they run into it."""
-    allowed = limit()
-    if allowed is not None and allowed < ENOUGH_MEMORY:
+    allowed = memory_limit()
+    if allowed is not None and allowed < MIN_MEMORY_BYTES:
         said = f"mission: memory is limited to {allowed / 1e6:.0f} MB, so this may run out of memory"
-        click.echo(f"{said}\n  try: {advice(allowed)}", err=True)
+        click.echo(f"{said}\n  try: {memory_advice(allowed)}", err=True)
 
 
-def advice(allowed: int | None) -> str:
+def memory_advice(limit: int | None) -> str:
     """Return what to do about a lack of memory, where so many bytes are ``allowed``."""
-    if allowed is not None:
-        return f"ulimit -v unlimited; ulimit -d unlimited  (in this shell; now {allowed // 1024} kB)"
+    if limit is not None:
+        return f"ulimit -v unlimited; ulimit -d unlimited  (in this shell; now {limit // 1024} kB)"
     return "free -m  (what is left), and end what takes it"
 
 
@@ -86,12 +86,12 @@ SUCCESS, FAILURE, USAGE, DEVICE, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 70, 130
 """The exit codes: a mission's success and failure, bad usage or a bad file, a device,
 a fault of our own, Ctrl-C or SIGTERM."""
 
-COMPLETING = "_MISSION_COMPLETE"
+COMPLETION_VARIABLE = "_MISSION_COMPLETE"
 """What a shell sets in the environment where it asks what a word may become."""
 
 
 @click.group(
-    cls=Commands, context_settings={"help_option_names": ["-h", "--help"]}, epilog="Example: mission run greet"
+    cls=MissionGroup, context_settings={"help_option_names": ["-h", "--help"]}, epilog="Example: mission run greet"
 )
 @click.version_option(package_name="missiontree", prog_name="mission")
 def mission() -> None:
@@ -109,80 +109,80 @@ def main() -> None:
             os.set_inheritable(number, True)
     sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the whole process
     sys.stderr = sys.stderr or sys.stdout
-    if COMPLETING in os.environ:
+    if COMPLETION_VARIABLE in os.environ:
         import_module("missions.cli.completion")  # which knows how shells ask
-    tell_of_limit()
-    with printable_streams():
+    warn_of_memory_limit()
+    with use_printable_streams():
         try:
-            code = guarded(lambda: mission.main(standalone_mode=False, obj=ALONE))
+            code = run_guarded(lambda: mission.main(standalone_mode=False, obj=OWN_PROCESS))
         except (ImportError, OSError, MemoryError) as error:  # before anything of ours could be imported
-            if not (why := shortage(error)):
+            if not (why := memory_error(error)):
                 raise
-            code = _tell_shortage(why)
+            code = _print_memory_error(why)
     sys.exit(code)
 
 
-def guarded(work: Callable[[], object]) -> int:
+def run_guarded(work: Callable[[], object]) -> int:
     """Do ``work`` and return the exit code: its own where it gives one, else what its errors mean."""
     from config.faults import InvalidFileError, InvalidInputError  # noqa: PLC0415 - `mission --help` needs none of this
     from config.library import UnknownNameError  # noqa: PLC0415
-    from config.units import seen  # noqa: PLC0415
+    from config.units import quoted_value  # noqa: PLC0415
     from drivers.errors import DriverError  # noqa: PLC0415
     from missions.cli.origin import forget_origin  # noqa: PLC0415
-    from perception.faults import BadModel  # noqa: PLC0415
+    from perception.faults import ModelFileError  # noqa: PLC0415
 
     forget_origin()
     try:
-        code = _telling_memory(work)
+        code = _convert_memory_errors(work)
     except OutOfMemoryError as error:
-        return _tell_shortage(str(error))
+        return _print_memory_error(str(error))
     except click.exceptions.Exit as done:
         return done.exit_code
     except click.ClickException as error:
         error.show()
-        _tell_origin(error.format_message())
+        _print_robot_origin(error.format_message())
         return USAGE
     except (click.Abort, KeyboardInterrupt):
         click.echo("mission: interrupted", err=True)
         return INTERRUPTED
-    except (InvalidInputError, UnknownNameError, BadModel) as error:
+    except (InvalidInputError, UnknownNameError, ModelFileError) as error:
         click.echo(str(error) if isinstance(error, InvalidFileError) else f"mission: {error}", err=True)
-        _tell_origin(str(error))
+        _print_robot_origin(str(error))
         return USAGE
     except DriverError as error:
         click.echo(f"mission: {error}" + (f"\n  try: {error.hint}" if error.hint else ""), err=True)
-        _tell_origin(f"robot: {error}")
+        _print_robot_origin(f"robot: {error}")
         return DEVICE
     except BrokenPipeError:  # the reader of our output has gone, as `mission list | head -1` does
         sys.stdout = None  # so that Python does not flush into the pipe at exit
         return SUCCESS
     except OSError as error:  # a name that is too long; without one, a full disk behind stdout
-        what = "cannot write" if error.filename is None else seen(str(error.filename))
+        what = "cannot write" if error.filename is None else quoted_value(str(error.filename))
         with suppress(OSError):
             click.echo(f"mission: {what}: {error.strerror or error}", err=True)
         sys.stdout = None
         return USAGE
     except Exception as error:
-        return _own_fault(error)
+        return _print_internal_error(error)
     return code if isinstance(code, int) else SUCCESS
 
 
-def _telling_memory(work: Callable[[], object]) -> object:
+def _convert_memory_errors(work: Callable[[], object]) -> object:
     """Return what ``work`` does. Raises OutOfMemoryError for any error that comes of a lack of memory."""
     try:
         return work()
     except Exception as error:
-        if why := shortage(error):
+        if why := memory_error(error):
             raise OutOfMemoryError(why) from error
         raise
 
 
-def _tell_shortage(why: str) -> int:
-    click.echo(f"mission: out of memory: {why}\n  try: {advice(limit())}", err=True)
+def _print_memory_error(message: str) -> int:
+    click.echo(f"mission: out of memory: {message}\n  try: {memory_advice(memory_limit())}", err=True)
     return USAGE
 
 
-def _tell_origin(text: str) -> None:
+def _print_robot_origin(text: str) -> None:
     """Print where the robot came from if ``text``, an error, is about a robot that the user did not name."""
     from missions.cli.origin import origin_note  # noqa: PLC0415 - few commands end so
 
@@ -190,7 +190,7 @@ def _tell_origin(text: str) -> None:
         click.echo(f"  {note}", err=True)
 
 
-def _own_fault(error: Exception) -> int:
+def _print_internal_error(error: Exception) -> int:
     """Tell of an error that no user has made, in two lines; all of it where MISSION_DEBUG is set."""
     if "MISSION_DEBUG" in os.environ:
         raise error

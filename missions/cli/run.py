@@ -14,16 +14,16 @@ from typing import Any
 import click
 
 from config.defaults import load_defaults
-from config.library import MINE
+from config.library import OWN_ROBOT
 from drivers.api.quick import dataclass
-from missions.cli.declared import DeclaredCommand, declared_options
+from missions.cli.declared import DeclaredCommand, add_options
 from missions.cli.names import MISSION
 from missions.cli.origin import chosen_robot, robot_file
 from missions.cli.running import EXIT_CODES, run
 from missions.cli.session import RunContext
 from missions.executive.executive import Result
 from missions.library.plugins import BrokenPluginError, load, plugins
-from missions.options import filled, option, options_of
+from missions.options import make_options, option, options_of
 from missions.plugin import Plugin
 from missions.request import RunOptions, RunRequest
 
@@ -85,16 +85,16 @@ PLUGIN_OPTIONS = tuple(_options_of_plugins())
 
 @click.command(cls=DeclaredCommand, epilog="Example: mission run greet --robot turtlebot2_arm --simulate --view")
 @click.argument("mission", type=MISSION, metavar="MISSION")
-@declared_options(RunRequest, OutputOptions, *(options for _, options in PLUGIN_OPTIONS))
+@add_options(RunRequest, OutputOptions, *(options for _, options in PLUGIN_OPTIONS))
 def command(mission: str, **values: object) -> int:
     """Run a mission (a name, a file, or the number of a motion of the course). Ctrl-C stops it, safely.
 
     Exit code 0 is success, 1 failure, 2 an error in the command or a file, 3 a device, 130 interrupted (Ctrl-C,
     SIGTERM, closed output).
     """
-    request = filled(RunRequest, values, mission=mission).on_named_clock
-    output = filled(OutputOptions, values)
-    features = [(plugin, filled(options, values)) for plugin, options in PLUGIN_OPTIONS]
+    request = make_options(RunRequest, values, mission=mission).with_default_simulation
+    output = make_options(OutputOptions, values)
+    features = [(plugin, make_options(options, values)) for plugin, options in PLUGIN_OPTIONS]
     for _, options in features:
         request = options.adapt(request)
     request = with_defaults(request)
@@ -105,16 +105,16 @@ def command(mission: str, **values: object) -> int:
         raise click.UsageError(str(error)) from error
     contexts = [] if output.events is None else [_events_context(output.events)]
     for plugin, options in features:
-        if plugin.run_context and options.wanted(request):
+        if plugin.run_context and options.is_wanted(request):
             contexts.append(partial(load(plugin, plugin.run_context), options))
-    reachable = any(options.needs_control and options.wanted(request) for _, options in features)
-    return EXIT_CODES[_told(request, output, contexts, reachable=reachable).result]
+    reachable = any(options.needs_control and options.is_wanted(request) for _, options in features)
+    return EXIT_CODES[_run_and_report(request, output, contexts, reachable=reachable).result]
 
 
 def _events_context(path: Path) -> RunContext:
-    from missions.cli.events_file import events_into  # noqa: PLC0415 - most runs write no events
+    from missions.cli.events_file import write_events  # noqa: PLC0415 - most runs write no events
 
-    return partial(events_into, path)
+    return partial(write_events, path)
 
 
 def with_defaults(request: RunRequest) -> RunRequest:
@@ -124,8 +124,8 @@ def with_defaults(request: RunRequest) -> RunRequest:
     """
     robot, simulate, world = request.robot, request.simulate, request.world
     defaults = load_defaults()
-    if robot == MINE:
-        robot_file(MINE)
+    if robot == OWN_ROBOT:
+        robot_file(OWN_ROBOT)
         robot = defaults.robot  # records keep a name that means the same tomorrow
     elif robot is None and (own := chosen_robot(None)):
         robot, simulate = own, simulate or "wire"
@@ -137,7 +137,9 @@ def with_defaults(request: RunRequest) -> RunRequest:
     return replace(request, robot=robot, simulate=simulate, world=world, until=until)
 
 
-def _told(order: RunRequest, output: OutputOptions, contexts: Sequence[RunContext], *, reachable: bool) -> Result:
+def _run_and_report(
+    request: RunRequest, output: OutputOptions, contexts: Sequence[RunContext], *, reachable: bool
+) -> Result:
     """Run it, and say how it ended: in words for people while it goes on, or as one line for a program in the end."""
 
     def last_words(result: Result) -> None:
@@ -147,10 +149,10 @@ def _told(order: RunRequest, output: OutputOptions, contexts: Sequence[RunContex
 
     try:
         out = sys.stderr if output.as_json else sys.stdout
-        result = run(order, out, last_words, leash=output.leash, contexts=contexts, reachable=reachable)
+        result = run(request, out, last_words, leash=output.leash, contexts=contexts, reachable=reachable)
     except Exception as error:
         if not isinstance(error, click.ClickException):
-            last_words(Result(order.mission, "error", str(error), 0.0, 0))
+            last_words(Result(request.mission, "error", str(error), 0.0, 0))
         raise
     last_words(result)
     return result

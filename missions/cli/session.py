@@ -39,14 +39,14 @@ class RunSession:
         self.display = display
         self.outputs: list[Callable[[], Path | None]] = []
         """Each returns, after the run, a file that it has left; None where it could not be written."""
-        self.watched: list[TextIO] = []
+        self.watched_outputs: list[TextIO] = []
         """The run ends once nobody reads one of these any more."""
 
     def listen(self, listener: Listener) -> None:
         """Have ``listener`` called with each event of the run."""
         self.runner.stream.listeners.append(listener)
 
-    def show_by(self, display: Display) -> None:
+    def replace_display(self, display: Display) -> None:
         """Show the run by another display."""
         listeners = self.runner.stream.listeners
         listeners[listeners.index(self.display)] = display

@@ -6,15 +6,15 @@ from collections.abc import Mapping, Sequence
 
 import click
 
-from missions.cli.names import runs
+from missions.cli.names import complete_runs
 from missions.cli.root import FAILURE, SUCCESS
-from missions.control.stopping import ask_all
+from missions.control.stopping import send_to_all
 
-NOBODY = "no mission runs"
+NO_RUNS = "no mission runs"
 
 
 @click.command(epilog="Example: mission stop --release")
-@click.argument("which", metavar="[RUN]...", nargs=-1, shell_complete=runs)
+@click.argument("which", metavar="[RUN]...", nargs=-1, shell_complete=complete_runs)
 @click.option("--list", "only_list", is_flag=True, help="List the runs, and do nothing.")
 @click.option("--release", is_flag=True, help="Release what is stopped; the mission stays paused.")
 @click.option("--resume", is_flag=True, help="Let a paused mission go on; with --release, one that was stopped.")
@@ -33,13 +33,13 @@ def command(which: tuple[str, ...], only_list: bool, release: bool, resume: bool
     if release or resume:
         asked = [*([{"do": "release"}] if release else []), *([{"do": "resume"}] if resume else [])]
     by = f"mission stop (process {os.getpid()})"
-    said = ask_all([] if only_list else asked, by, which)
+    said = send_to_all([] if only_list else asked, by, which)
     fine = all(good for good, _ in said.values())
     try:
         for key, (_, words) in sorted(said.items(), key=lambda each: each[1][1]):
             click.echo(words, err=isinstance(key, str))
         if not said:
-            click.echo(NOBODY)
+            click.echo(NO_RUNS)
     except BrokenPipeError:  # nobody reads it: the exit code says the same
         sys.stdout = None
     return SUCCESS if fine else FAILURE

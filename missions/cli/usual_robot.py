@@ -9,10 +9,10 @@ import click
 
 from behaviours.leaf import Leaf
 from config.faults import Diagnostic, InvalidFileError
-from config.library import DEFAULT_ROBOT, find, shipped
+from config.library import DEFAULT_ROBOT, find_file, shipped_files
 from missions.cli.names import ROBOT
 from missions.cli.origin import chosen_robot
-from missions.language.claims import Target
+from missions.language.claims import TargetRobot
 from missions.language.plan import Plan
 from missions.library.drivers import load_robot
 from missions.library.shipped import load_mission, shipped_missions
@@ -36,12 +36,12 @@ def robots_for(robot: str | None) -> list[Path]:
     Raises UnknownNameError, InvalidFileError.
     """
     if robot is not None:
-        return [find("robots", robot)]
-    first = find("robots", chosen_robot(None) or DEFAULT_ROBOT)
-    return [first, *(file for file in shipped("robots").values() if file != first)]
+        return [find_file("robots", robot)]
+    first = find_file("robots", chosen_robot(None) or DEFAULT_ROBOT)
+    return [first, *(file for file in shipped_files("robots").values() if file != first)]
 
 
-def load_for(
+def load_mission_for(
     name: str, params: Mapping[str, str], robots: Sequence[Path], leaves: Mapping[str, type[Leaf]]
 ) -> tuple[Plan, Path]:
     """Return a mission read for the first of ``robots``, and that robot's file.
@@ -50,19 +50,19 @@ def load_for(
     NotForThisRobotError or UnknownNameError.
     """
     try:
-        return load_mission(name, params=params, robot=target(robots[0]), leaves=leaves), robots[0]
+        return load_mission(name, params=params, robot=load_target(robots[0]), leaves=leaves), robots[0]
     except InvalidFileError as error:
-        found = _otherwise(name, params, robots[1:], leaves)
+        found = _load_for_others(name, params, robots[1:], leaves)
         if found is None:
             raise
         plan, able = found
         if able is None or plan.source.name not in map(str, shipped_missions().values()):
             able_name = "" if able is None else able.stem
-            raise NotForThisRobotError(error.faults, name, robots[0].stem, able_name) from None
+            raise NotForThisRobotError(error.diagnostics, name, robots[0].stem, able_name) from None
         return plan, able
 
 
-def _otherwise(
+def _load_for_others(
     name: str, params: Mapping[str, str], robots: Sequence[Path], leaves: Mapping[str, type[Leaf]]
 ) -> tuple[Plan, Path | None] | None:
     """Return the plan with the robot among ``robots`` that can do it; None for one that is right but for the robot.
@@ -75,12 +75,12 @@ def _otherwise(
         plan = load_mission(name, params=params, leaves=leaves)
         for path in robots:
             with suppress(InvalidFileError):
-                return load_mission(name, params=params, robot=target(path), leaves=leaves), path
+                return load_mission(name, params=params, robot=load_target(path), leaves=leaves), path
         return plan, None
     return None
 
 
 @cache
-def target(robot: Path) -> Target:
+def load_target(robot: Path) -> TargetRobot:
     """Return what the checker must know of the robot of a file. Raises InvalidFileError."""
     return target_of(load_robot(robot))

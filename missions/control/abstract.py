@@ -17,12 +17,12 @@ from drivers.api.quick import dataclass
 from missions.control.places import SYSTEM_ROOT
 from missions.control.processes import ProcessIdentity, identity_of
 
-LISTED = Path("/proc/net/unix")
+SOCKET_LIST = Path("/proc/net/unix")
 
 LISTENING, STREAM, DATAGRAM = 1 << 16, 1, 2
 """A flag and two types of sockets, as the kernel lists them."""
 
-SIMULATED = "-simulated"
+SIMULATED_SUFFIX = "-simulated"
 """The end of the kind of a run, or of a command, that moves no robot."""
 
 
@@ -35,7 +35,7 @@ class AbstractName:
     identity: ProcessIdentity
     kind: str
     inode: int = 0
-    here: ProcessIdentity | None = None
+    local_identity: ProcessIdentity | None = None
     """The process as it is seen from here, where its own file in memory was found."""
 
     @property
@@ -56,7 +56,7 @@ class AbstractName:
 
     def has_its_process(self) -> bool:
         """Return whether the process has the socket open: another user can give a socket any name. Raises OSError."""
-        return f"socket:[{self.inode}]" in _links_of(Path(f"/proc/{self.identity.pid}/fd"))
+        return f"socket:[{self.inode}]" in _link_targets(Path(f"/proc/{self.identity.pid}/fd"))
 
 
 def _prefix() -> str:
@@ -64,25 +64,25 @@ def _prefix() -> str:
     return f"missiontree{root and '.' + hashlib.sha256(root.encode()).hexdigest()[:8]}/"
 
 
-def name_of(run: str, kind: str, *, simulated: bool) -> AbstractName:
+def make_name(run: str, kind: str, *, simulated: bool) -> AbstractName:
     """Return the name for a run of this process, or for a command. Raises OSError where /proc is missing."""
     identity = identity_of(os.getpid())
     if identity is None:
         raise OSError("/proc does not show this process")
-    return AbstractName(os.geteuid(), run, identity, kind + SIMULATED * simulated)
+    return AbstractName(os.geteuid(), run, identity, kind + SIMULATED_SUFFIX * simulated)
 
 
 def listen(name: AbstractName) -> socket.socket:
     """Return a socket that listens. Raises OSError."""
-    return _bound(name, socket.SOCK_STREAM)
+    return _bind(name, socket.SOCK_STREAM)
 
 
-def mark(name: AbstractName) -> socket.socket:
+def bind_marker(name: AbstractName) -> socket.socket:
     """Return a socket that only shows that a command is there. Raises OSError."""
-    return _bound(name, socket.SOCK_DGRAM)
+    return _bind(name, socket.SOCK_DGRAM)
 
 
-def _bound(name: AbstractName, kind: socket.SocketKind) -> socket.socket:
+def _bind(name: AbstractName, kind: socket.SocketKind) -> socket.socket:
     found = socket.socket(socket.AF_UNIX, kind)
     try:
         found.bind(f"\0{name.address[1:]}")
@@ -94,44 +94,44 @@ def _bound(name: AbstractName, kind: socket.SocketKind) -> socket.socket:
     return found
 
 
-def hold(name: AbstractName) -> int:
+def hold_name(name: AbstractName) -> int:
     """Return the descriptor of a file in memory with this name, which shows what the process is. Raises OSError."""
     return os.memfd_create(name.text)
 
 
-def held() -> list[AbstractName]:
+def held_names() -> list[AbstractName]:
     """Return the names that processes hold, as far as this user may see that. Raises OSError without descriptors."""
     prefix, found = f"/memfd:{_prefix()}", list[AbstractName]()
     for process in os.listdir("/proc"):  # noqa: PTH208 - some hundreds
         if process.isdecimal():
             try:
-                texts = {text for text in _links_of(Path("/proc", process, "fd")) if text.startswith(prefix)}
+                texts = {text for text in _link_targets(Path("/proc", process, "fd")) if text.startswith(prefix)}
                 here = identity_of(int(process)) if texts else None
             except (FileNotFoundError, ProcessLookupError, PermissionError):
                 continue  # it has ended, or is another user's
             for text in texts if here is not None else ():
-                name = _read(text.removeprefix(prefix).removesuffix(" (deleted)"), 0, here.boot if here else "")
+                name = _parse_name(text.removeprefix(prefix).removesuffix(" (deleted)"), 0, here.boot if here else "")
                 if name is not None and here is not None and name.identity.start == here.start:  # not a fork of it
-                    found.append(replace(name, here=here))
+                    found.append(replace(name, local_identity=here))
     return found
 
 
-def _links_of(folder: Path) -> Iterator[str]:
+def _link_targets(folder: Path) -> Iterator[str]:
     """Yield where the links in a folder lead."""
     for each in folder.iterdir():
         with suppress(FileNotFoundError):  # closed since
             yield os.readlink(each)  # noqa: PTH115 - it is no path
 
 
-def names() -> list[AbstractName]:
+def listed_names() -> list[AbstractName]:
     """Return those that there are, of all users. Raises OSError where the kernel's list cannot be read."""
     prefix, found = f"@{_prefix()}", list[AbstractName]()
     here = identity_of(os.getpid())
-    for line in LISTED.read_text(encoding="utf-8", errors="replace").splitlines():
+    for line in SOCKET_LIST.read_text(encoding="utf-8", errors="replace").splitlines():
         fields = line.split()
         if len(fields) == 8 and fields[7].startswith(prefix) and here is not None:
             listens = bool(int(fields[3], 16) & LISTENING)
-            name = _read(fields[7].removeprefix(prefix), int(fields[6]), here.boot)
+            name = _parse_name(fields[7].removeprefix(prefix), int(fields[6]), here.boot)
             if (
                 name is not None
                 and int(fields[4], 16) == (STREAM if name.is_run else DATAGRAM)
@@ -143,7 +143,7 @@ def names() -> list[AbstractName]:
     return found
 
 
-def _read(text: str, inode: int, boot: str) -> AbstractName | None:
+def _parse_name(text: str, inode: int, boot: str) -> AbstractName | None:
     """Return what a name says; None for one that is not ours, which anybody could have given."""
     fields = text.split("/")
     if len(fields) != 5 or not fields[4].startswith(("run", "command")):

@@ -11,15 +11,15 @@ from typing import Annotated, ClassVar, Literal
 
 from config.reading import parse_json
 from drivers.api.quick import dataclass
-from missions.codec import MAX_INTEGER, Bound, CodecError, Rules, UnknownWordError, decode_word, parse
+from missions.codec import MAX_INTEGER, Bound, CodecError, Rules, UnknownTagError, decode_tagged, parse
 
-KEY = "do"
+COMMAND_KEY = "do"
 """The member that has the word of a command."""
 
-LARGEST = 64 * 1024
+MAX_COMMAND_BYTES = 64 * 1024
 """Bytes of a command, at most."""
 
-RULES = Rules(
+CODEC_RULES = Rules(
     max_text=4096,
     max_members=256,
     max_number=MAX_INTEGER,
@@ -32,17 +32,17 @@ RULES = Rules(
 Role = Literal["viewer", "operator"]
 """Who may: a viewer sees, and stops; an operator does all."""
 
-Run = Annotated[str, "Which run, as `runs` names it.", Bound(high=64)]
-Id = Annotated[int | None, "Comes back with the answer.", Bound(-(2**53), 2**53)]
-Number = Annotated[
+RunName = Annotated[str, "Which run, as `runs` names it.", Bound(high=64)]
+CommandId = Annotated[int | None, "Comes back with the answer.", Bound(-(2**53), 2**53)]
+CommandNumber = Annotated[
     int, "Counts the commands of this driver, upwards; at one not higher than the last the base stops.", Bound(0, 2**53)
 ]
-Stamp = Annotated[
+StateStamp = Annotated[
     int,
     "The `stamp` of the newest `state` that the driver has seen; the base obeys for 0.5 s from that.",
     Bound(0, 2**53),
 ]
-Share = Bound(-1.0, 1.0)
+SHARE_BOUND = Bound(-1.0, 1.0)
 
 
 class BadMessage(ValueError):
@@ -57,24 +57,24 @@ class BadMessage(ValueError):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Command:
+class ClientCommand:
     """A command. ``role`` is the least that one must be to give it."""
 
     word: ClassVar[str] = ""
     role: ClassVar[Role] = "operator"
-    id: Id = None
+    id: CommandId = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OfRun(Command):
+class RunCommand(ClientCommand):
     """A command that a run answers."""
 
-    run: Run = ""
+    run: RunName = ""
     by: Annotated[str, "Who asks: the studio puts in the client's name, whatever stands here.", Bound(high=60)] = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Watch(OfRun):
+class WatchCommand(RunCommand):
     """Tell what happens in a run from now on, instead of what was watched of it before; nothing, to watch no more.
 
     The first message is a `scene` with all that is so far.
@@ -88,7 +88,7 @@ class Watch(OfRun):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen(OfRun):
+class PictureShownCommand(RunCommand):
     """The picture of this time has been shown: while two are on their way, no third one comes."""
 
     word: ClassVar[str] = "seen"
@@ -97,7 +97,7 @@ class Seen(OfRun):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stop(OfRun):
+class StopCommand(RunCommand):
     """Latch every actuator still and pause the mission, until `release`. Without a run, all runs of this machine."""
 
     word: ClassVar[str] = "stop"
@@ -108,7 +108,7 @@ class Stop(OfRun):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Release(OfRun):
+class ReleaseCommand(RunCommand):
     """End a latched stop. The mission stays paused until `resume`."""
 
     word: ClassVar[str] = "release"
@@ -116,35 +116,35 @@ class Release(OfRun):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pause(OfRun):
+class PauseCommand(RunCommand):
     """Tick no more; the mission keeps its place, and its actuators hold still."""
 
     word: ClassVar[str] = "pause"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Resume(OfRun):
+class ResumeCommand(RunCommand):
     """Go on after `pause`; not while a stop is latched."""
 
     word: ClassVar[str] = "resume"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Step(OfRun):
+class StepCommand(RunCommand):
     """Tick once while paused."""
 
     word: ClassVar[str] = "step"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Halt(OfRun):
+class HaltCommand(RunCommand):
     """End the mission: its behaviours halt, the robot comes to rest, and the run is over."""
 
     word: ClassVar[str] = "halt"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fault(OfRun):
+class InjectFaultCommand(RunCommand):
     """Let something go wrong with a run in simulated time, in the words of test files: `camera frozen for 2 s`."""
 
     word: ClassVar[str] = "fault"
@@ -152,7 +152,7 @@ class Fault(OfRun):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Faulty(OfRun):
+class ListFaultsCommand(RunCommand):
     """Answer with `examples` of what can go wrong, in the words that `fault` takes; none but in simulated time.
 
     `command` is then what to type for the same run in simulated time.
@@ -163,7 +163,7 @@ class Faulty(OfRun):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tuned(OfRun):
+class ListTuningCommand(RunCommand):
     """Answer with what of the robot may be changed while it runs, and how it is: trims, speeds, limits of joints."""
 
     word: ClassVar[str] = "tuning"
@@ -171,7 +171,7 @@ class Tuned(OfRun):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tune(OfRun):
+class TuneCommand(RunCommand):
     """Change one of these until the run ends, within what the robot file lets; joints obey from their next goal on."""
 
     word: ClassVar[str] = "tune"
@@ -180,69 +180,69 @@ class Tune(OfRun):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Take(OfRun):
+class TakeWheelsCommand(RunCommand):
     """Take the wheels; where another driver has them, ask that one for them."""
 
     word: ClassVar[str] = "take"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Give(OfRun):
+class GiveWheelsCommand(RunCommand):
     """Let go of the wheels, or ask for them no more. They go to who has asked for them first."""
 
     word: ClassVar[str] = "give"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drive(OfRun):
+class DriveCommand(RunCommand):
     """Drive for 0.3 s, at most until 0.5 s after the state of its `stamp`, with the wheels. Both 0: stand still."""
 
     word: ClassVar[str] = "drive"
-    n: Number
-    stamp: Stamp
-    ahead: Annotated[float, "The share of the speed, positive ahead.", Share]
-    left: Annotated[float, "The share of the turn rate, positive to the left.", Share]
+    n: CommandNumber
+    stamp: StateStamp
+    ahead: Annotated[float, "The share of the speed, positive ahead.", SHARE_BOUND]
+    left: Annotated[float, "The share of the turn rate, positive to the left.", SHARE_BOUND]
     pace: Annotated[float, "The share of the robot's limits that a share of 1 is.", Bound(0.05, 1.0)] = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Look(OfRun):
+class LookCommand(RunCommand):
     """Turn the head on, if one has the wheels, the state is as young as for `drive`, and the mission moves no head."""
 
     word: ClassVar[str] = "look"
-    n: Number
-    stamp: Stamp
-    left: Annotated[float, "The share of 60 deg/s by which the head turns, positive to the left.", Share]
-    down: Annotated[float, "The same downwards.", Share]
+    n: CommandNumber
+    stamp: StateStamp
+    left: Annotated[float, "The share of 60 deg/s by which the head turns, positive to the left.", SHARE_BOUND]
+    down: Annotated[float, "The same downwards.", SHARE_BOUND]
 
 
 # The commands that a run answers, and how a command is read.
 
-RUN_COMMANDS: Mapping[str, type[Command]] = {
+RUN_COMMANDS: Mapping[str, type[ClientCommand]] = {
     kind.word: kind
     for kind in (
-        Watch,
-        Seen,
-        Stop,
-        Release,
-        Pause,
-        Resume,
-        Step,
-        Halt,
-        Fault,
-        Faulty,
-        Tuned,
-        Tune,
-        Take,
-        Give,
-        Drive,
-        Look,
+        WatchCommand,
+        PictureShownCommand,
+        StopCommand,
+        ReleaseCommand,
+        PauseCommand,
+        ResumeCommand,
+        StepCommand,
+        HaltCommand,
+        InjectFaultCommand,
+        ListFaultsCommand,
+        ListTuningCommand,
+        TuneCommand,
+        TakeWheelsCommand,
+        GiveWheelsCommand,
+        DriveCommand,
+        LookCommand,
     )
 }
 """Every command that a run answers, by its word."""
 
-MAX_REFUSED_BYTES = 2 * LARGEST
-"""Bytes of a message that is received at most: one longer than ``LARGEST`` is refused, by its id if it has one."""
+MAX_REFUSED_BYTES = 2 * MAX_COMMAND_BYTES
+"""Bytes of a message that is received at most: one longer than ``MAX_COMMAND_BYTES`` is refused, by its id if it has one."""
 
 MAX_ID_TOKENS = 4096
 """Brackets and texts of a message that is not JSON among which its id is looked for."""
@@ -253,19 +253,19 @@ _TOKENS = re.compile(r'"(?:[^"\\]|\\.)*+(?:"|\\?\Z)|[\[{]+|[\]}]+', re.DOTALL)
 _ID_VALUE = re.compile(r"\s*:\s*(-?\d{1,16})\s*(?:[,}]|$)")
 
 
-def id_in(message: str | bytes) -> int | None:
+def find_id(message: str | bytes) -> int | None:
     """Return the id of a command that is refused, however malformed it is otherwise; None where it has none."""
     text = message if isinstance(message, str) else message.decode("utf-8", "replace")
     try:
         data = parse_json(text)
     except ValueError:
-        found = _id_in_malformed(text)
+        found = _find_id_in_malformed(text)
     else:
         found = data.get("id") if isinstance(data, dict) else None
     return found if type(found) is int and abs(found) <= _MAX_ID else None
 
 
-def _id_in_malformed(text: str) -> int | None:
+def _find_id_in_malformed(text: str) -> int | None:
     """Return the id among the members of the outermost object of a text that is not JSON."""
     depth, found = 0, None
     for token in islice(_TOKENS.finditer(text), MAX_ID_TOKENS):
@@ -279,19 +279,19 @@ def _id_in_malformed(text: str) -> int | None:
     return found
 
 
-def read_command(line: str | bytes, *, words: Mapping[str, type[Command]] = RUN_COMMANDS) -> Command:
+def read_command(line: str | bytes, *, commands: Mapping[str, type[ClientCommand]] = RUN_COMMANDS) -> ClientCommand:
     """Return the command in a message. Raises BadMessage that names what is wrong with it."""
-    if len(line) > LARGEST:
-        raise BadMessage("too_large", f"a command has at most {LARGEST} bytes, this one {len(line)}")
+    if len(line) > MAX_COMMAND_BYTES:
+        raise BadMessage("too_large", f"a command has at most {MAX_COMMAND_BYTES} bytes, this one {len(line)}")
     try:
-        data = parse(line, LARGEST)
+        data = parse(line, MAX_COMMAND_BYTES)
         if not isinstance(data, dict):
             raise CodecError('a command is an object, such as {"do": "stop", "id": 1}')
     except CodecError as error:
         raise BadMessage("no_json", str(error)) from error
     try:
-        return decode_word(data, KEY, words, RULES)
-    except UnknownWordError as error:
+        return decode_tagged(data, COMMAND_KEY, commands, CODEC_RULES)
+    except UnknownTagError as error:
         raise BadMessage("unknown_command", str(error), error.hint) from error
     except CodecError as error:
         raise BadMessage("bad_field", str(error), error.hint) from error

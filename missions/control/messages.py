@@ -6,13 +6,13 @@ from math import isfinite
 from typing import Annotated, Any, ClassVar, Literal
 
 from drivers.api.quick import dataclass
-from missions.codec import encode_word
-from missions.control.commands import RULES, Role
+from missions.codec import encode_tagged
+from missions.control.commands import CODEC_RULES, Role
 
-SAY = "say"
+MESSAGE_KEY = "say"
 """The member that has the word of a message."""
 
-VERSION = 2
+PROTOCOL_VERSION = 2
 """The number of the protocol: it grows when a client of before would go wrong."""
 
 ERRORS: Mapping[str, str] = {
@@ -49,11 +49,11 @@ ERRORS: Mapping[str, str] = {
 """Every error that an answer may name."""
 
 RunId = Annotated[str, "Which run."]
-Seconds = Annotated[float, "Seconds from the start of the run."]
+RunSeconds = Annotated[float, "Seconds from the start of the run."]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class AnswerMessage:
     """The answer to a command. Where it is not `ok`, `error` is its name, for programs, and `message` is for people."""
 
     word: ClassVar[str] = "answer"
@@ -66,7 +66,7 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Welcome:
+class WelcomeMessage:
     """The first message, after `hello`."""
 
     word: ClassVar[str] = "welcome"
@@ -78,7 +78,7 @@ class Welcome:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Run:
+class RunMessage:
     """What a run is: the first message of its control socket, and again when it is stopped or released.
 
     The studio's clients get it in `runs`.
@@ -96,7 +96,7 @@ class Run:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Runs:
+class RunsMessage:
     """The runs of this machine, whenever that changes: each as a `run`. One that cannot be reached has `trouble`."""
 
     word: ClassVar[str] = "runs"
@@ -104,7 +104,7 @@ class Runs:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
+class SceneMessage:
     """All that is so of a run, as it begins to be watched."""
 
     word: ClassVar[str] = "scene"
@@ -128,7 +128,7 @@ class Scene:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class State:
+class StateMessage:
     """What is new of a run, at most 20 times a second. What a slow client misses it hears in one, the newest of each.
 
     What is not there has not changed.
@@ -136,7 +136,7 @@ class State:
 
     word: ClassVar[str] = "state"
     run: RunId
-    t: Seconds
+    t: RunSeconds
     tick: Annotated[int, "How many ticks there were."]
     late: Annotated[float, "By how many seconds the last tick was too late."]
     lates: Annotated[int, "How many ticks were too late."]
@@ -174,7 +174,7 @@ class State:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Events:
+class EventsMessage:
     """All events of a run, in order, each as `mission run --events` writes it. `lost` is how many are missing."""
 
     word: ClassVar[str] = "events"
@@ -184,12 +184,12 @@ class Events:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Picture:
+class PictureMessage:
     """What the camera has seen, for who watches `pictures` and says `seen` of each: a slow link gets fewer."""
 
     word: ClassVar[str] = "picture"
     run: RunId
-    t: Seconds
+    t: RunSeconds
     width: int
     height: int
     jpeg: Annotated[str, "The picture, as base64."]
@@ -199,7 +199,7 @@ class Picture:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Over:
+class RunOverMessage:
     """A run that was watched is over: `result` is success, failure, interrupted or error, or empty if nobody knows."""
 
     word: ClassVar[str] = "over"
@@ -210,29 +210,42 @@ class Over:
 
 
 MESSAGES: Mapping[str, type[Any]] = {
-    kind.word: kind for kind in (Answer, Welcome, Run, Runs, Scene, State, Events, Picture, Over)
+    kind.word: kind
+    for kind in (
+        AnswerMessage,
+        WelcomeMessage,
+        RunMessage,
+        RunsMessage,
+        SceneMessage,
+        StateMessage,
+        EventsMessage,
+        PictureMessage,
+        RunOverMessage,
+    )
 }
 """Every message by its word."""
 
 
-def line_of(message: Any) -> bytes:
+def encode_message(message: Any) -> bytes:
     """Return a message as JSON."""
-    return as_json(encode_word(message, SAY, RULES))
+    return encode_json(encode_tagged(message, MESSAGE_KEY, CODEC_RULES))
 
 
-def as_json(data: object) -> bytes:
+def encode_json(data: object) -> bytes:
     """Return data as JSON that every reader takes: numbers that are not finite are null, other things are texts."""
     try:
         text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False, default=str)
     except ValueError:
-        text = json.dumps(_finite(data), ensure_ascii=False, separators=(",", ":"), allow_nan=False, default=str)
+        text = json.dumps(
+            _replace_non_finite(data), ensure_ascii=False, separators=(",", ":"), allow_nan=False, default=str
+        )
     return text.encode("utf-8", "replace")
 
 
-def _finite(data: object) -> object:
+def _replace_non_finite(data: object) -> object:
     """Return data without numbers that JSON has not."""
     if isinstance(data, float):
         return data if isfinite(data) else None
     if isinstance(data, Mapping):
-        return {str(key): _finite(each) for key, each in data.items()}
-    return [_finite(each) for each in data] if isinstance(data, list | tuple) else data
+        return {str(key): _replace_non_finite(each) for key, each in data.items()}
+    return [_replace_non_finite(each) for each in data] if isinstance(data, list | tuple) else data

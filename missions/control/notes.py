@@ -22,17 +22,24 @@ from config.reading import parse_object, read_regular_text
 from drivers.api.quick import dataclass
 from drivers.clock import SystemClock
 from missions.control import sockets
-from missions.control.places import FOLDER_TIMEOUT, FolderTimeoutError, Place, all_within, places, within
-from missions.control.processes import ProcessIdentity, here, identity_of
+from missions.control.places import (
+    FOLDER_TIMEOUT,
+    FolderTimeoutError,
+    RunFolder,
+    call_all_with_timeout,
+    call_with_timeout,
+    run_folders,
+)
+from missions.control.processes import ProcessIdentity, current_namespace, identity_of
 
 # Time of the newest stop of all runs: ends a command that was still loading and that no search could find.
 #
 # A stop writes the stamp before it searches. A command writes its note before it reads the stamp. So either the
 # search finds the note, or the command finds the stamp.
 
-NAME = "newest.stop"
+STAMP_FILE = "newest.stop"
 
-RESOLUTION = 2
+TICK_TOLERANCE = 2
 """Clock ticks by which the start of a process and the uptime may differ, since both are rounded."""
 
 
@@ -41,8 +48,8 @@ def write_stamp() -> None:
 
     Raises OSError if no folder can take it.
     """
-    text = json.dumps({"boot": here()[0], "ticks": _uptime()})
-    done = all_within({place.folder: partial(_write, place, text) for place in places()})
+    text = json.dumps({"boot": current_namespace()[0], "ticks": _uptime()})
+    done = call_all_with_timeout({place.folder: partial(_write_stamp, place, text) for place in run_folders()})
     errors = [each for each in done.values() if each is not None]
     if len(errors) == len(done):
         raise errors[0] if errors else OSError("neither HOME nor XDG_RUNTIME_DIR says where a stamp can be")
@@ -60,33 +67,33 @@ def stamp_stop() -> str:
     return ""
 
 
-def is_stopped_since(process: ProcessIdentity) -> bool:
+def was_stopped_since(process: ProcessIdentity) -> bool:
     """Return whether all was stopped after a process had started. Damaged stamps, and those of other boots, are old."""
-    stamps = all_within({place.folder: partial(_read, place) for place in places()}).values()
+    stamps = call_all_with_timeout({place.folder: partial(_read_stamp, place) for place in run_folders()}).values()
     read = (stamp for stamp in stamps if not isinstance(stamp, OSError))
     return any(
-        boot == process.boot and ticks + RESOLUTION >= process.start for boot, ticks in read if ticks is not None
+        boot == process.boot and ticks + TICK_TOLERANCE >= process.start for boot, ticks in read if ticks is not None
     )
 
 
-def _write(place: Place, text: str) -> None:
+def _write_stamp(place: RunFolder, text: str) -> None:
     folder = place.prepare() if place.is_own else place.folder
-    begun = folder / f"{NAME}.{secrets.token_hex(8)}"  # two stops of one studio may be written at the same time
+    begun = folder / f"{STAMP_FILE}.{secrets.token_hex(8)}"  # two stops of one studio may be written at the same time
     number = os.open(begun, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o644)
     try:
         with os.fdopen(number, "w", encoding="utf-8") as file:
             file.write(text)
-        begun.replace(folder / NAME)
+        begun.replace(folder / STAMP_FILE)
     except BaseException:
         with suppress(OSError):
             begun.unlink()
         raise
 
 
-def _read(place: Place) -> tuple[str, int | None]:
+def _read_stamp(place: RunFolder) -> tuple[str, int | None]:
     """Return the boot and the clock tick of the stamp in a folder; None for the tick if there is none."""
     try:
-        told = parse_object(read_regular_text(place.folder / NAME))
+        told = parse_object(read_regular_text(place.folder / STAMP_FILE))
         return str(told["boot"]), int(told["ticks"])
     except (OSError, ValueError, KeyError, TypeError, OverflowError):
         # A command needs a folder that it can read for its own note.
@@ -99,20 +106,20 @@ def _uptime() -> int:
     return int(seconds * os.sysconf("SC_CLK_TCK"))
 
 
-ENDING = ".note"
+NOTE_SUFFIX = ".note"
 
-LARGEST = 1 << 16
+MAX_NOTE_CHARACTERS = 1 << 16
 """Characters of a note, at most."""
 
-END_TIME = 5.0
+END_TIMEOUT = 5.0
 """Seconds that a command has to bring to rest what it moves, and to let go of it."""
 
-GLANCE = 0.02
+POLL_INTERVAL = 0.02
 """Seconds from one look whether it has, to the next."""
 
 
 @dataclass(frozen=True, slots=True)
-class Holder:
+class RobotHolder:
     """A process that holds a robot: ``name`` is its mission or its command, ``run`` is how it is called.
 
     ``identity`` is None where the system does not tell it; ``sockets`` are where it listens, ``notes`` what is read.
@@ -130,17 +137,17 @@ class Holder:
     uid: int | None = field(default=None, compare=False)
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """What it is, as people are told."""
         return f"{self.process}: {self.name} on {self.robot}" + (
             f" (simulated, {self.simulated})" * bool(self.simulated)
         )
 
-    def lives(self) -> bool:
+    def is_alive(self) -> bool:
         """Return whether the process has not ended. Raises OSError where that is not known."""
         if self.identity is not None and (self.identity.is_visible or not self.notes):
-            return self.identity.lives()
-        return any(within(path.parent, partial(read_note, path)) is not None for path in self.notes)
+            return self.identity.is_alive()
+        return any(call_with_timeout(path.parent, partial(read_note, path)) is not None for path in self.notes)
 
     def terminate(self) -> None:
         """Send the process SIGTERM, if it has not ended. Raises OSError where it cannot be told from another one."""
@@ -149,34 +156,34 @@ class Holder:
         self.identity.terminate(None if os.geteuid() else self.uid)
 
     def end(self, by: str) -> bool:
-        """Have a command end, for ``by``, with its actuators at rest; say whether it has, within ``END_TIME``.
+        """Have a command end, for ``by``, with its actuators at rest; say whether it has, within ``END_TIMEOUT``.
 
         Raises OSError where the process cannot be reached, or where it is not known whether it has ended.
         """
         for path in self.notes:
             with suppress(OSError):  # that is only for its last words
-                within(path.parent, partial(_add, path, by))
+                call_with_timeout(path.parent, partial(_append_line, path, by))
         self.terminate()
         clock, pause = SystemClock(), Event()
-        while self.lives():
-            if clock.now() > END_TIME:
+        while self.is_alive():
+            if clock.read_value() > END_TIMEOUT:
                 return False
-            pause.wait(GLANCE)
+            pause.wait(POLL_INTERVAL)
         return True
 
 
-class Notes:
+class RunNotes:
     """The notes of a run, or of a command, in all folders that can be used. For one thread."""
 
     def __init__(self, run: str, name: str, robot: str, simulated: str, *, is_run: bool) -> None:
         self._run = run
         identity = identity_of(os.getpid())
-        self._about: dict[str, Any] = {"name": name, "robot": robot, "simulated": simulated, "run": run}
-        self._about |= {"is_run": is_run, "sockets": [], "computer": os.uname().nodename}
+        self._content: dict[str, Any] = {"name": name, "robot": robot, "simulated": simulated, "run": run}
+        self._content |= {"is_run": is_run, "sockets": [], "computer": os.uname().nodename}
         if identity is not None:
-            self._about["process"] = [identity.pid, identity.start, identity.boot, identity.namespace]
+            self._content["process"] = [identity.pid, identity.start, identity.boot, identity.namespace]
         self._files: dict[Path, IO[str]] = {}
-        self._seconds = FOLDER_TIMEOUT
+        self._folder_timeout = FOLDER_TIMEOUT
 
     @property
     def paths(self) -> list[Path]:
@@ -188,26 +195,26 @@ class Notes:
 
         Each folder has so many ``seconds`` to answer.
         """
-        self._seconds = seconds
-        changed = [*listening] != self._about["sockets"]
-        self._about["sockets"] = [*listening]
+        self._folder_timeout = seconds
+        changed = [*listening] != self._content["sockets"]
+        self._content["sockets"] = [*listening]
         errors = list[OSError]()
-        for place in places(seconds=seconds):
-            path = place.folder / f"{self._run}{ENDING}"
-            if not place.is_own or (not changed and self._is_there(path)):
+        for place in run_folders(seconds=seconds):
+            path = place.folder / f"{self._run}{NOTE_SUFFIX}"
+            if not place.is_own or (not changed and self._exists(path)):
                 continue
             try:
-                file = within(place.folder, partial(self._write, place, path), seconds)
+                file = call_with_timeout(place.folder, partial(self._write, place, path), seconds)
             except OSError as error:
                 errors.append(error)
             else:
                 if path in self._files:
                     self._files.pop(path).close()
                 self._files[path] = file
-        if not any(map(self._is_there, self._files)):
+        if not any(map(self._exists, self._files)):
             raise errors[0] if errors else OSError("neither HOME nor XDG_RUNTIME_DIR says where a note can be")
 
-    def _write(self, place: Place, path: Path) -> IO[str]:
+    def _write(self, place: RunFolder, path: Path) -> IO[str]:
         """Put a note there in one move, locked: one that is not locked is of a process that was killed."""
         place.prepare()
         begun = path.with_suffix(".noting")
@@ -216,7 +223,7 @@ class Notes:
         try:
             with suppress(OSError):  # a network's disk may know no locks: the start of the process is enough here
                 fcntl.flock(file, fcntl.LOCK_EX)
-            file.write(json.dumps(self._about) + "\n")
+            file.write(json.dumps(self._content) + "\n")
             file.flush()
             begun.replace(path)
         except BaseException:
@@ -227,23 +234,26 @@ class Notes:
             raise
         return file
 
-    def _is_there(self, path: Path) -> bool:
+    def _exists(self, path: Path) -> bool:
         if path not in self._files:
             return False
         try:
-            found, own = within(path.parent, path.stat, self._seconds), os.fstat(self._files[path].fileno())
+            found, own = (
+                call_with_timeout(path.parent, path.stat, self._folder_timeout),
+                os.fstat(self._files[path].fileno()),
+            )
         except FolderTimeoutError:
             return True  # it was, and nothing can be put there now
         except OSError:
             return False
         return (found.st_dev, found.st_ino) == (own.st_dev, own.st_ino)
 
-    def added(self) -> list[str]:
+    def stop_requesters(self) -> list[str]:
         """Return what others have added: who has asked for the end."""
         found = list[str]()
         for path in self._files:
             with suppress(OSError):
-                found += within(path.parent, partial(path.read_text, encoding="utf-8")).splitlines()[1:]
+                found += call_with_timeout(path.parent, partial(path.read_text, encoding="utf-8")).splitlines()[1:]
         return list(dict.fromkeys(found))
 
     def close(self) -> None:
@@ -251,19 +261,19 @@ class Notes:
         while self._files:
             path = next(iter(self._files))
             with suppress(OSError):  # the folder has become one that cannot be written: nobody holds it any more
-                if self._is_there(path):
-                    within(path.parent, partial(path.unlink, missing_ok=True))
+                if self._exists(path):
+                    call_with_timeout(path.parent, partial(path.unlink, missing_ok=True))
             self._files.pop(path).close()
 
 
-def _add(path: Path, line: str) -> None:
+def _append_line(path: Path, line: str) -> None:
     """Add a line to a note that is there still."""
     number = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_NONBLOCK | os.O_NOFOLLOW)
     with os.fdopen(number, "w", encoding="utf-8") as note:
         note.write(f"{line}\n")
 
 
-def read_note(path: Path) -> Holder | None:
+def read_note(path: Path) -> RobotHolder | None:
     """Return who has left a note; None where it is of a process that is gone, and then it is taken away.
 
     Raises OSError where it cannot be read or understood, or where it is not known whether the process lives.
@@ -273,12 +283,12 @@ def read_note(path: Path) -> Holder | None:
             status = os.fstat(note.fileno())
             if not stat.S_ISREG(status.st_mode):
                 raise OSError(f"{path} is not a regular file")
-            line, uid, locked = note.readline(LARGEST), status.st_uid, _is_locked(note)
-        found, computer = _holder(parse_object(line), path, uid)
+            line, uid, locked = note.readline(MAX_NOTE_CHARACTERS), status.st_uid, _is_locked(note)
+        found, computer = _parse_note(parse_object(line), path, uid)
     except FileNotFoundError:
         return None
     except (ValueError, KeyError, TypeError, OverflowError) as error:
-        if locked or sockets.is_there(_process_in(path)):
+        if locked or sockets.process_exists(_pid_in(path)):
             raise OSError(f"{path} cannot be understood ({type(error).__name__})") from error
         _remove(path)
         return None
@@ -287,36 +297,36 @@ def read_note(path: Path) -> Holder | None:
     if computer != os.uname().nodename and (identity is None or not identity.is_of_this_boot):
         return None
     if identity is not None and identity.is_visible:
-        locked = identity.lives()
+        locked = identity.is_alive()
     if locked:
         return found
     _remove(path)
     return None
 
 
-def _holder(told: Mapping[str, Any], path: Path, uid: int) -> tuple[Holder, str]:
+def _parse_note(data: Mapping[str, Any], path: Path, uid: int) -> tuple[RobotHolder, str]:
     """Return what a note tells, and of which computer it is. Raises ValueError, KeyError, TypeError, OverflowError."""
-    process, identity = _process_in(path), None
-    if "process" in told:
-        pid, start, boot, namespace = told["process"]
+    process, identity = _pid_in(path), None
+    if "process" in data:
+        pid, start, boot, namespace = data["process"]
         process, identity = int(pid), ProcessIdentity(int(pid), int(start), str(boot), int(namespace))
-    found = Holder(
+    found = RobotHolder(
         process,
-        str(told["name"]),
-        str(told["robot"]),
-        str(told["simulated"]),
-        run=str(told.get("run", process)),
-        is_run=bool(told.get("is_run")),
+        str(data["name"]),
+        str(data["robot"]),
+        str(data["simulated"]),
+        run=str(data.get("run", process)),
+        is_run=bool(data.get("is_run")),
         identity=identity,
-        sockets=tuple(map(str, told.get("sockets", ()))),
+        sockets=tuple(map(str, data.get("sockets", ()))),
         notes=(path,),
         uid=uid,
     )
-    return found, str(told.get("computer", os.uname().nodename))
+    return found, str(data.get("computer", os.uname().nodename))
 
 
-def _process_in(path: Path) -> int:
-    return sockets.process_in(path.name.removesuffix(ENDING))
+def _pid_in(path: Path) -> int:
+    return sockets.pid_of_run(path.name.removesuffix(NOTE_SUFFIX))
 
 
 def _is_locked(note: IO[str]) -> bool:

@@ -7,31 +7,31 @@ from threading import Lock
 
 from behaviours.robot import Robot
 from drivers.api import JointState, Reading
-from drivers.api.joints import joint_called
+from drivers.api.joints import qualified_joint_name
 from drivers.clock import Clock, SystemClock
 from missions.executive.events import CommandSent, Ended, Event, NodeChanged, PerceptSeen, Ticked, VariableSet
-from missions.executive.parts import PartsWatch
+from missions.executive.parts import PartsMonitor
 from missions.runner import Runner
-from missions.trees.feed import Feed
-from missions.trees.words import in_words
+from missions.trees.feed import ViewFeed
+from missions.trees.words import value_text
 
-PLACE_EVERY = 0.25
+POSITION_INTERVAL = 0.25
 """Seconds from one place of the base to the next."""
 
-MOST_PLACES = 2000
+MAX_POSITIONS = 2000
 """Places of the way that are kept; of a longer one it is every second one, again and again."""
 
-MOST_VALUES = 60
+MAX_VALUES = 60
 """Values of each variable that are kept."""
 
 
-class Past:
+class RunHistory:
     """A listener that keeps what a page shows of before, however many watch; told from another thread."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
-        self._placed = float("-inf")
-        self._way: list[tuple[float, float]] = []
+        self._position_at = float("-inf")
+        self._positions: list[tuple[float, float]] = []
         self._values: dict[str, deque[VariableSet]] = {}
         self._lock = Lock()
 
@@ -40,20 +40,27 @@ class Past:
         if isinstance(event, VariableSet):
             with self._lock:
                 name = f"{event.scope} {event.name}".lstrip()
-                self._values.setdefault(name, deque(maxlen=MOST_VALUES)).append(event)
-        elif isinstance(event, Ticked) and event.t - self._placed >= PLACE_EVERY and self._robot.base_part is not None:
-            self._placed = event.t
+                self._values.setdefault(name, deque(maxlen=MAX_VALUES)).append(event)
+        elif (
+            isinstance(event, Ticked)
+            and event.t - self._position_at >= POSITION_INTERVAL
+            and self._robot.base_part is not None
+        ):
+            self._position_at = event.t
             base = self._robot.base_part.state().value
-            if base is not None and (place := (round(base.pose.x, 2), round(base.pose.y, 2))) not in self._way[-1:]:
+            if (
+                base is not None
+                and (place := (round(base.pose.x, 2), round(base.pose.y, 2))) not in self._positions[-1:]
+            ):
                 with self._lock:
-                    self._way = [*self._way[:: 1 + (len(self._way) >= MOST_PLACES)], place]
+                    self._positions = [*self._positions[:: 1 + (len(self._positions) >= MAX_POSITIONS)], place]
 
-    def told(self) -> dict[str, object]:
+    def as_dict(self) -> dict[str, object]:
         """Return it as a scene has it."""
         with self._lock:
-            way, values = self._way, {name: list(events) for name, events in self._values.items()}
+            way, values = self._positions, {name: list(events) for name, events in self._values.items()}
         past = {
-            name: [[each.t, None if each.value is None else in_words(each.value)] for each in events]
+            name: [[each.t, None if each.value is None else value_text(each.value)] for each in events]
             for name, events in values.items()
         }
         return {"way": way, "past": past}
@@ -61,66 +68,66 @@ class Past:
 
 Json = dict[str, object]
 
-UNWRITTEN = (Ticked, NodeChanged, VariableSet, PerceptSeen, CommandSent)
+UNLOGGED_EVENTS = (Ticked, NodeChanged, VariableSet, PerceptSeen, CommandSent)
 """Events that are no lines of a log."""
 
-SPOKEN = ("voice", "screen")
+LOGGED_PARTS = ("voice", "screen")
 """The parts whose commands are worth a line all the same."""
 
-MOST_LINES = 500
+MAX_LOG_LINES = 500
 """Lines of the log that are kept for who comes later, and that wait for a client that does not read."""
 
-MOST_EVENTS = 5000
+MAX_QUEUED_EVENTS = 5000
 """Events that wait for a client that does not read; older ones are lost to it."""
 
-MOST_POINTS = 360
+MAX_SCAN_POINTS = 360
 """Points of a range finder's turn that are told."""
 
-LOOK_EVERY = 0.04
+POSE_INTERVAL = 0.04
 """Seconds from one look at where the robot is to the next, in simulated time."""
 
 
-class Outlet:
-    """A listener that gathers what happens in a run; ``news`` says what is new, ``all`` what is so. From two threads.
+class StateFeed:
+    """A listener that gathers what happens in a run; ``take_changes`` says what is new, ``state`` what is so. From two threads.
 
-    ``wake`` is called, from the thread of the events, when there is something to be told and somebody ``watched``.
+    ``wake`` is called, from the thread of the events, when there is something to be told and somebody ``is_watched``.
     """
 
     def __init__(self, runner: Runner, *, wall: Clock | None = None) -> None:
-        executive, assembled = runner.executive, runner.assembled
+        executive, assembled = runner.executive, runner.assembled_robot
         self._robot = assembled.robot
         self._wall = wall or SystemClock()
         looked = None if assembled.eyes is None else assembled.eyes.looked
-        self._parts = PartsWatch(assembled.devices, assembled.robot, looked)
+        self._parts = PartsMonitor(assembled.devices, assembled.robot, looked)
         self._in_tick = runner.twins is not None
-        self._feed = Feed(
+        self._feed = ViewFeed(
             executive,
             self._wall,
-            look=lambda: self._parts.look(executive.time()),
+            look=lambda: self._parts.check(executive.time()),
             lines=lambda _: (),
             in_tick=self._in_tick,
         )
-        self.past = Past(assembled.robot)
-        self._place: Json = {}
-        self._looked = float("-inf")
-        self._scanned = -1
+        self.history = RunHistory(assembled.robot)
+        self._pose_state: Json = {}
+        self._pose_at = float("-inf")
+        self._scan_number = -1
         self._percept: PerceptSeen | None = None
         self._commands: dict[str, Event] = {}
-        self._lines: deque[Event] = deque(maxlen=MOST_LINES)
-        self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
-        self._told = self._taken = 0  # events in all, and those that were handed out
+        self._lines: deque[Event] = deque(maxlen=MAX_LOG_LINES)
+        self._events: deque[Event] = deque(maxlen=MAX_QUEUED_EVENTS)
+        self._event_count = self._taken_count = 0  # events in all, and those that were handed out
         self._lock = Lock()
-        self._all: Json = {}
-        self.log: deque[Mapping[str, object]] = deque(maxlen=MOST_LINES)
+        self._state: Json = {}
+        self.log: deque[Mapping[str, object]] = deque(maxlen=MAX_LOG_LINES)
         self.end: Ended | None = None
-        self.watched = self.listened = False
+        self.is_watched = self.has_event_listeners = False
         self.wake: Callable[[], None] = lambda: None
 
     def __call__(self, event: Event) -> None:
         """Keep an event."""
-        self._parts.take(event)
+        self._parts.on_event(event)
         self._feed(event)
-        self.past(event)
+        self.history(event)
         with self._lock:
             match event:
                 case PerceptSeen():
@@ -131,33 +138,33 @@ class Outlet:
                     self.end = event
                 case _:
                     pass
-            if not isinstance(event, UNWRITTEN) or (isinstance(event, CommandSent) and event.to in SPOKEN):
+            if not isinstance(event, UNLOGGED_EVENTS) or (isinstance(event, CommandSent) and event.to in LOGGED_PARTS):
                 self._lines.append(event)
-            if self.listened:
+            if self.has_event_listeners:
                 self._events.append(event)
-                self._told += 1
+                self._event_count += 1
         if isinstance(event, Ticked | Ended):
-            self._look()
+            self._update_pose()
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Look how the robot is: time has passed without a tick. For the thread of the ticks, in simulated time."""
-        self._feed.look()
-        self._look()
+        self._feed.poll_parts()
+        self._update_pose()
 
-    def _look(self) -> None:
-        if self._in_tick and self.watched and self._wall.now() - self._looked >= LOOK_EVERY:
-            self._looked = self._wall.now()
-            self._place = self._where()
-        if self.watched:
+    def _update_pose(self) -> None:
+        if self._in_tick and self.is_watched and self._wall.read_value() - self._pose_at >= POSE_INTERVAL:
+            self._pose_at = self._wall.read_value()
+            self._pose_state = self._read_pose_state()
+        if self.is_watched:
             self.wake()
 
-    def news(self, more: Mapping[str, object]) -> Json:
+    def take_changes(self, more: Mapping[str, object]) -> Json:
         """Return what is new since it was asked last, with ``more``: what a `state` has beside ``say`` and ``run``."""
-        told: Json = {**self._feed.news(), **more}
+        told: Json = {**self._feed.take_changes(), **more}
         told.pop("log", None)
-        place = self._place if self._in_tick else self._where()
-        place = {**place, "visited": self._feed.visited()}
-        told |= {name: value for name, value in place.items() if value != self._all.get(name)}
+        place = self._pose_state if self._in_tick else self._read_pose_state()
+        place = {**place, "visited": self._feed.visited_keys()}
+        told |= {name: value for name, value in place.items() if value != self._state.get(name)}
         with self._lock:
             lines = [line.as_dict() for line in self._lines]
             self._lines.clear()
@@ -167,26 +174,26 @@ class Outlet:
             told["percept"] = percept.as_dict()
         if commands:
             told["commands"] = {to: event.as_dict() for to, event in commands.items()}
-        self._all = merged(self._all, told)
+        self._state = merge_states(self._state, told)
         if lines:
             told["log"] = lines
             self.log.extend(lines)
         return told
 
     @property
-    def all(self) -> Json:
-        """All that is so, as of the last ``news``; the log apart."""
-        return self._all
+    def state(self) -> Json:
+        """All that is so, as of the last ``take_changes``; the log apart."""
+        return self._state
 
-    def events(self) -> tuple[list[Mapping[str, object]], int]:
+    def take_events(self) -> tuple[list[Mapping[str, object]], int]:
         """Return the events since it was asked last, and how many before them are lost."""
         with self._lock:
-            found, count = list(self._events), self._told - self._taken
+            found, count = list(self._events), self._event_count - self._taken_count
             self._events.clear()
-            self._taken = self._told
+            self._taken_count = self._event_count
         return [event.as_dict() for event in found], count - len(found)
 
-    def _where(self) -> Json:
+    def _read_pose_state(self) -> Json:
         """Return where the robot is, and what its arm and its range finder tell."""
         told: Json = {}
         robot = self._robot
@@ -198,20 +205,20 @@ class Outlet:
             if (state := reading.value) is not None
         }:
             told["joints"] = joints
-        points = self._scan(robot)
+        points = self._new_scan_points(robot)
         if points is not None:
             told["scan"] = points
         return told
 
-    def _scan(self, robot: Robot) -> list[Sequence[float]] | None:
+    def _new_scan_points(self, robot: Robot) -> list[Sequence[float]] | None:
         """Return a new turn of the range finder as points on the robot; None where there is none."""
         import numpy as np  # noqa: PLC0415 - most runs have no range finder
 
         scan = None if robot.ranger_part is None else robot.ranger_part.scan().value
-        if robot.ranger_part is None or scan is None or scan.number == self._scanned:
+        if robot.ranger_part is None or scan is None or scan.number == self._scan_number:
             return None
-        self._scanned = scan.number
-        every = max(1, len(scan.ranges) // MOST_POINTS)
+        self._scan_number = scan.number
+        every = max(1, len(scan.ranges) // MAX_SCAN_POINTS)
         ranges, bearings = scan.ranges[::every], scan.bearings()[::every]
         known = np.isfinite(ranges)
         x, y, _ = robot.ranger_part.place
@@ -223,12 +230,12 @@ def _joints(robot: Robot) -> Iterator[tuple[str, Reading[JointState]]]:
     """Yield the joints of all arms; those of further ones after the arm's name: `right_arm.elbow`."""
     if robot.arm_part is not None:
         yield from robot.arm_part.states().items()
-    for name, other in robot.others.items():
+    for name, other in robot.extra_parts.items():
         if other.kind == "arm":
-            yield from ((joint_called(name, joint), reading) for joint, reading in other.part.states().items())
+            yield from ((qualified_joint_name(name, joint), reading) for joint, reading in other.part.states().items())
 
 
-def merged(old: Mapping[str, object], new: Mapping[str, object]) -> Json:
+def merge_states(old: Mapping[str, object], new: Mapping[str, object]) -> Json:
     """Return what both together say, where the newest of each holds."""
     found = {**old, **new}
     for name in ("changed", "variables", "commands"):
@@ -239,8 +246,8 @@ def merged(old: Mapping[str, object], new: Mapping[str, object]) -> Json:
     if isinstance(before, list) and isinstance(after, list):
         lines = before + after
         lost = old.get("lost", 0)
-        found["log"] = lines[-MOST_LINES:]
-        found["lost"] = (lost if isinstance(lost, int) else 0) + max(0, len(lines) - MOST_LINES)
+        found["log"] = lines[-MAX_LOG_LINES:]
+        found["lost"] = (lost if isinstance(lost, int) else 0) + max(0, len(lines) - MAX_LOG_LINES)
     return found
 
 
@@ -249,16 +256,16 @@ def scene_of(runner: Runner) -> Json:
     from missions.trees.draw import drawing_of, first_values  # noqa: PLC0415 - a run that nobody watches draws nothing
     from missions.trees.drawing import to_json  # noqa: PLC0415
 
-    plan, assembled = runner.plan, runner.assembled
+    plan, assembled = runner.plan, runner.assembled_robot
     base = assembled.robot.base_part
     limits = None if base is None else {"speed": base.limits.speed, "turn": base.limits.turn}
     return {
         "mission": plan.mission,
         "robot": assembled.name,
         "file": plan.source.name,
-        "params": {name: in_words(value) for name, value in plan.params.items()},
+        "params": {name: value_text(value) for name, value in plan.params.items()},
         "drawing": to_json(drawing_of(plan)),
-        "first": {name: in_words(value) for name, value in first_values(plan).items()},
+        "first": {name: value_text(value) for name, value in first_values(plan).items()},
         "parts": sorted(assembled.devices),
         "limits": limits if limits is None or all(map(isfinite, limits.values())) else None,
     }

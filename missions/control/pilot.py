@@ -4,44 +4,44 @@ from collections.abc import Mapping
 from math import degrees, radians
 from types import MappingProxyType
 
-from drivers.api import STILL, Base, Head, HeadPose, Source, Velocity
+from drivers.api import ZERO_VELOCITY, Base, Head, HeadPose, Source, Velocity
 from drivers.api.quick import dataclass
 from drivers.errors import DriverError, NotConnected
 
-HALF = 0.5
+DEFAULT_SPEED_SHARE = 0.5
 MIN_SHARE, MAX_SHARE = 0.05, 1.0
 """The shares of the base's limits between which a person may choose."""
 
-STEP = radians(3)
+HEAD_STEP = radians(3)
 """How far a press of an arrow turns the head."""
 
 MAX_STATE_AGE = 0.5
 """Seconds for which the base obeys a person at the far end of a line who has seen a state: there and back, and until
 the next command."""
 
-ANEW = "it was away: let go, and begin anew"
-BY_HAND = "stopped by hand: Enter enables"
+RECONNECTED_HINT = "it was away: let go, and begin anew"
+LATCH_REASON = "stopped by hand: Enter enables"
 
 
 @dataclass(frozen=True, slots=True)
-class Push:
+class DriveInput:
     """Which way somebody pushes: ahead and to the left, each as a share -1..1 of the speed that they have chosen."""
 
     ahead: float
     left: float
 
 
-PACES: Mapping[str, tuple[float, float]] = MappingProxyType(
+SPEED_KEYS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {"q": (1.1, 1.1), "z": (0.9, 0.9), "w": (1.1, 1.0), "x": (0.9, 1.0), "e": (1.0, 1.1), "c": (1.0, 0.9)}
 )
 """The keys that change the speed: by what factor it ahead, and that of turning."""
 
-GAZES: Mapping[str, tuple[int, int]] = MappingProxyType(
+HEAD_KEYS: Mapping[str, tuple[int, int]] = MappingProxyType(
     {"left": (1, 0), "right": (-1, 0), "up": (0, -1), "down": (0, 1)}
 )
 """The keys that turn the head: how many steps of pan and tilt."""
 
-LATCH, ENABLE = " ", "enter"
+LATCH_KEY, ENABLE_KEY = " ", "enter"
 
 
 class Pilot:
@@ -50,57 +50,57 @@ class Pilot:
     ``ahead`` and ``turn`` are the shares of the base's limits at which a whole push drives.
     """
 
-    def __init__(self, base: Base, head: Head | None = None, *, pace: float = HALF) -> None:
+    def __init__(self, base: Base, head: Head | None = None, *, speed_share: float = DEFAULT_SPEED_SHARE) -> None:
         self._base = base
         self._head = head
         self._goal: HeadPose | None = None
-        self._driving = False
-        self._returned: float | None = None  # when the base was last back from an absence
-        self._stale = False  # whoever pushes now began before that
+        self._is_driving = False
+        self._reconnected_at: float | None = None  # when the base was last back from an absence
+        self._is_stale = False  # whoever pushes now began before that
         self._trouble = ""
-        self.ahead = self.turn = min(max(pace, MIN_SHARE), MAX_SHARE)
+        self.ahead = self.turn = min(max(speed_share, MIN_SHARE), MAX_SHARE)
 
     def press(self, key: str) -> None:
         """Do what a key other than those that drive asks for."""
-        if key in PACES:
-            ahead, turn = PACES[key]
+        if key in SPEED_KEYS:
+            ahead, turn = SPEED_KEYS[key]
             self.ahead = min(max(self.ahead * ahead, MIN_SHARE), MAX_SHARE)
             self.turn = min(max(self.turn * turn, MIN_SHARE), MAX_SHARE)
-        elif key in GAZES:
-            pan, tilt = GAZES[key]
-            self.look(pan * STEP, tilt * STEP)
-        elif key == LATCH:
-            self._base.latch(BY_HAND)
-        elif key == ENABLE:
+        elif key in HEAD_KEYS:
+            pan, tilt = HEAD_KEYS[key]
+            self.look(pan * HEAD_STEP, tilt * HEAD_STEP)
+        elif key == LATCH_KEY:
+            self._base.latch(LATCH_REASON)
+        elif key == ENABLE_KEY:
             self._base.enable()
 
-    def steer(self, push: Push | None) -> None:
-        """Drive so until the next call, which is to come within ``COMMAND_LIFE``; None lets go of the wheels.
+    def steer(self, drive_input: DriveInput | None) -> None:
+        """Drive so until the next call, which is to come within ``COMMAND_TIMEOUT``; None lets go of the wheels.
 
         The base then stands at once. It stays so a moment longer than a command lives, before it obeys a mission again.
         A push that began before the base was back from a long absence counts no more: let go, and begin anew.
         """
-        before, self._returned = self._returned, self._base.health().returned
-        self._stale = push is not None and (self._stale or self._returned != before)
-        if self._stale:
-            push = None
-        if push is None and not self._driving:
+        before, self._reconnected_at = self._reconnected_at, self._base.health().reconnected_at
+        self._is_stale = drive_input is not None and (self._is_stale or self._reconnected_at != before)
+        if self._is_stale:
+            drive_input = None
+        if drive_input is None and not self._is_driving:
             return
         limits = self._base.limits
-        wanted = STILL
-        if push is None:
+        wanted = ZERO_VELOCITY
+        if drive_input is None:
             self._base.stop(source=Source.TELEOP)
         else:
-            wanted = Velocity(push.ahead * self.ahead * limits.speed, push.left * self.turn * limits.turn)
-        self._driving, self._trouble = push is not None, ""
+            wanted = Velocity(drive_input.ahead * self.ahead * limits.speed, drive_input.left * self.turn * limits.turn)
+        self._is_driving, self._trouble = drive_input is not None, ""
         try:
             self._base.drive(wanted, source=Source.TELEOP)
         except NotConnected as error:
             self._trouble = str(error)
         except DriverError:  # latched: that is shown all the time
-            self._driving = False
+            self._is_driving = False
 
-    def words(self) -> str:
+    def status_line(self) -> str:
         """Say in a line how it drives, at whose command, what it feels, and what is the matter."""
         reading, steering = self._base.state(), self._base.steering()
         state = reading.value
@@ -109,10 +109,12 @@ class Pilot:
         if state is None or not reading.good:
             return " | ".join((*told, self._trouble or self._base.health().detail or "no reports"))
         told.append(f"{state.velocity.linear:+.2f} m/s {degrees(state.velocity.angular):+4.0f} deg/s")
-        why = f": {steering.because}" if steering.because else ""
+        why = f": {steering.reason}" if steering.reason else ""
         if state.reckoned:
             told.append("dead reckoning")
-        told.append(self._base.latched or (ANEW if self._stale else "") or f"{steering.source or 'nobody'}{why}")
+        told.append(
+            self._base.latched or (RECONNECTED_HINT if self._is_stale else "") or f"{steering.source or 'nobody'}{why}"
+        )
         touched = {"bumper": state.bumper, "cliff": state.cliff, "wheel drop": state.wheel_drop}
         told += [f"{name} {sides}" for name, sides in touched.items() if sides]
         told += sorted(state.hazards)

@@ -37,7 +37,7 @@ class FolderTimeoutError(TimeoutError):
         super().__init__(f"{folder} does not answer (a network disk that is gone?)")
 
 
-class _Call(Generic[Result]):
+class _FolderCall(Generic[Result]):
     """One call, in a thread of its own."""
 
     def __init__(self, work: Callable[[], Result]) -> None:
@@ -60,43 +60,43 @@ class _Call(Generic[Result]):
             self.error = error
 
 
-_hanging: dict[Path, Thread] = {}
+_hung_threads: dict[Path, Thread] = {}
 _lock = Lock()
 
 
-def within(folder: Path, work: Callable[[], Result], seconds: float = FOLDER_TIMEOUT) -> Result:
+def call_with_timeout(folder: Path, work: Callable[[], Result], seconds: float = FOLDER_TIMEOUT) -> Result:
     """Return the result of work on a folder. Raises what it raises, and FolderTimeoutError after so many seconds."""
-    found = all_within({folder: work}, seconds)[folder]
+    found = call_all_with_timeout({folder: work}, seconds)[folder]
     if isinstance(found, OSError):
         raise found
     return found
 
 
-def all_within(
+def call_all_with_timeout(
     works: Mapping[Path, Callable[[], Result]], seconds: float = FOLDER_TIMEOUT
 ) -> dict[Path, Result | OSError]:
     """Return the result of work on each of several folders at the same time, or its OSError."""
-    calls: dict[Path, _Call[Result]] = {}
+    calls: dict[Path, _FolderCall[Result]] = {}
     for folder, work in works.items():
         with _lock:
-            hangs = _hanging.get(folder)
+            hangs = _hung_threads.get(folder)
             if hangs is not None and not hangs.is_alive():
-                del _hanging[folder]
+                del _hung_threads[folder]
                 hangs = None
         if hangs is None:
-            calls[folder] = _Call(work)
+            calls[folder] = _FolderCall(work)
             calls[folder].begin()
     clock = SystemClock()
-    until = clock.now() + seconds
+    until = clock.read_value() + seconds
     found: dict[Path, Result | OSError] = {}
     for folder in works:
         call = calls.get(folder)
         if call is not None and call.thread.ident is not None:
-            call.thread.join(max(0.0, until - clock.now()))
+            call.thread.join(max(0.0, until - clock.read_value()))
         if call is None or not (call.results or call.error):
             if call is not None:
                 with _lock:
-                    _hanging[folder] = call.thread
+                    _hung_threads[folder] = call.thread
             found[folder] = FolderTimeoutError(folder)
         elif call.error is None:
             found[folder] = call.results[0]
@@ -110,15 +110,15 @@ def all_within(
 SYSTEM_ROOT = "MISSION_SYSTEM_ROOT"
 """The variable with the folder below which `/run/user` and the homes of users are looked for: tests set it."""
 
-SESSION = "missiontree/runs"
+SESSION_SUBFOLDER = "missiontree/runs"
 """The folder of runs below that of a session, such as `/run/user/1000`."""
 
-STATE = ".local/state/missiontree/run/runs"
+HOME_SUBFOLDER = ".local/state/missiontree/run/runs"
 """The folder of runs below the home of a user."""
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class RunFolder:
     """A ``folder`` of runs. ``is_own`` says that it is one of this user, who may create it."""
 
     folder: Path
@@ -139,7 +139,7 @@ class Place:
             self.folder.chmod(0o700)
         return self.folder
 
-    def names(self) -> list[str]:
+    def file_names(self) -> list[str]:
         """Return the names of the files; none if the folder does not exist.
 
         None either where the folder belongs to another user: none of this user's runs is in it.
@@ -153,12 +153,12 @@ class Place:
         except (FileNotFoundError, NotADirectoryError):
             return []
         except PermissionError:
-            if _owner_in_the_way(self.folder) in (None, os.geteuid()):
+            if _nearest_owner(self.folder) in (None, os.geteuid()):
                 raise
             return []
 
 
-def _owner_in_the_way(folder: Path) -> int | None:
+def _nearest_owner(folder: Path) -> int | None:
     """Return the owner of the innermost folder on the way that can be seen; None for nobody known.
 
     Where that is another user, this user could not have put a run into the folder either.
@@ -173,52 +173,52 @@ def _owner_in_the_way(folder: Path) -> int | None:
     return None
 
 
-def places(environment: Mapping[str, str] = os.environ, seconds: float = FOLDER_TIMEOUT) -> list[Place]:
+def run_folders(environment: Mapping[str, str] = os.environ, seconds: float = FOLDER_TIMEOUT) -> list[RunFolder]:
     """Return where runs of this user can be, the place for a new one first; for root those of all sessions besides.
 
     A home that does not answer within so many ``seconds`` counts as there.
     """
     uid = os.geteuid()
-    found = [Place(folder) for folder in _own(environment, uid, seconds)]
+    found = [RunFolder(folder) for folder in _own_folders(environment, uid, seconds)]
     if uid == 0:
-        found += _others(environment, seconds)
-    first = dict[Path, Place]()
+        found += _other_users_folders(environment, seconds)
+    first = dict[Path, RunFolder]()
     for each in found:
         first.setdefault(each.folder, each)
     return list(first.values())
 
 
-def _own(environment: Mapping[str, str], uid: int, seconds: float) -> Iterator[Path]:
+def _own_folders(environment: Mapping[str, str], uid: int, seconds: float) -> Iterator[Path]:
     if Path(environment.get("XDG_RUNTIME_DIR", "")).is_absolute():
         yield runtime_folder(environment) / "runs"
-    session = _root(environment) / "run/user" / str(uid)
-    if _may_be_there(session, seconds):  # it is the system's to create
-        yield session / SESSION
+    session = _system_root(environment) / "run/user" / str(uid)
+    if _may_exist(session, seconds):  # it is the system's to create
+        yield session / SESSION_SUBFOLDER
     if any(Path(environment.get(name, "")).is_absolute() for name in ("HOME", "XDG_STATE_HOME")):
         yield state_folder(environment) / "run" / "runs"  # without either, it is in the home that follows
     home = _home(environment, uid, seconds)
     if home is not None:
-        yield home / STATE
+        yield home / HOME_SUBFOLDER
 
 
-def _others(environment: Mapping[str, str], seconds: float) -> Iterator[Place]:
+def _other_users_folders(environment: Mapping[str, str], seconds: float) -> Iterator[RunFolder]:
     """Yield the places of all who have a session, and of the user for whom `sudo` was typed."""
-    sessions = _root(environment) / "run/user"
+    sessions = _system_root(environment) / "run/user"
     try:
-        names = within(sessions, lambda: os.listdir(sessions), seconds)  # noqa: PTH208 - as above
+        names = call_with_timeout(sessions, lambda: os.listdir(sessions), seconds)  # noqa: PTH208 - as above
     except (FileNotFoundError, NotADirectoryError):
         names = []
     except OSError:
         names = []
-        yield Place(sessions, is_own=False)  # who looks there meets the error
+        yield RunFolder(sessions, is_own=False)  # who looks there meets the error
     for uid in {int(name) for name in [*names, environment.get("SUDO_UID", "")] if name.isdecimal()} - {0}:
-        yield Place(sessions / str(uid) / SESSION, is_own=False)
+        yield RunFolder(sessions / str(uid) / SESSION_SUBFOLDER, is_own=False)
         home = _home(environment, uid, seconds)
         if home is not None:
-            yield Place(home / STATE, is_own=False)
+            yield RunFolder(home / HOME_SUBFOLDER, is_own=False)
 
 
-def _root(environment: Mapping[str, str]) -> Path:
+def _system_root(environment: Mapping[str, str]) -> Path:
     return Path(environment.get(SYSTEM_ROOT) or "/")
 
 
@@ -227,22 +227,22 @@ def _home(environment: Mapping[str, str], uid: int, seconds: float) -> Path | No
     if root := environment.get(SYSTEM_ROOT):
         return Path(root) / "home" / str(uid)
     try:
-        if uid not in _homes:
-            _homes[uid] = Path(pwd.getpwuid(uid).pw_dir)
+        if uid not in _home_cache:
+            _home_cache[uid] = Path(pwd.getpwuid(uid).pw_dir)
     except KeyError:
         return None
-    home = _homes[uid]
-    return home if home.is_absolute() and _may_be_there(home, seconds) else None
+    home = _home_cache[uid]
+    return home if home.is_absolute() and _may_exist(home, seconds) else None
 
 
-_homes: dict[int, Path] = {}
+_home_cache: dict[int, Path] = {}
 """By user: without a descriptor left, the password file looks as if it were empty."""
 
 
-def _may_be_there(folder: Path, seconds: float) -> bool:
+def _may_exist(folder: Path, seconds: float) -> bool:
     """Return whether there is such a folder, or that is not known."""
     try:
-        return stat.S_ISDIR(within(folder, folder.stat, seconds).st_mode)
+        return stat.S_ISDIR(call_with_timeout(folder, folder.stat, seconds).st_mode)
     except (FileNotFoundError, NotADirectoryError):
         return False
     except OSError:

@@ -27,18 +27,18 @@ class ProcessIdentity:
     @property
     def is_visible(self) -> bool:
         """Whether it is a process of this computer, since its start, and has the same number here as there."""
-        return (self.boot, self.namespace) == here()
+        return (self.boot, self.namespace) == current_namespace()
 
     @property
     def is_of_this_boot(self) -> bool:
         """Whether it is a process of this computer, since its start, perhaps in a container. Raises OSError."""
-        return self.boot == here()[0]
+        return self.boot == current_namespace()[0]
 
-    def lives(self) -> bool:
+    def is_alive(self) -> bool:
         """Return whether it has not ended. Raises OSError where that cannot be known."""
         if not self.is_visible:
             raise OSError(errno.ESRCH, f"process {self.pid} is in another container, or on another computer")
-        return start_of(self.pid) == self.start
+        return start_tick_of(self.pid) == self.start
 
     def terminate(self, uid: int | None = None) -> None:
         """Send it SIGTERM, unless it has ended; never another process that has got its number.
@@ -46,8 +46,8 @@ class ProcessIdentity:
         With a ``uid``, it must be a process of that user. Raises OSError.
         """
         with ExitStack() as closing:
-            number = _opened(self.pid, closing)
-            if not self.lives():
+            number = _open_pidfd(self.pid, closing)
+            if not self.is_alive():
                 return
             if uid is not None and Path(f"/proc/{self.pid}").stat().st_uid != uid:
                 raise PermissionError(errno.EPERM, f"process {self.pid} is not of user {uid}")
@@ -60,16 +60,16 @@ class ProcessIdentity:
                 return
 
     def has_ended_within(self, seconds: float) -> bool:
-        """Wait until it has ended, ``seconds`` at most, and return whether it has. Raises OSError as ``lives`` does."""
+        """Wait until it has ended, ``seconds`` at most, and return whether it has. Raises OSError as ``is_alive`` does."""
         clock, pause = SystemClock(), Event()
-        while self.lives():
-            if clock.now() > seconds:
+        while self.is_alive():
+            if clock.read_value() > seconds:
                 return False
             pause.wait(POLL_INTERVAL)
         return True
 
 
-def _opened(pid: int, closing: ExitStack) -> int | None:
+def _open_pidfd(pid: int, closing: ExitStack) -> int | None:
     """Return a descriptor of a process, by which a signal cannot reach another one; None where there can be none."""
     try:
         number = os.pidfd_open(pid)
@@ -80,7 +80,7 @@ def _opened(pid: int, closing: ExitStack) -> int | None:
 
 
 @cache
-def here() -> tuple[str, int]:
+def current_namespace() -> tuple[str, int]:
     """Return which boot of which computer this is, and which namespace of processes. Raises OSError without /proc."""
     boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
     return boot, Path("/proc/self/ns/pid").stat().st_ino
@@ -88,12 +88,12 @@ def here() -> tuple[str, int]:
 
 def identity_of(pid: int) -> ProcessIdentity | None:
     """Return the process that has a number now; None where there is none. Raises OSError where that is unknown."""
-    start = start_of(pid)
-    boot, namespace = here()
+    start = start_tick_of(pid)
+    boot, namespace = current_namespace()
     return None if start is None else ProcessIdentity(pid, start, boot, namespace)
 
 
-def start_of(pid: int) -> int | None:
+def start_tick_of(pid: int) -> int | None:
     """Return the clock tick in which a process has begun; None where none of this number lives. Raises OSError."""
     try:
         text = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")

@@ -18,20 +18,20 @@ from typing import Any, Self
 from config.reading import parse_object
 from drivers.api.quick import dataclass
 from drivers.clock import Clock, SystemClock
-from missions.control.places import FOLDER_TIMEOUT, places, within
+from missions.control.places import FOLDER_TIMEOUT, call_with_timeout, run_folders
 
-ENDING = ".sock"
+SOCKET_SUFFIX = ".sock"
 
-LONGEST_PATH = 100
+MAX_PATH_BYTES = 100
 """Bytes of the path of a Unix socket, at most: Linux takes 107, others 103."""
 
-PATIENCE = 1.0
+REPLY_TIMEOUT = 1.0
 """Seconds that a run has to answer."""
 
-TRIES, AGAIN = 4, 0.1
+CONNECT_TRIES, RETRY_INTERVAL = 4, 0.1
 """How often a run that hangs up at once is called, and how many seconds later each time."""
 
-LARGEST = 1 << 24
+MAX_MESSAGE_BYTES = 1 << 24
 """Bytes of a message of a run, at most."""
 
 
@@ -42,7 +42,7 @@ Address = Path | str
 def socket_folder() -> Path:
     """Return the folder for the sockets of new runs; it is created. Raises OSError where none can be used."""
     errors = list[OSError]()
-    for place in places():
+    for place in run_folders():
         try:
             return place.prepare()
         except OSError as error:
@@ -50,25 +50,25 @@ def socket_folder() -> Path:
     raise errors[0] if errors else OSError("neither HOME nor XDG_RUNTIME_DIR says where sockets can be")
 
 
-_here: set[str] = set()
+_own_runs: set[str] = set()
 _lock = Lock()
 
 
-def new_run() -> str:
+def new_run_name() -> str:
     """Return the name of a new run of this process: its number, and for one beside others a number of its own."""
     process = os.getpid()
     names = (f"{process}{more}" for more in ("", *(f"-{number}" for number in range(2, 1000))))
     with _lock:
-        _here.add(found := next(name for name in names if name not in _here and not _is_answered(name)))
+        _own_runs.add(found := next(name for name in names if name not in _own_runs and not _is_taken(name)))
     return found
 
 
-def _is_answered(run: str) -> bool:
+def _is_taken(run: str) -> bool:
     """Return whether a run of this name is there already: of a container with the same folders and numbers."""
-    for place in places():
-        path = place.folder / f"{run}{ENDING}"
+    for place in run_folders():
+        path = place.folder / f"{run}{SOCKET_SUFFIX}"
         try:
-            if within(place.folder, path.exists):
+            if call_with_timeout(place.folder, path.exists):
                 connect(path).close()
                 return True
         except OSError:
@@ -76,34 +76,34 @@ def _is_answered(run: str) -> bool:
     return False
 
 
-def forget_run(run: str) -> None:
+def release_run_name(run: str) -> None:
     """A run of this process is over."""
-    _here.discard(run)
+    _own_runs.discard(run)
 
 
-def process_in(run: str) -> int:
+def pid_of_run(run: str) -> int:
     """Return the number of the process that the name of a run begins with. Raises ValueError."""
     return int(run.partition("-")[0])
 
 
-def run_of(path: Path) -> str:
+def run_of_socket(path: Path) -> str:
     """Return the run whose socket this is."""
-    return path.name.removesuffix(ENDING)
+    return path.name.removesuffix(SOCKET_SUFFIX)
 
 
-def path_of(run: str) -> Path:
+def socket_path(run: str) -> Path:
     """Return where the socket of a run is."""
-    return socket_folder() / f"{run}{ENDING}"
+    return socket_folder() / f"{run}{SOCKET_SUFFIX}"
 
 
 @contextmanager
-def address(where: Address) -> Iterator[str]:
+def bindable_address(where: Address) -> Iterator[str]:
     """Give what to bind or connect a socket to: a path that is too long is shortened by way of its folder."""
     if isinstance(where, str) and where.startswith("@"):
         yield f"\0{where[1:]}"
         return
     path = Path(where)
-    if len(os.fsencode(path)) <= LONGEST_PATH:
+    if len(os.fsencode(path)) <= MAX_PATH_BYTES:
         yield str(path)
         return
     number = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
@@ -123,7 +123,7 @@ def listen(path: Path) -> socket.socket:
     begun.unlink(missing_ok=True)
     found = socket.socket(socket.AF_UNIX)
     try:
-        with address(begun) as where:
+        with bindable_address(begun) as where:
             found.bind(where)
         begun.chmod(0o600)
         found.listen(64)
@@ -138,16 +138,16 @@ def connect(where: Address) -> socket.socket:
     """Return a socket that is connected to a run. Raises OSError; a socket of a process that is gone is taken away."""
     if isinstance(where, str):
         return _connect(where)
-    return within(where.parent, partial(_connect, where), PATIENCE + FOLDER_TIMEOUT)
+    return call_with_timeout(where.parent, partial(_connect, where), REPLY_TIMEOUT + FOLDER_TIMEOUT)
 
 
 def _connect(where: Address) -> socket.socket:
     found = socket.socket(socket.AF_UNIX)
     try:
-        found.settimeout(PATIENCE)
-        with address(where) as target:
+        found.settimeout(REPLY_TIMEOUT)
+        with bindable_address(where) as target:
             found.connect(target)
-        if isinstance(where, str) and os.geteuid() not in (0, peer_of(found)[1]):
+        if isinstance(where, str) and os.geteuid() not in (0, peer_credentials(found)[1]):
             raise PermissionError(f"{where} is a socket of another user")  # who has given it this name
     except ConnectionRefusedError:
         found.close()
@@ -164,11 +164,11 @@ def _remove_if_left(where: Address) -> None:
     if isinstance(where, str) or where.parent.stat().st_uid != os.geteuid():
         return
     with suppress(ValueError):  # it is not named after a process
-        if not is_there(process_in(run_of(where))):
+        if not process_exists(pid_of_run(run_of_socket(where))):
             where.unlink(missing_ok=True)
 
 
-def is_there(process: int) -> bool:
+def process_exists(process: int) -> bool:
     """Return whether there is a process of this number: another one may have it by now."""
     try:
         os.kill(process, 0)
@@ -179,7 +179,7 @@ def is_there(process: int) -> bool:
     return True
 
 
-def peer_of(connection: socket.socket) -> tuple[int, int]:
+def peer_credentials(connection: socket.socket) -> tuple[int, int]:
     """Return the numbers of the process at the other end, and of its user, as the kernel knows them.
 
     That of a process in a container which is not seen from here is 0.
@@ -190,8 +190,8 @@ def peer_of(connection: socket.socket) -> tuple[int, int]:
 
 
 @dataclass(slots=True)
-class RunLink:
-    """A connection to a run, for one who waits: ``mission stop``. ``told`` is the first message of the run.
+class RunConnection:
+    """A connection to a run, for one who waits: ``mission stop``. ``run_info`` is the first message of the run.
 
     ``process`` and ``uid`` are the process and the user at the other end.
     """
@@ -199,22 +199,22 @@ class RunLink:
     connection: socket.socket
     process: int
     uid: int
-    told: Mapping[str, Any]
-    _heard: bytes = b""
+    run_info: Mapping[str, Any]
+    _received: bytes = b""
 
     @classmethod
     def open(cls, where: Address) -> Self:
         """Connect, and hear what the run is: nothing where it hangs, or has no room. Raises OSError where none is."""
-        for left in reversed(range(TRIES)):
+        for left in reversed(range(CONNECT_TRIES)):
             connection = connect(where)
-            link = cls(connection, *peer_of(connection), {})
+            link = cls(connection, *peer_credentials(connection), {})
             try:
-                link.told = link.hear()
+                link.run_info = link.receive()
             except (TimeoutError, ConnectionError) as error:
                 if left == 0 or isinstance(error, TimeoutError):
                     break
                 connection.close()
-                Event().wait(AGAIN)  # one that ends has gone by then
+                Event().wait(RETRY_INTERVAL)  # one that ends has gone by then
             except BaseException:
                 connection.close()
                 raise
@@ -222,31 +222,31 @@ class RunLink:
                 break
         return link
 
-    def ask(self, command: Mapping[str, object], *, clock: Clock | None = None) -> Mapping[str, Any]:
-        """Send a command and return its answer. Raises OSError; TimeoutError after ``PATIENCE``."""
+    def request(self, command: Mapping[str, object], *, clock: Clock | None = None) -> Mapping[str, Any]:
+        """Send a command and return its answer. Raises OSError; TimeoutError after ``REPLY_TIMEOUT``."""
         clock = SystemClock() if clock is None else clock
-        until = clock.now() + PATIENCE
+        until = clock.read_value() + REPLY_TIMEOUT
         self.connection.sendall(json.dumps({**command, "id": 1}).encode() + b"\n")
-        while clock.now() < until:
-            told = self.hear()
+        while clock.read_value() < until:
+            told = self.receive()
             if told.get("say") == "answer" and told.get("id") == 1:
                 return told
         raise TimeoutError("it does not answer")
 
-    def hear(self) -> Mapping[str, Any]:
+    def receive(self) -> Mapping[str, Any]:
         """Return the next message. Raises OSError, ValueError."""
-        while b"\n" not in self._heard:
+        while b"\n" not in self._received:
             data = self.connection.recv(1 << 16)
-            if not data or len(self._heard) > LARGEST:
+            if not data or len(self._received) > MAX_MESSAGE_BYTES:
                 raise ConnectionError("the run has gone")
-            self._heard += data
-        line, _, self._heard = self._heard.partition(b"\n")
+            self._received += data
+        line, _, self._received = self._received.partition(b"\n")
         return parse_object(line)
 
     def last_stop(self) -> int:
         """Return the number of the last stop of the run. Raises OSError."""
         self.connection.sendall(b'{"do": "watch"}\n')
-        while (told := self.hear()).get("say") != "scene":
+        while (told := self.receive()).get("say") != "scene":
             pass
         return int(told["state"]["stops"])
 
@@ -256,7 +256,7 @@ class RunLink:
 
 
 @contextmanager
-def linked(where: Address) -> Iterator[RunLink]:
+def open_connection(where: Address) -> Iterator[RunConnection]:
     """Give a connection to a run while this is entered. Raises OSError."""
-    with closing(RunLink.open(where)) as link:
+    with closing(RunConnection.open(where)) as link:
         yield link

@@ -12,192 +12,192 @@ from typing import Any
 
 from drivers.api.quick import dataclass
 from missions.control import sockets
-from missions.control.notes import END_TIME, Holder, stamp_stop
+from missions.control.notes import END_TIMEOUT, RobotHolder, stamp_stop
 from missions.control.processes import ProcessIdentity, identity_of
-from missions.control.searching import Found, Search, is_own, reason_of, runs_by_name, search
-from missions.control.sockets import RunLink
+from missions.control.searching import FoundProcess, SearchResult, error_text, is_own_process, listed_runs, search_runs
+from missions.control.sockets import RunConnection
 
-Said = dict[object, tuple[bool, str]]
+StopOutcomes = dict[object, tuple[bool, str]]
 """What came of each that was asked: whether it is good, and the words for people."""
 
-Command = Mapping[str, object]
+JsonCommand = Mapping[str, object]
 
-RUN_END_TIME = 7.0
+RUN_END_TIMEOUT = 7.0
 """Seconds that a run which does not answer has to end after SIGTERM: its lifeline kills it after 5."""
 
 STOP_TRIES = 8
 """Times that a run is asked to stop while one of its parts has not confirmed: a busy machine may be late by 0.2 s."""
 
-GONE = (ConnectionRefusedError, FileNotFoundError)
+GONE_ERRORS = (ConnectionRefusedError, FileNotFoundError)
 """Errors of a connection to a socket of which nobody listens any more, or which has been removed."""
 
 
-def ask_all(
-    asked: Sequence[Command],
+def send_to_all(
+    commands: Sequence[JsonCommand],
     by: str,
-    which: Sequence[str] = (),
+    wanted_names: Sequence[str] = (),
     *,
-    found: Search | None = None,
-    only: Callable[[Mapping[str, Any]], bool] = lambda _: True,
-) -> Said:
-    """Ask all runs, or those of ``which``, one thing after another; return what came of it, within a second or so.
+    search_result: SearchResult | None = None,
+    is_wanted: Callable[[Mapping[str, Any]], bool] = lambda _: True,
+) -> StopOutcomes:
+    """Ask all runs, or those of ``wanted_names``, one thing after another; return what came of it, within a second or so.
 
     Where a stop is asked for, commands that have no latch are ended too; where nothing is, all are listed. ``found`` is
-    what a search has found just now; of the runs it is ``only`` those with such a first message. What could not be
+    what a search has found just now; of the runs it is ``is_wanted`` those with such a first message. What could not be
     looked at, and could be meant, is returned as well.
     """
-    asking = Asking(asked, by, which, only)
-    if asking.stops:
-        asking.ask_by_name(runs_by_name())  # at once, whatever the folders are like that are looked at next
-    unstamped = stamp_stop() if asking.stops and not which else ""
-    found = search(thorough=False) if found is None else found
-    work = asking.begin(found.found)
-    known = {each.key for each in found.found}
-    found = search()  # what is there at once does not wait for this
-    work += asking.begin([each for each in found.found if each.key not in known])
-    for thread in [*work, *(thread for _, thread in asking.early.values())]:
+    asking = CommandBroadcast(commands, by, wanted_names, is_wanted)
+    if asking.is_stop:
+        asking.request_listed(listed_runs())  # at once, whatever the folders are like that are looked at next
+    unstamped = stamp_stop() if asking.is_stop and not wanted_names else ""
+    search_result = search_runs(thorough=False) if search_result is None else search_result
+    work = asking.start_requests(search_result.processes)
+    known = {each.key for each in search_result.processes}
+    search_result = search_runs()  # what is there at once does not wait for this
+    work += asking.start_requests([each for each in search_result.processes if each.key not in known])
+    for thread in [*work, *(thread for _, thread in asking.early_requests.values())]:
         thread.join()
-    if not which or not asking.answered.issuperset(which):
-        asking.said |= {each: (False, each.words) for each in found.doubts}
-    if unstamped and not asking.said:
-        asking.said["stamp"] = False, unstamped
-    for name in which:
-        if name not in asking.meant:
-            asking.said[name] = False, f"no run {name}: `mission stop --list` lists what runs"
-    return asking.said
+    if not wanted_names or not asking.replied_runs.issuperset(wanted_names):
+        asking.outcomes |= {each: (False, each.message) for each in search_result.warnings}
+    if unstamped and not asking.outcomes:
+        asking.outcomes["stamp"] = False, unstamped
+    for name in wanted_names:
+        if name not in asking.matched_names:
+            asking.outcomes[name] = False, f"no run {name}: `mission stop --list` lists what runs"
+    return asking.outcomes
 
 
 @dataclass(slots=True)
-class Asking:
-    """One thing asked of many, from a thread for each. ``said`` is what came of it, ``answered`` the runs that have.
+class CommandBroadcast:
+    """One thing asked of many, from a thread for each. ``outcomes`` is what came of it, ``replied_runs`` the runs that have.
 
-    ``results`` are what runs have answered to a stop, ``meant`` those names of ``which`` that there are. ``early`` are
+    ``results`` are what runs have answered to a stop, ``matched_names`` those names of ``wanted_names`` that there are. ``early_requests`` are
     the runs that were asked by name alone, each with the thread that does.
     """
 
-    commands: Sequence[Command]
+    commands: Sequence[JsonCommand]
     by: str
-    which: Sequence[str] = ()
-    only: Callable[[Mapping[str, Any]], bool] = lambda _: True
-    said: Said = field(default_factory=dict)
-    answered: set[str] = field(default_factory=set)
-    meant: set[str] = field(default_factory=set)
+    wanted_names: Sequence[str] = ()
+    is_wanted: Callable[[Mapping[str, Any]], bool] = lambda _: True
+    outcomes: StopOutcomes = field(default_factory=dict)
+    replied_runs: set[str] = field(default_factory=set)
+    matched_names: set[str] = field(default_factory=set)
     results: dict[object, Mapping[str, Any]] = field(default_factory=dict)
-    early: dict[object, tuple[Found, Thread]] = field(default_factory=dict)
+    early_requests: dict[object, tuple[FoundProcess, Thread]] = field(default_factory=dict)
     _press: str = field(default_factory=lambda: secrets.token_hex(8))
-    _claimed: set[object] = field(default_factory=set)
+    _claimed_runs: set[object] = field(default_factory=set)
     _lock: Lock = field(default_factory=Lock)
 
     @property
-    def stops(self) -> bool:
+    def is_stop(self) -> bool:
         """Whether a stop is asked for."""
         return any(command["do"] == "stop" for command in self.commands)
 
-    def begin(self, found: Sequence[Found]) -> list[Thread]:
+    def start_requests(self, processes: Sequence[FoundProcess]) -> list[Thread]:
         """Ask all at the same time, so that one that hangs holds up no other; return the threads that do."""
         work = list[Thread]()
-        for each in found:
-            thread = Thread(target=self.ask, args=(each,))
+        for each in processes:
+            thread = Thread(target=self.request, args=(each,))
             try:
                 thread.start()
             except RuntimeError:  # the system allows no more threads
-                self.ask(each)
+                self.request(each)
             else:
                 work.append(thread)
         return work
 
-    def ask_by_name(self, found: Sequence[Found]) -> None:
-        """Begin to ask runs that the kernel lists. One that does not answer is left to ``begin``, which knows more."""
+    def request_listed(self, processes: Sequence[FoundProcess]) -> None:
+        """Begin to ask runs that the kernel lists. One that does not answer is left to ``start_requests``, which knows more."""
 
-        def work(each: Found) -> None:
+        def work(each: FoundProcess) -> None:
             unanswered = suppress(OSError, ValueError, KeyError, TypeError, AttributeError)
-            with unanswered, sockets.linked(each.addresses[0]) as link:
-                if link.told and each.is_at(link.process) and link.uid == each.uid:
-                    self._ask_by(each, link)
+            with unanswered, sockets.open_connection(each.addresses[0]) as link:
+                if link.run_info and each.is_process(link.process) and link.uid == each.uid:
+                    self._request_over(each, link)
 
-        for each in found:
-            if each.addresses and each.is_meant(self.which) is not False:
+        for each in processes:
+            if each.addresses and each.matches(self.wanted_names) is not False:
                 thread = Thread(target=work, args=(each,))
                 with suppress(RuntimeError):  # the system allows no more threads
                     thread.start()
-                    self.early[each.key] = each, thread
+                    self.early_requests[each.key] = each, thread
 
-    def ask(self, found: Found) -> None:
+    def request(self, process: FoundProcess) -> None:
         """Ask one, if it is meant, and note what came of it."""
-        if found.key in self.early:
-            early, thread = self.early[found.key]
+        if process.key in self.early_requests:
+            early, thread = self.early_requests[process.key]
             thread.join()
-            if early in self.said:
+            if early in self.outcomes:
                 return
-        if found.is_meant(self.which) is False:
+        if process.matches(self.wanted_names) is False:
             return
-        self.meant |= found.names.intersection(self.which)
+        self.matched_names |= process.names.intersection(self.wanted_names)
         try:
-            if found.is_command:
-                self._end(found)
+            if process.is_command:
+                self._end_command(process)
             else:
-                self._ask_run(found)
+                self._request_run(process)
         except Exception as error:  # whatever it is: what was not asked is not taken for what was stopped
-            self._doubt(found, f"{found.words}: {type(error).__name__}: {error}")
+            self._add_warning(process, f"{process.description}: {type(error).__name__}: {error}")
 
-    def _doubt(self, found: Found, why: str, peer: ProcessIdentity | None = None) -> None:
+    def _add_warning(self, process: FoundProcess, reason: str, peer: ProcessIdentity | None = None) -> None:
         """Note that a run has perhaps not been stopped, or has not done what was asked. ``peer`` listens for it."""
-        hint = found.way_to_end(peer) if self.stops else f"mission stop {found.run}  (which ends it)"
-        self.said[found] = False, f"{why}{': perhaps not stopped' * self.stops}\n  try: {hint}"
+        hint = process.end_hint(peer) if self.is_stop else f"mission stop {process.run}  (which ends it)"
+        self.outcomes[process] = False, f"{reason}{': perhaps not stopped' * self.is_stop}\n  try: {hint}"
 
-    def _ask_run(self, found: Found) -> None:
+    def _request_run(self, process: FoundProcess) -> None:
         """Ask a run at one of its addresses; where it answers at none of them, end its process if it was to stop."""
         failed = list[OSError | ValueError]()
         peer: ProcessIdentity | None = None
-        for address in found.addresses:
+        for address in process.addresses:
             try:
-                with sockets.linked(address) as link:
-                    if not found.is_at(link.process) or (isinstance(address, str) and link.uid != found.uid):
+                with sockets.open_connection(address) as link:
+                    if not process.is_process(link.process) or (isinstance(address, str) and link.uid != process.uid):
                         continue  # another run has this name, or another user has given a socket this name
                     peer = peer or identity_of(link.process)
-                    self._ask_by(found, link)
+                    self._request_over(process, link)
                     return
             except (OSError, ValueError) as error:
                 failed.append(error)
-        self._has_not_answered(found, failed, peer)
+        self._handle_no_reply(process, failed, peer)
 
-    def _ask_by(self, found: Found, link: RunLink) -> None:
+    def _request_over(self, process: FoundProcess, link: RunConnection) -> None:
         """Ask a run by way of a link, if it is meant, and note its answer. Raises OSError where it does not answer."""
-        told = link.told
-        if not told and not self.stops:
+        told = link.run_info
+        if not told and not self.is_stop:
             raise TimeoutError("it does not answer")
-        if told and not self._is_meant(found, link):
+        if told and not self._claim_run(process, link):
             return
         try:
-            words = [self._done(found, link, command) for command in self.commands]
+            words = [self._execute(process, link, command) for command in self.commands]
         except BaseException:
-            self._claimed.discard(_claim_of(link))  # it may answer by another way
+            self._claimed_runs.discard(_run_key(link))  # it may answer by another way
             raise
-        name = found.words if found.holder is not None or not told else _words_of(link)
-        self.said[found] = all(good for good, _ in words), name + "".join(f": {each}" for _, each in words)
-        self.answered.add(found.run)
+        name = process.description if process.holder is not None or not told else _description_of(link)
+        self.outcomes[process] = all(good for good, _ in words), name + "".join(f": {each}" for _, each in words)
+        self.replied_runs.add(process.run)
 
-    def _is_meant(self, found: Found, link: RunLink) -> bool:
+    def _claim_run(self, process: FoundProcess, link: RunConnection) -> bool:
         """Return whether a run is meant that tells what it is, and nobody asks it already by another way."""
-        told = link.told
-        names = {found.run, str(told.get("run")), str(link.process), str(told.get("mission"))}
-        if (self.which and names.isdisjoint(self.which)) or not self.only(told):
+        told = link.run_info
+        names = {process.run, str(told.get("run")), str(link.process), str(told.get("mission"))}
+        if (self.wanted_names and names.isdisjoint(self.wanted_names)) or not self.is_wanted(told):
             return False
-        self.meant |= names.intersection(self.which)
-        known = _claim_of(link)
+        self.matched_names |= names.intersection(self.wanted_names)
+        known = _run_key(link)
         with self._lock:
-            is_new = known not in self._claimed
-            self._claimed.add(known)
+            is_new = known not in self._claimed_runs
+            self._claimed_runs.add(known)
         return is_new
 
-    def _done(self, found: Found, link: RunLink, command: Command) -> tuple[bool, str]:
+    def _execute(self, process: FoundProcess, link: RunConnection, command: JsonCommand) -> tuple[bool, str]:
         """Have one thing done, and say what came of it. Raises OSError where nobody answers."""
         if command["do"] == "release":
             command = {**command, "stop": link.last_stop()}
         elif command["do"] == "stop":
             command = {**command, "press": self._press}
         for _ in range(STOP_TRIES):
-            answer = link.ask({**command, "by": self.by})
+            answer = link.request({**command, "by": self.by})
             if not answer["ok"]:
                 hint = answer.get("hint")
                 return False, str(answer["message"]) + (f"\n  try: {hint}" if hint else "")
@@ -205,11 +205,11 @@ class Asking:
             if not result.get("missing"):
                 break
         if command["do"] == "stop":
-            self.results[found] = result
+            self.results[process] = result
         parts = ", ".join(result.get("parts", ()))
         if missing := ", ".join(result.get("missing", ())):
             told = f"perhaps not stopped: {missing} (stopped: {parts or 'nothing'})"
-            return False, f"{told}\n  try: mission stop --end {link.process or found.run}, or the robot's own switch"
+            return False, f"{told}\n  try: mission stop --end {link.process or process.run}, or the robot's own switch"
         words = {
             "stop": f"stopped ({parts or 'it has nothing that moves'})",
             "halt": "is being ended",
@@ -218,87 +218,93 @@ class Asking:
         }
         return True, words[str(command["do"])]
 
-    def _has_not_answered(self, found: Found, failed: Sequence[Exception], peer: ProcessIdentity | None) -> None:
+    def _handle_no_reply(
+        self, process: FoundProcess, errors: Sequence[Exception], peer: ProcessIdentity | None
+    ) -> None:
         """Note of a run that does not answer what that means; end its process, if it was to stop."""
-        is_gone = all(isinstance(error, GONE) for error in failed)
-        if is_gone and found.identity is None and found.holder is None:
+        is_gone = all(isinstance(error, GONE_ERRORS) for error in errors)
+        if is_gone and process.identity is None and process.holder is None:
             return  # the file of a process that was killed: what lives has a note, or a name, besides
-        why = "; ".join(dict.fromkeys(f"{getattr(each, 'strerror', None) or each}" for each in failed))
+        why = "; ".join(dict.fromkeys(f"{getattr(each, 'strerror', None) or each}" for each in errors))
         why = f"hangs ({why or 'it has no socket'})"
         try:
-            if not found.lives(peer) or (is_gone and not _is_there(found, search())):
+            if not process.is_alive(peer) or (is_gone and not _is_still_found(process, search_runs())):
                 return  # it has ended meanwhile
         except OSError as error:
-            self._doubt(found, f"{found.words}: {why}; {reason_of(error)}", peer)
+            self._add_warning(process, f"{process.description}: {why}; {error_text(error)}", peer)
             return
-        if not self.stops or found.is_meant(self.which) is None:
-            self._doubt(found, f"{found.words}: {why}", peer)
+        if not self.is_stop or process.matches(self.wanted_names) is None:
+            self._add_warning(process, f"{process.description}: {why}", peer)
         else:
-            self._terminate(found, peer, why)
+            self._terminate(process, peer, why)
 
-    def _terminate(self, found: Found, peer: ProcessIdentity | None, why: str) -> None:
+    def _terminate(self, process: FoundProcess, peer: ProcessIdentity | None, reason: str) -> None:
         """Send a run that hangs the signal that its watchdog hears, and wait for its end."""
-        identity = found.visible or peer
+        identity = process.local_identity or peer
         try:
-            found.terminate(peer)
-            if identity is not None and identity.has_ended_within(RUN_END_TIME):
-                self.said[found] = True, f"{found.words}: {why}; SIGTERM was sent, which has ended it"
-                self.answered.add(found.run)
+            process.terminate(peer)
+            if identity is not None and identity.has_ended_within(RUN_END_TIMEOUT):
+                self.outcomes[process] = True, f"{process.description}: {reason}; SIGTERM was sent, which has ended it"
+                self.replied_runs.add(process.run)
                 return
         except OSError as error:
-            self._doubt(found, f"{found.words}: {why}; no SIGTERM could be sent: {reason_of(error)}", peer)
+            self._add_warning(
+                process, f"{process.description}: {reason}; no SIGTERM could be sent: {error_text(error)}", peer
+            )
             return
-        why = f"{why}; SIGTERM was sent, and has not ended it within {RUN_END_TIME:g} s"
-        self._doubt(found, f"{found.words}: {why}", peer)
+        reason = f"{reason}; SIGTERM was sent, and has not ended it within {RUN_END_TIMEOUT:g} s"
+        self._add_warning(process, f"{process.description}: {reason}", peer)
 
-    def _end(self, found: Found) -> None:
+    def _end_command(self, process: FoundProcess) -> None:
         """End a command that holds a robot, and note what came of it."""
-        if is_own(found) or any(command["do"] in ("release", "resume") for command in self.commands):
+        if is_own_process(process) or any(command["do"] in ("release", "resume") for command in self.commands):
             return  # what was ended is not there to be released
-        if found.is_meant(self.which) is None:
-            self._doubt(found, f"{found.words}: it is not known which command it is")
+        if process.matches(self.wanted_names) is None:
+            self._add_warning(process, f"{process.description}: it is not known which command it is")
             return
         if not self.commands:
-            self.said[found] = True, found.words
+            self.outcomes[process] = True, process.description
             return
         try:
-            has_ended = found.as_holder().end(self.by)
+            has_ended = process.as_holder().end(self.by)
         except OSError as error:
-            self._doubt(found, f"{found.words}: could not be ended: {reason_of(error)}")
+            self._add_warning(process, f"{process.description}: could not be ended: {error_text(error)}")
             return
         if has_ended:
-            self.said[found] = True, f"{found.words}: ended, with what it moved at rest"
-            self.answered.add(found.run)
+            self.outcomes[process] = True, f"{process.description}: ended, with what it moved at rest"
+            self.replied_runs.add(process.run)
         else:
-            self._doubt(found, f"{found.words}: hangs (SIGTERM did not end it in {END_TIME:g} s)")
+            self._add_warning(process, f"{process.description}: hangs (SIGTERM did not end it in {END_TIMEOUT:g} s)")
 
 
-def stop_one(found: Found, by: str) -> Mapping[str, object]:
+def stop_one(process: FoundProcess, by: str) -> Mapping[str, object]:
     """Stop one run, or end one command; return what is told of it. Nothing where it has gone, or is this process."""
-    asking = Asking([{"do": "stop"}], by)
-    asking.ask(found)
-    result = asking.results.get(found, {})
-    if found not in asking.said:
+    asking = CommandBroadcast([{"do": "stop"}], by)
+    asking.request(process)
+    result = asking.results.get(process, {})
+    if process not in asking.outcomes:
         return {}
-    is_good, words = asking.said[found]
+    is_good, words = asking.outcomes[process]
     if not is_good:
         return {**result, "trouble": words}
-    return result or {"ended": found.words}
+    return result or {"ended": process.description}
 
 
-def _is_there(found: Found, now: Search) -> bool:
+def _is_still_found(process: FoundProcess, search: SearchResult) -> bool:
     """Return whether what was found is there still, or that is not known."""
-    return bool(now.doubts) or any(each.run == found.run and each.identity == found.identity for each in now.found)
+    return bool(search.warnings) or any(
+        each.run == process.run and each.identity == process.identity for each in search.processes
+    )
 
 
-def _claim_of(link: RunLink) -> object:
+def _run_key(link: RunConnection) -> object:
     """Return what tells a run from all others that were asked, by what it tells of itself."""
-    return link.process, *(link.told.get(each) for each in ("pid", "run", "began"))
+    return link.process, *(link.run_info.get(each) for each in ("pid", "run", "began"))
 
 
-def _words_of(link: RunLink) -> str:
+def _description_of(link: RunConnection) -> str:
     """Return what a run tells that it is."""
-    told = link.told
+    told = link.run_info
     mission, robot, simulated = (str(told.get(name, "")) for name in ("mission", "robot", "simulated"))
     process = link.process or told.get("pid", 0)  # the kernel does not tell the number of one in another container
-    return Holder(process, mission, robot, simulated, run=str(told.get("run", ""))).words
+    return RobotHolder(process, mission, robot, simulated, run=str(told.get("run", ""))).description

@@ -9,15 +9,15 @@ from typing import Final
 
 from drivers.api import Base, Head
 from drivers.clock import Clock
-from missions.control.commands import BadMessage, Drive, Look
-from missions.control.pilot import MAX_STATE_AGE, Pilot, Push
+from missions.control.commands import BadMessage, DriveCommand, LookCommand
+from missions.control.pilot import MAX_STATE_AGE, DriveInput, Pilot
 
 # Stamps of the states that a run sends, by which it knows how old the state behind a drive command is.
 
 STAMP_BITS = 53
 """Bits of a stamp: JavaScript has no larger whole numbers."""
 
-KEPT_TIME = 10.0
+STAMP_LIFETIME = 10.0
 """Seconds for which the age of a stamp is known."""
 
 MAX_KEPT_STAMPS = 1024
@@ -36,8 +36,8 @@ class StateStamps:
 
     def issue(self) -> int:
         """Return the stamp of a state that is sent now."""
-        now = self._clock.now()
-        while self._issued and (len(self._issued) >= MAX_KEPT_STAMPS or now - self._oldest > KEPT_TIME):
+        now = self._clock.read_value()
+        while self._issued and (len(self._issued) >= MAX_KEPT_STAMPS or now - self._oldest > STAMP_LIFETIME):
             self._issued.popitem(last=False)
         stamp = self._draw()
         while stamp in self._issued:
@@ -57,10 +57,10 @@ class StateStamps:
 HEAD_SPEED = radians(60)
 """How fast the head turns with the stick pushed all the way, in rad/s."""
 
-RELEASE = "mission stop --release, or “Hold to release” on the page"
+RELEASE_HINT = "mission stop --release, or “Hold to release” on the page"
 """What to do where a stop is latched."""
 
-LONGEST_TURN = 0.1
+MAX_TURN_TIME = 0.1
 """Seconds that a command turns the head for at most."""
 
 
@@ -85,7 +85,7 @@ TRANSITIONS: Final = {
 }
 
 
-class Wheels:
+class WheelArbiter:
     """Gives the wheels of a run to one driver at a time, and passes on what that one commands. For one thread.
 
     Drivers are known by any key. Raises BadMessage, with the name of the mistake, for what does not count.
@@ -100,7 +100,7 @@ class Wheels:
         self._stamps = StateStamps(clock)
         self._number = -1
         self._state_at = -inf  # when the newest state was issued that the driver has seen
-        self._looked = -inf
+        self._looked_at = -inf
         self._state = WheelState.STILL
         self.round_trip = 0.0
         """How old (s) the state behind the driver's last command was; 0 where there is none."""
@@ -117,7 +117,7 @@ class Wheels:
     def check(self, now: float) -> None:
         """Stop the base if the state behind the command in force is too old."""
         if now >= self.ends_at:
-            self._let_go()
+            self._stop_base()
 
     @property
     def driver(self) -> str:
@@ -125,69 +125,69 @@ class Wheels:
         return "" if self._driver is None else self._names[self._driver]
 
     @property
-    def asking(self) -> list[str]:
+    def waiting_names(self) -> list[str]:
         """The names of those who ask for the wheels, in their order."""
         return [name for key, name in self._names.items() if key is not self._driver]
 
-    def knows(self, key: object) -> bool:
+    def is_participant(self, client: object) -> bool:
         """Say whether one drives, or asks for the wheels."""
-        return key in self._names
+        return client in self._names
 
-    def take(self, key: object, name: str) -> bool:
+    def take(self, client: object, name: str) -> bool:
         """Give the wheels to who asks, or note that they are asked for; say whether they are given."""
         if self._pilot is None:
             raise BadMessage("no_base", "this run has no base to drive")
-        self._names[key] = name
-        if self._driver is None or self._driver is key:
-            self._let_go()
-            self._hand_to(key)  # to the same one anew: it may count its commands from 0 again
-        return self._driver is key
+        self._names[client] = name
+        if self._driver is None or self._driver is client:
+            self._stop_base()
+            self._hand_to(client)  # to the same one anew: it may count its commands from 0 again
+        return self._driver is client
 
-    def give(self, key: object) -> None:
+    def give(self, client: object) -> None:
         """Take the wheels from who has had enough, or has gone: the base stops at once, and the next one has them."""
-        self._names.pop(key, None)
-        if self._driver is key:
-            self._let_go()
+        self._names.pop(client, None)
+        if self._driver is client:
+            self._stop_base()
             self._hand_to(next(iter(self._names), None))
 
-    def drive(self, key: object, command: Drive) -> None:
-        """Drive as commanded, for ``COMMAND_LIFE``, and no longer than until ``ends_at``."""
-        pilot, base, _ = self._owned(key, command)
+    def drive(self, client: object, command: DriveCommand) -> None:
+        """Drive as commanded, for ``COMMAND_TIMEOUT``, and no longer than until ``ends_at``."""
+        pilot, base, _ = self._require_control(client, command)
         still = command.ahead == 0 and command.left == 0
         self._handle(WheelEvent.LET_GO if still else WheelEvent.PUSH)
         if self._state is WheelState.STOPPED:
             pilot.steer(None)
-            raise _not_let_go()
+            raise _let_go_error()
         if base.latched:
-            raise BadMessage("stopped", base.latched, RELEASE)
+            raise BadMessage("stopped", base.latched, RELEASE_HINT)
         pilot.ahead = pilot.turn = command.pace
-        pilot.steer(None if still else Push(float(command.ahead), float(command.left)))
+        pilot.steer(None if still else DriveInput(float(command.ahead), float(command.left)))
         if pilot.trouble:
             raise BadMessage("device", pilot.trouble)
 
-    def look(self, key: object, command: Look) -> None:
+    def look(self, client: object, command: LookCommand) -> None:
         """Turn the head on, as far as a command may."""
-        pilot, _, now = self._owned(key, command)
+        pilot, _, now = self._require_control(client, command)
         if not self._has_head:
             raise BadMessage("no_base", "this run has no head to turn")
         if self._state is WheelState.STOPPED and (command.left or command.down):
-            raise _not_let_go()
-        seconds = min(now - self._looked, LONGEST_TURN)
-        self._looked = now
+            raise _let_go_error()
+        seconds = min(now - self._looked_at, MAX_TURN_TIME)
+        self._looked_at = now
         pilot.look(command.left * HEAD_SPEED * seconds, command.down * HEAD_SPEED * seconds)
         if pilot.trouble:
             raise BadMessage("device", pilot.trouble)
 
     def stop(self) -> None:
         """A stop was latched: nothing of before is in force."""
-        self._let_go()
+        self._stop_base()
 
-    def _owned(self, key: object, command: Drive | Look) -> tuple[Pilot, Base, float]:
+    def _require_control(self, client: object, command: DriveCommand | LookCommand) -> tuple[Pilot, Base, float]:
         """Return with what and when to do a command, if it counts; at one that does not the base stops."""
-        now = self._clock.now()
+        now = self._clock.read_value()
         if self._pilot is None or self._base is None:
             raise BadMessage("no_base", "this run has no base to drive")
-        if self._driver is not key:
+        if self._driver is not client:
             who = f"{self.driver} drives" if self._driver is not None else "nobody has taken the wheels"
             raise BadMessage("no_wheels", who, "take")
         self.check(now)
@@ -204,22 +204,24 @@ class Wheels:
         if issued is not None:
             self.round_trip = now - issued
         if issued is None or now - issued >= MAX_STATE_AGE:
-            self._let_go()
-            age = f"over {KEPT_TIME:g} s old, or not of this run" if issued is None else f"{now - issued:.1f} s old"
+            self._stop_base()
+            age = (
+                f"over {STAMP_LIFETIME:g} s old, or not of this run" if issued is None else f"{now - issued:.1f} s old"
+            )
             more = f"the state behind the command is {age}: the base stops ({MAX_STATE_AGE:g} s at most)"
             raise BadMessage("stale", more, "let go, and drive once the link is quicker")
         if issued < self._state_at:
-            self._let_go()
+            self._stop_base()
             raise BadMessage("out_of_order", "its state is older than that of the last command: the base stops")
         self._state_at = issued
 
-    def _let_go(self) -> None:
+    def _stop_base(self) -> None:
         if self._pilot is not None:
             self._pilot.steer(None)
         self._handle(WheelEvent.STOP)
 
-    def _hand_to(self, key: object | None) -> None:
-        self._driver = key
+    def _hand_to(self, client: object | None) -> None:
+        self._driver = client
         self._number, self._state_at = -1, -inf
         self._handle(WheelEvent.LET_GO)
         self.round_trip = 0.0
@@ -228,5 +230,5 @@ class Wheels:
         self._state = TRANSITIONS.get((self._state, event), WheelState.STOPPED)
 
 
-def _not_let_go() -> BadMessage:
+def _let_go_error() -> BadMessage:
     return BadMessage("let_go", "the base has stopped, as commands or states were late", "let go, and begin anew")

@@ -11,63 +11,63 @@ from missions.executive.tick_record import Answer
 T = TypeVar("T")
 A = TypeVarTuple("A")
 
-Asked = str | tuple[Any, ...]
+Query = str | tuple[Any, ...]
 """A question to a known part: its name, or its name and arguments."""
 
 
-class Answers:
-    """What was answered in the moment that is ``open``; until one is, every question goes to its part.
+class TickCache:
+    """What was answered in the moment that is ``is_open``; until one is, every question goes to its part.
 
     A command makes a part forget what it has answered, so that who looks and then asks is told how it looks now. An
-    error of a driver is an answer, and raised again: ``refused`` has these. All of this moment is ``said``, in order,
-    as far as it is ``kept``. For one thread, the one that ticks.
+    error of a driver is an answer, and raised again: ``errors`` has these. All of this moment is ``answers``, in order,
+    as far as it is ``is_recording``. For one thread, the one that ticks.
     """
 
-    __slots__ = ("_fixed", "_memos", "_sampled", "kept", "open", "refused", "said")
+    __slots__ = ("_fixed", "_part_caches", "_sampled", "answers", "errors", "is_open", "is_recording")
 
     def __init__(self) -> None:
-        self.kept = False
-        self.open = False
-        self.said: list[Answer] = []
-        self.refused: dict[tuple[str, Asked], DriverError] = {}
-        self._memos: list[Memo] = []
+        self.is_recording = False
+        self.is_open = False
+        self.answers: list[Answer] = []
+        self.errors: dict[tuple[str, Query], DriverError] = {}
+        self._part_caches: list[PartCache] = []
         self._sampled: list[tuple[str, Callable[[], object]]] = []
         self._fixed: list[Callable[[], object]] = []
 
-    def memo(
+    def add_part(
         self,
         part: str,
-        questions: Mapping[str, Callable[[], object]],
+        queries: Mapping[str, Callable[[], object]],
         *,
         sampled: Mapping[str, Callable[[], object]] | None = None,
         fixed: Iterable[str] = (),
-    ) -> "Memo":
+    ) -> "PartCache":
         """Return what remembers the answers of a ``part`` to its ``questions``, by their names.
 
         ``sample`` asks the ``sampled`` ones always, and the ``fixed`` ones the first time only.
         """
-        memo = Memo(part, questions, self)
-        self._memos.append(memo)
+        memo = PartCache(part, queries, self)
+        self._part_caches.append(memo)
         self._sampled += [(question, partial(memo.sample, question, ask)) for question, ask in (sampled or {}).items()]
         self._fixed += [partial(memo.__getitem__, question) for question in fixed]
         return memo
 
     def close(self) -> None:
         """End the moment, and forget all that was answered in it."""
-        self.open = False
-        list(map(Memo.clear, self._memos))  # a loop would cost several times as much, in each tick
-        if self.refused:
-            self.refused = {}
+        self.is_open = False
+        list(map(PartCache.clear, self._part_caches))  # a loop would cost several times as much, in each tick
+        if self.errors:
+            self.errors = {}
 
-    def take(self) -> list[Answer]:
+    def take_answers(self) -> list[Answer]:
         """End the moment; return what was answered in it, in order, as far as that is kept."""
         self.close()
-        said, self.said = self.said, []
+        said, self.answers = self.answers, []
         return said
 
-    def forget(self, part: str) -> None:
+    def clear_errors(self, part: str) -> None:
         """Forget which questions a part has refused to answer."""
-        self.refused = {asked: error for asked, error in self.refused.items() if asked[0] != part}
+        self.errors = {asked: error for asked, error in self.errors.items() if asked[0] != part}
 
     def sample(self, only: str = "") -> None:
         """Ask what nobody has asked in this moment, for those who look at the record and for missions changed since.
@@ -86,85 +86,85 @@ class Answers:
                 log.exception("the state of the robot could not be read")
 
 
-class Memo(dict[Asked, Any]):
+class PartCache(dict[Query, Any]):
     """What one part has answered, by question: ``memo["pose"]`` asks for it where it is not known yet.
 
     A dictionary, since most of what a tick asks was asked in it before: then that costs no call of ours. Proxies are
     generated with what ``command`` does in them; it is here for those that are written by hand.
     """
 
-    __slots__ = ("_questions", "answers", "part")
+    __slots__ = ("_queries", "part", "tick_cache")
 
-    def __init__(self, part: str, questions: Mapping[str, Callable[[], object]], answers: Answers) -> None:
+    def __init__(self, part: str, queries: Mapping[str, Callable[[], object]], cache: TickCache) -> None:
         super().__init__()
         self.part = part
-        self._questions = questions
-        self.answers = answers
+        self._queries = queries
+        self.tick_cache = cache
 
     def __missing__(self, question: str) -> Any:
         """Ask; raise what the part does. In the hot path of every tick."""
-        answers = self.answers
-        if answers.refused and (self.part, question) in answers.refused:
-            raise answers.refused[self.part, question]
+        answers = self.tick_cache
+        if answers.errors and (self.part, question) in answers.errors:
+            raise answers.errors[self.part, question]
         try:
-            answer = self._questions[question]()
+            answer = self._queries[question]()
         except DriverError as error:
-            self._refuse(question, question, (), error)
+            self._record_error(question, question, (), error)
             raise
-        if answers.open:
+        if answers.is_open:
             self[question] = answer
-            if answers.kept:
-                answers.said.append((self.part, question, (), answer))
+            if answers.is_recording:
+                answers.answers.append((self.part, question, (), answer))
         return answer
 
-    def sample(self, question: str, ask: Callable[[], object]) -> None:
-        """Have ``ask`` answer a question, unless the answer is known. Raises what it does."""
-        if question not in self:
-            questions, self._questions = self._questions, {question: ask}
+    def sample(self, query: str, read: Callable[[], object]) -> None:
+        """Have ``query`` answer a question, unless the answer is known. Raises what it does."""
+        if query not in self:
+            questions, self._queries = self._queries, {query: read}
             try:
-                self.__missing__(question)
+                self.__missing__(query)
             finally:
-                self._questions = questions
+                self._queries = questions
 
-    def ask(self, what: str, ask: Callable[[*A], T], *arguments: *A) -> T:
+    def query(self, name: str, read: Callable[[*A], T], *arguments: *A) -> T:
         """Ask a question with arguments, unless the answer is known."""
-        answers, question = self.answers, (what, *arguments)
+        answers, question = self.tick_cache, (name, *arguments)
         if question in self:
             known: T = self[question]
             return known
-        if (self.part, question) in answers.refused:
-            raise answers.refused[self.part, question]
+        if (self.part, question) in answers.errors:
+            raise answers.errors[self.part, question]
         try:
-            answer = ask(*arguments)
+            answer = read(*arguments)
         except DriverError as error:
-            self._refuse(question, what, arguments, error)
+            self._record_error(question, name, arguments, error)
             raise
-        if answers.open:
+        if answers.is_open:
             self[question] = answer
-            self.say(what, arguments, answer)
+            self.record(name, arguments, answer)
         return answer
 
-    def command(self, what: str, act: Callable[[*A], T], *arguments: *A) -> T:
+    def command(self, name: str, act: Callable[[*A], T], *arguments: *A) -> T:
         """Have the part do something, and keep what comes of it. Raises what the part does."""
-        answers = self.answers
+        answers = self.tick_cache
         self.clear()
-        if answers.refused:
-            answers.forget(self.part)
+        if answers.errors:
+            answers.clear_errors(self.part)
         try:
             result = act(*arguments)
         except DriverError as error:
-            self.say(what, arguments, error)
+            self.record(name, arguments, error)
             raise
-        if answers.kept:
-            self.say(what, arguments, result)
+        if answers.is_recording:
+            self.record(name, arguments, result)
         return result
 
-    def _refuse(self, question: Asked, what: str, arguments: tuple[object, ...], error: DriverError) -> None:
-        if self.answers.open:
-            self.answers.refused[self.part, question] = error
-            self.say(what, arguments, error)
+    def _record_error(self, query: Query, name: str, arguments: tuple[object, ...], error: DriverError) -> None:
+        if self.tick_cache.is_open:
+            self.tick_cache.errors[self.part, query] = error
+            self.record(name, arguments, error)
 
-    def say(self, what: str, arguments: tuple[object, ...], value: object) -> None:
+    def record(self, name: str, arguments: tuple[object, ...], value: object) -> None:
         """Keep what came of a question or a command, as far as that is kept."""
-        if self.answers.kept and self.answers.open:
-            self.answers.said.append((self.part, what, arguments, value))
+        if self.tick_cache.is_recording and self.tick_cache.is_open:
+            self.tick_cache.answers.append((self.part, name, arguments, value))

@@ -8,7 +8,7 @@ from py_trees.common import ParallelPolicy, Status
 
 from behaviours.node import Node, Suspension
 from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Composite
-from missions.language.counts import Decision, decision
+from missions.language.counts import ParallelDecision, decide_parallel
 from missions.language.expressions import ExpressionError, Value
 from missions.language.plan import Step
 
@@ -20,7 +20,7 @@ class Parallel(Composite, composites.Parallel):
     """
 
     run_state = ("_decision", "_lost")
-    _decision = Decision(1, 1)
+    _decision = ParallelDecision(1, 1)
     _lost: Suspension | None = None  # that of a child that has failed for it
 
     def __init__(self, name: str) -> None:
@@ -28,8 +28,8 @@ class Parallel(Composite, composites.Parallel):
         self.counts: Mapping[str, Value] = {}
 
     @classmethod
-    def of(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
-        parallel = super().of(step, children, inner)
+    def from_step(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
+        parallel = super().from_step(step, children, inner)
         parallel.counts = step.arguments
         return parallel
 
@@ -42,7 +42,7 @@ class Parallel(Composite, composites.Parallel):
                 settings[word] = value.resolve(self.scope)
             except (ExpressionError, ValueError) as error:
                 return f"{word}: {error}"
-        self._decision = decision(len(self.members), settings)
+        self._decision = decide_parallel(len(self.members), settings)
         return ""
 
     def on_running(self) -> Status:
@@ -69,14 +69,14 @@ class Parallel(Composite, composites.Parallel):
 
     def _result(self, succeeded: int, failed: int) -> Status:
         """Return how it ends with so many successes and failures, or that it goes on."""
-        if succeeded + failed == len(self.members) or not self._decision.waits:
+        if succeeded + failed == len(self.members) or not self._decision.waits_for_all:
             if failed >= self._decision.failures:
-                return self._blame_all(failed)
+                return self._fail_with_all_reasons(failed)
             if succeeded >= self._decision.successes:
                 return SUCCESS
         return RUNNING
 
-    def _blame_all(self, failed: int) -> Status:
+    def _fail_with_all_reasons(self, failed: int) -> Status:
         """Return a failure, for the reasons of all that have failed."""
         blamed = [child for child in self.members if child.status is FAILURE]
         number = f"{failed} of {len(self.members)} failed: " if failed > 1 else ""
@@ -87,7 +87,7 @@ class Parallel(Composite, composites.Parallel):
     def members_stand_still(self) -> Status:
         for child in self.members:
             if child.status is RUNNING:
-                child.stand_still()
+                child.pass_time()
                 self._lost = self._lost if child.status is RUNNING else self._lost or child.suspension
         statuses = [child.status for child in self.members]
         self.suspension = None
@@ -106,7 +106,7 @@ class Race(Composite, composites.Parallel):
         for child in self.members:
             status = child.execute_tick()
             if status is not RUNNING:
-                return self.end(self.blame(child) if status is FAILURE else status)
+                return self.end(self.adopt_failure(child) if status is FAILURE else status)
             suspended = suspended and child.suspension is not None
         if suspended:
             self.suspension = shared_suspension(self.members)
@@ -119,4 +119,4 @@ class Race(Composite, composites.Parallel):
 def shared_suspension(members: Sequence[Node]) -> Suspension | None:
     """Return the suspension of a node whose running ``members`` are all suspended: one that is lost, if there is."""
     found = [member.suspension for member in members if member.status is RUNNING and member.suspension is not None]
-    return max(found, key=lambda suspension: suspension.lost, default=None)
+    return max(found, key=lambda suspension: suspension.timed_out, default=None)

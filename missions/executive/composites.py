@@ -7,14 +7,14 @@ from py_trees import composites
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from behaviours.node import Node, Suspension, lost_reason
+from behaviours.node import Node, Suspension, sensor_timeout_reason
 from missions.executive.at_once import Parallel, Race
 from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Composite
 
 # The reactive composites: they ask their children again from the first at every tick.
 
 
-class _Reactive(Composite):
+class _ReactiveComposite(Composite):
     """The children from the first at every tick; one that ends the search halts the running one behind it first.
 
     It stands still while a child is suspended: ``_running`` keeps its place without being ticked. ``_stood`` says that
@@ -35,7 +35,7 @@ class _Reactive(Composite):
         self._stood = False
 
     def on_running(self) -> Status:
-        if not self._retired():
+        if not self._is_retired():
             return RUNNING
         behind = self._running  # the child that runs, while we are still before it
         status = self.passes
@@ -51,24 +51,24 @@ class _Reactive(Composite):
             if status is not self.passes:
                 break
         if self._stood:
-            self._go_on_from(child)
+            self._halt_others(child)
         self._running = child if status is RUNNING else None
         if status is RUNNING:
             return RUNNING
-        return self.end(self.blame(child) if status is FAILURE else status)
+        return self.end(self.adopt_failure(child) if status is FAILURE else status)
 
     def _suspend_with(self, child: Node, behind: Node | None) -> Status:
         """Stand still with a suspended child; fail once it has waited for too long, whatever comes behind it."""
         self.suspension = suspension = child.suspension
-        if suspension is not None and suspension.lost:
-            self.feedback_message = lost_reason(suspension.reason, self.run.sensor_timeout)
+        if suspension is not None and suspension.timed_out:
+            self.feedback_message = sensor_timeout_reason(suspension.reason, self.run.sensor_timeout)
             return self.end(FAILURE)
         self.feedback_message = child.feedback_message
         self._stood = True
         if behind is None or behind.status is not RUNNING:
             self._running = child
             return RUNNING
-        status = behind.stand_still()
+        status = behind.pass_time()
         if status is RUNNING:
             return RUNNING
         self._running = None
@@ -78,7 +78,7 @@ class _Reactive(Composite):
         self.suspension, self.feedback_message = None, behind.feedback_message
         return self.end(status)
 
-    def _go_on_from(self, child: Node) -> None:
+    def _halt_others(self, child: Node) -> None:
         """Halt what was suspended when this tick came no farther than to ``child``."""
         self._stood, self._ended = False, None
         for other in self.members:
@@ -94,7 +94,7 @@ class _Reactive(Composite):
         self._ended = member
         return RUNNING
 
-    def _retired(self) -> bool:
+    def _is_retired(self) -> bool:
         """True once what gave way at an earlier tick is at rest."""
         if self._retiring is not None and self._retiring.halt():
             self._retiring = None
@@ -119,7 +119,7 @@ class _Reactive(Composite):
         return status
 
 
-class ReactiveSequence(_Reactive, composites.Sequence):
+class ReactiveSequence(_ReactiveComposite, composites.Sequence):
     """A sequence from the first child at every tick."""
 
     passes = SUCCESS
@@ -128,7 +128,7 @@ class ReactiveSequence(_Reactive, composites.Sequence):
         composites.Sequence.__init__(self, name, memory=False)
 
 
-class ReactiveSelector(_Reactive, composites.Selector):
+class ReactiveSelector(_ReactiveComposite, composites.Selector):
     """A selector from the first child at every tick."""
 
     passes = FAILURE
@@ -137,7 +137,7 @@ class ReactiveSelector(_Reactive, composites.Selector):
         composites.Selector.__init__(self, name, memory=False)
 
 
-class InOrder(Composite):
+class OrderedComposite(Composite):
     """One child after another, resuming at the running one.
 
     ``passes`` is the status that leads to the next; ``order`` the children in this run's order.
@@ -176,7 +176,7 @@ class InOrder(Composite):
 
     def _blame_last(self, child: Node) -> Status:
         """Return a failure for the reason of ``child``; it is for a silent sensor if that of any child was."""
-        self.blame(child)
+        self.adopt_failure(child)
         if self.suspension is None and self.passes is FAILURE:
             self.suspension = self._lost
         return FAILURE
@@ -189,7 +189,7 @@ class InOrder(Composite):
         return RUNNING
 
 
-class Sequence(InOrder, composites.Sequence):
+class Sequence(OrderedComposite, composites.Sequence):
     """Does its children one after another; fails at the first failure."""
 
     passes = SUCCESS
@@ -198,7 +198,7 @@ class Sequence(InOrder, composites.Sequence):
         composites.Sequence.__init__(self, name, memory=True)
 
 
-class Selector(InOrder, composites.Selector):
+class Selector(OrderedComposite, composites.Selector):
     """Tries its children one after another until one succeeds."""
 
     passes = FAILURE
@@ -207,7 +207,7 @@ class Selector(InOrder, composites.Selector):
         composites.Selector.__init__(self, name, memory=True)
 
 
-class RandomOrder(InOrder):
+class RandomOrderComposite(OrderedComposite):
     """One child after another, in an order drawn afresh at each start from the mission's own seed."""
 
     def begin(self) -> None:
@@ -217,7 +217,7 @@ class RandomOrder(InOrder):
         self.order = tuple(order)
 
 
-class RandomSequence(RandomOrder, composites.Sequence):
+class RandomSequence(RandomOrderComposite, composites.Sequence):
     """A sequence in an order drawn afresh at each start."""
 
     passes: ClassVar[Status] = SUCCESS
@@ -226,7 +226,7 @@ class RandomSequence(RandomOrder, composites.Sequence):
         composites.Sequence.__init__(self, name, memory=True)
 
 
-class RandomSelector(RandomOrder, composites.Selector):
+class RandomSelector(RandomOrderComposite, composites.Selector):
     """A selector in an order drawn afresh at each start."""
 
     passes: ClassVar[Status] = FAILURE

@@ -28,9 +28,9 @@ SKIPPED = "skipped"
 
 def status_word(node: Node) -> str:
     """Return how the status of a node is written now."""
-    if node.skipped:
+    if node.is_skipped:
         return SKIPPED
-    return SUSPENDED if node.suspended else STATUS_WORDS[node.status]
+    return SUSPENDED if node.is_suspended else STATUS_WORDS[node.status]
 
 
 def plain_status(word: str) -> str:
@@ -157,7 +157,7 @@ class FaultRaised(Event):
     hint: str = ""
 
     @property
-    def plain(self) -> str:
+    def detail_without_part(self) -> str:
         """What is the matter, without the part's name, for where that stands beside it."""
         return self.detail.removeprefix(f"{self.part}: ")
 
@@ -199,7 +199,7 @@ class Ended(Event):
 # The events of a run as lines of JSON, for other programs; values of a mission as JSON can hold them.
 
 
-def plain(value: object) -> object:
+def json_value(value: object) -> object:
     """Return ``value`` in plain terms: an object by its fields, a number that is none as None, others in words."""
     match value:
         case None | bool() | int() | str():
@@ -207,33 +207,33 @@ def plain(value: object) -> object:
         case float():
             return value if isfinite(value) else None
         case Mapping():
-            return {str(name): plain(each) for name, each in value.items()}
+            return {str(name): json_value(each) for name, each in value.items()}
         case list() | tuple() | set() | frozenset():
-            return _all(value)
+            return _json_values(value)
         case _ if is_dataclass(value):
-            return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+            return {field.name: json_value(getattr(value, field.name)) for field in fields(value)}
         case _:
             return str(value)
 
 
-def _all(values: Collection[object]) -> list[object]:
-    return [plain(value) for value in values]
+def _json_values(values: Collection[object]) -> list[object]:
+    return [json_value(value) for value in values]
 
 
-class JsonLines:
+class JsonLinesWriter:
     """Writes events to a text file, one JSON object a line, each flushed, so that a killed run keeps its past.
 
-    ``whole`` is False once an event could not be written.
+    ``is_complete`` is False once an event could not be written.
     """
 
     def __init__(self, file: TextIO) -> None:
-        self.whole = True
+        self.is_complete = True
         self._file = file
 
     def __call__(self, event: Event) -> None:
         """Write one event."""
-        line = json.dumps(event.as_dict(), default=plain, ensure_ascii=False) + "\n"
-        self.whole = False
+        line = json.dumps(event.as_dict(), default=json_value, ensure_ascii=False) + "\n"
+        self.is_complete = False
         self._file.write(line)
         self._file.flush()
-        self.whole = True
+        self.is_complete = True

@@ -9,9 +9,9 @@ from py_trees.common import Status
 from py_trees.decorators import Decorator
 
 from behaviours.node import Node
-from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Composite, Parent, adopt
-from missions.language.expressions import ExpressionError, Value, shown
-from missions.language.for_each import Members
+from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Composite, Parent, set_children
+from missions.language.expressions import ExpressionError, Value, format_value
+from missions.language.for_each import ListMembers
 from missions.language.nodes import REACTIVE_SWITCH, SWITCH
 from missions.language.plan import Step
 from missions.language.switches import case_key
@@ -35,10 +35,10 @@ class Switch(Composite, composites.Selector):
         self._chosen: Node | None = None
 
     @classmethod
-    def of(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
+    def from_step(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
         del inner
         switch = cls(step.name, step.arguments["on"], step.cases)
-        adopt(switch, children)
+        set_children(switch, children)
         return switch
 
     def begin(self) -> None:
@@ -46,7 +46,7 @@ class Switch(Composite, composites.Selector):
 
     def on_running(self) -> Status:
         if self._chosen is None:
-            self._chosen = self.ask()
+            self._chosen = self.select_child()
         return FAILURE if self._chosen is None else self.tick_chosen(self._chosen)
 
     def tick_chosen(self, child: Node) -> Status:
@@ -54,9 +54,9 @@ class Switch(Composite, composites.Selector):
         self.current_child = child
         status = child.execute_tick()
         self.suspension = child.suspension
-        return self.blame(child) if status is FAILURE else status
+        return self.adopt_failure(child) if status is FAILURE else status
 
-    def ask(self) -> Node | None:
+    def select_child(self) -> Node | None:
         """Return the child for the value that the expression has now; None, with a reason, where there is none."""
         try:
             found = self.on.resolve(self.scope)
@@ -65,7 +65,7 @@ class Switch(Composite, composites.Selector):
             return None
         child = self._choose(found)
         if child is None:
-            self.feedback_message = f"no case for {_written(found)}, and no default"
+            self.feedback_message = f"no case for {_format_case(found)}, and no default"
         return child
 
     def _choose(self, found: object) -> Node | None:
@@ -78,7 +78,7 @@ class ReactiveSwitch(Switch):
     """A switch that asks at every tick. Another case halts the child that runs, and starts once that is at rest."""
 
     def on_running(self) -> Status:
-        chosen = self.ask()
+        chosen = self.select_child()
         if chosen is None:
             return self.end(FAILURE)
         if self._chosen is not None and chosen is not self._chosen and not self._chosen.halt():
@@ -94,9 +94,9 @@ SWITCHES: Mapping[str, type[Switch]] = {
 """The composites that choose, by their words."""
 
 
-def _written(value: object) -> str:
+def _format_case(value: object) -> str:
     """Write a value as a case would be."""
-    return str(value).lower() if isinstance(value, bool) else shown(value)
+    return str(value).lower() if isinstance(value, bool) else format_value(value)
 
 
 MAX_SHOWN_LENGTH = 40
@@ -112,7 +112,7 @@ class ForEach(Parent, Decorator):
 
     run_state = ("setting", "_place")
     child: Node
-    setting = Members(())
+    setting = ListMembers(())
     _place = 0
 
     def __init__(self, name: str, child: Node, among: Value, names: tuple[str, ...]) -> None:
@@ -123,7 +123,7 @@ class ForEach(Parent, Decorator):
         self.names = names
 
     @classmethod
-    def of(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
+    def from_step(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
         del inner
         return cls(step.name, children[0], step.arguments["in"], step.binds)
 
@@ -132,7 +132,7 @@ class ForEach(Parent, Decorator):
             found = self.among.resolve(self.scope)
         except (ExpressionError, ValueError) as error:
             return f"{self.kind}: {error}"
-        self.setting = found if isinstance(found, Members) else Members(())
+        self.setting = found if isinstance(found, ListMembers) else ListMembers(())
         self._place = 0
         self.child.reset()
         return ""
@@ -141,18 +141,18 @@ class ForEach(Parent, Decorator):
         if self.child.status is not RUNNING:
             if self._place == 0 and self.setting.count == 0:
                 return SUCCESS
-            self._take()
-        return self._after(self.child.execute_tick())
+            self._start_member()
+        return self._on_child_status(self.child.execute_tick())
 
     def member_ended(self, member: Node, status: Status) -> Status:
         del member
-        return self._after(status)
+        return self._on_child_status(status)
 
-    def _after(self, status: Status) -> Status:
+    def _on_child_status(self, status: Status) -> Status:
         """Return the status of this node after one of the child."""
         self.suspension = self.child.suspension
         if status is FAILURE:
-            self.feedback_message = f"{self.kind} {self._said()}: {self.child.feedback_message}"
+            self.feedback_message = f"{self.kind} {self._describe_member()}: {self.child.feedback_message}"
         if status is not SUCCESS:
             return status
         self._place += 1
@@ -161,18 +161,18 @@ class ForEach(Parent, Decorator):
         self.feedback_message = ""
         return SUCCESS
 
-    def _take(self) -> None:
+    def _start_member(self) -> None:
         """Give the next member to the child."""
         self.child.reset()
         values = (self.setting.member(self._place), self.setting.number(self._place))
         self.scope.update(zip(self.names, values, strict=False))
-        self.run.stored = True
-        self.feedback_message = f"{self._place + 1} of {self.setting.count}: {self._said()}"
+        self.run.variables_changed = True
+        self.feedback_message = f"{self._place + 1} of {self.setting.count}: {self._describe_member()}"
 
-    def _said(self) -> str:
+    def _describe_member(self) -> str:
         """Return the member in words, its number where it is no plain value."""
         member = self.setting.member(self._place)
-        said = " ".join(shown(member).split()) if isinstance(member, str | int | float | None) else ""
+        said = " ".join(format_value(member).split()) if isinstance(member, str | int | float | None) else ""
         if not said:
             return f"member {self._place + 1}"
         return said if len(said) <= MAX_SHOWN_LENGTH else f"{said[: MAX_SHOWN_LENGTH - 1]}…"

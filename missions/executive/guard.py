@@ -3,46 +3,46 @@
 from collections.abc import Callable
 from math import inf
 
-from behaviours.run import Run
+from behaviours.run import RunState
 from drivers.api import Base, BaseState, Reflexes, Sides, ignore
 from missions.executive.events import ReflexFired
-from missions.executive.stream import Stream
+from missions.executive.stream import EventStream
 
-CONFIRM = 2.0
+CONFIRM_TIME = 2.0
 """Seconds between two readings that have to agree: under load the voltage dips, and the percentage with it."""
 
-HYSTERESIS = 3.0
+HYSTERESIS_PERCENT = 3.0
 """Percent above a threshold from which on it does not hold any more."""
 
 
 class BatteryWatch:
     """Looks at readings of a battery; ``low`` and ``critical`` say how it is as of the last one.
 
-    Thresholds are in percent, 0 for never. Either holds once two readings at least ``CONFIRM`` apart were below it, and
-    none between was above, until the battery charges or is ``HYSTERESIS`` above it.
+    Thresholds are in percent, 0 for never. Either holds once two readings at least ``CONFIRM_TIME`` apart were below it, and
+    none between was above, until the battery charges or is ``HYSTERESIS_PERCENT`` above it.
     """
 
     def __init__(self, low: float, critical: float) -> None:
         self._low, self._critical = _Threshold(low), _Threshold(critical)
-        self._plenty = max(low, critical) + HYSTERESIS
-        self._uneasy = False  # below that when it was last looked at
+        self._clear_percent = max(low, critical) + HYSTERESIS_PERCENT
+        self._was_below = False  # below that when it was last looked at
 
     @property
     def low(self) -> bool:
         """True when it should be charged soon."""
-        return self._low.holds
+        return self._low.is_reached
 
     @property
     def critical(self) -> bool:
         """True when nothing should be begun with it any more."""
-        return self._critical.holds
+        return self._critical.is_reached
 
     def update(self, percent: float, now: float, *, charging: bool) -> bool:
         """Take in a reading (0..100) of time ``now`` in seconds; False where there was and is plenty: nothing holds."""
         percent = inf if charging else percent
-        if not self._uneasy and percent >= self._plenty:
+        if not self._was_below and percent >= self._clear_percent:
             return False
-        self._uneasy = percent < self._plenty
+        self._was_below = percent < self._clear_percent
         self._low.update(percent, now)
         self._critical.update(percent, now)
         return True
@@ -54,16 +54,16 @@ class _Threshold:
     def __init__(self, percent: float) -> None:
         self._percent = percent
         self._below_since: float | None = None
-        self.holds = False
+        self.is_reached = False
 
     def update(self, percent: float, now: float) -> None:
         if percent >= self._percent:
             self._below_since = None
-            self.holds = self.holds and percent < self._percent + HYSTERESIS
+            self.is_reached = self.is_reached and percent < self._percent + HYSTERESIS_PERCENT
         elif self._below_since is None:
             self._below_since = now
-        elif now - self._below_since >= CONFIRM:
-            self.holds = True
+        elif now - self._below_since >= CONFIRM_TIME:
+            self.is_reached = True
 
 
 CONTACTS = ("bumper", "cliff", "wheel_drop")
@@ -72,11 +72,11 @@ CONTACTS = ("bumper", "cliff", "wheel_drop")
 REFLEXES = (*CONTACTS, "hazard", "button", "docked", "charging", "latched", "battery_low", "battery_critical")
 """All that the guard tells of."""
 
-_Felt = tuple[Sides, Sides, Sides, frozenset[str], frozenset[int], bool, bool]
-_NOTHING: _Felt = (Sides(), Sides(), Sides(), frozenset(), frozenset(), False, False)
+_Feedback = tuple[Sides, Sides, Sides, frozenset[str], frozenset[int], bool, bool]
+_NO_FEEDBACK: _Feedback = (Sides(), Sides(), Sides(), frozenset(), frozenset(), False, False)
 
 
-class Guard:
+class BaseGuard:
     """What a ``base`` does about all this by itself is its driver's business; see ``drivers.api.Reflexes``.
 
     ``battery`` is what the readings of its battery come to, by the thresholds of ``reflexes``. ``enabled`` is called
@@ -84,79 +84,79 @@ class Guard:
     """
 
     def __init__(
-        self, base: Base, reflexes: Reflexes, run: Run, stream: Stream, enabled: Callable[[], None] = ignore
+        self, base: Base, reflexes: Reflexes, run: RunState, stream: EventStream, on_enable: Callable[[], None] = ignore
     ) -> None:
-        self._enabled = enabled
+        self._on_enable = on_enable
         self._button = reflexes.enable_button
         self.battery = BatteryWatch(reflexes.battery_low, reflexes.battery_critical)
         self._base = base
         self._run = run
         self._stream = stream
-        self._felt = _NOTHING
+        self._feedback = _NO_FEEDBACK
         self._latched = ""
-        self._weak = False, False  # whether the battery was low, and critical
+        self._battery_state = False, False  # whether the battery was low, and critical
 
-    def look(self) -> str:
+    def check(self) -> str:
         """Look once; return why the mission must end, or nothing. What is not reported afresh is as it was."""
         latched = self._base.latched
         if latched != self._latched:
-            self._tell("latched", latched or self._latched, on=bool(latched))
+            self._emit("latched", latched or self._latched, on=bool(latched))
             self._latched = latched
             if not latched:
-                self._enabled()
+                self._on_enable()
         reading = self._base.state()
         state = reading.value
         if state is None or not reading.good:
             return ""
-        felt = _felt(state)
-        if felt != self._felt:
-            before, self._felt = self._felt, felt
-            self._tell_felt(before, felt)
-        return self._weigh(state)
+        felt = _feedback_of(state)
+        if felt != self._feedback:
+            before, self._feedback = self._feedback, felt
+            self._emit_feedback(before, felt)
+        return self._check_battery(state)
 
-    def stirred(self) -> bool:
+    def has_changed(self) -> bool:
         """True while it feels or says something else than when it was looked at last: worth a look at once."""
         reading = self._base.state()
         state = reading.value
         if self._base.latched != self._latched:
             return True
-        return state is not None and reading.good and _felt(state) != self._felt
+        return state is not None and reading.good and _feedback_of(state) != self._feedback
 
-    def _tell_felt(self, before: _Felt, felt: _Felt) -> None:
+    def _emit_feedback(self, before: _Feedback, after: _Feedback) -> None:
         """Tell what is new of all that the base feels."""
         *contacts_before, hazards_before, buttons_before, docked_before, charging_before = before
-        *contacts, hazards, buttons, docked, charging = felt
+        *contacts, hazards, buttons, docked, charging = after
         for what, was, now in zip(CONTACTS, contacts_before, contacts, strict=True):
             if now != was:
-                self._tell(what, str(now or was), on=bool(now))
+                self._emit(what, str(now or was), on=bool(now))
         for hazard in sorted(hazards ^ hazards_before):
-            self._tell("hazard", hazard, on=hazard in hazards)
+            self._emit("hazard", hazard, on=hazard in hazards)
         for number in sorted(buttons ^ buttons_before):
-            self._tell("button", str(number), on=number in buttons)
+            self._emit("button", str(number), on=number in buttons)
             if number == self._button and number in buttons:
-                self._enabled()
+                self._on_enable()
         if docked != docked_before:
-            self._tell("docked", "", on=docked)
+            self._emit("docked", "", on=docked)
         if charging != charging_before:
-            self._tell("charging", "", on=charging)
+            self._emit("charging", "", on=charging)
 
-    def _weigh(self, state: BaseState) -> str:
+    def _check_battery(self, state: BaseState) -> str:
         """Take in how full the battery is; return why the mission must end."""
         battery, percent = self.battery, state.battery_percent
-        before = self._weak
-        if not battery.update(percent, self._run.now(), charging=state.charging):
+        before = self._battery_state
+        if not battery.update(percent, self._run.read_value(), charging=state.charging):
             return ""
-        self._weak = after = battery.low, battery.critical
+        self._battery_state = after = battery.low, battery.critical
         if after != before:
             for what, was, now in zip(("battery_low", "battery_critical"), before, after, strict=True):
                 if now != was:
-                    self._tell(what, f"{percent:.0f} %", on=now)
+                    self._emit(what, f"{percent:.0f} %", on=now)
         return f"battery critical: {percent:.0f} %" if battery.critical else ""
 
-    def _tell(self, what: str, where: str, *, on: bool) -> None:
-        self._stream.emit(ReflexFired(self._run.clock.now(), self._run.tick, what, where, on))
+    def _emit(self, what: str, where: str, *, on: bool) -> None:
+        self._stream.emit(ReflexFired(self._run.clock.read_value(), self._run.tick, what, where, on))
 
 
-def _felt(state: BaseState) -> _Felt:
+def _feedback_of(state: BaseState) -> _Feedback:
     contacts = state.bumper, state.cliff, state.wheel_drop
     return (*contacts, state.hazards, state.buttons, state.docked, state.charging)

@@ -13,7 +13,7 @@ import sys
 import time
 from contextlib import suppress
 
-GLANCE = 0.25
+POLL_INTERVAL = 0.25
 """Seconds between two looks."""
 
 
@@ -24,7 +24,7 @@ def main() -> None:
     heard: float | None = None
     with socket.socket(fileno=signals) as letters:
         while True:
-            time.sleep(GLANCE)
+            time.sleep(POLL_INTERVAL)
             now, beaten = time.monotonic(), b""
             with suppress(BlockingIOError):
                 beaten = os.read(heart, 4096)

@@ -5,18 +5,18 @@ from collections.abc import Mapping
 from py_trees.common import Status
 
 from behaviours.node import Node
-from config.units import written
+from config.units import quantity_text
 from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Modifier
-from missions.executive.state import unmeasured
+from missions.executive.state import unmeasured_reason
 from missions.language.expressions import Expression
 
 # The modifiers that go by the time.
 
-ASKED_AGAIN = 1.5
+MAX_RETICK_INTERVAL = 1.5
 """Seconds within which a timeout is taken for asked again at the next tick: the slowest robot has a tick a second."""
 
 
-class Timeout(Modifier):
+class TimeoutModifier(Modifier):
     """Fails, halting the node, when it still runs after that long; at the deadline it is not ticked once more.
 
     After it has failed around a suspended node it fails at once while that is still suspended: ``gave_up`` is when it
@@ -34,33 +34,33 @@ class Timeout(Modifier):
     def on_running(self) -> Status:
         return self._fail() if self._is_over() else self.tick_child()
 
-    def on_standstill(self) -> Status:
+    def on_time_passed(self) -> Status:
         if self.ending is None and not self.unstarted and self._is_over():
             return self._fail()
-        return super().on_standstill()
+        return super().on_time_passed()
 
     def conclude(self, status: Status) -> Status:
         self._waits = status is RUNNING and self.suspension is not None
         if self.gave_up is not None:
             gave_up, self.gave_up = self.gave_up, None
-            if self._waits and self.run.now() - gave_up < ASKED_AGAIN:
+            if self._waits and self.run.read_value() - gave_up < MAX_RETICK_INTERVAL:
                 return self._fail()
         return status
 
     def _is_over(self) -> bool:
-        over: bool = self.run.now() - self.since >= self.setting
+        over: bool = self.run.read_value() - self.since >= self.setting
         return over
 
     def _fail(self) -> Status:
-        waited = f"timed out after {written(self.setting, 'duration')}"
-        why = _tip(self.child).feedback_message
+        waited = f"timed out after {quantity_text(self.setting, 'duration')}"
+        why = _running_tip(self.child).feedback_message
         self.feedback_message = f"{why} ({waited})" if why else f"{self.child.name} {waited}"
-        self.gave_up = self.run.now() if self._waits else None
+        self.gave_up = self.run.read_value() if self._waits else None
         self.suspension = None
         return self.end(FAILURE)
 
 
-class Hold(Modifier):
+class HoldModifier(Modifier):
     """Succeeds once the node has succeeded at every tick for that long; until then it runs.
 
     A tick in which the node is suspended is none in which it succeeds. It fails where a sensor stays silent.
@@ -72,32 +72,32 @@ class Hold(Modifier):
     def begin(self) -> None:
         self._succeeding_since = None
 
-    def on_standstill(self) -> Status:
+    def on_time_passed(self) -> Status:
         self._succeeding_since = None
-        return super().on_standstill()
+        return super().on_time_passed()
 
     def conclude(self, status: Status) -> Status:
         if status is not SUCCESS:
             self._succeeding_since = None
             return FAILURE if status is FAILURE and self.suspension is not None else RUNNING
-        now = self.run.now()
+        now = self.run.read_value()
         if self._succeeding_since is None:
             self._succeeding_since = now
         return SUCCESS if now - self._succeeding_since >= self.setting else RUNNING
 
 
-class Delay(Modifier):
+class DelayModifier(Modifier):
     """Waits before the node starts."""
 
     run_state = ("setting", "since")
 
     def on_running(self) -> Status:
-        if self.child.status is RUNNING or self.run.now() - self.since >= self.setting:
+        if self.child.status is RUNNING or self.run.read_value() - self.since >= self.setting:
             return self.tick_child()
         return RUNNING
 
 
-class Cooldown(Modifier):
+class CooldownModifier(Modifier):
     """Fails without starting within that long after its last success."""
 
     run_state = ("setting",)
@@ -105,44 +105,44 @@ class Cooldown(Modifier):
     _succeeded_at: float | None = None
 
     def on_running(self) -> Status:
-        now = self.run.now()
+        now = self.run.read_value()
         if self._succeeded_at is not None:
             left = self._succeeded_at + self.setting - now
             if left > 0:
-                self.feedback_message = f"cooling down for {written(max(0.1, round(left, 1)), 'duration')} more"
+                self.feedback_message = f"cooling down for {quantity_text(max(0.1, round(left, 1)), 'duration')} more"
                 return FAILURE
         return self.tick_child()
 
     def conclude(self, status: Status) -> Status:
         if status is SUCCESS:
-            self._succeeded_at = self.run.now()
+            self._succeeded_at = self.run.read_value()
         return status
 
 
-def _tip(node: Node) -> Node:
+def _running_tip(node: Node) -> Node:
     """Return the node that best tells why ``node`` still runs: it where it is suspended, else a running leaf."""
     if node.suspension is not None:
         return node
     for child in node.children:
         if isinstance(child, Node) and child.status is RUNNING:
-            found = _tip(child)
+            found = _running_tip(child)
             if found.feedback_message:
                 return found
     return node
 
 
-class Condition(Modifier):
+class ConditionModifier(Modifier):
     """One whose ``value`` is a condition; it fails where that rests on what nothing measures."""
 
     def on_start(self) -> str:
-        why = unmeasured(self.value, self.scope)
+        why = unmeasured_reason(self.value, self.scope)
         return f"{self.kind}: {why}" if why else super().on_start()
 
-    def true_now(self) -> bool:
+    def is_true(self) -> bool:
         """Ask the expression in ``value`` now. Raises ExpressionError."""
         return bool(self.value.resolve(self.scope))
 
-    def untrue(self) -> str:
+    def false_reason(self) -> str:
         """Return the reason where it is false."""
         condition = self.value.template
         return (
@@ -150,48 +150,48 @@ class Condition(Modifier):
         )
 
 
-class If(Condition):
+class IfModifier(ConditionModifier):
     """Asked once, at the start; where it is false the node is skipped and succeeds."""
 
     run_state = ("setting",)
 
     @property
-    def skipped(self) -> bool:
-        return super().skipped if self.setting else self.status is SUCCESS
+    def is_skipped(self) -> bool:
+        return super().is_skipped if self.setting else self.status is SUCCESS
 
     def on_running(self) -> Status:
         if self.setting:
             return self.tick_child()
-        self.feedback_message = self.untrue()
+        self.feedback_message = self.false_reason()
         return SUCCESS
 
 
-class While(Condition):
+class WhileModifier(ConditionModifier):
     """Asked at every tick; once it is false the node is halted and fails."""
 
     def on_running(self) -> Status:
-        if self.true_now():
+        if self.is_true():
             return self.tick_child()
-        self.feedback_message = self.untrue()
+        self.feedback_message = self.false_reason()
         return self.end(FAILURE)
 
 
-class Until(Condition):
+class UntilModifier(ConditionModifier):
     """Asked at every tick; once it is true the node is halted and succeeds."""
 
     def on_running(self) -> Status:
-        return self.end(SUCCESS) if self.true_now() else self.tick_child()
+        return self.end(SUCCESS) if self.is_true() else self.tick_child()
 
 
-class Retry(Modifier):
+class RetryModifier(Modifier):
     """Starts again, at the next tick, after a failure; the setting counts attempts, None is for ever."""
 
     run_state = ("setting", "_attempts")
     _attempts = 0
 
     @property
-    def skipped(self) -> bool:
-        return self._attempts == 1 and super().skipped
+    def is_skipped(self) -> bool:
+        return self._attempts == 1 and super().is_skipped
 
     def begin(self) -> None:
         self._attempts = 0
@@ -206,15 +206,15 @@ class Retry(Modifier):
         return RUNNING if status is FAILURE and self._attempts != self.setting else status
 
 
-class Repeat(Modifier):
+class RepeatModifier(Modifier):
     """Starts again, at the next tick, after a success; the setting counts runs, None is for ever."""
 
     run_state = ("setting", "_runs")
     _runs = 0
 
     @property
-    def skipped(self) -> bool:
-        return self._runs == 1 and super().skipped
+    def is_skipped(self) -> bool:
+        return self._runs == 1 and super().is_skipped
 
     def begin(self) -> None:
         self._runs = 0
@@ -229,7 +229,7 @@ class Repeat(Modifier):
         return RUNNING if status is SUCCESS and self._runs != self.setting else status
 
 
-class Invert(Modifier):
+class InvertModifier(Modifier):
     """Success for failure and failure for success; what failed because a sensor is silent has still failed."""
 
     def conclude(self, status: Status) -> Status:
@@ -239,14 +239,14 @@ class Invert(Modifier):
         return SUCCESS if status is FAILURE and self.suspension is None else status
 
 
-class OnFailure(Modifier):
+class OnFailureModifier(Modifier):
     """A failure counts as success."""
 
     def conclude(self, status: Status) -> Status:
         return SUCCESS if status is FAILURE else status
 
 
-class OnSuccess(Modifier):
+class OnSuccessModifier(Modifier):
     """A success counts as failure."""
 
     def conclude(self, status: Status) -> Status:
@@ -256,7 +256,7 @@ class OnSuccess(Modifier):
         return status
 
 
-class OnRunning(Modifier):
+class OnRunningModifier(Modifier):
     """A node that runs counts as a success or a failure, and is halted; one that is suspended is waited for."""
 
     run_state = ("setting",)
@@ -271,7 +271,7 @@ class OnRunning(Modifier):
         return self.end(FAILURE)
 
 
-class Once(Modifier):
+class OnceModifier(Modifier):
     """After its first end, keeps answering with that result while the value that it had at the start stays the same.
 
     A failure because a sensor is silent is no answer, and not kept.
@@ -297,18 +297,18 @@ class Once(Modifier):
 
 
 MODIFIERS: Mapping[str, type[Modifier]] = {
-    "if": If,
-    "while": While,
-    "until": Until,
-    "timeout": Timeout,
-    "retry": Retry,
-    "repeat": Repeat,
-    "invert": Invert,
-    "on_failure": OnFailure,
-    "on_success": OnSuccess,
-    "on_running": OnRunning,
-    "hold": Hold,
-    "delay": Delay,
-    "cooldown": Cooldown,
-    "once": Once,
+    "if": IfModifier,
+    "while": WhileModifier,
+    "until": UntilModifier,
+    "timeout": TimeoutModifier,
+    "retry": RetryModifier,
+    "repeat": RepeatModifier,
+    "invert": InvertModifier,
+    "on_failure": OnFailureModifier,
+    "on_success": OnSuccessModifier,
+    "on_running": OnRunningModifier,
+    "hold": HoldModifier,
+    "delay": DelayModifier,
+    "cooldown": CooldownModifier,
+    "once": OnceModifier,
 }

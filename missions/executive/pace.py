@@ -9,24 +9,24 @@ from threading import Event
 from typing import TYPE_CHECKING
 
 from behaviours.robot import Robot
-from behaviours.run import Run
+from behaviours.run import RunState
 from drivers.clock import Clock
 
 if TYPE_CHECKING:
     from drivers.sim.timeline import Timeline
 
 
-MAX_DEBT = 0.5
+MAX_LAG = 0.5
 """Seconds of real time that simulated time may be late and makes up for; after a pause it does not race."""
 
-STILL_SPEED = 0.005
+MAX_STILL_SPEED = 0.005
 """m/s and rad/s below which a base is at rest."""
 
-STILL_STEP = 1e-4
+MAX_STILL_TURN = 1e-4
 """Radians that a head at rest turns at most from one look to the next."""
 
 
-class Pace:
+class SimulationPacer:
     """Stands in for ``Run.wait``: waiting makes the simulated world go on, in the same thread.
 
     ``speed`` is how many times faster than real time it goes at most, by the run's ``wall`` clock, on which ``wait``
@@ -34,32 +34,32 @@ class Pace:
     """
 
     def __init__(
-        self, run: Run, timeline: "Timeline", *, speed: float = inf, wait: Callable[[float], object] | None = None
+        self, run: RunState, timeline: "Timeline", *, speed: float = inf, wait: Callable[[float], object] | None = None
     ) -> None:
         self._timeline = timeline
-        self._woken = run.woken
+        self._woken = run.wake_event
         self._wall: Clock = run.wall
         self._speed = speed
         self._wait = Event().wait if wait is None else wait  # an event that is never set: to wait on
-        self._begun: tuple[float, float] | None = None
+        self._start: tuple[float, float] | None = None
 
     def __call__(self, seconds: float) -> bool:
         """Let so much simulated time pass, or less when woken; say whether it was."""
         clock = self._timeline.clock
-        if self._begun is None:
-            self._begun = self._wall.now(), clock.now()
-        self._timeline.run(clock.now() + seconds, self._woken.is_set)
+        if self._start is None:
+            self._start = self._wall.read_value(), clock.read_value()
+        self._timeline.run_until(clock.read_value() + seconds, self._woken.is_set)
         if self._speed < inf:
-            wall, simulated = self._begun
-            ahead = (clock.now() - simulated) / self._speed - (self._wall.now() - wall)
+            wall, simulated = self._start
+            ahead = (clock.read_value() - simulated) / self._speed - (self._wall.read_value() - wall)
             if ahead > 0:
                 self._wait(ahead)
-            elif ahead < -MAX_DEBT:
-                self._begun = self._wall.now(), clock.now()
+            elif ahead < -MAX_LAG:
+                self._start = self._wall.read_value(), clock.read_value()
         return self._woken.is_set()
 
 
-class PausedPace:
+class PausedPacer:
     """Stands in for ``Executive.idle`` in simulated time: the world stands still once the robot is at rest.
 
     Until then, and while somebody drives by hand, time passes in the same thread: at ``speed``, and no faster than real
@@ -68,30 +68,30 @@ class PausedPace:
 
     def __init__(
         self,
-        run: Run,
+        run: RunState,
         timeline: "Timeline",
         robot: Robot,
         *,
         speed: float = inf,
         wait: Callable[[float], object] | None = None,
     ) -> None:
-        self._pace = Pace(run, timeline, speed=min(speed, 1.0), wait=wait)
-        self._woken, self._robot = run.woken, robot
-        self.driven: Callable[[], bool] = lambda: False
+        self._pacer = SimulationPacer(run, timeline, speed=min(speed, 1.0), wait=wait)
+        self._woken, self._robot = run.wake_event, robot
+        self.is_driven: Callable[[], bool] = lambda: False
         """Whether somebody drives by hand."""
-        self.waited: Callable[[], None] = lambda: None
+        self.on_wait: Callable[[], None] = lambda: None
         """Called after each wait, in the same thread: the robot may stand otherwise than at the last tick."""
         self._pan_tilt: tuple[float, float] | None = None
 
     def __call__(self, seconds: float) -> None:
         """Let so much time pass, simulated or real."""
-        if self._moves() or self.driven():
-            self._pace(seconds)
+        if self._is_moving() or self.is_driven():
+            self._pacer(seconds)
         else:
             self._woken.wait(seconds)
-        self.waited()
+        self.on_wait()
 
-    def _moves(self) -> bool:
+    def _is_moving(self) -> bool:
         """Say whether base, head or an arm still moves."""
         robot = self._robot
         turned, self._pan_tilt = self._pan_tilt, None
@@ -99,11 +99,11 @@ class PausedPace:
         if head is not None:
             self._pan_tilt = head.pan, head.tilt
             turned = turned or (inf, inf)  # at the first look it may turn
-            if max(abs(head.pan - turned[0]), abs(head.tilt - turned[1])) > STILL_STEP:
+            if max(abs(head.pan - turned[0]), abs(head.tilt - turned[1])) > MAX_STILL_TURN:
                 return True
         base = None if robot.base_part is None else robot.base_part.state().value
-        if base is not None and max(abs(base.velocity.linear), abs(base.velocity.angular)) > STILL_SPEED:
+        if base is not None and max(abs(base.velocity.linear), abs(base.velocity.angular)) > MAX_STILL_SPEED:
             return True
-        arms = [robot.arm_part, *(other.part for other in robot.others.values() if other.kind == "arm")]
+        arms = [robot.arm_part, *(other.part for other in robot.extra_parts.values() if other.kind == "arm")]
         states = [state.value for arm in arms if arm is not None for state in arm.states().values()]
         return any(state is not None and state.moving for state in states)

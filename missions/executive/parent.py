@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 from py_trees.common import Status
 from py_trees.decorators import Decorator
 
-from behaviours.node import Node, Suspension, lost_reason, reset_all
+from behaviours.node import Node, Suspension, reset_all, sensor_timeout_reason
 from drivers.errors import NotConnected
 from missions.language.expressions import ExpressionError, Value
 from missions.language.plan import Step
@@ -33,7 +33,7 @@ class Parent(Node):
 
     @classmethod
     @abstractmethod
-    def of(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
+    def from_step(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
         """Make the node of a step around its children; ``inner`` are the variables of the mission that they are in."""
 
     def on_tick(self) -> Status:
@@ -41,7 +41,7 @@ class Parent(Node):
 
         Ticked again before its halt is through, it finishes that first and starts afresh.
         """
-        self.visited = self.run.tick
+        self.visited_tick = self.run.tick
         afresh = self.unstarted or self.status is not RUNNING
         if self.ending is not None:
             self.suspension = self._ending_for
@@ -76,16 +76,16 @@ class Parent(Node):
 
     def _suspend(self, reason: str) -> Status:
         """Stand still for a sensor that has not reported; fail once that lasts too long."""
-        self.suspension = self.suspended_for(reason)
-        if self.suspension.lost:
-            self.feedback_message = lost_reason(reason, self.run.sensor_timeout)
+        self.suspension = self.suspension_for(reason)
+        if self.suspension.timed_out:
+            self.feedback_message = sensor_timeout_reason(reason, self.run.sensor_timeout)
             return self.end(FAILURE)
         self.feedback_message = f"waiting: {reason}"
         if self.unstarted:
             return RUNNING
         return self.members_stand_still()
 
-    def on_standstill(self) -> Status:
+    def on_time_passed(self) -> Status:
         """Bring to an end what was ending, else let time pass for the members that run."""
         if self.ending is not None:
             self.suspension = self._ending_for
@@ -104,7 +104,7 @@ class Parent(Node):
         """Let time pass for the members that run, and return the status that this node has then."""
         for member in self.members:
             if member.status is RUNNING:
-                status = member.stand_still()
+                status = member.pass_time()
                 if status is not RUNNING and status is not IDLE:
                     return self.member_ended(member, status)
         return RUNNING
@@ -132,7 +132,7 @@ class Parent(Node):
         self._ending_for = None if at_rest else self.suspension
         return status if at_rest else RUNNING
 
-    def blame(self, member: Node) -> Status:
+    def adopt_failure(self, member: Node) -> Status:
         """Return a failure, for the reason that ``member`` gives."""
         self.feedback_message = member.feedback_message
         self.suspension = member.suspension
@@ -147,14 +147,14 @@ class Parent(Node):
         self.publish(IDLE)
         return True
 
-    def forget(self, forgotten: list[Node]) -> None:
+    def clear_results(self, cleared: list[Node]) -> None:
         """Forget the result, and those of the members before it."""
         if self.status is not IDLE:
             for member in self.members:
-                member.forget(forgotten)
-            super().forget(forgotten)
+                member.clear_results(cleared)
+            super().clear_results(cleared)
 
-    def give_up(self) -> None:
+    def abandon_halt(self) -> None:
         """Forget an end that was under way."""
         self.ending = None
 
@@ -163,10 +163,10 @@ class Composite(Parent):
     """What all composites share: they forget their children's results when they start."""
 
     @classmethod
-    def of(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
+    def from_step(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
         del inner
         composite = cls(step.name)
-        adopt(composite, children)
+        set_children(composite, children)
         return composite
 
     def on_start(self) -> str:
@@ -178,7 +178,7 @@ class Composite(Parent):
         """Forget where an earlier run of it was."""
 
 
-def adopt(parent: Composite, children: Sequence[Node]) -> None:
+def set_children(parent: Composite, children: Sequence[Node]) -> None:
     """Give ``parent`` its children, in py_trees' list and in the tuple that the tick walks."""
     for child in children:
         child.parent = parent
@@ -203,12 +203,12 @@ class Modifier(Parent, Decorator):
         self.value = value
 
     @classmethod
-    def of(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
+    def from_step(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
         del inner
         return cls(step.name, children[0], step.arguments["value"])
 
     def on_start(self) -> str:
-        self.since = self.run.now()
+        self.since = self.run.read_value()
         try:
             self.setting = self.value.resolve(self.scope)
         except (ExpressionError, ValueError) as error:
@@ -217,8 +217,8 @@ class Modifier(Parent, Decorator):
         return ""
 
     @property
-    def skipped(self) -> bool:
-        return self.status is SUCCESS and self.child.skipped
+    def is_skipped(self) -> bool:
+        return self.status is SUCCESS and self.child.is_skipped
 
     def begin(self) -> None:
         """Forget an earlier run of it."""

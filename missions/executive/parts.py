@@ -7,7 +7,7 @@ from math import isfinite
 from typing import Any, Literal
 
 from behaviours.robot import Robot
-from drivers.api import Device, Health, JointState, Latching, Reading
+from drivers.api import Device, Health, JointState, Latchable, Reading
 from drivers.api.kinds import KINDS
 from drivers.api.quick import dataclass
 from missions.executive.events import Event, ReflexFired
@@ -15,21 +15,21 @@ from missions.executive.events import Event, ReflexFired
 Level = Literal["OK", "WARN", "ERROR", "STALE"]
 """The levels by which robots tell of themselves: fine; worth a look; not there, or refusing; silent for too long."""
 
-MISSES_TIME = 2.0
+MISSES_WINDOW = 2.0
 """Seconds for which replies that were missed are worth a look."""
 
-PICTURE_TIME = 2.0
+PICTURE_TIMEOUT = 2.0
 """Seconds after which the newest picture that was searched is too old."""
 
-MISSES = "misses"
+MISSES_PREFIX = "misses"
 """How drivers begin the names of counters of replies that never came."""
 
-BATTERY = {"battery_critical": "its battery is critical", "battery_low": "its battery is low"}
+BATTERY_TEXTS = {"battery_critical": "its battery is critical", "battery_low": "its battery is low"}
 """What reflexes tell of a base's battery, the worse first."""
 
 
 @dataclass(frozen=True, slots=True)
-class PartState:
+class PartStatus:
     """How a part is. ``age`` is that of its newest reading in seconds, None where it has none.
 
     ``values`` are the figures of that reading, in SI units (``battery`` in percent, ``hottest`` in degrees Celsius).
@@ -45,110 +45,110 @@ class PartState:
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class Measurement:
     """The newest reading of a part, as far as that matters here.
 
-    ``stamp`` is None where there never was one. ``silent`` says what is missing or too old; it is empty where all is
+    ``stamp`` is None where there never was one. ``problem`` says what is missing or too old; it is empty where all is
     there.
     """
 
     stamp: float | None
     values: Mapping[str, float] = field(default_factory=dict)
-    silent: str = ""
+    problem: str = ""
 
 
-class PartsWatch:
+class PartsMonitor:
     """Looks at the ``devices`` of a ``robot``, by the names of their parts; its battery it knows from the events.
 
     ``looked`` tells the stamp of the newest picture that was searched, None before the first.
     """
 
     def __init__(
-        self, devices: Mapping[str, Device], robot: Robot, looked: Callable[[], float | None] | None = None
+        self, devices: Mapping[str, Device], robot: Robot, last_picture_stamp: Callable[[], float | None] | None = None
     ) -> None:
         self._devices = devices
         self._robot = robot
-        self._looked = looked
+        self._last_picture_stamp = last_picture_stamp
         self._battery: frozenset[str] = frozenset()
         self._misses: deque[tuple[float, Mapping[str, int]]] = deque()  # when, and how many in all, by part
 
-    def take(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """Follow one event of the run."""
-        if isinstance(event, ReflexFired) and event.what in BATTERY:
+        if isinstance(event, ReflexFired) and event.what in BATTERY_TEXTS:
             what = frozenset({event.what})
             self._battery = self._battery | what if event.on else self._battery - what
 
-    def look(self, now: float) -> tuple[PartState, ...]:
+    def check(self, now: float) -> tuple[PartStatus, ...]:
         """Return how each part is at the time ``now`` of the devices' clock.
 
         In simulated time, to be called by the thread in which it passes.
         """
         health = {part: device.health() for part, device in self._devices.items()}
-        self._misses.append((now, {part: _misses(each) for part, each in health.items()}))
-        while now - self._misses[0][0] > MISSES_TIME:
+        self._misses.append((now, {part: _missed_replies(each) for part, each in health.items()}))
+        while now - self._misses[0][0] > MISSES_WINDOW:
             self._misses.popleft()
-        return tuple(self._state(part, each, now) for part, each in health.items())
+        return tuple(self._status(part, each, now) for part, each in health.items())
 
-    def _state(self, part: str, health: Health, now: float) -> PartState:
-        measured = self._measured(part, now)
+    def _status(self, part: str, health: Health, now: float) -> PartStatus:
+        measured = self._measurement(part, now)
         age = None if measured is None or measured.stamp is None else max(0.0, now - measured.stamp)
         figures = {} if measured is None else measured.values
         values = {name: value for name, value in figures.items() if isfinite(value)}
 
-        def state(level: Level, detail: str = "", hint: str = "") -> PartState:
-            return PartState(part, level, age, values, detail.removeprefix(f"{part}: "), hint)
+        def state(level: Level, detail: str = "", hint: str = "") -> PartStatus:
+            return PartStatus(part, level, age, values, detail.removeprefix(f"{part}: "), hint)
 
         if not health.online:
             return state("ERROR", health.detail or "not there", health.hint)
         if refusal := self._refusal(part):
             return state("ERROR", refusal)
-        if measured is not None and measured.silent:
-            return state("STALE", measured.silent, health.hint)
-        if concern := health.detail or self._concern(part):
+        if measured is not None and measured.problem:
+            return state("STALE", measured.problem, health.hint)
+        if concern := health.detail or self._warning(part):
             return state("WARN", concern, health.hint)
         return state("OK")
 
     def _refusal(self, part: str) -> str:
         """Return why a part that is there does nothing any more."""
         device = self._devices[part]
-        if isinstance(device, Latching) and device.latched:
+        if isinstance(device, Latchable) and device.latched:
             return f"stopped until it is enabled: {device.latched}"
         if part != "base":
             return ""
-        return BATTERY["battery_critical"] if "battery_critical" in self._battery else ""
+        return BATTERY_TEXTS["battery_critical"] if "battery_critical" in self._battery else ""
 
-    def _concern(self, part: str) -> str:
+    def _warning(self, part: str) -> str:
         """Return what is worth a look at a part that works."""
         if part == "base" and self._battery:
-            return BATTERY["battery_low"]
+            return BATTERY_TEXTS["battery_low"]
         before, after = self._misses[0][1].get(part, 0), self._misses[-1][1].get(part, 0)
-        return f"{after - before} replies missed within {MISSES_TIME:g} s" if after > before else ""
+        return f"{after - before} replies missed within {MISSES_WINDOW:g} s" if after > before else ""
 
-    def _measured(self, part: str, now: float) -> Measured | None:
+    def _measurement(self, part: str, now: float) -> Measurement | None:
         """Return the newest reading of a part; None for one that measures nothing."""
         robot, kind = self._robot, part
-        if (other := self._robot.others.get(part)) is not None:
-            robot, kind = robot.of({other.kind: part}), other.kind
+        if (other := self._robot.extra_parts.get(part)) is not None:
+            robot, kind = robot.with_named_parts({other.kind: part}), other.kind
         if kind == "camera":
-            stamp = None if self._looked is None else self._looked()
-            late = stamp is not None and now - stamp > PICTURE_TIME
-            return None if stamp is None else Measured(stamp, silent="no new picture" if late else "")
+            stamp = None if self._last_picture_stamp is None else self._last_picture_stamp()
+            late = stamp is not None and now - stamp > PICTURE_TIMEOUT
+            return None if stamp is None else Measurement(stamp, problem="no new picture" if late else "")
         declared = KINDS.get(kind)
-        if declared is None or not declared.reading:
+        if declared is None or not declared.reading_method:
             return None
         device = getattr(robot, f"{declared.field}_part")
-        return None if device is None else _measured(getattr(device, declared.reading)())
+        return None if device is None else _measurement_of(getattr(device, declared.reading_method)())
 
 
-def _measured(found: Reading[Any] | Mapping[str, Reading[JointState]]) -> Measured | None:
+def _measurement_of(found: Reading[Any] | Mapping[str, Reading[JointState]]) -> Measurement | None:
     if isinstance(found, Mapping):
-        return _of_joints(found)
+        return _joints_measurement(found)
     if found.value is None:
-        return Measured(None, silent="nothing measured yet")
-    return Measured(found.stamp, found.value.figures(), "" if found.good else "nothing new")
+        return Measurement(None, problem="nothing measured yet")
+    return Measurement(found.stamp, found.value.figures(), "" if found.good else "nothing new")
 
 
-def _of_joints(readings: Mapping[str, Reading[JointState]]) -> Measured | None:
+def _joints_measurement(readings: Mapping[str, Reading[JointState]]) -> Measurement | None:
     """Return what all joints come to; an arm is as old as its oldest reading."""
     if not readings:
         return None
@@ -157,12 +157,12 @@ def _of_joints(readings: Mapping[str, Reading[JointState]]) -> Measured | None:
     if known:
         values["hottest"] = max(state.temperature for _, state in known)
     silent = ", ".join(name for name, reading in readings.items() if not reading.good)
-    return Measured(min((stamp for stamp, _ in known), default=None), values, f"silent: {silent}" if silent else "")
+    return Measurement(min((stamp for stamp, _ in known), default=None), values, f"silent: {silent}" if silent else "")
 
 
-def _misses(health: Health) -> int:
+def _missed_replies(health: Health) -> int:
     """Return how many replies of a device were missed: its own total, else the sum of what it counts by servo."""
     counters = health.counters
-    if MISSES in counters:
-        return counters[MISSES]
-    return sum(count for name, count in counters.items() if name.startswith(MISSES))
+    if MISSES_PREFIX in counters:
+        return counters[MISSES_PREFIX]
+    return sum(count for name, count in counters.items() if name.startswith(MISSES_PREFIX))

@@ -15,18 +15,18 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 from drivers.api import Base, Device, Head, Joints, Sounds
-from drivers.api.marks import Command, Member, members
+from drivers.api.marks import CommandMark, ProtocolMember, members
 from drivers.errors import DriverError
-from missions.executive.answers import Answers, Memo
+from missions.executive.answers import PartCache, TickCache
 
-Values = Mapping[str, object]
+CommandValues = Mapping[str, object]
 """A command as an event tells it."""
 
-Tell = Callable[[str, str, Values], None]
+CommandReport = Callable[[str, str, CommandValues], None]
 """Told of a command: to which part, from which source, with which values."""
 
 
-def _drive(arguments: tuple[Any, ...], given: Any) -> Values:
+def _drive(arguments: tuple[Any, ...], given: Any) -> CommandValues:
     """Return what is in force, and where not all of it is, what was wanted too."""
     velocity = arguments[0]
     told = {"linear": round(given.linear, 4), "angular": round(given.angular, 4)}
@@ -35,31 +35,31 @@ def _drive(arguments: tuple[Any, ...], given: Any) -> Values:
     return told
 
 
-def _stop(_: tuple[Any, ...], __: Any) -> Values:
+def _stop(_: tuple[Any, ...], __: Any) -> CommandValues:
     return {"linear": 0.0, "angular": 0.0}
 
 
-def _tune(arguments: tuple[Any, ...], _: Any) -> Values:
+def _tune(arguments: tuple[Any, ...], _: Any) -> CommandValues:
     return {"tune": str(arguments[0])}
 
 
-def _look(_: tuple[Any, ...], accepted: Any) -> Values:
+def _look(_: tuple[Any, ...], accepted: Any) -> CommandValues:
     return {"pan": round(accepted.pan, 4), "tilt": round(accepted.tilt, 4)}
 
 
-def _move(_: tuple[Any, ...], accepted: Any) -> Values:
+def _move(_: tuple[Any, ...], accepted: Any) -> CommandValues:
     return {joint: round(goal, 4) for joint, goal in accepted.items()}
 
 
-def _follow(arguments: tuple[Any, ...], _: Any) -> Values:
+def _follow(arguments: tuple[Any, ...], _: Any) -> CommandValues:
     return {"follow": {coupling.follower: coupling.leader for coupling in arguments[0]}}
 
 
-def _recover(_: tuple[Any, ...], recovered: Any) -> Values:
+def _recover(_: tuple[Any, ...], recovered: Any) -> CommandValues:
     return {"recover": list(recovered)}
 
 
-TOLD: Mapping[Callable[..., object], Callable[[tuple[Any, ...], Any], Values]] = MappingProxyType(
+REPORTED_VALUES: Mapping[Callable[..., object], Callable[[tuple[Any, ...], Any], CommandValues]] = MappingProxyType(
     {
         Base.drive: _drive,
         Base.stop: _stop,
@@ -83,7 +83,7 @@ Permit = Callable[[Device], None]
 """Called with a device before that is set moving; raises DeviceFault where that is not to be."""
 
 
-def always(device: Device) -> None:
+def permit_all(device: Device) -> None:
     """Permit everything."""
     del device
 
@@ -97,13 +97,13 @@ class Proxy:
     CAPABILITIES: tuple[str, ...] = ()
     __slots__ = ("_answers", "_device", "_memo", "_permit", "_source", "_tell")
 
-    def __init__(self, device: Any, memo: Memo, permit: Permit = always) -> None:
+    def __init__(self, device: Any, memo: PartCache, permit: Permit = permit_all) -> None:
         self._device, self._memo, self._permit = device, memo, permit
-        self._answers = memo.answers
+        self._answers = memo.tick_cache
         self._source = ""
-        self._tell: Tell | None = None
+        self._tell: CommandReport | None = None
 
-    def for_leaf(self, source: str, tell: Tell) -> Any:
+    def for_leaf(self, source: str, tell: CommandReport) -> Any:
         """Return a proxy of the same device and the same answers, whose commands are told as from ``source``."""
         leafs = object.__new__(type(self))
         for name in (*Proxy.__slots__, *self.__slots__):
@@ -115,25 +115,25 @@ class Proxy:
         return leafs
 
 
-def proxied(part: str, protocol: type, device: T, answers: Answers, permit: Permit = always) -> T:
+def make_proxy(part: str, protocol: type, device: T, cache: TickCache, permit: Permit = permit_all) -> T:
     """Return a ``device`` with this protocol behind its proxy; in ``answers`` it goes by the name of its ``part``.
 
     ``permit`` is asked before it is set moving.
     """
     known = members(protocol).values()
-    questions = {each.name: _question(device, each) for each in known if each.kind in {"reading", "property"}}
+    questions = {each.name: _query_of(device, each) for each in known if each.kind in {"reading", "property"}}
     unasked = getattr(device, "unasked", device)  # of what rests while nobody asks: a sample is for the record only
-    memo = answers.memo(
+    memo = cache.add_part(
         part,
         questions,
-        sampled={each.name: _question(unasked, each) for each in known if each.sampled},
-        fixed=[each.name for each in known if each.fixed],
+        sampled={each.name: _query_of(unasked, each) for each in known if each.is_sampled},
+        fixed=[each.name for each in known if each.is_fixed],
     )
     proxy: T = proxy_class(protocol)(device, memo, permit)
     return proxy
 
 
-def _question(device: object, member: Member) -> Callable[[], object]:
+def _query_of(device: object, member: ProtocolMember) -> Callable[[], object]:
     """Return what asks a device for a reading or a property."""
     if member.kind == "property":
         return partial(getattr, device, member.name)
@@ -141,7 +141,7 @@ def _question(device: object, member: Member) -> Callable[[], object]:
     return reading
 
 
-def for_leaf(part: T, source: str, tell: Tell) -> T:
+def for_leaf(part: T, source: str, tell: CommandReport) -> T:
     """Return a part that is behind a proxy as a leaf sees it: what the leaf commands is told as from ``source``."""
     if not isinstance(part, Proxy):
         raise TypeError(f"{part!r} is behind no proxy: a leaf's robot is made from what `asked` returns")
@@ -152,7 +152,7 @@ def for_leaf(part: T, source: str, tell: Tell) -> T:
 @cache
 def proxy_class(protocol: type) -> type[Any]:
     """Return the class of the proxies for a protocol. What it does is in its source, which tracebacks show."""
-    writer = _Writer(protocol)
+    writer = _ProxySourceWriter(protocol)
     source = "\n".join(writer.lines()) + "\n"
     file = f"<proxy of {protocol.__module__}.{protocol.__qualname__}>"
     linecache.cache[file] = len(source), None, source.splitlines(keepends=True), file
@@ -161,7 +161,7 @@ def proxy_class(protocol: type) -> type[Any]:
     return made
 
 
-class _Writer:
+class _ProxySourceWriter:
     """Writes the source of a proxy class; ``names`` are those that it uses."""
 
     def __init__(self, protocol: type) -> None:
@@ -190,7 +190,7 @@ class _Writer:
             yield f"        self.{name} = partial(memo.__getitem__, {name!r})"
         for name, protocol in optional.items():
             # Its commands belong to the device that has it: they share its memo, and move that device.
-            known = self._known(f"{name}_class", partial(proxy_class, protocol))
+            known = self._bind_name(f"{name}_class", partial(proxy_class, protocol))
             yield f"        found = device.{name}"
             yield f"        self.{name} = None if found is None else {known}()(found, memo, lambda _: permit(device))"
         for member in self._members:
@@ -200,17 +200,17 @@ class _Writer:
                     yield f"    def {member.name}(self):"
                     yield f"        return self._memo[{member.name!r}]"
                 case "question":
-                    yield self._head(member)
+                    yield self._signature(member)
                     yield f"        ask = self._device.{member.name}"
-                    yield f"        return self._memo.ask({member.name!r}, ask, {_names(member)})"
+                    yield f"        return self._memo.ask({member.name!r}, ask, {_parameter_names(member)})"
                 case "direct method":
-                    yield self._head(member)
-                    yield f"        return self._device.{member.name}({_given(member)})"
+                    yield self._signature(member)
+                    yield f"        return self._device.{member.name}({_call_arguments(member)})"
                 case "command" if member.command is not None:
-                    yield self._head(member)
+                    yield self._signature(member)
                     yield from (f"        {line}" for line in self._body(member, member.command))
 
-    def _head(self, member: Member) -> str:
+    def _signature(self, member: ProtocolMember) -> str:
         parameters, star = ["self"], False
         for each in member.parameters:
             if each.kind is Parameter.KEYWORD_ONLY and not star:
@@ -218,16 +218,16 @@ class _Writer:
                 star = True
             default = ""
             if each.default is not Parameter.empty:
-                default = f"={self._known(f'{member.name}_{each.name}_default', each.default)}"
+                default = f"={self._bind_name(f'{member.name}_{each.name}_default', each.default)}"
             parameters.append(each.name + default)
         return f"    def {member.name}({', '.join(parameters)}):"
 
-    def _body(self, member: Member, command: Command) -> Iterator[str]:
-        name, arguments = member.name, f"({_names(member)}{',' if member.parameters else ''})"
+    def _body(self, member: ProtocolMember, command: CommandMark) -> Iterator[str]:
+        name, arguments = member.name, f"({_parameter_names(member)}{',' if member.parameters else ''})"
         yield "tell = self._tell"
-        yield from self._changed(member, command)
-        if command.told == "before":
-            yield from self._tell(member, command, arguments, "None")
+        yield from self._convert_arguments(member, command)
+        if command.report == "before":
+            yield from self._report_lines(member, command, arguments, "None")
         yield "memo, answers = self._memo, self._answers"
         yield "memo.clear()"
         yield "if answers.refused:"
@@ -236,57 +236,59 @@ class _Writer:
         if command.moves is True:
             yield "    self._permit(self._device)"
         elif command.moves:
-            yield f"    if {self._known(f'{name}_moves', command.moves)}({_names(member)}):"
+            yield f"    if {self._bind_name(f'{name}_moves', command.moves)}({_parameter_names(member)}):"
             yield "        self._permit(self._device)"
-        yield f"    result = self._device.{name}({_given(member)})"
+        yield f"    result = self._device.{name}({_call_arguments(member)})"
         yield "except DriverError as error:"
         yield f"    memo.say({name!r}, {arguments}, error)"
         yield "    raise"
         yield "if answers.kept and answers.open:"
         yield f"    answers.said.append((memo.part, {name!r}, {arguments}, result))"
-        if command.told == "after":
-            yield from self._tell(member, command, arguments, "result")
+        if command.report == "after":
+            yield from self._report_lines(member, command, arguments, "result")
         yield "return result"
 
-    def _changed(self, member: Member, command: Command) -> Iterator[str]:
+    def _convert_arguments(self, member: ProtocolMember, command: CommandMark) -> Iterator[str]:
         """Yield how arguments are changed before anything is done with them."""
-        if command.as_leaf:
+        if command.leaf_converters:
             yield "if tell is not None:"
-            for parameter, change in command.as_leaf.items():
-                yield f"    {parameter} = {self._known(f'{member.name}_{parameter}_as_leaf', change)}({parameter})"
+            for parameter, change in command.leaf_converters.items():
+                yield f"    {parameter} = {self._bind_name(f'{member.name}_{parameter}_as_leaf', change)}({parameter})"
         for each in member.parameters:
-            if (keep := command.kept.get(each.name)) is not None:
-                kept = f"{self._known(f'{member.name}_{each.name}_kept', keep)}({each.name})"
+            if (keep := command.converters.get(each.name)) is not None:
+                kept = f"{self._bind_name(f'{member.name}_{each.name}_kept', keep)}({each.name})"
                 absent = f"None if {each.name} is None else " if each.default is None else ""
                 yield f"{each.name} = {absent}{kept}"
 
-    def _tell(self, member: Member, command: Command, arguments: str, result: str) -> Iterator[str]:
-        if member.function in TOLD:
-            values = f"{self._known(f'{member.name}_told', TOLD[member.function])}({arguments}, {result})"
+    def _report_lines(self, member: ProtocolMember, command: CommandMark, arguments: str, result: str) -> Iterator[str]:
+        if member.function in REPORTED_VALUES:
+            values = (
+                f"{self._bind_name(f'{member.name}_told', REPORTED_VALUES[member.function])}({arguments}, {result})"
+            )
         else:
             keys = [member.name, *(each.name for each in member.parameters[1:])]
-            told = [_told(each, command.kept) for each in member.parameters] or ["True"]
+            told = [_reported_argument(each, command.converters) for each in member.parameters] or ["True"]
             values = f"{{{', '.join(f'{key!r}: {value}' for key, value in zip(keys, told, strict=True))}}}"
         yield "if tell is not None:"
         yield f"    tell(self.name, self._source, {values})"
 
-    def _known(self, name: str, value: object) -> str:
+    def _bind_name(self, name: str, value: object) -> str:
         """Let the source use a value; return the name by which it does."""
         self.names[f"_{name}"] = value
         return f"_{name}"
 
 
-def _names(member: Member) -> str:
+def _parameter_names(member: ProtocolMember) -> str:
     return ", ".join(each.name for each in member.parameters)
 
 
-def _given(member: Member) -> str:
+def _call_arguments(member: ProtocolMember) -> str:
     """Return the arguments as the device is given them."""
     named = Parameter.KEYWORD_ONLY
     return ", ".join(f"{each.name}={each.name}" if each.kind is named else each.name for each in member.parameters)
 
 
-def _told(parameter: Parameter, kept: Mapping[str, Callable[[Any], object]]) -> str:
+def _reported_argument(parameter: Parameter, kept: Mapping[str, Callable[[Any], object]]) -> str:
     """Return an argument as it is told where nothing else is said of it: of the types that JSON has; True for None."""
     name, kind = parameter.name, parameter.annotation
     if kept.get(name) is tuple:

@@ -16,7 +16,7 @@ from subprocess import DEVNULL, Popen
 from types import FrameType, TracebackType
 from typing import Self
 
-FAREWELL = {
+STOP_SIGNALS = {
     signal.SIGINT: "Ctrl-C",
     signal.SIGTERM: "SIGTERM",
     signal.SIGHUP: "the terminal was closed",
@@ -27,11 +27,11 @@ FAREWELL = {
 """The signals that end a run safely."""
 
 
-class Signals:
-    """While it is entered, a signal calls ``stop`` with a word for it, and ``heard`` gives that word to any thread.
+class SignalHandler:
+    """While it is entered, a signal calls ``stop`` with a word for it, and ``first_signal`` gives that word to any thread.
 
     Python's handlers run on the main thread, between two of its instructions: not while that is stuck in C. The number
-    of a signal is written into a socket at once, wherever the main thread is; that is what ``heard`` looks at, and
+    of a signal is written into a socket at once, wherever the main thread is; that is what ``first_signal`` looks at, and
     never takes out, since another process does so too (``lifeline``). Off the main thread, signals are not ours to
     take, and nothing is ever heard. Not ``with_socket``, a signal is heard once its handler has run.
     """
@@ -39,7 +39,7 @@ class Signals:
     def __init__(self, stop: Callable[[str], None], *, with_socket: bool = True) -> None:
         self._stop = stop
         self.with_socket = with_socket
-        self._entered = False
+        self._is_entered = False
         self._word: str | None = None
         self._reader: socket.socket | None = None
         self._writer: socket.socket
@@ -56,9 +56,9 @@ class Signals:
                 self._undo.callback(end.close)
             before = signal.set_wakeup_fd(self._writer.fileno(), warn_on_full_buffer=False)
             self._undo.callback(signal.set_wakeup_fd, before)
-        for number in FAREWELL:
+        for number in STOP_SIGNALS:
             self._undo.callback(signal.signal, number, signal.signal(number, self._request))
-        self._entered = True
+        self._is_entered = True
         return self
 
     def __exit__(
@@ -66,15 +66,15 @@ class Signals:
     ) -> None:
         with self._lock:
             self._reader = None
-        self._entered = False
+        self._is_entered = False
         self._undo.close()
 
     @property
-    def number(self) -> int | None:
+    def socket_descriptor(self) -> int | None:
         """The file descriptor of the socket; None off the main thread, and while it is not entered."""
         return None if self._reader is None else self._reader.fileno()
 
-    def heard(self) -> str | None:
+    def first_signal(self) -> str | None:
         """Return the word for the first signal that came, None while there was none. From any thread."""
         with self._lock:
             if self._word is None and self._reader is not None:
@@ -82,15 +82,15 @@ class Signals:
                     numbers = self._reader.recv(4096, socket.MSG_PEEK)
                 except BlockingIOError:
                     numbers = b""
-                self._word = next((FAREWELL[signal.Signals(n)] for n in numbers if n in FAREWELL), None)
+                self._word = next((STOP_SIGNALS[signal.Signals(n)] for n in numbers if n in STOP_SIGNALS), None)
             return self._word
 
-    def retake(self) -> list[str]:
+    def reinstall(self) -> list[str]:
         """Take back the signals that a behaviour has taken or ignores; return their names. On the main thread."""
-        if not self._entered:
+        if not self._is_entered:
             return []
         # signal.getsignal asks the same, and then tries to make an Enum's member of each: 40 times as long.
-        taken = [number for number in FAREWELL if _signal.getsignal(number) != self._request]
+        taken = [number for number in STOP_SIGNALS if _signal.getsignal(number) != self._request]
         for number in taken:
             signal.signal(number, self._request)
         if taken and self.with_socket:
@@ -99,59 +99,59 @@ class Signals:
 
     def _request(self, number: int, frame: FrameType | None) -> None:
         del frame
-        word = FAREWELL[signal.Signals(number)]
+        word = STOP_SIGNALS[signal.Signals(number)]
         if not self.with_socket:
             self._word = self._word or word
         self._stop(word)
 
 
-SILENCE = 5.0
+HEARTBEAT_TIMEOUT = 5.0
 """Seconds without a heartbeat, after a signal that ends a run, until its process is killed (exit code 137).
 
 By then everything that moves is at rest by itself: the base after 0.5 s without a command, servos at their goals.
 """
 
-WORKER = Path(__file__).with_name("lifeline_worker.py")
+WORKER_FILE = Path(__file__).with_name("lifeline_worker.py")
 
 
 class Lifeline:
     """While it is entered, a process of its own kills this one that got one of ``signals`` and does not ``beat``."""
 
-    def __init__(self, signals: Signals, silence: float = SILENCE) -> None:
+    def __init__(self, signals: SignalHandler, timeout: float = HEARTBEAT_TIMEOUT) -> None:
         self._signals = signals
-        self._silence = silence
-        self._heart: int | None = None
+        self._timeout = timeout
+        self._heartbeat_pipe: int | None = None
         self._worker: Popen[bytes] | None = None
 
     def beat(self) -> None:
         """Show that Python runs; from any thread."""
         with suppress(OSError):
-            if self._heart is not None:
-                os.write(self._heart, b".")
+            if self._heartbeat_pipe is not None:
+                os.write(self._heartbeat_pipe, b".")
 
     def __enter__(self) -> Self:
-        signals = self._signals.number
+        signals = self._signals.socket_descriptor
         if signals is None:
             return self
         end, heart = os.pipe()
         for number in (end, heart):
             os.set_blocking(number, False)
-        words = (os.getpid(), signals, end, self._silence, ",".join(str(int(number)) for number in FAREWELL))
+        words = (os.getpid(), signals, end, self._timeout, ",".join(str(int(number)) for number in STOP_SIGNALS))
         try:
             self._worker = Popen(  # noqa: S603 - ours
-                (sys.executable, "-I", "-S", str(WORKER), *map(str, words)),
+                (sys.executable, "-I", "-S", str(WORKER_FILE), *map(str, words)),
                 stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL,
                 pass_fds=(signals, end), start_new_session=True,
             )  # fmt: skip
         finally:
             os.close(end)
-        self._heart = heart
+        self._heartbeat_pipe = heart
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        heart, self._heart = self._heart, None
+        heart, self._heartbeat_pipe = self._heartbeat_pipe, None
         if heart is not None:
             os.close(heart)
         if self._worker is not None:

@@ -12,28 +12,28 @@ from behaviours.robot import Robot
 from drivers.api import Base, BaseState, HeadPose, RangeScan, Reading
 from drivers.clock import Clock
 from drivers.errors import SensorSilent
-from missions.executive.guard import Guard
+from missions.executive.guard import BaseGuard
 from missions.language.expressions import Value
 from missions.language.robot_state import state_value
 from perception.api import Face
 
 T = TypeVar("T")
 
-FRESH = 0.5
+MAX_FACE_AGE = 0.5
 """Seconds after which a face is not "seen" any more."""
 
-AHEAD = radians(60)
+AHEAD_SECTOR = radians(60)
 """Radians about straight ahead in which a range finder looks for what is ahead."""
 
 
-Reader = Callable[[], object]
+ValueReader = Callable[[], object]
 """Calculates a value."""
 
 
-class PartState:
+class PartValues:
     """What expressions read of one part: its values are its attributes, each calculated when it is read."""
 
-    def __init__(self, values: Mapping[str, Reader]) -> None:
+    def __init__(self, values: Mapping[str, ValueReader]) -> None:
         self._values = values
 
     def __getattr__(self, name: str) -> object:
@@ -71,20 +71,22 @@ FACE: Mapping[str, Callable[[Sequence[Face]], object]] = {
 HEAD: Mapping[str, Callable[[HeadPose], object]] = {"pan": lambda pose: pose.pan, "tilt": lambda pose: pose.tilt}
 RANGE: Mapping[str, Callable[[RangeScan], object]] = {
     "nearest": lambda scan: min(scan.nearest(), scan.most),
-    "ahead": lambda scan: min(scan.nearest(0.0, AHEAD), scan.most),
+    "ahead": lambda scan: min(scan.nearest(0.0, AHEAD_SECTOR), scan.most),
 }
 
 
-def _read_by(sample: Callable[[], T | None], ways: Mapping[str, Callable[[T], object]]) -> dict[str, Reader]:
+def _make_readers(
+    sample: Callable[[], T | None], getters: Mapping[str, Callable[[T], object]]
+) -> dict[str, ValueReader]:
     """Return readers of the values of a sample; each is None where there is no such part."""
 
-    def reader(way: Callable[[T], object]) -> Reader:
+    def reader(way: Callable[[T], object]) -> ValueReader:
         return lambda: None if (found := sample()) is None else way(found)
 
-    return {name: reader(way) for name, way in ways.items()}
+    return {name: reader(way) for name, way in getters.items()}
 
 
-def fresh(reading: Reading[T], part: str) -> T:
+def require_fresh(reading: Reading[T], part: str) -> T:
     """Return what was measured lately. Raises SensorSilent where nothing was."""
     if reading.value is None or not reading.good:
         raise SensorSilent(f"the {part} does not report")
@@ -96,26 +98,26 @@ def _fresh_faces(robot: Robot, clock: Clock) -> list[Face]:
     sight = robot.sight_part
     if sight is None:
         return []
-    faces, looked, oldest = sight.faces(), sight.looked(), clock.now() - FRESH
+    faces, looked, oldest = sight.faces(), sight.looked(), clock.read_value() - MAX_FACE_AGE
     if looked is None or looked < oldest:
         raise SensorSilent("the camera does not report")
     return [face for face in faces if face.stamp >= oldest]
 
 
-def state_of(robot: Robot, clock: Clock, guard: Guard | None = None) -> dict[str, PartState]:
+def state_of(robot: Robot, clock: Clock, guard: BaseGuard | None = None) -> dict[str, PartValues]:
     """Return what expressions read of ``robot``, as ``missions.language.robot_state`` declares it.
 
     Whether its battery is low is for the ``guard`` to say.
     """
 
     def report() -> BaseState | None:
-        return None if robot.base_part is None else fresh(robot.base_part.state(), "base")
+        return None if robot.base_part is None else require_fresh(robot.base_part.state(), "base")
 
     def pose() -> HeadPose | None:
-        return None if robot.head_part is None else fresh(robot.head_part.pose(), "head")
+        return None if robot.head_part is None else require_fresh(robot.head_part.pose(), "head")
 
     def scan() -> RangeScan | None:
-        return None if robot.ranger_part is None else fresh(robot.ranger_part.scan(), "range finder")
+        return None if robot.ranger_part is None else require_fresh(robot.ranger_part.scan(), "range finder")
 
     def steered() -> Base | None:
         return robot.base_part
@@ -130,20 +132,20 @@ def state_of(robot: Robot, clock: Clock, guard: Guard | None = None) -> dict[str
         "driver": lambda base: str(base.steering().source or ""),
     }
     return {
-        "face": PartState(_read_by(lambda: _fresh_faces(robot, clock), FACE)),
-        "base": PartState(_read_by(report, BASE) | _read_by(steered, commanded)),
-        "battery": PartState(_read_by(report, BATTERY) | _read_by(report, levels)),
-        "head": PartState(_read_by(pose, HEAD)),
-        "range": PartState(_read_by(scan, RANGE)),
+        "face": PartValues(_make_readers(lambda: _fresh_faces(robot, clock), FACE)),
+        "base": PartValues(_make_readers(report, BASE) | _make_readers(steered, commanded)),
+        "battery": PartValues(_make_readers(report, BATTERY) | _make_readers(report, levels)),
+        "head": PartValues(_make_readers(pose, HEAD)),
+        "range": PartValues(_make_readers(scan, RANGE)),
     }
 
 
-def unmeasured(condition: Value, scope: Mapping[str, object]) -> str:
+def unmeasured_reason(condition: Value, scope: Mapping[str, object]) -> str:
     """Say what in a condition nothing measures, or nothing. Raises SensorSilent while the base does not report."""
     reads = () if condition.template is None else condition.template.reads
     values = ((read.dotted, state_value(read.name, read.member)) for read in reads)
-    place = next((name for name, value in values if value is not None and value.reckoned), "")
+    place = next((name for name, value in values if value is not None and value.is_dead_reckoned), "")
     base = scope.get("base")
-    if place and isinstance(base, PartState) and base.reckoned:
+    if place and isinstance(base, PartValues) and base.reckoned:
         return f"{place} is dead reckoning: this base measures nothing that a condition may rest on"
     return ""

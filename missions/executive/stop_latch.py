@@ -6,13 +6,13 @@ from contextlib import suppress
 from threading import Thread
 
 from behaviours.run import log
-from drivers.api import Base, Device, Latching
+from drivers.api import Base, Device, Latchable
 from drivers.errors import DeviceFault
 
-REPLY_TIME = 0.2
+REPLY_TIMEOUT = 0.2
 """Seconds for which a stop waits to hear that the actuators were told: a leaf that hangs may hold a driver's lock."""
 
-MOST_PRESSES = 64
+MAX_KEPT_PRESSES = 64
 """Presses of one latch that are remembered: each counts as one stop, by however many ways it comes."""
 
 
@@ -27,19 +27,19 @@ class StopLatch:
     def __init__(
         self,
         devices: Mapping[str, Device],
-        stilled: Sequence[str],
+        parts: Sequence[str],
         base: Base | None,
         safe_stop: Callable[[frozenset[str]], None],
         hold: Callable[[bool], None],
-        before: Callable[[], None],
+        permit_first: Callable[[], None],
     ) -> None:
-        self._devices, self._parts, self._base, self._safe_stop = devices, stilled, base, safe_stop
-        self.hold, self._before = hold, before
+        self._devices, self._parts, self._base, self._safe_stop = devices, parts, base, safe_stop
+        self.hold, self._permit_first = hold, permit_first
         self.reason = ""
         """Who has stopped it; empty while nobody has."""
-        self.number = 0
+        self.stop_count = 0
         """How many stops there were."""
-        self._presses: deque[str] = deque(maxlen=MOST_PRESSES)  # of those that are latched
+        self._presses: deque[str] = deque(maxlen=MAX_KEPT_PRESSES)  # of those that are latched
 
     @property
     def parts(self) -> list[str]:
@@ -47,13 +47,13 @@ class StopLatch:
         return [*self._parts]
 
     def stop(self, by: str, press: str = "") -> list[str]:
-        """Stop for ``by``; return the parts that were told within ``REPLY_TIME``. The others are told when they can be.
+        """Stop for ``by``; return the parts that were told within ``REPLY_TIMEOUT``. The others are told when they can be.
 
         Again while it is stopped, all are told once more, and it counts as another stop, unless it is a
         ``press`` that has come another way.
         """
         if press not in self._presses:
-            self.number += 1
+            self.stop_count += 1
             self.reason = f"stopped by {by}"
             self._presses.extend([press] * bool(press))
         left, told = deque(self._parts), list[str]()
@@ -62,15 +62,15 @@ class StopLatch:
         # left: mostly the first one does it all, and the last part waits for no thread to be started on a busy machine.
         threads: list[Thread] = []
         while left and len(threads) < len(self._parts):
-            threads.append(Thread(target=self._still_all, args=(left, told), name="stop", daemon=True))
+            threads.append(Thread(target=self._stop_remaining, args=(left, told), name="stop", daemon=True))
             threads[-1].start()
         for thread in threads:
-            thread.join(REPLY_TIME / len(threads))
+            thread.join(REPLY_TIMEOUT / len(threads))
         return [part for part in self._parts if part in told]
 
     def release(self, number: int) -> bool:
         """Release the stop of this number, if that is the last one; the mission stays paused. Say whether it was."""
-        if not self.reason or number != self.number:
+        if not self.reason or number != self.stop_count:
             return False
         if self._base is not None:
             self._base.enable()
@@ -83,28 +83,28 @@ class StopLatch:
     def enable(self) -> None:
         """Enable what stands still because it was away, but for the base."""
         for part, device in self._devices.items():
-            if part != "base" and isinstance(device, Latching):
+            if part != "base" and isinstance(device, Latchable):
                 device.enable()
 
     def permit(self) -> None:
         """Raise DeviceFault where a behaviour is not to set an actuator moving now."""
-        self._before()
+        self._permit_first()
         if self.reason:
             raise DeviceFault(self.reason, hint="mission stop --release")
 
-    def _still_all(self, left: deque[str], told: list[str]) -> None:
+    def _stop_remaining(self, remaining: deque[str], stopped: list[str]) -> None:
         """Make still what no other thread has taken yet."""
         with suppress(IndexError):
             while True:
-                part = left.popleft()
+                part = remaining.popleft()
                 try:
-                    self._still(part, told)
+                    self._stop_part(part, stopped)
                 except Exception:  # the next part must stand still all the same
                     log.exception("%s could not be made to hold still", part)
 
-    def _still(self, part: str, told: list[str]) -> None:
+    def _stop_part(self, part: str, stopped: list[str]) -> None:
         if part == "base" and self._base is not None:
             self._base.latch(self.reason)
         else:
             self._safe_stop(frozenset({part}))
-        told.append(part)
+        stopped.append(part)

@@ -37,12 +37,12 @@ class Submission(Parent, Decorator):
         self.returns = returns
         self.inner = inner
         self.keep_as = keep_as
-        self._lasting = dict(inner)
+        self._initial_variables = dict(inner)
 
     @classmethod
-    def of(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
+    def from_step(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
         params, returns = step.arguments, step.returns
-        return cls(step.name, children[0], params=params, returns=returns, inner=inner, keep_as=step.keep_as)
+        return cls(step.name, children[0], params=params, returns=returns, inner=inner, keep_as=step.output_variable)
 
     def on_start(self) -> str:
         (child,) = self.members
@@ -52,8 +52,8 @@ class Submission(Parent, Decorator):
         except (ExpressionError, ValueError) as error:
             return f"with: {error}"
         self.inner.clear()
-        self.inner.update(self._lasting, **given)
-        self.run.stored = True
+        self.inner.update(self._initial_variables, **given)
+        self.run.variables_changed = True
         return ""
 
     def on_running(self) -> Status:
@@ -66,15 +66,15 @@ class Submission(Parent, Decorator):
         if status is RUNNING:
             self.suspension = member.suspension
             return RUNNING
-        problem = self._hand_back(waits=status is SUCCESS)
+        problem = self._store_results(waits=status is SUCCESS)
         if status is FAILURE:
-            return self.blame(member)
+            return self.adopt_failure(member)
         if problem:
             self.feedback_message = f"returns: {problem}"
             return FAILURE
         return SUCCESS
 
-    def _hand_back(self, *, waits: bool) -> str:
+    def _store_results(self, *, waits: bool) -> str:
         """Keep the results that can be computed; return why another cannot, or nothing."""
         results, problem = {}, ""
         for name, value in self.returns.items():
@@ -85,5 +85,5 @@ class Submission(Parent, Decorator):
                     raise
                 problem = problem or str(error)
         self.scope.update(results if self.keep_as is None else {self.keep_as: results})
-        self.run.stored = True
+        self.run.variables_changed = True
         return problem

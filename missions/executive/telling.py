@@ -6,81 +6,83 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from math import isfinite
 
-from behaviours.run import Run, log
+from behaviours.run import RunState, log
 from drivers.api import DeviceStatus, Source, Steering
 from missions.executive.events import CommandSent, FaultRaised, Logged, PerceptSeen
-from missions.executive.stream import Stream
+from missions.executive.stream import EventStream
 from perception.api import Face, Marker, Percept, Thing, View
 
-OVERRIDES = frozenset({Source.SAFETY, Source.TELEOP})
+OVERRIDE_SOURCES = frozenset({Source.SAFETY, Source.TELEOP})
 """Who commands the base before a mission does, and is named as the source of such a command."""
 
 
-class Teller:
+class EventReporter:
     """Hands on to the ``stream`` of a ``run`` what its robot tells, and wakes the run where that is worth a tick."""
 
-    def __init__(self, run: Run, stream: Stream) -> None:
+    def __init__(self, run: RunState, stream: EventStream) -> None:
         self._run = run
         self._stream = stream
-        self._steered_by: Source | None = None
+        self._last_source: Source | None = None
         self._commands: dict[str, tuple[str, Mapping[str, object]]] = {}  # the last of each part
 
-    def noticed(self, notice: DeviceStatus) -> None:
+    def on_notice(self, notice: DeviceStatus) -> None:
         """Tell what a device says of itself."""
-        self._stream.emit(FaultRaised(self._run.clock.now(), notice.device, notice.kind, notice.what, notice.hint))
+        self._stream.emit(
+            FaultRaised(self._run.clock.read_value(), notice.device, notice.kind, notice.message, notice.hint)
+        )
         self._run.wake()
 
-    def logged(self, record: logging.LogRecord) -> None:
+    def on_log(self, record: logging.LogRecord) -> None:
         """Tell a line of the log."""
         text = record.getMessage()
         if record.exc_info is not None:
             text += "\n" + "".join(traceback.format_exception(record.exc_info[1])).rstrip()
-        self._stream.emit(Logged(self._run.clock.now(), record.levelname.lower(), text))
+        self._stream.emit(Logged(self._run.clock.read_value(), record.levelname.lower(), text))
 
-    def said(self, text: str) -> None:
+    def on_speech(self, text: str) -> None:
         """Tell what the robot says aloud."""
-        self._stream.emit(Logged(self._run.clock.now(), "voice", text))
+        self._stream.emit(Logged(self._run.clock.read_value(), "voice", text))
 
-    def answered(self, who: str, text: str) -> None:
+    def on_person_speech(self, who: str, text: str) -> None:
         """Tell what somebody in a simulated world says."""
-        self._stream.emit(Logged(self._run.clock.now(), "person", f"{who}: {text}"))
+        self._stream.emit(Logged(self._run.clock.read_value(), "person", f"{who}: {text}"))
 
-    def seen(self, view: View) -> None:
+    def on_view(self, view: View) -> None:
         """Tell what was found in a picture."""
-        self._stream.emit(percept_of(view, self._run.clock.now()))
+        self._stream.emit(percept_event(view, self._run.clock.read_value()))
         self._run.wake()
 
-    def commanded(self, to: str, source: str, values: Mapping[str, object]) -> None:
+    def on_command(self, to: str, source: str, values: Mapping[str, object]) -> None:
         """Tell what a part was commanded, unless that is what the same source commanded last; words, every time."""
         if to != "voice" and self._commands.get(to) == (source, values):
             return
         self._commands[to] = source, values
-        self._stream.emit(CommandSent(self._run.clock.now(), self._run.tick, to, source, values))
+        self._stream.emit(CommandSent(self._run.clock.read_value(), self._run.tick, to, source, values))
 
-    def steered(self, steering: Steering) -> None:
+    def on_steering(self, steering: Steering) -> None:
         """Tell what somebody else than a mission commands the base; a mission's behaviours tell that themselves.
 
         Who commanded it before, and does not any more, has stopped it. One that is stopped until somebody enables it,
         whoever wanted that, is so for safety.
         """
-        before, self._steered_by = self._steered_by, steering.source
-        source = steering.source or (Source.SAFETY if steering.because else before)
-        if source not in OVERRIDES:
+        before, self._last_source = self._last_source, steering.source
+        source = steering.source or (Source.SAFETY if steering.reason else before)
+        if source not in OVERRIDE_SOURCES:
             return
-        values: dict[str, object] = {"linear": round(steering.given.linear, 4)}
-        values["angular"] = round(steering.given.angular, 4)
-        if steering.given != steering.wanted:
-            values["wanted_linear"] = round(steering.wanted.linear, 4)
-            values["wanted_angular"] = round(steering.wanted.angular, 4)
-        if steering.because:
-            values["because"] = steering.because
-        self.commanded("base", str(source), values)
+        values: dict[str, object] = {"linear": round(steering.allowed.linear, 4)}
+        values["angular"] = round(steering.allowed.angular, 4)
+        if steering.allowed != steering.requested:
+            values["wanted_linear"] = round(steering.requested.linear, 4)
+            values["wanted_angular"] = round(steering.requested.angular, 4)
+        if steering.reason:
+            values["because"] = steering.reason
+        self.on_command("base", str(source), values)
 
 
 @contextmanager
-def logging_to(hear: Callable[[logging.LogRecord], None]) -> Iterator[None]:
+def capture_log(on_record: Callable[[logging.LogRecord], None]) -> Iterator[None]:
     """Hear what is logged, from the level of information up: ``log`` in missions, and what goes wrong inside."""
-    handler, before = _Handler(hear), (log.level, log.propagate)
+    handler, before = _LogHandler(on_record), (log.level, log.propagate)
     log.addHandler(handler)
     log.setLevel(logging.INFO)
     log.propagate = False
@@ -91,28 +93,28 @@ def logging_to(hear: Callable[[logging.LogRecord], None]) -> Iterator[None]:
         log.level, log.propagate = before
 
 
-class _Handler(logging.Handler):
+class _LogHandler(logging.Handler):
     """Hands log records on."""
 
-    def __init__(self, hear: Callable[[logging.LogRecord], None]) -> None:
+    def __init__(self, on_record: Callable[[logging.LogRecord], None]) -> None:
         super().__init__()
-        self._hear = hear
+        self._on_record = on_record
 
     def emit(self, record: logging.LogRecord) -> None:
         """Hand on one record."""
-        self._hear(record)
+        self._on_record(record)
 
 
-def percept_of(view: View, t: float) -> PerceptSeen:
+def percept_event(view: View, t: float) -> PerceptSeen:
     """Return the event that tells at ``t`` seconds what was found in a picture."""
     faces, things, markers = (
-        tuple(_told(percept) for percept in kind) for kind in (view.faces, view.things, view.markers)
+        tuple(_percept_dict(percept) for percept in kind) for kind in (view.faces, view.things, view.markers)
     )
     stamp = 0.0 if view.looked is None else view.looked
     return PerceptSeen(t, stamp, faces, things or None, markers or None)
 
 
-def _told(percept: Percept) -> Mapping[str, object]:
+def _percept_dict(percept: Percept) -> Mapping[str, object]:
     """Return a percept as events tell it: the angles in radians, the box in pixels."""
     box = percept.box
     told = {

@@ -10,7 +10,7 @@ Question = tuple[str, str, tuple[object, ...]]
 Answer = tuple[str, str, tuple[object, ...], object]
 """A question or command with what came of it: its value, or the :class:`~drivers.errors.DriverError` that it raised."""
 
-Kind = Literal["tick", "look", "halt"]
+TickKind = Literal["tick", "look", "halt"]
 """A tick of the tree; a look at the robot while paused; the halting of the tree, which stops the robot."""
 
 
@@ -21,7 +21,7 @@ class TickRecord:
     Records keep it as ``missiontree.Moment``.
     """
 
-    kind: Kind
+    kind: TickKind
     tick: int
     """How many ticks had been made, this one included."""
     t: float

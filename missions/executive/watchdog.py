@@ -8,25 +8,25 @@ from types import TracebackType
 from typing import Final, Self
 
 from behaviours.leaf import Leaf
-from behaviours.run import Run, log
+from behaviours.run import RunState, log
 from drivers.api.quick import dataclass
 from drivers.clock import SystemClock
 from drivers.errors import DeviceFault
 from missions.executive.events import FaultRaised
-from missions.executive.stream import Stream
+from missions.executive.stream import EventStream
 
-GLANCE = 0.05
+CHECK_INTERVAL = 0.05
 """Seconds between two looks at the loop."""
 
-AGAIN = 0.2
+STOP_REPEAT_DELAY = 0.2
 """Seconds after which actuators are told to keep still once more: a command may have been under way."""
 
-ABSENCE = 1.0
+SUSPEND_THRESHOLD = 1.0
 """A watchdog that has not looked for so long was asleep itself, as was the loop: the process was stopped, say."""
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class WatchdogLimits:
     """How long things may take, in seconds.
 
     A leaf that holds a tick for ``slow`` is reported. When the loop has shown no life for ``stall`` the robot is kept
@@ -61,47 +61,47 @@ TRANSITIONS: Final = {
 """Any other pair leads to STALLED, in which no leaf may set an actuator moving."""
 
 
-Still = Mapping[str, Callable[[], None]]
+StopActions = Mapping[str, Callable[[], None]]
 """How each actuator, by the name of its part, is told to keep still."""
 
-Abandon = Callable[[str, str], None]
+AbandonRun = Callable[[str, str], None]
 """Ends the process, since the loop cannot: with a result ("failure" or "interrupted") and a reason."""
 
 
 class Watchdog:
-    """Looks at a run every ``GLANCE`` from a thread of its own; nothing it does waits for the loop, nor for a device.
+    """Looks at a run every ``CHECK_INTERVAL`` from a thread of its own; nothing it does waits for the loop, nor for a device.
 
-    ``armed`` says that the loop ought to be running; a paused loop shows life like any other. ``heard`` returns the
+    ``is_armed`` says that the loop ought to be running; a paused loop shows life like any other. ``heard`` returns the
     word for a signal that came, ``abandon`` ends what cannot be saved. A leaf that hangs within a call of a driver may
     hold that driver's lock, so each actuator is told to keep still from a thread of its own.
     """
 
     def __init__(
         self,
-        run: Run,
-        stream: Stream,
+        run: RunState,
+        stream: EventStream,
         *,
-        still: Still,
-        heard: Callable[[], str | None],
-        abandon: Abandon,
-        limits: Limits | None = None,
+        stop_actions: StopActions,
+        first_signal: Callable[[], str | None],
+        abandon: AbandonRun,
+        limits: WatchdogLimits | None = None,
     ) -> None:
-        self.armed = False
-        self.limits = limits or Limits()
+        self.is_armed = False
+        self.limits = limits or WatchdogLimits()
         self._run = run
         self._stream = stream
-        self._still = still
-        self._heard = heard
+        self._stop_actions = stop_actions
+        self._first_signal = first_signal
         self._abandon = abandon
         self._thread: Thread | None = None
         self._process: int | None = None
         self._done = Event()
-        self._hands: dict[str, Thread] = {}
-        self._looked = self._awake_since = run.wall.now()
-        self._asked: float | None = None  # when the first signal was heard
+        self._stop_threads: dict[str, Thread] = {}
+        self._checked_at = self._awake_since = run.wall.read_value()
+        self._signalled_at: float | None = None  # when the first signal was heard
         self._watched: tuple[Leaf | None, int] = (None, 0)
         self._watched_since = 0.0
-        self._reported = False
+        self._is_reported = False
         self._loop = LoopState.ALIVE
         self._stalled: tuple[Leaf | None, int] = (None, 0)  # the leaf that held the loop up, and the tick
         self._stalled_at = 0.0
@@ -116,7 +116,7 @@ class Watchdog:
 
     def stop(self) -> None:
         """Look no more. Safe more than once, and from any state."""
-        self.armed = False
+        self.is_armed = False
         self._done.set()
         if self._thread is not None:
             self._thread.join()
@@ -139,83 +139,87 @@ class Watchdog:
         """
         if self._process not in (None, os.getpid()):
             raise DeviceFault("kept still: a forked process cannot drive the robot")
-        if self._loop is not LoopState.ALIVE and self._stalled == (self._run.working, self._run.tick):
+        if self._loop is not LoopState.ALIVE and self._stalled == (self._run.active_leaf, self._run.tick):
             raise DeviceFault(f"kept still: {self._culprit(self._stalled[0])} holds the tick")
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Look once, and do what is due."""
-        now = self._run.wall.now()
-        if now - self._looked > ABSENCE:
+        now = self._run.wall.read_value()
+        if now - self._checked_at > SUSPEND_THRESHOLD:
             self._awake_since = now
-        self._looked = now
-        silence = now - max(self._run.alive_at, self._awake_since)
-        if self.armed:
-            self._look_at_leaf(now)
-            self._look_at_loop(now, silence)
-        word = self._heard()
+        self._checked_at = now
+        silence = now - max(self._run.heartbeat_at, self._awake_since)
+        if self.is_armed:
+            self._check_leaf(now)
+            self._check_loop(now, silence)
+        word = self._first_signal()
         if word is not None:
-            self._asked = now if self._asked is None else self._asked
-            if min(now - self._asked, silence) > self.limits.react:
+            self._signalled_at = now if self._signalled_at is None else self._signalled_at
+            if min(now - self._signalled_at, silence) > self.limits.react:
                 self._give_up("interrupted", word)
 
     def _watch(self) -> None:
-        while not self._done.wait(GLANCE):
+        while not self._done.wait(CHECK_INTERVAL):
             try:
-                self.look()
+                self.check()
             except Exception:  # the last one to give up
                 log.exception("the watchdog stumbled")
 
-    def _look_at_leaf(self, now: float) -> None:
+    def _check_leaf(self, now: float) -> None:
         """Report a leaf that has had the word, within one tick, for too long."""
-        leaf, tick = watched = self._run.working, self._run.tick
+        leaf, tick = watched = self._run.active_leaf, self._run.tick
         if leaf is None or watched != self._watched:
-            self._watched, self._watched_since, self._reported = watched, now, False
+            self._watched, self._watched_since, self._is_reported = watched, now, False
             return
         held = now - self._watched_since
-        if held > self.limits.slow and not self._reported:
-            self._reported = True
-            self._fault(
-                f"{leaf.place} has held a tick for {held:.2f} s", "a tick must not wait: return running instead"
+        if held > self.limits.slow and not self._is_reported:
+            self._is_reported = True
+            self._emit_fault(
+                f"{leaf.label} has held a tick for {held:.2f} s", "a tick must not wait: return running instead"
             )
         if held > self.limits.fail:
-            self._run.overheld = leaf, tick, self._watched_since
+            self._run.overrun = leaf, tick, self._watched_since
 
-    def _look_at_loop(self, now: float, silence: float) -> None:
+    def _check_loop(self, now: float, silence: float) -> None:
         """Keep the robot still while the loop shows no life."""
         if silence <= self.limits.stall:
             self._handle(LoopEvent.LIFE)
             return
-        leaf = self._run.working
+        leaf = self._run.active_leaf
         if self._loop is LoopState.ALIVE:
             self._stalled, self._stalled_at = (leaf, self._run.tick), now
             self._handle(LoopEvent.STALL)
-            self._fault(f"{self._culprit(leaf)} has held up the robot for {silence:.2f} s: it is kept still")
-            self._keep_still()
-        elif self._loop is LoopState.STALLED and now - self._stalled_at > AGAIN:
+            self._emit_fault(f"{self._culprit(leaf)} has held up the robot for {silence:.2f} s: it is kept still")
+            self._stop_actuators()
+        elif self._loop is LoopState.STALLED and now - self._stalled_at > STOP_REPEAT_DELAY:
             self._handle(LoopEvent.REPEAT)
-            self._keep_still()
+            self._stop_actuators()
         if silence > self.limits.lost:
             self._give_up("failure", f"{self._culprit(leaf)}: held the tick for over {self.limits.lost:g} s")
 
     def _handle(self, event: LoopEvent) -> None:
         self._loop = TRANSITIONS.get((self._loop, event), LoopState.STALLED)
 
-    def _keep_still(self) -> None:
-        free = [part for part in self._still if part not in self._hands or not self._hands[part].is_alive()]
-        self._hands.update(attempt_all({part: self._still[part] for part in free}))
+    def _stop_actuators(self) -> None:
+        free = [
+            part
+            for part in self._stop_actions
+            if part not in self._stop_threads or not self._stop_threads[part].is_alive()
+        ]
+        self._stop_threads.update(attempt_all({part: self._stop_actions[part] for part in free}))
 
     def _give_up(self, result: str, reason: str) -> None:
         self._done.set()
-        self.armed = False
-        self._keep_still()
+        self.is_armed = False
+        self._stop_actuators()
         self._abandon(result, reason)
 
-    def _fault(self, detail: str, hint: str = "") -> None:
-        self._stream.emit(FaultRaised(self._run.clock.now(), "executive", "fault", detail, hint))
+    def _emit_fault(self, detail: str, hint: str = "") -> None:
+        self._stream.emit(FaultRaised(self._run.clock.read_value(), "executive", "fault", detail, hint))
 
     @staticmethod
     def _culprit(leaf: Leaf | None) -> str:
-        return "the executive" if leaf is None else leaf.place
+        return "the executive" if leaf is None else leaf.label
 
 
 def attempt_all(steps: Mapping[str, Callable[[], object]], seconds: float = 0.0) -> dict[str, Thread]:
@@ -225,7 +229,7 @@ def attempt_all(steps: Mapping[str, Callable[[], object]], seconds: float = 0.0)
         thread.start()
     clock = SystemClock()
     for thread in threads.values() if seconds else ():
-        thread.join(max(0.0, seconds - clock.now()))
+        thread.join(max(0.0, seconds - clock.read_value()))
     return threads
 
 

@@ -10,29 +10,29 @@ from pathlib import Path
 from py_trees.common import Status
 
 from behaviours.leaf import Argument, Leaf
-from config.faults import key_meant
+from config.faults import suggest_key
 from config.marked import Listing, Mapping, Node, Scalar
-from config.units import EXAMPLES, UNITS, Quantity, quantity, seen, written
-from drivers.api.kinds import SEVERAL
+from config.units import EXAMPLES, UNITS, Quantity, parse_quantity, quantity_text, quoted_value
+from drivers.api.kinds import REPEATABLE_KINDS
 from missions.language.expressions import (
-    UNREAD,
+    INVALID_VALUE,
     Convert,
     Expression,
     ExpressionError,
     Template,
     Value,
-    calculates,
+    as_whole_number,
+    format_value,
     in_si,
+    is_calculation,
     parse,
-    shown,
-    whole,
 )
-from missions.language.modifiers import outdent
+from missions.language.modifiers import outdent_hint
 from missions.language.nodes import MISSION
-from missions.language.notes import Notes, hole_meant
-from missions.language.operators import described
-from missions.language.phrases import KIND as PHRASES
-from missions.language.phrases import read_phrases, second_phrase
+from missions.language.notes import CheckContext, hole_hint
+from missions.language.operators import describe_value
+from missions.language.phrases import PHRASES_KIND as PHRASES
+from missions.language.phrases import read_phrases, second_phrase_hint
 from perception.api import Face
 
 # Texts of arguments that mean something else: what finds the thing, the file or the mission that one names.
@@ -40,37 +40,39 @@ from perception.api import Face
 # Faces are named by variables alone, which ``as`` has kept; and a calculation without its ``${...}`` is told of.
 
 
-def check_text(notes: Notes, name: Scalar, node: Node) -> None:
+def check_text(context: CheckContext, name: Scalar, node: Node) -> None:
     """Note a text that calculates with a variable, where ``name`` is set to it. A quoted one is meant."""
-    if not isinstance(node, Scalar) or node.quoted or not isinstance(node.value, str) or quantity(node.text):
+    if not isinstance(node, Scalar) or node.quoted or not isinstance(node.value, str) or parse_quantity(node.text):
         return
     try:
         formula = parse(node.text)
     except ExpressionError:
         return
-    if calculates(formula) and any(read.name in notes.params or read.name in notes.stored for read in formula.reads):
-        message = f"'{name.text}' is set to the text {seen(node.text)}, which is not calculated"
+    if is_calculation(formula) and any(
+        read.name in context.params or read.name in context.variables for read in formula.reads
+    ):
+        message = f"'{name.text}' is set to the text {quoted_value(node.text)}, which is not calculated"
         hint = f'write {name.text}: "${{{node.text}}}", or quotes around it for the text'
-        notes.fault(node.mark, message, hint)
+        context.fault(node.mark, message, hint)
 
 
-KIND = "face"
+FACE_KIND = "face"
 """The kind of these arguments."""
 
 
-def read_face(notes: Notes, node: Scalar, what: str) -> Value:
+def read_face(context: CheckContext, node: Scalar, label: str) -> Value:
     """Read such an argument: ``${person}``, or nothing."""
     if node.value is None:
         return Value()
     if "${" not in node.text:
-        hint = f'write "${{{node.text}}}"' if node.text in notes.stored else _how(notes)
-        notes.fault(node.mark, f"{what} needs a face kept by 'as', got the text {seen(node.text)}", hint)
-        return UNREAD
-    found = notes.value(node, what, as_face)
-    kept = notes.kept.get(_variable(found.template))
-    if kept is not None and kept.keeps is not None and not _is_face(kept):
-        notes.fault(node.mark, f"{what} needs a face kept by 'as', got what '{kept.word}' keeps", _how(notes))
-        return UNREAD
+        hint = f'write "${{{node.text}}}"' if node.text in context.variables else _face_hint(context)
+        context.fault(node.mark, f"{label} needs a face kept by 'as', got the text {quoted_value(node.text)}", hint)
+        return INVALID_VALUE
+    found = context.read_value(node, label, as_face)
+    kept = context.variable_leaves.get(_variable(found.template))
+    if kept is not None and kept.output_type is not None and not _is_face(kept):
+        context.fault(node.mark, f"{label} needs a face kept by 'as', got what '{kept.tag}' keeps", _face_hint(context))
+        return INVALID_VALUE
     return found
 
 
@@ -78,7 +80,7 @@ def as_face(value: object) -> Face | None:
     """Return a face, or None. Raises ValueError for anything else."""
     if value is None or isinstance(value, Face):
         return value
-    raise ValueError(f"needs a face kept by 'as', got {described(value)}")
+    raise ValueError(f"needs a face kept by 'as', got {describe_value(value)}")
 
 
 def _variable(formula: Template | Expression | None) -> str:
@@ -90,69 +92,69 @@ def _variable(formula: Template | Expression | None) -> str:
 
 
 def _is_face(leaf: type[Leaf]) -> bool:
-    return isinstance(leaf.keeps, type) and issubclass(leaf.keeps, Face)
+    return isinstance(leaf.output_type, type) and issubclass(leaf.output_type, Face)
 
 
-def _how(notes: Notes) -> str:
+def _face_hint(context: CheckContext) -> str:
     """Say what to write: a variable that holds a face, where there is one."""
-    faces = [name for name, leaf in notes.kept.items() if _is_face(leaf)]
+    faces = [name for name, leaf in context.variable_leaves.items() if _is_face(leaf)]
     return f'write "${{{faces[0]}}}"' if faces else 'keep one with as: person, beside find_face, and write "${person}"'
 
 
-def finder(notes: Notes, kind: str) -> Convert | None:
+def thing_converter(context: CheckContext, kind: str) -> Convert | None:
     """Return what finds the things of a kind by their names, and raises LookupError; None for what is no thing."""
-    folder = Path(notes.source.name).parent
+    folder = Path(context.source.name).parent
     if kind == "file":
-        return partial(_file, notes.things.get(kind, Path), folder)
+        return partial(_file, context.things.get(kind, Path), folder)
     if kind == MISSION:
-        return lambda value: notes.words.find_mission(shown(value), folder)
-    return partial(_find, notes.things[kind]) if kind in notes.things else None
+        return lambda value: context.vocabulary.find_mission(format_value(value), folder)
+    return partial(_find, context.things[kind]) if kind in context.things else None
 
 
 def _find(lookup: Callable[[str], object], value: object) -> object:
-    return lookup(shown(value))
+    return lookup(format_value(value))
 
 
 def _file(lookup: Callable[[str], object], folder: Path, value: object) -> object:
     """Return the file at a path that goes from the mission's folder."""
-    return lookup(str(folder / shown(value)))
+    return lookup(str(folder / format_value(value)))
 
 
-NAMES = ("text", "joint", "joints", "choice", "file", *SEVERAL)
+TEXT_KINDS = ("text", "joint", "joints", "choice", "file", *REPEATABLE_KINDS)
 """Kinds whose values are texts, whatever they look like."""
 
-SWITCHED = {"on": True, "off": False}
+SWITCH_WORDS = {"on": True, "off": False}
 """What people write for true and false where something is switched."""
 
 OUTCOMES = {"running": Status.RUNNING, "success": Status.SUCCESS, "failure": Status.FAILURE}
 
 
-def read_arguments(notes: Notes, leaf: type[Leaf], key: Scalar, node: Node | None) -> dict[str, Value]:
+def read_arguments(context: CheckContext, leaf: type[Leaf], key: Scalar, node: Node | None) -> dict[str, Value]:
     """Read what stands behind a leaf's word: nothing, its principal argument, or a mapping of named ones."""
     if leaf.open_ended:
-        return _read_open(notes, leaf, key, node)
+        return _read_open(context, leaf, key, node)
     declared = leaf.arguments
     values: dict[str, Value] = {}
     if isinstance(node, Mapping):
         for name, given in node.entries:
             if name.text in declared:
-                values[name.text] = read_argument(notes, declared[name.text], given, f"'{leaf.word}': '{name.text}'")
+                values[name.text] = read_argument(context, declared[name.text], given, f"'{leaf.tag}': '{name.text}'")
             else:
-                hint = second_phrase(leaf, node, name) or outdent(name.text, leaf.word)
-                bare = name.text in notes.params and isinstance(given, Scalar) and given.value is None
-                hint = hole_meant(f"{{{name.text}}}") if bare else hint or key_meant(name.text, declared)
-                notes.fault(name.mark, f"'{leaf.word}' has no argument '{name.text}'", hint, sure=True)
-                values[name.text] = UNREAD
+                hint = second_phrase_hint(leaf, node, name) or outdent_hint(name.text, leaf.tag)
+                bare = name.text in context.params and isinstance(given, Scalar) and given.value is None
+                hint = hole_hint(f"{{{name.text}}}") if bare else hint or suggest_key(name.text, declared)
+                context.fault(name.mark, f"'{leaf.tag}' has no argument '{name.text}'", hint, certain=True)
+                values[name.text] = INVALID_VALUE
     elif node is not None and not (isinstance(node, Scalar) and node.value is None):
         principal = next((argument for argument in declared.values() if argument.principal), None)
         if principal is not None:
-            values[principal.name] = read_argument(notes, principal, node, f"'{leaf.word}'")
+            values[principal.name] = read_argument(context, principal, node, f"'{leaf.tag}'")
         else:
-            _no_principal(notes, leaf, node)
-    return values | _defaults(notes, leaf, key, values)
+            _report_no_principal(context, leaf, node)
+    return values | _defaults(context, leaf, key, values)
 
 
-def _defaults(notes: Notes, leaf: type[Leaf], key: Scalar, given: dict[str, Value]) -> dict[str, Value]:
+def _defaults(context: CheckContext, leaf: type[Leaf], key: Scalar, given: dict[str, Value]) -> dict[str, Value]:
     """Note what must be given and is not; look up the defaults that are names of things."""
     values = {}
     for argument in leaf.arguments.values():
@@ -160,126 +162,128 @@ def _defaults(notes: Notes, leaf: type[Leaf], key: Scalar, given: dict[str, Valu
             continue
         if argument.required:
             choices = f", one of {', '.join(argument.choices)}" if argument.choices else ""
-            notes.fault(key.mark, f"'{leaf.word}' needs '{argument.name}': {argument.help}{choices}")
-            values[argument.name] = UNREAD
-        elif argument.kind in notes.things and argument.default is not None:
-            values[argument.name] = notes.constant(key, argument.default, f"'{leaf.word}'", converter(notes, argument))
+            context.fault(key.mark, f"'{leaf.tag}' needs '{argument.name}': {argument.help}{choices}")
+            values[argument.name] = INVALID_VALUE
+        elif argument.kind in context.things and argument.default is not None:
+            values[argument.name] = context.convert_constant(
+                key, argument.default, f"'{leaf.tag}'", converter(context, argument)
+            )
     return values
 
 
-def _no_principal(notes: Notes, leaf: type[Leaf], node: Node) -> None:
+def _report_no_principal(context: CheckContext, leaf: type[Leaf], node: Node) -> None:
     if leaf.arguments:
-        hint = f"write {leaf.word}: {{{next(iter(leaf.arguments))}: ...}}; it has {', '.join(leaf.arguments)}"
-        notes.fault(node.mark, f"'{leaf.word}' needs its arguments by name", hint)
+        hint = f"write {leaf.tag}: {{{next(iter(leaf.arguments))}: ...}}; it has {', '.join(leaf.arguments)}"
+        context.fault(node.mark, f"'{leaf.tag}' needs its arguments by name", hint)
     else:
-        notes.fault(node.mark, f"'{leaf.word}' takes no argument")
+        context.fault(node.mark, f"'{leaf.tag}' takes no argument")
 
 
-def _read_open(notes: Notes, leaf: type[Leaf], key: Scalar, node: Node | None) -> dict[str, Value]:
+def _read_open(context: CheckContext, leaf: type[Leaf], key: Scalar, node: Node | None) -> dict[str, Value]:
     """Read a leaf whose argument names are the mission's own, such as ``set``."""
     if not isinstance(node, Mapping) or not node.entries:
-        notes.fault(key.mark, f"'{leaf.word}' needs names and values", f"write {leaf.word}: {{count: 1}}")
+        context.fault(key.mark, f"'{leaf.tag}' needs names and values", f"write {leaf.tag}: {{count: 1}}")
         return {}
     for name, given in node.entries:
-        notes.new_name(name, "a variable")
-        check_text(notes, name, given)
+        context.check_new_name(name, "a variable")
+        check_text(context, name, given)
     anything = Argument("", "value", "")
-    return {name.text: read_argument(notes, anything, given, f"'{name.text}'") for name, given in node.entries}
+    return {name.text: read_argument(context, anything, given, f"'{name.text}'") for name, given in node.entries}
 
 
-def read_argument(notes: Notes, argument: Argument, node: Node, what: str) -> Value:
+def read_argument(context: CheckContext, argument: Argument, node: Node, label: str) -> Value:
     """Read one argument from its node."""
     if argument.span:
-        return _read_span(notes, argument, node, what)
+        return _read_span(context, argument, node, label)
     if argument.by_joint:
-        return _read_by_joint(notes, argument, node, what)
+        return _read_by_joint(context, argument, node, label)
     if argument.kind == PHRASES:
-        return read_phrases(notes, node, what)
-    if argument.kind == KIND and isinstance(node, Scalar):
-        return read_face(notes, node, what)
-    convert = converter(notes, argument)
+        return read_phrases(context, node, label)
+    if argument.kind == FACE_KIND and isinstance(node, Scalar):
+        return read_face(context, node, label)
+    convert = converter(context, argument)
     if isinstance(node, Scalar):
-        return notes.value(_as_meant(notes, argument, node), what, convert, argument.kind)
+        return context.read_value(_as_argument_value(context, argument, node), label, convert, argument.kind)
     if argument.kind == "outcomes" and isinstance(node, Listing):
-        return notes.constant(node, [_scalar(item) for item in node.items], what, convert)
+        return context.convert_constant(node, [_scalar(item) for item in node.items], label, convert)
     if argument.kind == "joints" and isinstance(node, Listing):
         names = [item.text if isinstance(item, Scalar) else _scalar(item) for item in node.items]
-        return notes.constant(node, names, what, convert)
+        return context.convert_constant(node, names, label, convert)
     if argument.kind == "value":
-        return notes.constant(node, _plain(notes, node), what, convert)
-    notes.fault(node.mark, f"{what} needs one value, not {_form(node)}")
-    return UNREAD
+        return context.convert_constant(node, _plain_data(context, node), label, convert)
+    context.fault(node.mark, f"{label} needs one value, not {_form_name(node)}")
+    return INVALID_VALUE
 
 
-def _as_meant(notes: Notes, argument: Argument, node: Scalar) -> Scalar:
+def _as_argument_value(context: CheckContext, argument: Argument, node: Scalar) -> Scalar:
     """Return ``node`` with the value that it has for this argument: a text is a text even where it looks like 007."""
     if node.value is None:
         return node
-    if argument.kind in (*NAMES, *UNITS) or argument.kind in notes.things:
+    if argument.kind in (*TEXT_KINDS, *UNITS) or argument.kind in context.things:
         return replace(node, value=node.text)
     return replace(node, value=default_value(node)) if argument.kind == "value" else node
 
 
 def default_value(node: Scalar) -> str | float | bool | None:
     """Return what a scalar means where anything may stand: what looks like a quantity is one, unless it is quoted."""
-    found = None if node.quoted else quantity(node.text)
+    found = None if node.quoted else parse_quantity(node.text)
     return node.value if found is None else found
 
 
-def _read_span(notes: Notes, argument: Argument, node: Node, what: str) -> Value:
-    example = f"two values, such as [{written(0, argument.kind)}, {EXAMPLES[argument.kind]}]"
+def _read_span(context: CheckContext, argument: Argument, node: Node, label: str) -> Value:
+    example = f"two values, such as [{quantity_text(0, argument.kind)}, {EXAMPLES[argument.kind]}]"
     if not isinstance(node, Listing) or len(node.items) != 2:
-        notes.fault(node.mark, f"{what} needs {example}")
-        return UNREAD
-    ends = [read_argument(notes, replace(argument, span=False), item, what) for item in node.items]
-    if UNREAD in ends:
-        return UNREAD
+        context.fault(node.mark, f"{label} needs {example}")
+        return INVALID_VALUE
+    ends = [read_argument(context, replace(argument, span=False), item, label) for item in node.items]
+    if INVALID_VALUE in ends:
+        return INVALID_VALUE
     low, high = ends[0].constant, ends[1].constant
     if isinstance(low, float) and isinstance(high, float):
         if low >= high:
-            notes.fault(node.mark, f"{what}: the first value must be below the second")
-            return UNREAD
+            context.fault(node.mark, f"{label}: the first value must be below the second")
+            return INVALID_VALUE
         return Value((low, high))
-    if not all(end.template is None or notes.awaits(end.template) for end in ends):
-        notes.fault(node.mark, f"{what}: the two values must be known before the mission starts: numbers or params")
-    return UNREAD
+    if not all(end.template is None or context.awaits_params(end.template) for end in ends):
+        context.fault(node.mark, f"{label}: the two values must be known before the mission starts: numbers or params")
+    return INVALID_VALUE
 
 
-def _read_by_joint(notes: Notes, argument: Argument, node: Node, what: str) -> Value:
+def _read_by_joint(context: CheckContext, argument: Argument, node: Node, label: str) -> Value:
     """Read a mapping from joints to values, each of which may be a param; or one variable that holds all of it."""
     one = replace(argument, by_joint=False)
     if isinstance(node, Scalar) and "${" in node.text:
-        return notes.value(node, what, partial(_by_joint, converter(notes, one)))
+        return context.read_value(node, label, partial(_by_joint, converter(context, one)))
     if not isinstance(node, Mapping) or not node.entries:
-        example = written(0.5, argument.kind) if argument.kind in UNITS else "0.5"
-        notes.fault(node.mark, f"{what} needs joints, each with its value, such as {{elbow: {example}}}")
-        return UNREAD
-    values = {joint.text: read_argument(notes, one, each, f"{what}: '{joint.text}'") for joint, each in node.entries}
-    if UNREAD in values.values():
-        return UNREAD
-    if not all(value.template is None or notes.awaits(value.template) for value in values.values()):
-        notes.fault(node.mark, f"{what}: the values must be known before the mission starts: numbers or params")
+        example = quantity_text(0.5, argument.kind) if argument.kind in UNITS else "0.5"
+        context.fault(node.mark, f"{label} needs joints, each with its value, such as {{elbow: {example}}}")
+        return INVALID_VALUE
+    values = {joint.text: read_argument(context, one, each, f"{label}: '{joint.text}'") for joint, each in node.entries}
+    if INVALID_VALUE in values.values():
+        return INVALID_VALUE
+    if not all(value.template is None or context.awaits_params(value.template) for value in values.values()):
+        context.fault(node.mark, f"{label}: the values must be known before the mission starts: numbers or params")
     return Value({joint: value.constant for joint, value in values.items()})
 
 
 def _by_joint(convert: Convert, value: object) -> dict[str, object]:
     if not isinstance(value, dict):
-        raise ValueError(f"needs joints, each with its value, got {seen(value)}")
+        raise ValueError(f"needs joints, each with its value, got {quoted_value(value)}")
     return {joint: convert(each) for joint, each in value.items()}
 
 
-def converter(notes: Notes, argument: Argument) -> Convert:
+def converter(context: CheckContext, argument: Argument) -> Convert:
     """Return what turns a mission's value into this argument's."""
     kind = argument.kind
     if kind in UNITS:
         return partial(_measure, argument)
-    return finder(notes, kind) or partial(_PLAIN.get(kind, _name), argument)
+    return thing_converter(context, kind) or partial(_CONVERTERS.get(kind, _nonempty_name), argument)
 
 
 def _measure(argument: Argument, value: object) -> float:
     si = in_si(value, argument.kind)
     if not argument.low <= si <= argument.high:
-        raise ValueError(_bounds(argument, lambda bound: written(bound, argument.kind)))
+        raise ValueError(_bounds(argument, lambda bound: quantity_text(bound, argument.kind)))
     return si
 
 
@@ -287,42 +291,42 @@ def _text(argument: Argument, value: object) -> str:
     del argument
     if value is None:
         raise ValueError("needs a text, got nothing")
-    return shown(value)
+    return format_value(value)
 
 
 def _number(argument: Argument, value: object) -> float:
     if isinstance(value, bool | Quantity) or not isinstance(value, int | float):
-        raise ValueError(f"needs a number, got {seen(value)}")
+        raise ValueError(f"needs a number, got {quoted_value(value)}")
     if not argument.low <= value <= argument.high:
         raise ValueError(_bounds(argument, lambda bound: f"{bound:g}"))
     return float(value)
 
 
 def _count(argument: Argument, value: object) -> int:
-    number = whole(value)
+    number = as_whole_number(value)
     if number is None:
-        raise ValueError(f"needs a whole number, got {seen(value)}")
+        raise ValueError(f"needs a whole number, got {quoted_value(value)}")
     _number(argument, number)
     return number
 
 
 def _flag(argument: Argument, value: object) -> bool:
     del argument
-    if isinstance(value, str) and value in SWITCHED:
-        return SWITCHED[value]
+    if isinstance(value, str) and value in SWITCH_WORDS:
+        return SWITCH_WORDS[value]
     if not isinstance(value, bool):
-        raise ValueError(f"needs true or false, got {seen(value)}")
+        raise ValueError(f"needs true or false, got {quoted_value(value)}")
     return value
 
 
 def _choice(argument: Argument, value: object) -> str:
     word = _text(argument, value)
     if word not in argument.choices:
-        raise ValueError(f"needs one of {', '.join(argument.choices)}, got {seen(value)}")
+        raise ValueError(f"needs one of {', '.join(argument.choices)}, got {quoted_value(value)}")
     return word
 
 
-def _name(argument: Argument, value: object) -> str:
+def _nonempty_name(argument: Argument, value: object) -> str:
     name = _text(argument, value).strip()
     if not name:
         raise ValueError(f"needs the name of a {argument.kind.removesuffix('s')}")
@@ -333,10 +337,10 @@ def _joints(argument: Argument, value: object) -> tuple[str, ...]:
     names = value if isinstance(value, list) else [value]
     if not names or any(isinstance(name, list | dict) for name in names):
         raise ValueError("needs a joint, a group of them, or a list of names")
-    return tuple(_name(argument, name) for name in names)
+    return tuple(_nonempty_name(argument, name) for name in names)
 
 
-def _anything(argument: Argument, value: object) -> object:
+def _any_value(argument: Argument, value: object) -> object:
     del argument
     return value
 
@@ -346,27 +350,27 @@ def _outcomes(argument: Argument, value: object) -> tuple[Status, ...]:
     found = []
     for word in value if isinstance(value, list) else [value]:
         if not isinstance(word, str) or word not in OUTCOMES:
-            raise ValueError(f"takes a list of running, success and failure, got {seen(word)}")
+            raise ValueError(f"takes a list of running, success and failure, got {quoted_value(word)}")
         found.append(OUTCOMES[word])
     if not found:
         raise ValueError("needs at least one of running, success and failure")
     return tuple(found)
 
 
-_PLAIN: dict[str, Callable[[Argument, object], object]] = {
+_CONVERTERS: dict[str, Callable[[Argument, object], object]] = {
     "text": _text,
     "number": _number,
     "count": _count,
     "flag": _flag,
     "choice": _choice,
-    "joint": _name,
+    "joint": _nonempty_name,
     "joints": _joints,
-    "person": _name,
-    "place": _name,
-    **dict.fromkeys(SEVERAL, _name),
-    "value": _anything,
+    "person": _nonempty_name,
+    "place": _nonempty_name,
+    **dict.fromkeys(REPEATABLE_KINDS, _nonempty_name),
+    "value": _any_value,
     "outcomes": _outcomes,
-    KIND: lambda _, value: as_face(value),
+    FACE_KIND: lambda _, value: as_face(value),
 }
 
 
@@ -382,16 +386,16 @@ def _scalar(node: Node) -> object:
     return node.value if isinstance(node, Scalar) else [] if isinstance(node, Listing) else {}
 
 
-def _form(node: Node) -> str:
+def _form_name(node: Node) -> str:
     return "a list" if isinstance(node, Listing) else "a mapping"
 
 
-def _plain(notes: Notes, node: Node) -> object:
+def _plain_data(context: CheckContext, node: Node) -> object:
     """Return a node as plain lists, dicts and values."""
     if isinstance(node, Listing):
-        return [_plain(notes, item) for item in node.items]
+        return [_plain_data(context, item) for item in node.items]
     if isinstance(node, Mapping):
-        return {key.text: _plain(notes, value) for key, value in node.entries}
+        return {key.text: _plain_data(context, value) for key, value in node.entries}
     if "${" in node.text:
-        notes.fault(node.mark, "'${...}' cannot stand inside a list or a mapping", "set a variable of its own to it")
+        context.fault(node.mark, "'${...}' cannot stand inside a list or a mapping", "set a variable of its own to it")
     return default_value(node)

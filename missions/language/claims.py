@@ -8,44 +8,44 @@ from typing import NamedTuple
 
 from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import Leaf
-from config.defaults import own_files
-from config.faults import Diagnostic, did_you_mean, one_of
-from config.library import shipped
-from config.units import article
+from config.defaults import user_files
+from config.faults import Diagnostic, did_you_mean, suggest_from
+from config.library import shipped_files
+from config.units import with_article
 from drivers.api.kinds import CAPABILITIES, KINDS
-from missions.language.counts import decision
+from missions.language.counts import decide_parallel
 from missions.language.expressions import Value
 from missions.language.nodes import AT_ONCE, COMPOSITES, FAILURE, MODIFIERS
-from missions.language.notes import Lookup, Notes
+from missions.language.notes import CheckContext, Lookup
 from missions.language.plan import Step
 
 
-def none_of(texts: Sequence[str]) -> tuple[()]:
+def no_words(texts: Sequence[str]) -> tuple[()]:
     """Return nothing: ears that know every word, and confuse none."""
     del texts
     return ()
 
 
-class Target(NamedTuple):
+class TargetRobot(NamedTuple):
     """The robot that a mission is for: its name, its parts, and how far the joints of its arms reach, as far as known.
 
-    ``reaches`` are by the name of the arm; ``others`` are the kinds of further parts, by their own names.
+    ``reaches`` are by the name of the arm; ``further_parts`` are the kinds of further parts, by their own names.
     ``unpronounceable`` returns those of some words that its ears cannot listen for, ``confusable`` the pairs of some
-    phrases that they easily take for each other. ``necks`` are the joints of the arm of which heads are made, each with
+    phrases that they easily take for each other. ``head_joints`` are the joints of the arm of which heads are made, each with
     the name of its head. ``capabilities`` are the optional ones that its parts have.
     """
 
     name: str
     parts: frozenset[str]
     reaches: Mapping[str, JointRanges] = MappingProxyType({})
-    others: Mapping[str, str] = MappingProxyType({})
-    unpronounceable: Callable[[Sequence[str]], Sequence[str]] = none_of
-    confusable: Callable[[Sequence[str]], Sequence[tuple[str, str]]] = none_of
-    necks: Mapping[str, str] = MappingProxyType({})
+    further_parts: Mapping[str, str] = MappingProxyType({})
+    unpronounceable: Callable[[Sequence[str]], Sequence[str]] = no_words
+    confusable: Callable[[Sequence[str]], Sequence[tuple[str, str]]] = no_words
+    head_joints: Mapping[str, str] = MappingProxyType({})
     capabilities: frozenset[str] = frozenset(CAPABILITIES)
 
 
-def check_claims(notes: Notes, tree: Step) -> None:
+def check_claims(context: CheckContext, tree: Step) -> None:
     """Note every actuator that two children of a parallel or race can drive at the same time."""
     for step in tree.walk():
         if step.kind not in AT_ONCE:
@@ -56,7 +56,7 @@ def check_claims(notes: Notes, tree: Step) -> None:
                 claimants[part].append(_claimant(child, part))
         for part, (first, *others) in claimants.items():
             for other in others:
-                notes.fault_at(
+                context.fault_at(
                     other,
                     f"'{other.kind}' and '{first.kind}' (line {first.mark.line}) can both drive the {part} "
                     "at the same time",
@@ -69,64 +69,72 @@ def _claimant(step: Step, part: str) -> Step:
     return next(leaf for leaf in step.walk() if leaf.leaf is not None and part in leaf.leaf.drives)
 
 
-def check_needs(notes: Notes, tree: Step, robot: Target) -> None:
+def check_needs(context: CheckContext, tree: Step, robot: TargetRobot) -> None:
     """Note every leaf that needs a part which the robot does not have, or names one of another kind.
 
     What an alternative of a selector drives may be missing where the next one can do without: see ``check_reach``.
     """
-    excused = set(map(id, _begun_with_others_left(tree)))
+    excused = set(map(id, _first_leaves_of_alternatives(tree)))
     for step in tree.walk():
         named = {**step.parts_beside, **{name: kind for kind, name in step.named_parts.items()}}
-        spared = _driven(step) if id(step) in excused else frozenset()
+        spared = _claimed_parts(step) if id(step) in excused else frozenset()
         for part in () if id(step) in excused else _missing_capabilities(step, robot):
-            notes.fault_at(step, f"'{step.kind}' needs {part}: robot '{robot.name}' has no {part}")
-        for part in sorted((step.own_needs - robot.parts).difference(named, CAPABILITIES) - spared):
+            context.fault_at(step, f"'{step.kind}' needs {part}: robot '{robot.name}' has no {part}")
+        for part in sorted((step.direct_needs - robot.parts).difference(named, CAPABILITIES) - spared):
             has = ", ".join(sorted(robot.parts)) or "nothing"
-            notes.fault_at(step, f"'{step.kind}' needs {article(part)}; robot '{robot.name}' has none (it has {has})")
-        for part in sorted(_driven(step) - robot.parts - robot.others.keys() - KINDS.keys() - named.keys()):
-            notes.fault_at(step, f"'{step.kind}' drives '{part}', which is no part of a robot", one_of(part, KINDS))
+            context.fault_at(
+                step, f"'{step.kind}' needs {with_article(part)}; robot '{robot.name}' has none (it has {has})"
+            )
+        for part in sorted(
+            _claimed_parts(step) - robot.parts - robot.further_parts.keys() - KINDS.keys() - named.keys()
+        ):
+            context.fault_at(
+                step, f"'{step.kind}' drives '{part}', which is no part of a robot", suggest_from(part, KINDS)
+            )
         for name, kind in named.items():
-            known = [*({kind} & robot.parts), *(other for other, its in robot.others.items() if its == kind)]
+            known = [*({kind} & robot.parts), *(other for other, its in robot.further_parts.items() if its == kind)]
             if name not in known:
                 has = f"its {kind}s are {', '.join(sorted(known))}" if known else f"it has no {kind}"
-                told = f"'{step.kind}' needs {article(name)}; robot '{robot.name}' has none ({has})"
-                notes.fault_at(step, told, did_you_mean(name, known))
+                told = f"'{step.kind}' needs {with_article(name)}; robot '{robot.name}' has none ({has})"
+                context.fault_at(step, told, did_you_mean(name, known))
 
 
-def _missing_capabilities(step: Step, robot: Target) -> list[str]:
+def _missing_capabilities(step: Step, robot: TargetRobot) -> list[str]:
     """Return the capabilities that a leaf needs and the part that should have them lacks."""
-    needed = step.own_needs & CAPABILITIES.keys() - robot.capabilities
+    needed = step.direct_needs & CAPABILITIES.keys() - robot.capabilities
     return sorted(name for name in needed if CAPABILITIES[name] in robot.parts)
 
 
-def _driven(step: Step) -> frozenset[str]:
+def _claimed_parts(step: Step) -> frozenset[str]:
     return frozenset() if step.leaf is None else step.leaf.drives
 
 
-def check_reach(notes: Notes, tree: Step, robot: Target) -> None:
+def check_reach(context: CheckContext, tree: Step, robot: TargetRobot) -> None:
     """Note what each leaf asks of the robot's joints that they cannot do, as far as its arguments are known now.
 
-    A selector has something else to do where its alternative fails at once: that is a hint, of ``impossible``.
+    A selector has something else to do where its alternative fails at once: that is a hint, of ``impossible_alternatives``.
     """
-    excused = set(map(id, _begun_with_others_left(tree)))
+    excused = set(map(id, _first_leaves_of_alternatives(tree)))
     for step in tree.walk():
-        if id(step) not in excused and (misfits := _misfits(step, robot.reaches)):
-            notes.fault_at(step, _cannot(step, robot, misfits), _possible_gestures(step, robot, notes.things))
+        if id(step) not in excused and (misfits := _joint_violations(step, robot.reaches)):
+            context.fault_at(
+                step, _impossible_message(step, robot, misfits), _possible_gestures(step, robot, context.things)
+            )
 
 
-def impossible(tree: Step, robot: Target, things: Mapping[str, Lookup]) -> list[Diagnostic]:
+def impossible_alternatives(tree: Step, robot: TargetRobot, things: Mapping[str, Lookup]) -> list[Diagnostic]:
     """Return a hint for each alternative of a selector that fails on this robot, which lacks the part or the joints."""
     hints = []
-    for step in _begun_with_others_left(tree):
-        missing = _missing(step, robot)
-        if why := missing or _misfits(step, robot.reaches):
+    for step in _first_leaves_of_alternatives(tree):
+        missing = _missing_parts(step, robot)
+        if why := missing or _joint_violations(step, robot.reaches):
             able = "" if missing else _possible_gestures(step, robot, things)
             told = "the next alternative of the selector is tried then" + (f"; {able}" if able else "")
-            hints.append(Diagnostic(step.source, step.mark, _cannot(step, robot, why), told))
+            hints.append(Diagnostic(step.source, step.mark, _impossible_message(step, robot, why), told))
     return list(dict.fromkeys(hints))  # a selector in a selector has it twice
 
 
-def _begun_with_others_left(tree: Step) -> Iterator[Step]:
+def _first_leaves_of_alternatives(tree: Step) -> Iterator[Step]:
     """Yield the leaves with which an alternative of a selector begins that is not its last."""
     for step in tree.walk():
         if step.kind == "selector":
@@ -151,45 +159,45 @@ def _fails_with_child(step: Step) -> bool:
     """Say whether a modifier, a parallel or a race fails with the first failure below it."""
     if step.kind in MODIFIERS:
         return FAILURE in MODIFIERS[step.kind].failure
-    decided = decision(len(step.children), {word: value.constant for word, value in step.arguments.items()})
+    decided = decide_parallel(len(step.children), {word: value.constant for word, value in step.arguments.items()})
     known = all(value.template is None for value in step.arguments.values())
-    return known and decided.failures == 1 and not decided.waits
+    return known and decided.failures == 1 and not decided.waits_for_all
 
 
-def _missing(step: Step, robot: Target) -> list[str]:
+def _missing_parts(step: Step, robot: TargetRobot) -> list[str]:
     """Return what a leaf drives that the robot has not got."""
-    parts = sorted(step.own_needs & _driven(step) - robot.parts - robot.others.keys())
+    parts = sorted(step.direct_needs & _claimed_parts(step) - robot.parts - robot.further_parts.keys())
     return [f"it has no {part}" for part in (*parts, *_missing_capabilities(step, robot))]
 
 
-def _cannot(step: Step, robot: Target, why: Sequence[str]) -> str:
-    return f"'{step.kind}' cannot be done by robot '{robot.name}': {'; '.join(why)}"
+def _impossible_message(step: Step, robot: TargetRobot, reasons: Sequence[str]) -> str:
+    return f"'{step.kind}' cannot be done by robot '{robot.name}': {'; '.join(reasons)}"
 
 
-def _possible_gestures(step: Step, robot: Target, things: Mapping[str, Lookup]) -> str:
+def _possible_gestures(step: Step, robot: TargetRobot, things: Mapping[str, Lookup]) -> str:
     """Name the gestures that the robot can do instead of a step that plays one; nothing for any other step."""
     declared = {} if step.leaf is None else step.leaf.arguments
     played = next((name for name, each in declared.items() if each.kind in ("gesture", "move")), "")
     if not played or "gesture" not in things:
         return ""
     able = []
-    for name in {**own_files("gestures"), **shipped("gestures")}:
+    for name in {**user_files("gestures"), **shipped_files("gestures")}:
         try:
             instead = Value(things["gesture"](name))
         except LookupError:  # one with mistakes, which `mission list gestures` tells
             continue
         other = replace(step, arguments={**step.arguments, played: instead})
-        if not _misfits(other, robot.reaches):
+        if not _joint_violations(other, robot.reaches):
             able.append(name)
     return f"it can do: {', '.join(able)}" if able else "it can do none that there is: `mission servo record` makes one"
 
 
-def check_necks(notes: Notes, tree: Step, robot: Target) -> None:
+def check_necks(context: CheckContext, tree: Step, robot: TargetRobot) -> None:
     """Note every leaf that moves a joint of which a head is made while another can turn that head."""
     reach = robot.reaches.get("arm")
     if reach is None:
         return
-    for joint, head in robot.necks.items():
+    for joint, head in robot.head_joints.items():
         fewer = replace(reach, joints={name: each for name, each in reach.joints.items() if name != joint})
         others = {**robot.reaches, "arm": fewer}
         for step in tree.walk():
@@ -198,10 +206,10 @@ def check_necks(notes: Notes, tree: Step, robot: Target) -> None:
             for child in moving:
                 rivals = [rival for rival in turning if rival is not child]
                 for leaf in child.walk() if rivals else ():
-                    if len(_misfits(leaf, others)) <= len(_misfits(leaf, robot.reaches)):
+                    if len(_joint_violations(leaf, others)) <= len(_joint_violations(leaf, robot.reaches)):
                         continue
                     for by in (_claimant(rival, head) for rival in rivals):
-                        notes.fault_at(
+                        context.fault_at(
                             leaf,
                             f"'{leaf.kind}' moves joint '{joint}' of the {head}, which '{by.kind}' "
                             f"(line {by.mark.line}) can turn at the same time",
@@ -209,7 +217,7 @@ def check_necks(notes: Notes, tree: Step, robot: Target) -> None:
                         )
 
 
-def _misfits(step: Step, reaches: Mapping[str, JointRanges]) -> list[str]:
+def _joint_violations(step: Step, reaches: Mapping[str, JointRanges]) -> list[str]:
     """Return what a leaf asks of the joints of these arms that they cannot do, as far as that is known now."""
     known = all(value.template is None for value in step.arguments.values())
     own = step.named_parts.get("arm", "arm")

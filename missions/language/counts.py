@@ -5,35 +5,35 @@ from functools import partial
 
 from behaviours.leaf import Leaf
 from config.marked import Listing, Mapping, Node, Scalar
-from config.units import seen
+from config.units import quoted_value
 from drivers.api.quick import dataclass
-from missions.language.expressions import UNREAD, Value, whole
-from missions.language.notes import Notes
+from missions.language.expressions import INVALID_VALUE, Value, as_whole_number
+from missions.language.notes import CheckContext
 
 # Arguments as the file has them, for pictures: "60 deg", not 1.0472.
 
 
-def written_arguments(leaf: type[Leaf], node: Node | None) -> dict[str, str]:
+def arguments_as_written(leaf: type[Leaf], node: Node | None) -> dict[str, str]:
     """Return the arguments that stand behind a leaf's word, by name; those that are left out are not there."""
     if isinstance(node, Mapping):
-        return written_entries(node)
+        return entries_as_written(node)
     principal = next((argument.name for argument in leaf.arguments.values() if argument.principal), None)
     if principal is None or node is None or (isinstance(node, Scalar) and node.value is None):
         return {}
-    return {principal: as_written(node)}
+    return {principal: source_text(node)}
 
 
-def written_entries(node: Node | None) -> dict[str, str]:
+def entries_as_written(node: Node | None) -> dict[str, str]:
     """Return names with what is given for each; nothing where there is no mapping."""
-    return {name.text: as_written(given) for name, given in node.entries} if isinstance(node, Mapping) else {}
+    return {name.text: source_text(given) for name, given in node.entries} if isinstance(node, Mapping) else {}
 
 
-def as_written(node: Node) -> str:
+def source_text(node: Node) -> str:
     """Return what a node says, without quotes; lists as ``[a, b]``, mappings as ``{k: v}``, each on one line."""
     if isinstance(node, Listing):
-        return f"[{', '.join(map(as_written, node.items))}]"
+        return f"[{', '.join(map(source_text, node.items))}]"
     if isinstance(node, Mapping):
-        return f"{{{', '.join(f'{name}: {value}' for name, value in written_entries(node).items())}}}"
+        return f"{{{', '.join(f'{name}: {value}' for name, value in entries_as_written(node).items())}}}"
     return node.text
 
 
@@ -46,23 +46,23 @@ COUNTS = {
 }
 """What may stand beside a ``parallel``: what each takes, and what it does."""
 
-ALL = "all"
+ALL_CHILDREN = "all"
 """The count of all children, whatever their number."""
 
 
 @dataclass(frozen=True, slots=True)
-class Decision:
+class ParallelDecision:
     """When a parallel ends: once ``successes`` of its children have succeeded, or ``failures`` have failed.
 
-    ``waits``: it ends only when all children have, and succeeds when fewer than ``failures`` have failed.
+    ``waits_for_all``: it ends only when all children have, and succeeds when fewer than ``failures`` have failed.
     """
 
     successes: int
     failures: int
-    waits: bool = False
+    waits_for_all: bool = False
 
 
-def decision(children: int, settings: Named[str, object]) -> Decision:
+def decide_parallel(children: int, settings: Named[str, object]) -> ParallelDecision:
     """Return what decides a parallel; ``settings`` are its own.
 
     It fails once as many have failed as ``failure_count`` says, or as many that too few are left that could succeed.
@@ -71,46 +71,50 @@ def decision(children: int, settings: Named[str, object]) -> Decision:
     failures = settings.get(FAILURE_COUNT, 1)
     needed = successes if isinstance(successes, int) else children
     enough = failures if isinstance(failures, int) else children
-    return Decision(needed, min(enough, children - needed + 1), bool(settings.get(WAIT_FOR_ALL)))
+    return ParallelDecision(needed, min(enough, children - needed + 1), bool(settings.get(WAIT_FOR_ALL)))
 
 
-def read_counts(notes: Notes, beside: Mapping, children: int) -> dict[str, Value]:
+def read_counts(context: CheckContext, beside: Mapping, children: int) -> dict[str, Value]:
     """Read what stands beside a parallel of so many children."""
-    found = {word.text: _read(notes, word.text, node, children) for word, node in beside.entries if word.text in COUNTS}
+    found = {
+        word.text: _read_count(context, word.text, node, children)
+        for word, node in beside.entries
+        if word.text in COUNTS
+    }
     settings = {word: value.constant for word, value in found.items() if value.template is None}
     if children and len(settings) == len(found) and FAILURE_COUNT in found:
-        decided, asked = decision(children, settings), settings[FAILURE_COUNT]
+        decided, asked = decide_parallel(children, settings), settings[FAILURE_COUNT]
         first = "the first failure" if decided.failures == 1 else f"{decided.failures} failures"
         too_many = isinstance(asked, int) and asked > decided.failures
-        if too_many or (asked == ALL and decided.successes == children):
-            notes.fault(
+        if too_many or (asked == ALL_CHILDREN and decided.successes == children):
+            context.fault(
                 next(word.mark for word, _ in beside.entries if word.text == FAILURE_COUNT),
                 f"'{FAILURE_COUNT}' cannot matter: after {first}, {decided.successes} of {children} cannot succeed",
                 f"write '{SUCCESS_COUNT}' too: how many must succeed"
                 if decided.successes == children
-                else f"write '{FAILURE_COUNT}: {ALL}': it fails once {decided.successes} cannot succeed any more",
+                else f"write '{FAILURE_COUNT}: {ALL_CHILDREN}': it fails once {decided.successes} cannot succeed any more",
             )
     return found
 
 
-def _read(notes: Notes, word: str, node: Node, children: int) -> Value:
+def _read_count(context: CheckContext, word: str, node: Node, children: int) -> Value:
     what = f"'{word}'"
     if word == WAIT_FOR_ALL:
         if not isinstance(node, Scalar) or node.value is not True:
-            notes.fault(node.mark, f"{what} takes only true")
+            context.fault(node.mark, f"{what} takes only true")
         return Value(True)
     if not isinstance(node, Scalar):
-        notes.fault(node.mark, f"{what} needs a count, or all")
-        return UNREAD
-    return notes.value(node, what, partial(_count, children))
+        context.fault(node.mark, f"{what} needs a count, or all")
+        return INVALID_VALUE
+    return context.read_value(node, what, partial(_count, children))
 
 
 def _count(children: int, value: object) -> int | str:
-    if value == ALL:
-        return ALL
-    number = whole(value)
+    if value == ALL_CHILDREN:
+        return ALL_CHILDREN
+    number = as_whole_number(value)
     if number is None or number < 1:
-        raise ValueError(f"needs a count of 1 or more, or all, got {seen(value)}")
+        raise ValueError(f"needs a count of 1 or more, or all, got {quoted_value(value)}")
     if 0 < children < number:
         raise ValueError(f"must be at most {children}, the number of its children, got {number}")
     return number

@@ -9,72 +9,72 @@ from functools import cache
 from pathlib import Path
 
 from behaviours.leaf import Leaf
-from config.faults import Diagnostic, InvalidFileError, Source, did_you_mean
+from config.faults import Diagnostic, InvalidFileError, SourceText, did_you_mean
 from config.marked import Mapping as Entries
 from config.marked import compose, read_source
-from config.units import seen
+from config.units import quoted_value
 from missions.language.body import read_body
-from missions.language.claims import Target, check_claims, check_necks, check_needs, check_reach
+from missions.language.claims import TargetRobot, check_claims, check_necks, check_needs, check_reach
 from missions.language.expressions import Expression, Value
-from missions.language.for_each import check_names, own_steps
+from missions.language.for_each import check_loop_names, steps_in_scope
 from missions.language.nodes import MISSION, SWITCHES
-from missions.language.notes import Lookup, Notes, Words, no_missions
+from missions.language.notes import CheckContext, Lookup, Vocabulary, find_no_mission
 from missions.language.outcomes import check_outcomes
-from missions.language.param_types import Param, read_params, take_params
-from missions.language.phrases import check_phrases, own_phrases
+from missions.language.param_types import Param, assign_params, read_params
+from missions.language.phrases import check_phrases, step_phrases
 from missions.language.plan import Plan, Step
 from missions.language.sought import check_objects
 from missions.language.steps import read_step
-from missions.language.unset import check_flow
+from missions.language.unset import check_assignments
 from missions.language.variables import check_kinds
 
 
-def check_answers(notes: Notes, tree: Step) -> None:
+def check_answers(context: CheckContext, tree: Step) -> None:
     """Note every text with which an answer is compared, or that is a case of it, and that is none of the phrases."""
-    _check_asked(notes, tree, notes.params)
+    _check_mission_answers(context, tree, context.params)
 
 
-def _check_asked(notes: Notes, tree: Step, params: Collection[str]) -> None:
+def _check_mission_answers(context: CheckContext, tree: Step, params: Collection[str]) -> None:
     """Check one mission; those in it have variables of their own."""
-    steps = list(own_steps(tree))
-    answers = _answers(steps, params)
+    steps = list(steps_in_scope(tree))
+    answers = _phrase_variables(steps, params)
     for step in steps:
         for value in step.arguments.values():
-            for name, text in _asked(value):
+            for name, text in _text_comparisons(value):
                 if name in answers and text not in answers[name]:
-                    _never(notes, step, name, text, answers[name])
+                    _report_impossible_text(context, step, name, text, answers[name])
         on = step.arguments.get("on") if step.kind in SWITCHES else None
-        name = _name(on)
+        name = _variable_name(on)
         for case in step.cases if name in answers else ():
             if isinstance(case, str) and case not in answers[name]:
-                _never(notes, step, name, case, answers[name])
+                _report_impossible_text(context, step, name, case, answers[name])
         if step.kind == MISSION:
-            _check_asked(notes, step.children[0], step.arguments.keys())
+            _check_mission_answers(context, step.children[0], step.arguments.keys())
 
 
-def _answers(steps: Collection[Step], params: Collection[str]) -> Mapping[str, frozenset[str]]:
+def _phrase_variables(steps: Collection[Step], params: Collection[str]) -> Mapping[str, frozenset[str]]:
     """Return the variables that keep nothing but what is heard, each with all that this can be."""
     found: dict[str, frozenset[str]] = {}
     other = set(params)
     for step in steps:
-        phrases = own_phrases(step)
+        phrases = step_phrases(step)
         # A phrase with a param in it may be missing among them, where nobody has given that yet.
-        known = phrases and not any("${" in text for text in step.written.values())
-        if step.keep_as is None:
-            other |= step.own_names | step.returns.keys()
+        known = phrases and not any("${" in text for text in step.arguments_as_written.values())
+        if step.output_variable is None:
+            other |= step.direct_variables | step.returns.keys()
         elif known:
-            found[step.keep_as] = found.get(step.keep_as, frozenset()) | frozenset(phrases.values())
+            found[step.output_variable] = found.get(step.output_variable, frozenset()) | frozenset(phrases.values())
         else:
-            other.add(step.keep_as)
+            other.add(step.output_variable)
     return {name: phrases for name, phrases in found.items() if name not in other}
 
 
-def _asked(value: Value) -> Iterator[tuple[str, str]]:
+def _text_comparisons(value: Value) -> Iterator[tuple[str, str]]:
     """Yield the variables that an expression compares with texts, each with the text."""
     parts = getattr(value.template, "parts", (value.template,))
     for tree in (part.tree for part in parts if isinstance(part, Expression)):
         for node in ast.walk(tree):
-            if isinstance(node, ast.Compare) and len(node.ops) == 1 and isinstance(node.ops[0], _EQUAL):
+            if isinstance(node, ast.Compare) and len(node.ops) == 1 and isinstance(node.ops[0], _EQUALITY):
                 sides = (node.left, node.comparators[0])
                 yield from (
                     (one.id, text)
@@ -84,7 +84,7 @@ def _asked(value: Value) -> Iterator[tuple[str, str]]:
                 )
 
 
-_EQUAL = (ast.Eq, ast.NotEq, ast.In, ast.NotIn)
+_EQUALITY = (ast.Eq, ast.NotEq, ast.In, ast.NotIn)
 
 
 def _texts(node: ast.expr) -> Iterator[str]:
@@ -94,16 +94,16 @@ def _texts(node: ast.expr) -> Iterator[str]:
             yield each.value
 
 
-def _name(value: Value | None) -> str:
+def _variable_name(value: Value | None) -> str:
     """Return the variable that an expression is; empty for any other."""
     formula = None if value is None else value.template
     return formula.tree.id if isinstance(formula, Expression) and isinstance(formula.tree, ast.Name) else ""
 
 
-def _never(notes: Notes, step: Step, name: str, text: str, phrases: Collection[str]) -> None:
+def _report_impossible_text(context: CheckContext, step: Step, name: str, text: str, phrases: Collection[str]) -> None:
     known = ", ".join(sorted(phrases))
     hint = did_you_mean(text, phrases) or f"it can be: {known}"
-    notes.fault_at(step, f"'{step.kind}': '{name}' is never {seen(text)}", hint)
+    context.fault_at(step, f"'{step.kind}': '{name}' is never {quoted_value(text)}", hint)
 
 
 def load_plan(
@@ -111,10 +111,10 @@ def load_plan(
     leaves: Mapping[str, type[Leaf]],
     things: Mapping[str, Lookup],
     *,
-    find_mission: Callable[[str, Path], Path] = no_missions,
+    find_mission: Callable[[str, Path], Path] = find_no_mission,
     params: Mapping[str, str] | None = None,
     complete: bool = False,
-    robot: Target | None = None,
+    robot: TargetRobot | None = None,
 ) -> Plan:
     """Read and check a mission, and the missions that it runs.
 
@@ -122,22 +122,22 @@ def load_plan(
     Raises InvalidFileError with every mistake, in the files and in the params.
     """
     source = read_source(path)
-    words = Words(leaves, things, find_mission)
+    words = Vocabulary(leaves, things, find_mission)
     return _check(source, words, (path.resolve(),), params or {}, complete=complete, robot=robot)
 
 
 def check_plan(
-    source: Source,
+    source: SourceText,
     leaves: Mapping[str, type[Leaf]],
     things: Mapping[str, Lookup],
     *,
-    find_mission: Callable[[str, Path], Path] = no_missions,
+    find_mission: Callable[[str, Path], Path] = find_no_mission,
     params: Mapping[str, str] | None = None,
     complete: bool = False,
-    robot: Target | None = None,
+    robot: TargetRobot | None = None,
 ) -> Plan:
     """Check a mission's text. See ``load_plan``."""
-    words = Words(leaves, things, find_mission)
+    words = Vocabulary(leaves, things, find_mission)
     return _check(source, words, (), params or {}, complete=complete, robot=robot)
 
 
@@ -145,7 +145,7 @@ def declared_params(path: Path, leaves: Mapping[str, type[Leaf]], things: Mappin
     """Read what params a mission has, and nothing else of it. Raises InvalidFileError for a mistake in them."""
     source, faults = read_source(path), list[Diagnostic]()
     root = compose(source, faults)
-    notes = Notes(source, Words(leaves, things, no_missions), (path.resolve(),), faults=faults)
+    notes = CheckContext(source, Vocabulary(leaves, things, find_no_mission), (path.resolve(),), faults=faults)
     found = read_params(notes, root.get("params") if isinstance(root, Entries) else None)
     if notes.faults:
         raise InvalidFileError(notes.faults)
@@ -153,28 +153,28 @@ def declared_params(path: Path, leaves: Mapping[str, type[Leaf]], things: Mappin
 
 
 def _check(
-    source: Source,
-    words: Words,
+    source: SourceText,
+    words: Vocabulary,
     chain: tuple[Path, ...],
-    given: Mapping[str, str],
+    param_texts: Mapping[str, str],
     *,
     complete: bool,
-    robot: Target | None,
+    robot: TargetRobot | None,
 ) -> Plan:
     faults: list[Diagnostic] = []
     root = compose(source, faults)
     # Each thing is looked up once, however often missions name it.
     words.things = {kind: cache(find) for kind, find in words.things.items()}
     words.find_mission = cache(words.find_mission)
-    notes = Notes(source, words, chain, faults=faults)
+    notes = CheckContext(source, words, chain, faults=faults)
 
-    def take(notes: Notes, params: dict[str, Param], mission: str) -> None:
-        take_params(notes, params, given, mission, complete=complete)
+    def take(notes: CheckContext, params: dict[str, Param], mission: str) -> None:
+        assign_params(notes, params, param_texts, mission, complete=complete)
 
     body = read_body(notes, root, take, read_step)
     tree = None if body is None else body.tree
     # What follows notes mistakes at steps alone, and none of those where a line could not be read.
-    if body is not None and tree is not None and not notes.torn:
+    if body is not None and tree is not None and not notes.has_unreadable_line:
         check_claims(notes, tree)
         if robot is not None:
             check_needs(notes, tree, robot)
@@ -183,9 +183,9 @@ def _check(
             check_phrases(notes, tree, robot)
         check_kinds(notes, tree, body.returns)
         check_answers(notes, tree)
-        check_names(notes, tree)
+        check_loop_names(notes, tree)
         check_objects(notes, tree)
-        check_flow(notes, tree)
+        check_assignments(notes, tree)
         check_outcomes(notes, tree)
     if notes.faults or body is None or tree is None:
         raise InvalidFileError(notes.faults)

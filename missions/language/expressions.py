@@ -12,27 +12,36 @@ from collections.abc import Callable, Mapping
 from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
-from config.faults import one_of
-from config.units import UNITS, Quantity, example, in_dimension, named, seen, unit_of
+from config.faults import suggest_from
+from config.units import UNITS, Quantity, dimension_text, example, quoted_value, si_value, unit_of
 from drivers.api.quick import dataclass
 from drivers.errors import NotConnected
-from missions.language.kinds import STATE, WORDS, Literals, as_python, characters, cure, dimensions_of, members_in
+from missions.language.kinds import (
+    CONSTANTS,
+    STATE_KINDS,
+    QuantityRestorer,
+    as_python,
+    character_range,
+    member_dimensions,
+    members_in,
+    syntax_hint,
+)
 from missions.language.operators import (
     BINARY,
     COMPARE,
     FUNCTIONS,
     UNARY,
+    apply_sign,
+    check_text_length,
     combine,
     compare,
-    listing,
     member_at,
     out_of_range,
-    short,
-    signed,
+    require_flat,
 )
 
 if TYPE_CHECKING:
-    from missions.language.inference import Where
+    from missions.language.inference import ExpressionLocation
 
 
 MAX_LENGTH = 1000
@@ -41,7 +50,7 @@ MAX_LENGTH = 1000
 MAX_NESTING = 100
 """Parts of an expression within one another: each is read, checked and evaluated within the one around it."""
 
-TOO_DEEP = f"an expression nested too deep: at most {MAX_NESTING} parts within one another"
+TOO_DEEP_MESSAGE = f"an expression nested too deep: at most {MAX_NESTING} parts within one another"
 
 
 class ExpressionError(ValueError):
@@ -57,7 +66,7 @@ class ExpressionError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Read:
+class NameReference:
     """One name that an expression reads, with the first member if there is one ("percent" of ``battery.percent``).
 
     ``compared`` is whether it is asked for equality with something, as a text may be.
@@ -81,7 +90,7 @@ class Expression:
 
     text: str
     tree: ast.expr
-    reads: tuple[Read, ...]
+    reads: tuple[NameReference, ...]
     python: str
     column: int
 
@@ -92,7 +101,7 @@ class Expression:
 
     def place(self, node: ast.expr) -> tuple[int, int]:
         """Return the column of a part of it, in the text that ``parse`` was given, and its length."""
-        start, end = characters(self.python, node)
+        start, end = character_range(self.python, node)
         return self.column + start, end - start
 
     def evaluate(self, scope: Mapping[str, object]) -> object:
@@ -105,9 +114,9 @@ class Expression:
         except ExpressionError:
             raise
         except ZeroDivisionError:
-            raise ExpressionError(f"{seen(self.text)} divides by zero") from None
+            raise ExpressionError(f"{quoted_value(self.text)} divides by zero") from None
         except (TypeError, ValueError, OverflowError, RecursionError) as error:
-            raise ExpressionError(f"{seen(self.text)}: {error}") from None
+            raise ExpressionError(f"{quoted_value(self.text)}: {error}") from None
 
 
 def parse(text: str, column: int = 0) -> Expression:
@@ -128,21 +137,21 @@ def parse(text: str, column: int = 0) -> Expression:
         with warnings.catch_warnings(action="ignore"):  # such as "1or 2": read as Python reads it
             tree = ast.parse(python, mode="eval").body
     except (RecursionError, MemoryError):
-        raise ExpressionError(TOO_DEEP, column) from None
+        raise ExpressionError(TOO_DEEP_MESSAGE, column) from None
     except (SyntaxError, ValueError) as error:
-        hint, place = cure(stripped), 0
+        hint, place = syntax_hint(stripped), 0
         if isinstance(error, SyntaxError):  # whose offset counts from 1, and is 0 for the end
             place = min((error.offset or len(stripped)) - 1, len(stripped) - 1)
             hint = hint or ("; something is missing at its end" if error.offset == 0 else "")
-        raise ExpressionError(f"{seen(stripped)} is not an expression{hint}", column + max(0, place)) from None
+        raise ExpressionError(f"{quoted_value(stripped)} is not an expression{hint}", column + max(0, place)) from None
     if _is_too_deep(tree):
-        raise ExpressionError(TOO_DEEP, column)
+        raise ExpressionError(TOO_DEEP_MESSAGE, column)
     try:
-        tree = Literals(python, literals).visit(tree)
-        _check(tree)
+        tree = QuantityRestorer(python, literals).visit(tree)
+        _check_allowed(tree)
         return Expression(stripped, tree, _reads(python, tree, column), python, column)
     except _NotAllowedError as error:
-        start, end = characters(python, error.node)
+        start, end = character_range(python, error.node)
         raise ExpressionError(str(error), column + start, end - start) from None
 
 
@@ -154,23 +163,23 @@ def _is_too_deep(tree: ast.AST) -> bool:
     return depth > MAX_NESTING
 
 
-def calculates(formula: Expression) -> bool:
+def is_calculation(formula: Expression) -> bool:
     """Say whether an expression is more than a name or a member of one."""
     return not isinstance(formula.tree, ast.Name | ast.Attribute | ast.Constant)
 
 
-def _reads(text: str, tree: ast.expr, column: int) -> tuple[Read, ...]:
+def _reads(text: str, tree: ast.expr, column: int) -> tuple[NameReference, ...]:
     nodes = list(ast.walk(tree))
     called = {id(node.func) for node in nodes if isinstance(node, ast.Call)}
     members = {id(node.value): node for node in nodes if isinstance(node, ast.Attribute)}
     compared = {id(each) for node in nodes if isinstance(node, ast.Compare) for each in _operands(node)}
     found = []
     for node in nodes:
-        if isinstance(node, ast.Name) and id(node) not in called and node.id not in WORDS:
+        if isinstance(node, ast.Name) and id(node) not in called and node.id not in CONSTANTS:
             member = members.get(id(node))
-            start, end = characters(text, member or node)
+            start, end = character_range(text, member or node)
             name = member.attr if member else ""
-            found.append(Read(node.id, name, column + start, end - start, id(node) in compared))
+            found.append(NameReference(node.id, name, column + start, end - start, id(node) in compared))
     return tuple(sorted(found, key=lambda read: read.column))
 
 
@@ -190,7 +199,7 @@ class _NotAllowedError(Exception):
         self.node = node
 
 
-def _check(node: ast.expr) -> None:  # noqa: C901, PLR0912 - an arm for each form: the allow-list
+def _check_allowed(node: ast.expr) -> None:  # noqa: C901, PLR0912 - an arm for each form: the allow-list
     """Raise _NotAllowedError for a form that is not on the list."""
     match node:
         case ast.Constant(value=int() | float() as value) if out_of_range(value):
@@ -209,18 +218,18 @@ def _check(node: ast.expr) -> None:  # noqa: C901, PLR0912 - an arm for each for
             parts = [test, body, orelse]
         case ast.Attribute(value=value, attr=name):
             if name.startswith("_"):
-                raise _NotAllowedError(f"{seen(name)} is private", node)
+                raise _NotAllowedError(f"{quoted_value(name)} is private", node)
             parts = [value]
         case ast.Subscript(value=value, slice=place) if not isinstance(place, ast.Slice | ast.Tuple):
             parts = [value, place]
         case ast.Call(func=ast.Name(id=name) as function, args=parts, keywords=[]):
             if name not in FUNCTIONS:
                 known = ", ".join(FUNCTIONS)
-                raise _NotAllowedError(f"{seen(name)} cannot be called; the functions are {known}", function)
+                raise _NotAllowedError(f"{quoted_value(name)} cannot be called; the functions are {known}", function)
         case _:
-            raise _NotAllowedError(f"{seen(ast.unparse(node))} is not allowed in an expression", node)
+            raise _NotAllowedError(f"{quoted_value(ast.unparse(node))} is not allowed in an expression", node)
     for part in parts:
-        _check(part)
+        _check_allowed(part)
 
 
 def _value(node: ast.expr, scope: Mapping[str, object]) -> Any:  # noqa: C901, PLR0912 - see _check
@@ -228,17 +237,17 @@ def _value(node: ast.expr, scope: Mapping[str, object]) -> Any:  # noqa: C901, P
         case ast.Constant(value=value):
             return value
         case ast.Name(id=name):
-            return _named(name, scope)
+            return _look_up(name, scope)
         case ast.BoolOp(op=ast.And(), values=parts):
             return all(_value(part, scope) for part in parts)
         case ast.BoolOp(values=parts):
             return any(_value(part, scope) for part in parts)
         case ast.List(elts=parts) | ast.Tuple(elts=parts):
-            return listing([_value(part, scope) for part in parts])
+            return require_flat([_value(part, scope) for part in parts])
         case ast.UnaryOp(op=ast.Not(), operand=part):
             return not _value(part, scope)
         case ast.UnaryOp(op=op, operand=part):
-            return signed(op, _value(part, scope))
+            return apply_sign(op, _value(part, scope))
         case ast.BinOp(left=left, op=op, right=right):
             return combine(op, _value(left, scope), _value(right, scope))
         case ast.Compare(left=left, ops=ops, comparators=others):
@@ -246,28 +255,28 @@ def _value(node: ast.expr, scope: Mapping[str, object]) -> Any:  # noqa: C901, P
             return all(compare(op, a, b) for op, a, b in zip(ops, values, values[1:], strict=False))
         case ast.IfExp(test=test, body=body, orelse=orelse):
             return _value(body if _value(test, scope) else orelse, scope)
-        case ast.Attribute(value=ast.Name(id=part), attr=name) if part in STATE:
-            return of_kind(_member(_named(part, scope), name), STATE[part].get(name))
+        case ast.Attribute(value=ast.Name(id=part), attr=name) if part in STATE_KINDS:
+            return as_quantity(_member(_look_up(part, scope), name), STATE_KINDS[part].get(name))
         case ast.Attribute(value=value, attr=name):
             owner = _value(value, scope)
             found = _member(owner, name)
-            return of_kind(found, _dimension(owner, name))
+            return as_quantity(found, _dimension(owner, name))
         case ast.Subscript(value=value, slice=place):
             return member_at(_value(value, scope), _value(place, scope))
         case ast.Call(func=ast.Name(id=name), args=parts):
             return FUNCTIONS[name](*[_value(part, scope) for part in parts])
-    raise ExpressionError(f"{seen(ast.unparse(node))} is not allowed in an expression")
+    raise ExpressionError(f"{quoted_value(ast.unparse(node))} is not allowed in an expression")
 
 
-def _named(name: str, scope: Mapping[str, object]) -> object:
+def _look_up(name: str, scope: Mapping[str, object]) -> object:
     if name in scope:
         return scope[name]
-    if name in WORDS:
-        return WORDS[name]
+    if name in CONSTANTS:
+        return CONSTANTS[name]
     raise ExpressionError(f"'{name}' is not set")
 
 
-def of_kind(found: object, kind: object) -> object:
+def as_quantity(found: object, kind: object) -> object:
     """Return what is of a kind: as a quantity, where that is a dimension."""
     if isinstance(kind, str) and kind in UNITS and isinstance(found, int | float):
         return found if isinstance(found, bool | Quantity) else Quantity(found, kind)
@@ -276,7 +285,7 @@ def of_kind(found: object, kind: object) -> object:
 
 def _dimension(owner: object, name: str) -> str | None:
     kind: type = type(owner)
-    return dimensions_of(kind).get(name)
+    return member_dimensions(kind).get(name)
 
 
 def _member(owner: object, name: str) -> object:
@@ -292,7 +301,7 @@ def _member(owner: object, name: str) -> object:
             raise ExpressionError(f"'{name}' cannot be read: {error}") from error
         if found is not _MISSING and not callable(found):
             return found
-    hint = one_of(name, members_in(owner))
+    hint = suggest_from(name, members_in(owner))
     raise ExpressionError(
         f"'{name}' is not there" + (": nothing is stored yet" if owner is None else hint and f"; {hint}")
     )
@@ -316,7 +325,7 @@ class Template:
     parts: tuple[str | Expression, ...]
 
     @property
-    def reads(self) -> tuple[Read, ...]:
+    def reads(self) -> tuple[NameReference, ...]:
         """All that its expressions read."""
         return tuple(read for part in self.parts if isinstance(part, Expression) for read in part.reads)
 
@@ -324,9 +333,9 @@ class Template:
         """Fill the holes. Raises ExpressionError."""
         if len(self.parts) == 1 and isinstance(self.parts[0], Expression):
             return self.parts[0].evaluate(scope)
-        filled = (part if isinstance(part, str) else shown(part.evaluate(scope)) for part in self.parts)
+        filled = (part if isinstance(part, str) else format_value(part.evaluate(scope)) for part in self.parts)
         try:
-            return short("".join(filled))
+            return check_text_length("".join(filled))
         except ExpressionError:
             raise
         except ValueError as error:
@@ -337,13 +346,13 @@ class Template:
 class Value:
     """What an argument gets: ``constant``, unless there is a ``template`` to fill when the node starts.
 
-    ``where`` is the place of the template in its file.
+    ``location`` is the place of the template in its file.
     """
 
     constant: object = None
     template: Template | Expression | None = None
     convert: Convert | None = None
-    where: "Where | None" = field(default=None, compare=False)
+    location: "ExpressionLocation | None" = field(default=None, compare=False)
 
     def resolve(self, scope: Mapping[str, object]) -> object:
         """Return the value now. Raises ExpressionError or ValueError with a reason in a few words."""
@@ -353,7 +362,7 @@ class Value:
         return found if self.convert is None else self.convert(found)
 
 
-UNREAD = Value(template=Template(()))
+INVALID_VALUE = Value(template=Template(()))
 """Stands for what a mission says wrongly, which has been noted: nothing is known of it before that is mended."""
 
 
@@ -362,12 +371,12 @@ def template(text: str) -> Template | None:
     parts: list[str | Expression] = []
     end = 0
     for hole in _HOLE.finditer(text):
-        _all_closed(text, end, hole.start())
+        _require_closed(text, end, hole.start())
         if text[end : hole.start()]:
             parts.append(text[end : hole.start()])
         parts.append(parse(hole[1], hole.start(1)))
         end = hole.end()
-    _all_closed(text, end, len(text))
+    _require_closed(text, end, len(text))
     if not parts:
         return None
     if text[end:]:
@@ -375,7 +384,7 @@ def template(text: str) -> Template | None:
     return Template(tuple(parts))
 
 
-def _all_closed(text: str, start: int, end: int) -> None:
+def _require_closed(text: str, start: int, end: int) -> None:
     """Raise ExpressionError where a ``${`` between the holes was not read as one."""
     at = text.find("${", start, end)
     if at >= 0:
@@ -383,7 +392,7 @@ def _all_closed(text: str, start: int, end: int) -> None:
         raise ExpressionError(f"'${{' {what}", at, 2)
 
 
-def shown(value: object) -> str:
+def format_value(value: object) -> str:
     """Write a value into a text as a person would: no trailing zeros, yes and no for true and false."""
     if isinstance(value, bool):
         return "yes" if value else "no"
@@ -392,7 +401,7 @@ def shown(value: object) -> str:
     if isinstance(value, float) and not isinstance(value, Quantity):
         return f"{float(value):.4g}"
     if isinstance(value, list | tuple):
-        return ", ".join(shown(item) for item in value)
+        return ", ".join(format_value(item) for item in value)
     return str(value)
 
 
@@ -402,28 +411,30 @@ def in_si(value: object, dimension: str) -> float:
     A number that was calculated is a share, and never another quantity.
     """
     if isinstance(value, bool | Quantity) or not isinstance(value, int | float):
-        return in_dimension(value, dimension)
+        return si_value(value, dimension)
     if dimension == "share" and math.isfinite(value):
         return float(value)
-    raise ValueError(f"{needs(dimension)}, got the number {shown(float(value))}: {multiply(dimension)}")
+    raise ValueError(
+        f"{needs_message(dimension)}, got the number {format_value(float(value))}: {multiply_hint(dimension)}"
+    )
 
 
-def needs(dimension: str) -> str:
+def needs_message(dimension: str) -> str:
     """Return the beginning of a message: what is needed, with an example."""
-    return f"needs {named(dimension)}" + (f" such as '{example(dimension)}'" if dimension in UNITS else "")
+    return f"needs {dimension_text(dimension)}" + (f" such as '{example(dimension)}'" if dimension in UNITS else "")
 
 
-def divide(dimension: str) -> str:
+def divide_hint(dimension: str) -> str:
     """Say how a quantity becomes a number."""
     return f"divide it by 1 {unit_of(dimension)}"
 
 
-def multiply(dimension: str) -> str:
+def multiply_hint(dimension: str) -> str:
     """Say how a number becomes a quantity."""
     return f"multiply it by 1 {unit_of(dimension)}" + (" or 1 rad" if dimension == "angle" else "")
 
 
-def whole(value: object) -> int | None:
+def as_whole_number(value: object) -> int | None:
     """Return a value as a whole number, None where it is none."""
     if isinstance(value, bool | Quantity) or not isinstance(value, int | float):
         return None

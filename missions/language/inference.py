@@ -7,42 +7,42 @@ import ast
 import re
 from collections.abc import Callable, Mapping
 
-from config.faults import Diagnostic, Mark, Source, one_of
+from config.faults import Diagnostic, Mark, SourceText, suggest_from
 from config.marked import Scalar
-from config.units import NUMBER, UNITS, DimensionError, common, is_unit, quantity
+from config.units import NUMBER, UNITS, DimensionError, common_dimension, is_unit, parse_quantity
 from drivers.api.quick import dataclass
-from missions.language.expressions import Expression, Template, Value, divide, multiply, needs
+from missions.language.expressions import Expression, Template, Value, divide_hint, multiply_hint, needs_message
 from missions.language.kinds import (
+    CONSTANTS,
     FLAG,
     NOTHING,
     PERCENT,
-    STATE,
+    STATE_KINDS,
     TEXT,
     UNSETTLED,
-    WORDS,
     Kind,
-    ListOf,
-    Record,
-    is_size,
-    joined,
+    ListKind,
+    RecordKind,
+    describe_kind,
+    is_numeric,
+    join_kinds,
     kind_of_value,
-    told,
 )
-from missions.language.operators import combined
+from missions.language.operators import combined_dimension
 
 Report = Callable[[ast.expr, str, str], None]
 """Takes a part of an expression, what is wrong with it, and what to write."""
 
 
-def silent(node: ast.expr, message: str, hint: str) -> None:
+def ignore_report(node: ast.expr, message: str, hint: str) -> None:
     """Report nothing."""
     del node, message, hint
 
 
-class Inference:
+class TypeInference:
     """Infers the kinds of expressions, from those of the names that they read."""
 
-    def __init__(self, kinds: Mapping[str, Kind], report: Report = silent) -> None:
+    def __init__(self, kinds: Mapping[str, Kind], report: Report = ignore_report) -> None:
         self._kinds = kinds
         self._report = report
 
@@ -52,105 +52,117 @@ class Inference:
             case ast.Constant(value=value):
                 return kind_of_value(value)
             case ast.Name(id=name):
-                return self._kinds.get(name, kind_of_value(WORDS[name]) if name in WORDS else None)
+                return self._kinds.get(name, kind_of_value(CONSTANTS[name]) if name in CONSTANTS else None)
             case ast.BoolOp(values=parts) | ast.UnaryOp(op=ast.Not(), operand=parts):
                 for part in parts if isinstance(parts, list) else [parts]:
                     self.kind(part)
                 return FLAG
             case ast.UnaryOp(operand=part):
-                return self._size(part, self.kind(part))
+                return self._require_numeric(part, self.kind(part))
             case ast.BinOp():
-                return self._calculated(node)
+                return self._arithmetic_kind(node)
             case ast.Compare():
-                return self._compared(node)
+                return self._comparison_kind(node)
             case ast.IfExp():
-                return self._branches(node)
+                return self._conditional_kind(node)
             case ast.List(elts=parts) | ast.Tuple(elts=parts):
-                return ListOf(self._alike(parts, "the members of a list are of one type"))
-        return self._read(node)
+                return ListKind(self._common_kind(parts, "the members of a list are of one type"))
+        return self._access_kind(node)
 
-    def _read(self, node: ast.expr) -> Kind:
+    def _access_kind(self, node: ast.expr) -> Kind:
         match node:
-            case ast.Attribute(value=ast.Name(id=part), attr=name) if part in STATE:
-                return STATE[part].get(name)
+            case ast.Attribute(value=ast.Name(id=part), attr=name) if part in STATE_KINDS:
+                return STATE_KINDS[part].get(name)
             case ast.Attribute(value=value, attr=name):
                 kind = self.kind(value)
-                if isinstance(kind, Record) and kind.lacks(name):
-                    return self._wrong(node, f"'{name}' is not there", one_of(name, kind.named))
-                return kind.member(name) if isinstance(kind, Record) else None
+                if isinstance(kind, RecordKind) and kind.lacks(name):
+                    return self._report_error(node, f"'{name}' is not there", suggest_from(name, kind.members))
+                return kind.member(name) if isinstance(kind, RecordKind) else None
             case ast.Subscript(value=value, slice=place):
                 kind, at = self.kind(value), self.kind(place)
-                if is_size(at) and at != NUMBER:
-                    return self._wrong(place, f"the members of a list are counted in whole numbers, not by {told(at)}")
-                if is_size(kind) or kind in (TEXT, FLAG, NOTHING):
-                    return self._wrong(value, f"only a list has members by number, not {told(kind)}")
-                return kind.of if isinstance(kind, ListOf) else None
+                if is_numeric(at) and at != NUMBER:
+                    return self._report_error(
+                        place, f"the members of a list are counted in whole numbers, not by {describe_kind(at)}"
+                    )
+                if is_numeric(kind) or kind in (TEXT, FLAG, NOTHING):
+                    return self._report_error(value, f"only a list has members by number, not {describe_kind(kind)}")
+                return kind.member_kind if isinstance(kind, ListKind) else None
             case ast.Call(func=ast.Name(id=word), args=parts):
-                return self._called(word, parts)
+                return self._call_kind(word, parts)
         return None
 
-    def _called(self, word: str, parts: list[ast.expr]) -> Kind:
+    def _call_kind(self, word: str, parts: list[ast.expr]) -> Kind:
         if word in ("min", "max") and len(parts) > 1:
-            return self._alike(parts, "cannot compare")
+            return self._common_kind(parts, "cannot compare")
         kinds = [self.kind(part) for part in parts]
         if not kinds:
             return None
         if word in ("min", "max"):
-            return kinds[0].of if isinstance(kinds[0], ListOf) else None
-        return NUMBER if word == "len" else self._size(parts[0], kinds[0])
+            return kinds[0].member_kind if isinstance(kinds[0], ListKind) else None
+        return NUMBER if word == "len" else self._require_numeric(parts[0], kinds[0])
 
-    def _calculated(self, node: ast.BinOp) -> Kind:
+    def _arithmetic_kind(self, node: ast.BinOp) -> Kind:
         left, right = self.kind(node.left), self.kind(node.right)
         if isinstance(node.op, ast.Add) and left == right == TEXT:
             return TEXT
-        left, right = self._size(node.left, left), self._size(node.right, right)
+        left, right = self._require_numeric(node.left, left), self._require_numeric(node.right, right)
         if UNSETTLED in (left, right):
             return UNSETTLED
         if not (isinstance(left, str) and isinstance(right, str)):
             return None if isinstance(node.op, ast.Mult | ast.Div) else left or right
         try:
-            return combined(type(node.op), left, right)
+            return combined_dimension(type(node.op), left, right)
         except ValueError as error:
-            return self._wrong(node, str(error), _cure(left, right))
+            return self._report_error(node, str(error), _fix_hint(left, right))
 
-    def _size(self, node: ast.expr, kind: Kind) -> Kind:
+    def _require_numeric(self, node: ast.expr, kind: Kind) -> Kind:
         """Return a kind with which something can be calculated; a mistake where it is of another."""
-        if kind is None or kind == UNSETTLED or is_size(kind):
+        if kind is None or kind == UNSETTLED or is_numeric(kind):
             return kind
-        return NUMBER if kind == FLAG else self._wrong(node, f"cannot calculate with {told(kind)}")
+        return NUMBER if kind == FLAG else self._report_error(node, f"cannot calculate with {describe_kind(kind)}")
 
-    def _compared(self, node: ast.Compare) -> Kind:
+    def _comparison_kind(self, node: ast.Compare) -> Kind:
         parts = [node.left, *node.comparators]
         kinds = [self.kind(part) for part in parts]
         for op, left, right in zip(node.ops, kinds, kinds[1:], strict=False):
-            if isinstance(op, ast.In | ast.NotIn) and (is_size(right) or right == FLAG):
-                self._wrong(node, f"'in' needs a list or a text, not {told(right)}")
+            if isinstance(op, ast.In | ast.NotIn) and (is_numeric(right) or right == FLAG):
+                self._report_error(node, f"'in' needs a list or a text, not {describe_kind(right)}")
                 continue
-            among = right.of if isinstance(right, ListOf) else TEXT if right == TEXT else None
+            among = right.member_kind if isinstance(right, ListKind) else TEXT if right == TEXT else None
             other = among if isinstance(op, ast.In | ast.NotIn) else right
-            one, two = (left.of, other.of) if isinstance(left, ListOf) and isinstance(other, ListOf) else (left, other)
+            one, two = (
+                (left.member_kind, other.member_kind)
+                if isinstance(left, ListKind) and isinstance(other, ListKind)
+                else (left, other)
+            )
             if not _comparable(op, one, two):
-                self._wrong(node, f"cannot compare {told(one)} and {told(two)}", _cure(one, two))
+                self._report_error(
+                    node, f"cannot compare {describe_kind(one)} and {describe_kind(two)}", _fix_hint(one, two)
+                )
         return FLAG
 
-    def _branches(self, node: ast.IfExp) -> Kind:
+    def _conditional_kind(self, node: ast.IfExp) -> Kind:
         self.kind(node.test)
         one, other = self.kind(node.body), self.kind(node.orelse)
-        if is_size(one) and is_size(other) and joined(one, other) is None:
-            return self._wrong(node, f"it is {told(one)}, or else {told(other)}", _cure(one, other))
-        return joined(one, other)
+        if is_numeric(one) and is_numeric(other) and join_kinds(one, other) is None:
+            return self._report_error(
+                node, f"it is {describe_kind(one)}, or else {describe_kind(other)}", _fix_hint(one, other)
+            )
+        return join_kinds(one, other)
 
-    def _alike(self, parts: list[ast.expr], rule: str) -> Kind:
+    def _common_kind(self, parts: list[ast.expr], rule: str) -> Kind:
         """Return the kind that all parts have."""
         kinds = [self.kind(part) for part in parts]
         kind: Kind = UNSETTLED
         for part, other in zip(parts, kinds, strict=True):
             if not _comparable(ast.Eq(), kind, other):
-                return self._wrong(part, f"{rule}: {told(kind)} and {told(other)}", _cure(kind, other))
-            kind = joined(kind, other)
+                return self._report_error(
+                    part, f"{rule}: {describe_kind(kind)} and {describe_kind(other)}", _fix_hint(kind, other)
+                )
+            kind = join_kinds(kind, other)
         return UNSETTLED if UNSETTLED in kinds else kind
 
-    def _wrong(self, node: ast.expr, message: str, hint: str = "") -> Kind:
+    def _report_error(self, node: ast.expr, message: str, hint: str = "") -> Kind:
         self._report(node, message, hint)
         return UNSETTLED
 
@@ -160,24 +172,24 @@ def _comparable(op: ast.cmpop, left: Kind, right: Kind) -> bool:
         return True
     if NOTHING in (left, right):
         return isinstance(op, ast.Eq | ast.NotEq | ast.In | ast.NotIn)
-    if is_size(left) and is_size(right):
-        return joined(left, right) is not None
+    if is_numeric(left) and is_numeric(right):
+        return join_kinds(left, right) is not None
     return left == right or (type(left) is type(right) and not isinstance(left, str))
 
 
-def _cure(left: Kind, right: Kind) -> str:
+def _fix_hint(left: Kind, right: Kind) -> str:
     """Say what to write where a plain number stands beside a quantity, or beside a text."""
     if {PERCENT, "share"} == {left, right}:
         return "what is in percent counts to 100: write 20 for 20 %"
-    sizes = [kind for kind in (left, right) if isinstance(kind, str) and is_size(kind) and kind != NUMBER]
+    sizes = [kind for kind in (left, right) if isinstance(kind, str) and is_numeric(kind) and kind != NUMBER]
     if NUMBER in (left, right) and len(sizes) == 1:
-        return f"a plain number is no quantity: write its unit, or {multiply(sizes[0])}"
+        return f"a plain number is no quantity: write its unit, or {multiply_hint(sizes[0])}"
     if {left, right} == {TEXT, NUMBER}:
         return "a text stands in quotes, a number does not"
     return ""
 
 
-def kind_made(value: Value, kinds: Mapping[str, Kind]) -> Kind:
+def kind_of_result(value: Value, kinds: Mapping[str, Kind]) -> Kind:
     """Return the kind of what a value of a mission makes, where names are of these kinds."""
     match value.template:
         case None:
@@ -185,18 +197,18 @@ def kind_made(value: Value, kinds: Mapping[str, Kind]) -> Kind:
         case Template(parts=()):
             return None
         case Expression(tree=tree) | Template(parts=(Expression(tree=tree),)):
-            return Inference(kinds).kind(tree)
+            return TypeInference(kinds).kind(tree)
     return TEXT
 
 
 @dataclass(frozen=True, slots=True)
-class Where:
-    """Where an expression stands: in which scalar of a file, as ``what``; ``wants`` is the kind of the argument."""
+class ExpressionLocation:
+    """Where an expression stands: in which scalar of a file, as ``label``; ``wanted_kind`` is the kind of the argument."""
 
-    source: Source
+    source: SourceText
     node: Scalar
-    what: str
-    wants: str = ""
+    label: str
+    wanted_kind: str = ""
 
     def place(self, column: int, length: int) -> Mark:
         """Return the place of a part of the scalar's text: the whole of it where the file writes it otherwise."""
@@ -206,12 +218,14 @@ class Where:
         return self.node.mark
 
 
-def mismatches(formula: Template | Expression, where: Where, kinds: Mapping[str, Kind]) -> list[Diagnostic]:
+def find_mismatches(
+    formula: Template | Expression, where: ExpressionLocation, kinds: Mapping[str, Kind]
+) -> list[Diagnostic]:
     """Return the mistakes in what is calculated here, where names are of these kinds."""
     faults: list[Diagnostic] = []
 
     def note(part: Expression, node: ast.expr, message: str, hint: str) -> None:
-        faults.append(Diagnostic(where.source, where.place(*part.place(node)), f"{where.what}{message}", hint))
+        faults.append(Diagnostic(where.source, where.place(*part.place(node)), f"{where.label}{message}", hint))
 
     parts = formula.parts if isinstance(formula, Template) else (formula,)
     for number, part in enumerate(parts):
@@ -221,43 +235,57 @@ def mismatches(formula: Template | Expression, where: Where, kinds: Mapping[str,
         def report(node: ast.expr, message: str, hint: str, part: Expression = part) -> None:
             note(part, node, f": {message}", hint)
 
-        kind = Inference(kinds, report).kind(part.tree)
+        kind = TypeInference(kinds, report).kind(part.tree)
         after = parts[number + 1] if number + 1 < len(parts) else ""
-        wrong = _alone(kind, where.wants) if len(parts) == 1 else _before(kind, after, where.wants)
+        wrong = (
+            _mismatch_alone(kind, where.wanted_kind)
+            if len(parts) == 1
+            else _mismatch_before_unit(kind, after, where.wanted_kind)
+        )
         if wrong is not None:
             note(part, part.tree, *wrong)
     return faults
 
 
-def _alone(kind: Kind, wants: str) -> tuple[str, str] | None:
+def _mismatch_alone(kind: Kind, wanted_kind: str) -> tuple[str, str] | None:
     """Return what is wrong with a value of this kind, and what to write."""
-    if wants in UNITS:
-        if (is_size(kind) and not _same(kind, wants)) or kind in (TEXT, FLAG) or isinstance(kind, ListOf):
-            return f" {needs(wants)}, got {told(kind)}", multiply(wants) if kind in (NUMBER, PERCENT) else ""
-    elif wants in (NUMBER, "count") and is_size(kind) and not _same(kind, NUMBER):
-        return f" needs a number, got {told(kind)}", divide(str(kind))
+    if wanted_kind in UNITS:
+        if (
+            (is_numeric(kind) and not _is_same_dimension(kind, wanted_kind))
+            or kind in (TEXT, FLAG)
+            or isinstance(kind, ListKind)
+        ):
+            return f" {needs_message(wanted_kind)}, got {describe_kind(kind)}", multiply_hint(wanted_kind) if kind in (
+                NUMBER,
+                PERCENT,
+            ) else ""
+    elif wanted_kind in (NUMBER, "count") and is_numeric(kind) and not _is_same_dimension(kind, NUMBER):
+        return f" needs a number, got {describe_kind(kind)}", divide_hint(str(kind))
     return None
 
 
-def _before(kind: Kind, after: str | Expression, wants: str) -> tuple[str, str] | None:
+def _mismatch_before_unit(kind: Kind, after: str | Expression, wanted_kind: str) -> tuple[str, str] | None:
     """Return what is wrong with a value of this kind in a text, before a unit: "${n} deg"."""
     word = _WORD.match(after) if isinstance(after, str) else None
     if word is None or not is_unit(word[1]):
         return None
-    if is_size(kind) and not _same(kind, NUMBER):
-        return f": {told(kind)} is written with its unit", f"leave '{word[1]}' out, or {divide(str(kind))}"
-    written = quantity(f"1 {word[1]}")
-    if wants in UNITS and written is not None and written.dimension != wants:
-        return f" {needs(wants)}, got {told(written.dimension)}", ""
+    if is_numeric(kind) and not _is_same_dimension(kind, NUMBER):
+        return (
+            f": {describe_kind(kind)} is written with its unit",
+            f"leave '{word[1]}' out, or {divide_hint(str(kind))}",
+        )
+    written = parse_quantity(f"1 {word[1]}")
+    if wanted_kind in UNITS and written is not None and written.dimension != wanted_kind:
+        return f" {needs_message(wanted_kind)}, got {describe_kind(written.dimension)}", ""
     return None
 
 
 _WORD = re.compile(r"\s*([A-Za-z%°][A-Za-z/^2²°%]*)")
 
 
-def _same(kind: Kind, dimension: str) -> bool:
+def _is_same_dimension(kind: Kind, dimension: str) -> bool:
     try:
-        common(str(kind), dimension)
+        common_dimension(str(kind), dimension)
     except DimensionError:
         return False
     return True

@@ -13,7 +13,7 @@ from functools import cache
 from types import NoneType, UnionType
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
-from config.units import NUMBER, UNITS, DimensionError, Quantity, common, named, quantity
+from config.units import NUMBER, UNITS, DimensionError, Quantity, common_dimension, dimension_text, parse_quantity
 from drivers.api.quick import dataclass
 from missions.language.robot_state import ROBOT_STATE
 
@@ -37,27 +37,29 @@ def members_in(value: object) -> list[str]:
 #
 # Each is replaced by a name of as many characters, so that columns stay places in the text.
 
-WORDS = {"true": True, "false": False, "null": None, "none": None}
+CONSTANTS = {"true": True, "false": False, "null": None, "none": None}
 """Constants, as YAML writes them."""
 
-RESERVED = frozenset(
+RESERVED_WORDS = frozenset(
     ["and", "async", "await", "else", "False", "for", "if", "in", "is", "lambda", "None", "not", "or", "True", "yield"]
 )
 """Words that an expression cannot have as names: Python has a meaning for them within one."""
 
-NAMES = "|".join(word for word in keyword.kwlist if word not in RESERVED)
-OR_QUOTED = re.compile(rf"""("(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')|\b({NAMES})\b""")
+PYTHON_KEYWORDS = "|".join(word for word in keyword.kwlist if word not in RESERVED_WORDS)
+KEYWORD_OR_TEXT = re.compile(rf"""("(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')|\b({PYTHON_KEYWORDS})\b""")
 
-AFTER = "(?:and|or|if|else|in|not)"
+OPERATOR_WORDS = "(?:and|or|if|else|in|not)"
 """Words that may follow a whole operand."""
 
 BOLD_A = 0x1D41A
 """MATHEMATICAL BOLD SMALL A; the rest of the alphabet follows it."""
 
-UNIT = "|".join(sorted(map(re.escape, {unit for units in UNITS.values() for unit in units} - {"%"}), key=len)[::-1])
-LITERAL = re.compile(
+UNIT_PATTERN = "|".join(
+    sorted(map(re.escape, {unit for units in UNITS.values() for unit in units} - {"%"}), key=len)[::-1]
+)
+QUANTITY_PATTERN = re.compile(
     r"""("(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')"""  # a text, which is passed over
-    rf"|(?<![\w.])((?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*(?:(?:{UNIT})(?![\w(])|%(?=\s*(?:$|[])<>=!,*/%+-]|{AFTER}\b))))"
+    rf"|(?<![\w.])((?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*(?:(?:{UNIT_PATTERN})(?![\w(])|%(?=\s*(?:$|[])<>=!,*/%+-]|{OPERATOR_WORDS}\b))))"
 )
 """A quantity within an expression: ``1.5 m/s``. A percent sign is one where nothing follows that it could divide."""
 
@@ -67,9 +69,9 @@ STAND_IN = "\ua66e"
 
 def as_python(text: str) -> tuple[str, dict[int, str]]:
     """Return an expression as Python reads it, and the quantities in it, by where they begin."""
-    literals = {found.start(): found[2] for found in LITERAL.finditer(text) if found[2]}
-    plain = LITERAL.sub(lambda found: found[1] or STAND_IN * len(found[2]), text)
-    return OR_QUOTED.sub(_as_name, plain), literals
+    literals = {found.start(): found[2] for found in QUANTITY_PATTERN.finditer(text) if found[2]}
+    plain = QUANTITY_PATTERN.sub(lambda found: found[1] or STAND_IN * len(found[2]), text)
+    return KEYWORD_OR_TEXT.sub(_as_name, plain), literals
 
 
 def _as_name(found: re.Match[str]) -> str:
@@ -82,7 +84,7 @@ def _as_name(found: re.Match[str]) -> str:
     return str(quoted) if word is None else chr(BOLD_A + ord(word[0]) - ord("a")) + word[1:]
 
 
-class Literals(ast.NodeTransformer):
+class QuantityRestorer(ast.NodeTransformer):
     """Puts quantities in the places of their stand-ins."""
 
     def __init__(self, python: str, literals: Mapping[int, str]) -> None:
@@ -91,21 +93,21 @@ class Literals(ast.NodeTransformer):
 
     def visit_Name(self, node: ast.Name) -> ast.expr:
         """Return the quantity that stands here, or the name."""
-        written = self._literals.get(characters(self._python, node)[0]) if self._literals else None
-        found = None if written is None else quantity(written)
+        written = self._literals.get(character_range(self._python, node)[0]) if self._literals else None
+        found = None if written is None else parse_quantity(written)
         if found is None:
             return node
         return ast.copy_location(ast.Constant(found), node)
 
 
-def characters(text: str, node: ast.expr) -> tuple[int, int]:
+def character_range(text: str, node: ast.expr) -> tuple[int, int]:
     """Return where in its line a node begins and ends, in characters: Python's parser counts bytes of UTF-8."""
     data = text.encode()
     end = len(data) if node.end_col_offset is None else node.end_col_offset
     return len(data[: node.col_offset].decode()), len(data[:end].decode())
 
 
-def cure(text: str) -> str:
+def syntax_hint(text: str) -> str:
     """Say what to write for what other languages, and people, write."""
     if "${" in text:
         return "; write it without '${' and '}'"
@@ -127,60 +129,62 @@ UNSETTLED = "unsettled"
 
 
 @dataclass(frozen=True, slots=True)
-class ListOf:
+class ListKind:
     """A list whose members are of one kind."""
 
-    of: "Kind"
+    member_kind: "Kind"
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
-    """Something with members: those of a class, or some by name; ``others`` is what any other member is."""
+class RecordKind:
+    """Something with members: those of a class, or some by name; ``other_kind`` is what any other member is."""
 
     noun: str
-    of: type | None = None
-    named: Mapping[str, "Kind"] = field(default_factory=dict, hash=False)
-    others: "Kind" = None
+    declared_type: type | None = None
+    members: Mapping[str, "Kind"] = field(default_factory=dict, hash=False)
+    other_kind: "Kind" = None
 
     def member(self, name: str) -> "Kind":
         """Return the kind of a member."""
-        known = self.named if self.of is None else kinds_of(self.of)
-        return known.get(name, self.others)
+        known = self.members if self.declared_type is None else member_kinds(self.declared_type)
+        return known.get(name, self.other_kind)
 
     def lacks(self, name: str) -> bool:
         """True where all members are known by name, and this is none of them."""
-        return self.of is None and self.others is None and bool(self.named) and name not in self.named
+        return (
+            self.declared_type is None and self.other_kind is None and bool(self.members) and name not in self.members
+        )
 
 
-Kind = str | ListOf | Record | None
+Kind = str | ListKind | RecordKind | None
 
-STATE: Mapping[str, Mapping[str, Kind]] = {
+STATE_KINDS: Mapping[str, Mapping[str, Kind]] = {
     name: {member: value.kind for member, value in part.values.items()} for name, part in ROBOT_STATE.items()
 }
 """The kinds of what expressions read of the robot's state, ``battery.percent``, ``face.seen``..."""
 
 
-def is_size(kind: Kind) -> bool:
+def is_numeric(kind: Kind) -> bool:
     """True for a number, whatever its dimension."""
     return isinstance(kind, str) and kind not in (TEXT, FLAG, NOTHING, UNSETTLED)
 
 
-def told(kind: Kind) -> str:
+def describe_kind(kind: Kind) -> str:
     """Return "a length", "a text", "true or false"... for a message."""
     if isinstance(kind, str):
-        return {FLAG: "true or false", NOTHING: "nothing", TEXT: "a text"}.get(kind) or named(kind)
-    return "a list" if isinstance(kind, ListOf) else kind.noun if isinstance(kind, Record) else "something"
+        return {FLAG: "true or false", NOTHING: "nothing", TEXT: "a text"}.get(kind) or dimension_text(kind)
+    return "a list" if isinstance(kind, ListKind) else kind.noun if isinstance(kind, RecordKind) else "something"
 
 
-def joined(one: Kind, other: Kind) -> Kind:
+def join_kinds(one: Kind, other: Kind) -> Kind:
     """Return the kind of what is the one or the other."""
     if one == other or other in (UNSETTLED, NOTHING):
         return one
     if one in (UNSETTLED, NOTHING):
         return other
-    if is_size(one) and is_size(other):
+    if is_numeric(one) and is_numeric(other):
         try:
-            return common(str(one), str(other))
+            return common_dimension(str(one), str(other))
         except DimensionError:
             return None
     return None
@@ -193,9 +197,9 @@ def kind_of_value(value: object) -> Kind:
     if isinstance(value, bool):
         return FLAG
     if isinstance(value, list | tuple):
-        return ListOf(kind_of_value(value[0]) if value else UNSETTLED)
+        return ListKind(kind_of_value(value[0]) if value else UNSETTLED)
     if isinstance(value, Mapping):
-        return Record("a mapping", named={str(name): kind_of_value(each) for name, each in value.items()})
+        return RecordKind("a mapping", members={str(name): kind_of_value(each) for name, each in value.items()})
     return NOTHING if value is None else kind_of_type(type(value))
 
 
@@ -208,9 +212,9 @@ def kind_of_type(hint: Any) -> Kind:
         some = [each for each in arguments if each is not NoneType]
         return kind_of_type(some[0]) if len(some) == 1 else None
     if origin is not None and issubclass(origin, Mapping):
-        return Record("a mapping", others=kind_of_type(arguments[1]))
+        return RecordKind("a mapping", other_kind=kind_of_type(arguments[1]))
     if origin is not None and issubclass(origin, Sequence):
-        return ListOf(kind_of_type(arguments[0]))
+        return ListKind(kind_of_type(arguments[0]))
     return _kind_of_class(hint) if isinstance(hint, type) else None
 
 
@@ -221,11 +225,11 @@ def _kind_of_class(kind: type) -> Kind:
         return NUMBER
     if issubclass(kind, str):
         return TEXT
-    return Record(f"a {kind.__name__}", kind)
+    return RecordKind(f"a {kind.__name__}", kind)
 
 
 @cache
-def kinds_of(kind: type) -> Mapping[str, Kind]:
+def member_kinds(kind: type) -> Mapping[str, Kind]:
     """Return what is known of the members of a class, from its annotations and those of its properties."""
     hints = _hints(kind)
     for name in members_of(kind):
@@ -243,6 +247,6 @@ def _hints(declared: Any) -> dict[str, Any]:
 
 
 @cache
-def dimensions_of(kind: type) -> Mapping[str, str]:
+def member_dimensions(kind: type) -> Mapping[str, str]:
     """Return the members of a class that are quantities, each with its dimension."""
-    return {name: each for name, each in kinds_of(kind).items() if isinstance(each, str) and each in UNITS}
+    return {name: each for name, each in member_kinds(kind).items() if isinstance(each, str) and each in UNITS}

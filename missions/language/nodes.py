@@ -11,11 +11,11 @@ from drivers.api.quick import dataclass
 
 SUCCESS, FAILURE = "success", "failure"
 
-AGAIN = "again"
+RESTART = "again"
 """How a modifier goes on that starts its child anew, or asks it once more."""
 
 Ends = frozenset[str]
-BOTH: Ends = frozenset({SUCCESS, FAILURE})
+BOTH_ENDS: Ends = frozenset({SUCCESS, FAILURE})
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,12 +23,12 @@ class ParentKind:
     """A kind of node that has others below it, but for modifiers.
 
     ``help`` is what it does, ``symbol`` its sign in the notation of behaviour trees (all are in DejaVu Sans),
-    ``unreached`` why a child of it is never reached.
+    ``unreached_reason`` why a child of it is never reached.
     """
 
     help: str
     symbol: str
-    unreached: str = ""
+    unreached_reason: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +62,10 @@ class ModifierKind:
 
     ``takes`` is the form of its value, in words; ``value`` the type of it, and ``constants`` all that it can be, where
     these are few. ``success`` and ``failure`` are the ways on when its child has ended so: an end of its own, or
-    ``AGAIN``. ``cut`` are the ends that it comes to besides, without an end of its child (``on_running``: one of them,
-    by its value), and ``cut_when`` says in which case; nothing where that comes only after an earlier success.
-    ``every_tick`` says that its condition is asked at each tick. ``asks`` says whether the child is ticked at each
-    tick of its own, only at some, or ``afresh`` each time. ``occasion`` is the end of its child without which it makes
+    ``RESTART``. ``early_ends`` are the ends that it comes to besides, without an end of its child (``on_running``: one of them,
+    by its value), and ``early_end_text`` says in which case; nothing where that comes only after an earlier success.
+    ``every_tick`` says that its condition is asked at each tick. ``child_ticks`` says whether the child is ticked at each
+    tick of its own, only at some, or ``afresh`` each time. ``relevant_end`` is the end of its child without which it makes
     no difference.
     """
 
@@ -74,27 +74,27 @@ class ModifierKind:
     value: Literal["condition", "duration", "count", "constant", "expression"]
     success: Ends = frozenset({SUCCESS})
     failure: Ends = frozenset({FAILURE})
-    cut: Ends = frozenset()
-    cut_when: str = ""
+    early_ends: Ends = frozenset()
+    early_end_text: str = ""
     every_tick: bool = False
-    asks: Literal["always", "sometimes", "afresh"] = "always"
-    occasion: str = ""
-    unreached: str = ""
+    child_ticks: Literal["always", "sometimes", "afresh"] = "always"
+    relevant_end: str = ""
+    unreached_reason: str = ""
     constants: tuple[bool | str, ...] = ()
 
     @property
     def repeats(self) -> bool:
         """True where it starts its child anew, or asks it once more, after an end."""
-        return AGAIN in self.success | self.failure
+        return RESTART in self.success | self.failure
 
     @property
     def remembers(self) -> bool:
         """True where it answers with an earlier result, without its child."""
-        return self.asks == "afresh" and not self.repeats
+        return self.child_ticks == "afresh" and not self.repeats
 
     def without_limit(self, end: str) -> bool:
         """True where it goes on for ever after this end of its child, if its count is ``forever``."""
-        return self.value == "count" and AGAIN in (self.success if end == SUCCESS else self.failure)
+        return self.value == "count" and RESTART in (self.success if end == SUCCESS else self.failure)
 
 
 COMPOSITES: Mapping[str, CompositeKind] = {
@@ -163,7 +163,7 @@ SWITCHES: Mapping[str, SwitchKind] = {
 
 FOR_EACH, MISSION = "for_each", "mission"
 
-OTHERS: Mapping[str, ParentKind] = {
+OTHER_PARENTS: Mapping[str, ParentKind] = {
     **SWITCHES,
     FOR_EACH: ParentKind(
         "does one behaviour for each member of a list, one after another; fails at the first failure",
@@ -174,7 +174,7 @@ OTHERS: Mapping[str, ParentKind] = {
 }
 """The nodes that have others below them in ways of their own."""
 
-BRANCHES: Mapping[str, ParentKind] = {**COMPOSITES, **OTHERS}
+BRANCHES: Mapping[str, ParentKind] = {**COMPOSITES, **OTHER_PARENTS}
 """All nodes that have others below them, but for modifiers."""
 
 MODIFIERS: Mapping[str, ModifierKind] = {
@@ -182,54 +182,54 @@ MODIFIERS: Mapping[str, ModifierKind] = {
         "asked once, at the start; false skips the node, which counts as success; for 'else' use switch",
         "an expression",
         "condition",
-        cut=frozenset({SUCCESS}),
-        cut_when="is false",
-        asks="sometimes",
-        unreached="its condition is never true",
+        early_ends=frozenset({SUCCESS}),
+        early_end_text="is false",
+        child_ticks="sometimes",
+        unreached_reason="its condition is never true",
     ),
     "while": ModifierKind(
         "asked at every tick; once false, the node is halted and fails",
         "an expression",
         "condition",
-        cut=frozenset({FAILURE}),
-        cut_when="is false",
+        early_ends=frozenset({FAILURE}),
+        early_end_text="is false",
         every_tick=True,
-        asks="sometimes",
-        unreached="its condition is never true",
+        child_ticks="sometimes",
+        unreached_reason="its condition is never true",
     ),
     "until": ModifierKind(
         "asked at every tick; once true, the node is halted and succeeds",
         "an expression",
         "condition",
-        cut=frozenset({SUCCESS}),
-        cut_when="is true",
+        early_ends=frozenset({SUCCESS}),
+        early_end_text="is true",
         every_tick=True,
-        asks="sometimes",
-        unreached="its condition is true from the start",
+        child_ticks="sometimes",
+        unreached_reason="its condition is true from the start",
     ),
     "timeout": ModifierKind(
         "fails, halting the node, when it still runs after that long",
         "a duration",
         "duration",
-        cut=frozenset({FAILURE}),
-        cut_when="is over",
-        asks="sometimes",
+        early_ends=frozenset({FAILURE}),
+        early_end_text="is over",
+        child_ticks="sometimes",
     ),
     "retry": ModifierKind(
         "starts again after a failure; the count is of attempts",
         "a count or forever",
         "count",
-        failure=frozenset({FAILURE, AGAIN}),
-        asks="afresh",
-        occasion=FAILURE,
+        failure=frozenset({FAILURE, RESTART}),
+        child_ticks="afresh",
+        relevant_end=FAILURE,
     ),
     "repeat": ModifierKind(
         "starts again after a success; the count is of runs",
         "a count or forever",
         "count",
-        success=frozenset({SUCCESS, AGAIN}),
-        asks="afresh",
-        occasion=SUCCESS,
+        success=frozenset({SUCCESS, RESTART}),
+        child_ticks="afresh",
+        relevant_end=SUCCESS,
     ),
     "invert": ModifierKind(
         "success for failure and failure for success",
@@ -245,7 +245,7 @@ MODIFIERS: Mapping[str, ModifierKind] = {
         "constant",
         constants=("succeed",),
         failure=frozenset({SUCCESS}),
-        occasion=FAILURE,
+        relevant_end=FAILURE,
     ),
     "on_success": ModifierKind(
         "a success counts as failure",
@@ -253,44 +253,44 @@ MODIFIERS: Mapping[str, ModifierKind] = {
         "constant",
         constants=("fail",),
         success=frozenset({FAILURE}),
-        occasion=SUCCESS,
+        relevant_end=SUCCESS,
     ),
     "on_running": ModifierKind(
         "a node that still runs after its tick is halted, and counts as that",
         "succeed or fail",
         "constant",
         constants=("succeed", "fail"),
-        cut=BOTH,
-        cut_when="ends it",
+        early_ends=BOTH_ENDS,
+        early_end_text="ends it",
     ),
     "hold": ModifierKind(
         "succeeds once the node has succeeded at every tick for that long",
         "a duration",
         "duration",
-        success=frozenset({SUCCESS, AGAIN}),
-        failure=frozenset({AGAIN}),
-        occasion=SUCCESS,
+        success=frozenset({SUCCESS, RESTART}),
+        failure=frozenset({RESTART}),
+        relevant_end=SUCCESS,
     ),
     "delay": ModifierKind(
         "waits before the node starts",
         "a duration",
         "duration",
-        asks="sometimes",
-        unreached="something else always ends it before",
+        child_ticks="sometimes",
+        unreached_reason="something else always ends it before",
     ),
     "cooldown": ModifierKind(
         "fails without starting within that long after its last success",
         "a duration",
         "duration",
-        cut=frozenset({FAILURE}),
-        asks="sometimes",
-        occasion=SUCCESS,
+        early_ends=frozenset({FAILURE}),
+        child_ticks="sometimes",
+        relevant_end=SUCCESS,
     ),
     "once": ModifierKind(
         "after its first end, keeps answering with that result; with an expression, while its value stays the same",
         "true or an expression",
         "expression",
-        asks="afresh",
+        child_ticks="afresh",
     ),
 }
 """What may stand beside a behaviour, outermost first."""

@@ -10,7 +10,7 @@ import operator
 from collections.abc import Callable
 from typing import Any
 
-from config.units import NUMBER, DimensionError, Quantity, common, factor_of, product, quotient, seen
+from config.units import NUMBER, DimensionError, Quantity, common_dimension, factor_of, product, quoted_value, quotient
 
 MAX_TEXT = 10_000
 """Characters of a text that a mission makes: one that doubles at every tick must not fill the memory."""
@@ -43,7 +43,7 @@ COMPARE: dict[type[ast.cmpop], Callable[[Any, Any], object]] = {
 }
 
 
-def listing(items: list[Any]) -> list[Any]:
+def require_flat(items: list[Any]) -> list[Any]:
     """Return ``items``, none of which may be a list."""
     if any(isinstance(item, list) for item in items):
         raise ValueError("a list cannot stand in a list")
@@ -53,9 +53,9 @@ def listing(items: list[Any]) -> list[Any]:
 def member_at(items: Any, place: Any) -> object:
     """Return a member of a list: 0 is the first, -1 the last."""
     if not isinstance(items, list | tuple):
-        raise ValueError(f"only a list has members by number, not {described(items)}")
+        raise ValueError(f"only a list has members by number, not {describe_value(items)}")
     if isinstance(place, bool) or not isinstance(place, int):
-        raise ValueError(f"the members of a list are counted from 0, in whole numbers, got {described(place)}")
+        raise ValueError(f"the members of a list are counted from 0, in whole numbers, got {describe_value(place)}")
     if not -len(items) <= place < len(items):
         raise ValueError(f"no member {place} in a list of {len(items)}")
     found: object = items[place]
@@ -66,37 +66,37 @@ def compare(op: ast.cmpop, left: Any, right: Any) -> bool:
     """Return whether a comparison is true. Sizes of two dimensions cannot be compared."""
     if (type(left) is Quantity or type(right) is Quantity) and _is_number(left) and _is_number(right):
         try:
-            common(dimension_of(left), dimension_of(right))
+            common_dimension(dimension_of(left), dimension_of(right))
         except DimensionError as error:
             raise ValueError(f"cannot compare {error}") from None
     try:
         return bool(COMPARE[type(op)](left, right))
     except (TypeError, ValueError):
-        raise ValueError(f"cannot compare {described(left)} with {described(right)}") from None
+        raise ValueError(f"cannot compare {describe_value(left)} with {describe_value(right)}") from None
 
 
 def combine(op: ast.operator, left: Any, right: Any) -> object:
     """Text adds to text only, and is never multiplied or formatted: a short line cannot fill the memory."""
     if isinstance(op, ast.Add) and isinstance(left, str) and isinstance(right, str):
-        return short(left + right)
-    dimension = combined(type(op), dimension_of(left), dimension_of(right))
-    return measured(BINARY[type(op)](left, right), dimension)
+        return check_text_length(left + right)
+    dimension = combined_dimension(type(op), dimension_of(left), dimension_of(right))
+    return make_quantity(BINARY[type(op)](left, right), dimension)
 
 
-def signed(op: ast.unaryop, number: Any) -> object:
+def apply_sign(op: ast.unaryop, number: Any) -> object:
     """Return a number with a sign before it."""
     dimension = dimension_of(number)
-    return measured(UNARY[type(op)](number), dimension)
+    return make_quantity(UNARY[type(op)](number), dimension)
 
 
-def combined(op: type[ast.operator], one: str, other: str) -> str:
+def combined_dimension(op: type[ast.operator], one: str, other: str) -> str:
     """Return the dimension of what an operator makes. Raises ValueError where the two do not go together."""
     if op is ast.Mult:
         return product(one, other)
     if op is ast.Div:
         return quotient(one, other)
     try:
-        found = common(one, other)
+        found = common_dimension(one, other)
     except DimensionError as error:
         raise ValueError(f"{_CANNOT[op]} {error}") from None
     return NUMBER if op is ast.FloorDiv else found
@@ -115,11 +115,11 @@ def dimension_of(number: object) -> str:
     if type(number) is Quantity:
         return number.dimension
     if not isinstance(number, int | float):
-        raise ValueError(f"cannot calculate with {described(number)}")
+        raise ValueError(f"cannot calculate with {describe_value(number)}")
     return NUMBER
 
 
-def measured(number: float, dimension: str) -> int | float:
+def make_quantity(number: float, dimension: str) -> int | float:
     """Return a number as a quantity. Raises ValueError where it is out of range."""
     if out_of_range(number):
         raise ValueError("a number out of range")
@@ -137,61 +137,63 @@ def out_of_range(number: float) -> bool:
     return abs(number) > MAX_NUMBER if isinstance(number, int) else not math.isfinite(number)
 
 
-def _absolute(number: Any) -> int | float:
+def _absolute_value(number: Any) -> int | float:
     dimension = dimension_of(number)
-    return measured(abs(number), dimension)
+    return make_quantity(abs(number), dimension)
 
 
-def _rounded(number: Any, digits: Any = None) -> int | float:
+def _round(number: Any, digits: Any = None) -> int | float:
     """Round a quantity as people are told of it: an angle in degrees."""
     if digits is not None and (not isinstance(digits, int) or digits not in range(16)):
         raise ValueError("round takes 0 to 15 digits")
     dimension = dimension_of(number)
     factor = factor_of(dimension)
-    return measured(round(number / factor, digits) * factor if factor != 1 else round(number, digits), dimension)
+    return make_quantity(round(number / factor, digits) * factor if factor != 1 else round(number, digits), dimension)
 
 
-def _least(*items: Any) -> object:
-    return _chosen(min, items)
+def _minimum(*items: Any) -> object:
+    return _choose(min, items)
 
 
-def _most(*items: Any) -> object:
-    return _chosen(max, items)
+def _maximum(*items: Any) -> object:
+    return _choose(max, items)
 
 
-def _chosen(choose: Callable[..., object], items: tuple[Any, ...]) -> object:
+def _choose(choose: Callable[..., object], items: tuple[Any, ...]) -> object:
     """Return the smallest or largest of several, or of a list; all of one dimension."""
     among = items[0] if len(items) == 1 else items
     sizes = [dimension_of(item) for item in among if _is_number(item)] if isinstance(among, list | tuple) else []
     for other in sizes[1:]:
         try:
-            common(sizes[0], other)
+            common_dimension(sizes[0], other)
         except DimensionError as error:
             raise ValueError(f"cannot compare {error}") from None
     return choose(*items)
 
 
 FUNCTIONS: dict[str, Callable[..., object]] = {
-    "min": _least,
-    "max": _most,
-    "abs": _absolute,
-    "round": _rounded,
+    "min": _minimum,
+    "max": _maximum,
+    "abs": _absolute_value,
+    "round": _round,
     "len": len,
 }
 """What an expression may call."""
 
 
-def short(text: str) -> str:
+def check_text_length(text: str) -> str:
     """Return ``text``. Raises ValueError where it is longer than MAX_TEXT."""
     if len(text) > MAX_TEXT:
         raise ValueError(f"a text of more than {MAX_TEXT:,} characters")
     return text
 
 
-def described(value: object) -> str:
+def describe_value(value: object) -> str:
     """Say what a value is, for a message."""
     if isinstance(value, str):
-        return f"the text {seen(value)}"
+        return f"the text {quoted_value(value)}"
     if isinstance(value, int | float):
         return str(value).lower() if isinstance(value, bool) else str(value)
-    return seen(value) if value is None or isinstance(value, list | tuple | dict) else f"a {type(value).__name__}"
+    return (
+        quoted_value(value) if value is None or isinstance(value, list | tuple | dict) else f"a {type(value).__name__}"
+    )

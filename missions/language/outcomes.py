@@ -3,118 +3,128 @@
 from collections.abc import Sequence
 
 from config.faults import Diagnostic
-from missions.language.counts import FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL, decision
-from missions.language.expressions import UNREAD, Value
-from missions.language.for_each import Members
-from missions.language.kinds import STATE
-from missions.language.nodes import BOTH, COMPOSITES, FAILURE, FOR_EACH, MISSION, MODIFIERS, SUCCESS, SWITCHES, Ends
-from missions.language.notes import Notes
-from missions.language.plan import UNKNOWN, Step
+from missions.language.counts import FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL, decide_parallel
+from missions.language.expressions import INVALID_VALUE, Value
+from missions.language.for_each import ListMembers
+from missions.language.kinds import STATE_KINDS
+from missions.language.nodes import (
+    BOTH_ENDS,
+    COMPOSITES,
+    FAILURE,
+    FOR_EACH,
+    MISSION,
+    MODIFIERS,
+    SUCCESS,
+    SWITCHES,
+    Ends,
+)
+from missions.language.notes import CheckContext
+from missions.language.plan import UNREAD_KIND, Step
 
-LETS_THROUGH = frozenset(word for word, kind in MODIFIERS.items() if SUCCESS in kind.success and word != "if")
+PASS_SUCCESS_MODIFIERS = frozenset(word for word, kind in MODIFIERS.items() if SUCCESS in kind.success and word != "if")
 """The modifiers that succeed where what they stand around does."""
 
 VERBS = {SUCCESS: "succeeds", FAILURE: "fails"}
 
 
-def check_outcomes(notes: Notes, tree: Step) -> None:
+def check_outcomes(context: CheckContext, tree: Step) -> None:
     """Note the steps that are never reached, and the modifiers that cannot matter."""
     for step in tree.walk():
         kind = COMPOSITES.get(step.kind)
         if kind is not None and kind.order == "in order":
-            _unreached(notes, step, kind.passes)
+            _check_unreached(context, step, kind.passes)
             if kind.passes == FAILURE:
-                _no_else(notes, step)
+                _check_skipped_if(context, step)
         elif step.kind == "parallel":
-            _counted(notes, step)
+            _check_counts(context, step)
         elif step.kind in MODIFIERS:
-            _pointless(notes, step, step.children[0])
+            _check_pointless(context, step, step.children[0])
 
 
-def _unreached(notes: Notes, step: Step, passes: str) -> None:
+def _check_unreached(context: CheckContext, step: Step, passes: str) -> None:
     for child, after in zip(step.children, step.children[1:], strict=False):
-        if passes not in ends(child):
-            what = f"'{child.name}' (line {innermost(child).mark.line}) never {VERBS[passes]}"
-            notes.fault_at(innermost(after), f"'{after.name}' is never reached: {what}")
+        if passes not in possible_ends(child):
+            what = f"'{child.name}' (line {innermost_step(child).mark.line}) never {VERBS[passes]}"
+            context.fault_at(innermost_step(after), f"'{after.name}' is never reached: {what}")
             return
 
 
-def _counted(notes: Notes, step: Step) -> None:
+def _check_counts(context: CheckContext, step: Step) -> None:
     """Note a count that a parallel cannot come to, and a wait for all that is over at once, or never."""
     settings = {word: value.constant for word, value in step.arguments.items() if value.template is None}
     if len(settings) < len(step.arguments):
         return
-    below = [ends(child) for child in step.children]
+    below = [possible_ends(child) for child in step.children]
     succeed, fail = (sum(end in each for each in below) for end in (SUCCESS, FAILURE))
-    decided = decision(len(below), settings)
+    decided = decide_parallel(len(below), settings)
     of = f"of its {len(below)} children"
     if SUCCESS_COUNT in settings and succeed < decided.successes:
-        notes.fault_at(
+        context.fault_at(
             step, f"'{SUCCESS_COUNT}: {decided.successes}' is never reached: only {succeed} {of} can succeed"
         )
     if isinstance(settings.get(FAILURE_COUNT), int) and not fail:
-        notes.fault_at(step, f"'{FAILURE_COUNT}: {decided.failures}' cannot matter: none {of} can fail")
+        context.fault_at(step, f"'{FAILURE_COUNT}: {decided.failures}' cannot matter: none {of} can fail")
     endless = next((child for child, each in zip(step.children, below, strict=True) if not each), None)
-    if decided.waits and endless is not None:
-        what = f"'{endless.name}' (line {innermost(endless).mark.line}) never does"
-        notes.fault_at(step, f"with '{WAIT_FOR_ALL}' it ends when all have, and {what}")
-    elif decided.waits and not fail and decided.successes == len(below):
-        notes.fault_at(step, f"'{WAIT_FOR_ALL}' cannot matter: none {of} can fail, so all are waited for anyway")
+    if decided.waits_for_all and endless is not None:
+        what = f"'{endless.name}' (line {innermost_step(endless).mark.line}) never does"
+        context.fault_at(step, f"with '{WAIT_FOR_ALL}' it ends when all have, and {what}")
+    elif decided.waits_for_all and not fail and decided.successes == len(below):
+        context.fault_at(step, f"'{WAIT_FOR_ALL}' cannot matter: none {of} can fail, so all are waited for anyway")
 
 
-def _no_else(notes: Notes, step: Step) -> None:
+def _check_skipped_if(context: CheckContext, step: Step) -> None:
     """Note an ``if`` after which others wait for a failure: where it is false, none of them has its turn."""
-    for child in map(_behind, step.children[:-1]):
+    for child in map(_first_changing_step, step.children[:-1]):
         if child.kind == "if":
-            notes.fault_at(
+            context.fault_at(
                 child,
                 f"'if' is no 'else' in a {step.kind}: what is skipped counts as success, and the others are not tried",
                 "write switch: {on: ..., cases: {true: ...}, default: ...}, or put 'if' beside the last of them",
             )
 
 
-def _behind(step: Step) -> Step:
+def _first_changing_step(step: Step) -> Step:
     """Return the first step within that can turn a success into something else, or a failure into a success."""
-    while step.kind in LETS_THROUGH:
+    while step.kind in PASS_SUCCESS_MODIFIERS:
         step = step.children[0]
     return step
 
 
-def _pointless(notes: Notes, step: Step, child: Step) -> None:
+def _check_pointless(context: CheckContext, step: Step, child: Step) -> None:
     """Note a modifier whose occasion never comes."""
-    occasion, leaf = MODIFIERS[step.kind].occasion, child.leaf
-    if step.arguments["value"] is UNREAD:
+    occasion, leaf = MODIFIERS[step.kind].relevant_end, child.leaf
+    if step.arguments["value"] is INVALID_VALUE:
         return
     if (
         leaf is not None
         and leaf.instant
         and (step.kind == "on_running" or (step.kind == "timeout" and not _waits(child)))
     ):
-        notes.fault_at(step, f"'{step.kind}' cannot matter here: '{child.kind}' ends at once")
-    elif occasion and occasion not in ends(child):
+        context.fault_at(step, f"'{step.kind}' cannot matter here: '{child.kind}' ends at once")
+    elif occasion and occasion not in possible_ends(child):
         said = f"'{step.kind}' cannot matter here: '{child.name}' never {VERBS[occasion]}"
-        notes.fault_at(step, said, _order(step, child, occasion))
+        context.fault_at(step, said, _order_hint(step, child, occasion))
     elif step.kind == "timeout":
-        _too_late(notes, step, child)
+        _check_delay(context, step, child)
 
 
 def _waits(step: Step) -> bool:
     """Say whether a leaf that ends at once may be suspended: it asks a sensor, or its arguments do."""
     reads = (read for value in step.arguments.values() if value.template is not None for read in value.template.reads)
-    return step.leaf is not None and (bool(step.leaf.needs) or any(read.name in STATE for read in reads))
+    return step.leaf is not None and (bool(step.leaf.needs) or any(read.name in STATE_KINDS for read in reads))
 
 
-def _order(step: Step, child: Step, end: str) -> str:
+def _order_hint(step: Step, child: Step, end: str) -> str:
     """Say so where only the order of two modifiers keeps an end of the behaviour from the outer one, ``step``."""
     while child.leaf is None and "value" in child.arguments:
         (below,) = child.children
-        if end in ends(below):
+        if end in possible_ends(below):
             return f"the order is the cause: write '{step.kind}' above '{child.kind}' (line {child.mark.line})"
         child = below
     return ""
 
 
-def _too_late(notes: Notes, step: Step, child: Step) -> None:
+def _check_delay(context: CheckContext, step: Step, child: Step) -> None:
     """Note a ``delay`` that goes on for longer than the ``timeout`` that is written below it."""
     limit = step.arguments["value"].constant
     while child.leaf is None and "value" in child.arguments:
@@ -122,52 +132,52 @@ def _too_late(notes: Notes, step: Step, child: Step) -> None:
         if child.kind == "delay" and isinstance(wait, float) and isinstance(limit, float) and wait >= limit:
             what = f"the 'delay' of {child.text} goes on for longer than the 'timeout' of {step.text} around it"
             hint = f"the order is the cause: write 'timeout' above 'delay' (line {child.mark.line})"
-            notes.fault_at(innermost(child), f"'{child.name}' is never reached: {what}", hint)
+            context.fault_at(innermost_step(child), f"'{child.name}' is never reached: {what}", hint)
         child = child.children[0]
 
 
-def innermost(step: Step) -> Step:
+def innermost_step(step: Step) -> Step:
     """Return the behaviour itself inside its modifiers: where a person looks for it."""
     while len(step.children) == 1 and step.leaf is None and step.kind != MISSION and "value" in step.arguments:
         step = step.children[0]
     return step
 
 
-def ends(step: Step) -> Ends:
+def possible_ends(step: Step) -> Ends:
     """Return how a step can end; empty for one that never does. A step that stands alone may always be halted."""
     if step.leaf is not None:
         return step.leaf.ends
-    below = [ends(child) for child in step.children]
-    if step.kind == UNKNOWN:
-        return BOTH
+    below = [possible_ends(child) for child in step.children]
+    if step.kind == UNREAD_KIND:
+        return BOTH_ENDS
     if step.kind in MODIFIERS:
-        return _modified(step, below[0])
+        return _modifier_ends(step, below[0])
     if step.kind in SWITCHES:
         return frozenset().union(*below) | (frozenset() if len(below) > len(step.cases) else {FAILURE})
     if step.kind == FOR_EACH:
-        return _each(step, below[0])
-    return below[0] if step.kind == MISSION else _composite(step, below)
+        return _for_each_ends(step, below[0])
+    return below[0] if step.kind == MISSION else _composite_ends(step, below)
 
 
-def cuts(step: Step) -> Ends:
+def early_ends(step: Step) -> Ends:
     """Return the ends that a modifier comes to without an end of its child."""
     said = {"succeed": SUCCESS, "fail": FAILURE}.get(step.text)
-    cut = MODIFIERS[step.kind].cut
+    cut = MODIFIERS[step.kind].early_ends
     return cut if said is None or step.kind != "on_running" else cut & {said}
 
 
-def _modified(step: Step, below: Ends) -> Ends:
+def _modifier_ends(step: Step, below: Ends) -> Ends:
     kind = MODIFIERS[step.kind]
     ways = {SUCCESS: kind.success, FAILURE: kind.failure}
-    passed = (BOTH & ways[end] for end in below if not (kind.without_limit(end) and _forever(step)))
-    return cuts(step).union(*passed)
+    passed = (BOTH_ENDS & ways[end] for end in below if not (kind.without_limit(end) and _forever(step)))
+    return early_ends(step).union(*passed)
 
 
-def _composite(step: Step, below: list[Ends]) -> Ends:
+def _composite_ends(step: Step, below: list[Ends]) -> Ends:
     if not step.children:
-        return BOTH
+        return BOTH_ENDS
     if step.kind == "parallel":
-        return _parallel(step, below)
+        return _parallel_ends(step, below)
     passes = COMPOSITES[step.kind].passes
     if not passes:
         return frozenset().union(*below)
@@ -190,22 +200,22 @@ def _forever(step: Step) -> bool:
     return value.template is None and value.constant is None
 
 
-def _parallel(step: Step, below: list[Ends]) -> Ends:
+def _parallel_ends(step: Step, below: list[Ends]) -> Ends:
     """Return the ends of a parallel, from how many of its children can succeed, fail, and end at all."""
     if any(value.template is not None for value in step.arguments.values()):
-        return BOTH
+        return BOTH_ENDS
     succeed, fail = (sum(end in each for each in below) for end in (SUCCESS, FAILURE))
-    decided = decision(len(below), {word: value.constant for word, value in step.arguments.items()})
-    if decided.waits and not all(below):
+    decided = decide_parallel(len(below), {word: value.constant for word, value in step.arguments.items()})
+    if decided.waits_for_all and not all(below):
         return frozenset()
     found = {SUCCESS: succeed >= decided.successes, FAILURE: fail >= decided.failures}
     return frozenset(end for end, possible in found.items() if possible)
 
 
-def _each(step: Step, below: Ends) -> Ends:
+def _for_each_ends(step: Step, below: Ends) -> Ends:
     """Return the ends of a for_each: where its list may be empty, it can succeed whatever its child does."""
     members = step.arguments["in"].constant
-    count = members.count if isinstance(members, Members) else None
+    count = members.count if isinstance(members, ListMembers) else None
     return frozenset({SUCCESS}) if count == 0 else below if count else below | {SUCCESS}
 
 
@@ -214,18 +224,18 @@ def _each(step: Step, below: Ends) -> Ends:
 # An action that stands where a reactive composite asks a question at every tick halts what stands behind it. A
 # ``once`` around a guard remembers that it let nothing start.
 
-ENDS_AT_ONCE = frozenset(
+INSTANT_ACTIONS = frozenset(
     {"succeed", "fail", "pretend", "led", "sound", "publish", "face", "show", "log", "set", "notify"}
 )
 """Leaves that are no conditions, and need no time either."""
 
-ASKS_FIRST = frozenset({"if", "while", "until", "cooldown", "once", "on_running"})
+CONDITIONAL_MODIFIERS = frozenset({"if", "while", "until", "cooldown", "once", "on_running"})
 """Modifiers with which a node runs only for a reason of its own, or not for longer than a tick."""
 
-GUARDS = frozenset({"if", "while", "until"})
+GUARD_MODIFIERS = frozenset({"if", "while", "until"})
 """Modifiers that may end a node before it starts, for what they ask."""
 
-RUNS_ITSELF = frozenset({"hold", "delay", "retry", "repeat"})
+RUNNING_MODIFIERS = frozenset({"hold", "delay", "retry", "repeat"})
 """Modifiers that run by themselves, whatever they stand beside."""
 
 
@@ -235,13 +245,17 @@ def actions_as_guards(tree: Step) -> list[Diagnostic]:
     for step in tree.walk():
         kind = COMPOSITES.get(step.kind)
         if kind is not None and kind.reactive:
-            found += [_hint(step, child, cause) for child in step.children[:-1] if (cause := _runs(child)) is not None]
+            found += [
+                _guard_hint(step, child, cause)
+                for child in step.children[:-1]
+                if (cause := _find_running(child)) is not None
+            ]
     return found
 
 
-def _hint(around: Step, child: Step, cause: Step) -> Diagnostic:
-    place = innermost(child)
-    what = f"'{cause.kind}' in it" if innermost(cause) is not place else f"'{cause.kind}'"
+def _guard_hint(around: Step, child: Step, cause: Step) -> Diagnostic:
+    place = innermost_step(child)
+    what = f"'{cause.kind}' in it" if innermost_step(cause) is not place else f"'{cause.kind}'"
     return Diagnostic(
         place.source,
         place.mark,
@@ -250,44 +264,44 @@ def _hint(around: Step, child: Step, cause: Step) -> Diagnostic:
     )
 
 
-def _runs(step: Step) -> Step | None:
+def _find_running(step: Step) -> Step | None:
     """Return what runs each time that ``step`` is asked, though no condition has said so; None where nothing does."""
     if step.leaf is not None:
-        return None if step.leaf.instant or step.kind in ENDS_AT_ONCE else step
-    if step.kind in ASKS_FIRST or step.kind in SWITCHES or not step.children:
+        return None if step.leaf.instant or step.kind in INSTANT_ACTIONS else step
+    if step.kind in CONDITIONAL_MODIFIERS or step.kind in SWITCHES or not step.children:
         return None
-    if step.kind in RUNS_ITSELF:
+    if step.kind in RUNNING_MODIFIERS:
         return step
     kind = COMPOSITES.get(step.kind)
     if step.kind in MODIFIERS or kind is None:
-        return _runs(step.children[0])
+        return _find_running(step.children[0])
     if kind.passes == SUCCESS and kind.order == "in order":
         return _first_that_decides(step.children)
-    return next((cause for child in step.children if (cause := _runs(child)) is not None), None)
+    return next((cause for child in step.children if (cause := _find_running(child)) is not None), None)
 
 
 def _first_that_decides(children: Sequence[Step]) -> Step | None:
     """Return the cause in the first child of a sequence that does not simply succeed."""
     for child in children:
-        cause = _runs(child)
-        if cause is not None or ends(child) != {SUCCESS}:
+        cause = _find_running(child)
+        if cause is not None or possible_ends(child) != {SUCCESS}:
             return cause
     return None
 
 
-def guards_kept(tree: Step) -> list[Diagnostic]:
+def remembered_guards(tree: Step) -> list[Diagnostic]:
     """Return a hint for each ``once`` that also remembers the answer of a guard, which kept its node from starting."""
     found = []
     for step in tree.walk():
         guard = _first_guard(step.children[0]) if step.kind == "once" else None
         if guard is not None:
             said = f"'once' also remembers that '{guard.kind}' (line {guard.mark.line}) let nothing start"
-            hint = _instead(step, guard)
+            hint = _once_hint(step, guard)
             found.append(Diagnostic(step.source, step.mark, f"{said}, and does not ask it again", hint))
     return found
 
 
-def _instead(once: Step, guard: Step) -> str:
+def _once_hint(once: Step, guard: Step) -> str:
     """Say how only what was done is done once."""
     child = once.children[0]
     while child is not guard and child.kind in MODIFIERS:
@@ -304,9 +318,9 @@ def _instead(once: Step, guard: Step) -> str:
 def _first_guard(step: Step) -> Step | None:
     """Return what is asked before anything is done in ``step``, and may end it then; None where nothing does."""
     if step.leaf is not None:
-        asks = step.leaf.instant and FAILURE in ends(step) and step.kind not in ENDS_AT_ONCE
+        asks = step.leaf.instant and FAILURE in possible_ends(step) and step.kind not in INSTANT_ACTIONS
         return step if asks else None
-    if step.kind in GUARDS:
+    if step.kind in GUARD_MODIFIERS:
         return step if step.arguments["value"].template is not None else _first_guard(step.children[0])
     if step.kind in SWITCHES:
         return None if len(step.children) > len(step.cases) else step
@@ -331,4 +345,4 @@ def _endless(step: Step) -> bool:
 
 
 def _ends_at_once(step: Step) -> bool:
-    return step.leaf is not None and (step.leaf.instant or step.kind in ENDS_AT_ONCE)
+    return step.leaf is not None and (step.leaf.instant or step.kind in INSTANT_ACTIONS)

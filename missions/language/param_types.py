@@ -8,56 +8,56 @@ from dataclasses import replace
 from functools import partial
 
 from behaviours.leaf import REQUIRED, Argument, Leaf
-from config.faults import Diagnostic, InvalidFileError, Mark, Source, note, one_of
-from config.marked import Listing, Mapping, Node, Plain, Scalar, compose, plain
-from config.units import NUMBER, UNITS, Quantity, article, quantity, seen
+from config.faults import Diagnostic, InvalidFileError, Mark, SourceText, add_diagnostic, suggest_from
+from config.marked import Listing, Mapping, Node, Plain, Scalar, compose, plain_value
+from config.units import NUMBER, UNITS, Quantity, parse_quantity, quoted_value, with_article
 from drivers.api.quick import dataclass
-from missions.language.arguments import NAMES, converter, default_value, read_argument
+from missions.language.arguments import TEXT_KINDS, converter, default_value, read_argument
 from missions.language.counts import COUNTS
-from missions.language.expressions import UNREAD, Convert, Value, shown
-from missions.language.kinds import FLAG, TEXT, Kind, ListOf
+from missions.language.expressions import INVALID_VALUE, Convert, Value, format_value
+from missions.language.kinds import FLAG, TEXT, Kind, ListKind
 from missions.language.nodes import BRANCHES, FOR_EACH, MISSION, MODIFIERS, SWITCHES
-from missions.language.notes import Notes
+from missions.language.notes import CheckContext
 
-FORM = "such as [kitchen, hall]"
+LIST_EXAMPLE = "such as [kitchen, hall]"
 
-Meant = Callable[[Scalar], object]
+ScalarReader = Callable[[Scalar], object]
 """Returns the value that a scalar has, as a member of a list."""
 
 
-def list_members(node: Listing, meant: Meant) -> list[object]:
+def list_members(node: Listing, read_scalar: ScalarReader) -> list[object]:
     """Return the values of a list's members. Raises ValueError for what cannot be one."""
-    return [_member(item, meant) for item in node.items]
+    return [_member(item, read_scalar) for item in node.items]
 
 
-def _member(node: Node, meant: Meant) -> object:
+def _member(node: Node, read_scalar: ScalarReader) -> object:
     if not isinstance(node, Scalar):
         raise ValueError("needs plain values as its members: a list holds no lists and no mappings")
     if "${" in node.text:
-        raise ValueError(f"cannot have the member {seen(node.text)}: lists in a file hold plain values")
-    return meant(node)
+        raise ValueError(f"cannot have the member {quoted_value(node.text)}: lists in a file hold plain values")
+    return read_scalar(node)
 
 
-def typed_list(text: str, meant: Meant) -> list[object]:
+def parse_list(text: str, read_scalar: ScalarReader) -> list[object]:
     """Read a list from a command line: ``kitchen, hall``, or in brackets. Raises ValueError."""
     text = text.strip()
     try:
-        node = compose(Source("", text if text.startswith("[") else f"[{text}]"))
+        node = compose(SourceText("", text if text.startswith("[") else f"[{text}]"))
     except InvalidFileError:
         node = None
     if not isinstance(node, Listing):
-        raise ValueError(f"needs a list, such as 'kitchen, hall', got {seen(text)}")
-    return list_members(node, meant)
+        raise ValueError(f"needs a list, such as 'kitchen, hall', got {quoted_value(text)}")
+    return list_members(node, read_scalar)
 
 
-def list_of(convert: Convert) -> Convert:
+def list_converter(convert: Convert) -> Convert:
     """Return what turns a list into one whose members ``convert`` has turned."""
-    return partial(_each, convert)
+    return partial(_convert_members, convert)
 
 
-def _each(convert: Convert, value: object) -> list[object]:
+def _convert_members(convert: Convert, value: object) -> list[object]:
     if not isinstance(value, list | tuple):
-        raise ValueError(f"needs a list, {FORM}, got {seen(value)}")
+        raise ValueError(f"needs a list, {LIST_EXAMPLE}, got {quoted_value(value)}")
     found = []
     for number, each in enumerate(value, start=1):
         try:
@@ -67,138 +67,140 @@ def _each(convert: Convert, value: object) -> list[object]:
     return found
 
 
-LIST = "list"
+LIST_TYPE = "list"
 """The type of a param that has members, all of one type."""
 
-NAMED = ("person", "place", "gesture", "move", MISSION, "file")
+NAME_TYPES = ("person", "place", "gesture", "move", MISSION, "file")
 """The types whose values are the names of something."""
 
-TYPES = (*UNITS, "text", "number", "count", "flag", "choice", *NAMED, LIST)
+PARAM_TYPES = (*UNITS, "text", "number", "count", "flag", "choice", *NAME_TYPES, LIST_TYPE)
 """The values of ``type`` of a param in its long form."""
 
-WRONG = object()
+INVALID_DEFAULT = object()
 """Stands for a default that was refused: what would come of it is no fault of its own."""
 
 
 @dataclass(frozen=True, slots=True)
 class ParamType:
-    """The type of a param: ``kind`` is one of TYPES; ``of`` is the same, or the type of the members of a list.
+    """The type of a param: ``kind`` is one of TYPES; ``member_type`` is the same, or the type of the members of a list.
 
     A value, or a member, lies between ``low`` and ``high``, or is one of ``choices``, where there are some.
     """
 
     kind: str
-    of: str
+    member_type: str
     convert: Convert
     low: float = -math.inf
     high: float = math.inf
     choices: tuple[str, ...] = ()
 
     @property
-    def values(self) -> Kind:
+    def value_kind(self) -> Kind:
         """The kind of its values."""
-        return ListOf(param_kind(self.of)) if self.kind == LIST else param_kind(self.of)
+        return ListKind(param_kind(self.member_type)) if self.kind == LIST_TYPE else param_kind(self.member_type)
 
-    def meant(self, node: Scalar) -> Plain:
+    def scalar_value(self, node: Scalar) -> Plain:
         """Return the value that a scalar of a file has as this param, or as a member of it."""
-        if self.of in (*NAMES, *NAMED):
+        if self.member_type in (*TEXT_KINDS, *NAME_TYPES):
             return node.text
         found = default_value(node)
         return (
-            node.text if self.of in UNITS and isinstance(found, int | float) and type(found) is not Quantity else found
+            node.text
+            if self.member_type in UNITS and isinstance(found, int | float) and type(found) is not Quantity
+            else found
         )
 
-    def take(self, text: str) -> object:
+    def parse(self, text: str) -> object:
         """Read a value from a command line. Raises ValueError that says what was expected."""
-        if self.kind == LIST:
-            return self.convert(typed_list(text, self.meant))
-        if self.of in (*NAMES, *NAMED):
+        if self.kind == LIST_TYPE:
+            return self.convert(parse_list(text, self.scalar_value))
+        if self.member_type in (*TEXT_KINDS, *NAME_TYPES):
             return self.convert(text)
-        found = quantity(text)
-        meant = text if self.of in UNITS and text else plain(text)
+        found = parse_quantity(text)
+        meant = text if self.member_type in UNITS and text else plain_value(text)
         return self.convert(meant if found is None else found)
 
-    def default(self, notes: Notes, node: Node, what: str) -> object:
+    def read_default(self, context: CheckContext, node: Node, label: str) -> object:
         """Read a default, which cannot be calculated; ``what`` begins the message of a fault."""
         if isinstance(node, Scalar) and "${" in node.text:
-            notes.fault(node.mark, f"the default of {what} cannot be calculated", "write a plain value")
-            return WRONG
-        found = self.read(notes, node, what)
-        return WRONG if found is UNREAD else found.constant
+            context.fault(node.mark, f"the default of {label} cannot be calculated", "write a plain value")
+            return INVALID_DEFAULT
+        found = self.read_value(context, node, label)
+        return INVALID_DEFAULT if found is INVALID_VALUE else found.constant
 
-    def read(self, notes: Notes, node: Node, what: str) -> Value:
+    def read_value(self, context: CheckContext, node: Node, label: str) -> Value:
         """Read the value that a mission gives; ``what`` begins the message of a fault."""
         if isinstance(node, Scalar):
-            return notes.value(
-                replace(node, value=self.meant(node)),
-                what,
+            return context.read_value(
+                replace(node, value=self.scalar_value(node)),
+                label,
                 self.convert,
-                self.kind if self.kind != LIST else f"{LIST} of {self.of}",
+                self.kind if self.kind != LIST_TYPE else f"{LIST_TYPE} of {self.member_type}",
             )
-        if isinstance(node, Mapping) or self.kind != LIST:
-            notes.fault(node.mark, f"{what} needs one value")
-            return UNREAD
+        if isinstance(node, Mapping) or self.kind != LIST_TYPE:
+            context.fault(node.mark, f"{label} needs one value")
+            return INVALID_VALUE
         try:
-            return notes.constant(node, list_members(node, self.meant), what, self.convert)
+            return context.convert_constant(node, list_members(node, self.scalar_value), label, self.convert)
         except ValueError as error:
-            notes.fault(node.mark, f"{what} {error}")
-            return UNREAD
+            context.fault(node.mark, f"{label} {error}")
+            return INVALID_VALUE
 
 
 def param_kind(word: str) -> Kind:
     """Return the kind of the values that a param of a type has."""
-    if word.startswith(f"{LIST} of "):
-        return ListOf(param_kind(word.removeprefix(f"{LIST} of ")))
+    if word.startswith(f"{LIST_TYPE} of "):
+        return ListKind(param_kind(word.removeprefix(f"{LIST_TYPE} of ")))
     if word in UNITS:
         return word
     if word in (NUMBER, "count"):
         return NUMBER
-    return FLAG if word == FLAG else TEXT if word in (*NAMES, *NAMED) else None
+    return FLAG if word == FLAG else TEXT if word in (*TEXT_KINDS, *NAME_TYPES) else None
 
 
-def inferred(notes: Notes, name: str, node: Node) -> ParamType | None:
+def infer_type(context: CheckContext, name: str, node: Node) -> ParamType | None:
     """Return the type of a param that has nothing but a default."""
     if isinstance(node, Scalar):
-        return _of_kind(notes, Argument(name, kind_of(default_value(node)), ""))
-    kind = _common_kind(notes, name, node) if isinstance(node, Listing) else None
-    return None if kind is None else _of_kind(notes, Argument(name, kind, ""), many=True)
+        return _make_type(context, Argument(name, type_of_value(default_value(node)), ""))
+    kind = _common_kind(context, name, node) if isinstance(node, Listing) else None
+    return None if kind is None else _make_type(context, Argument(name, kind, ""), many=True)
 
 
-def declared(notes: Notes, name: str, node: Mapping) -> ParamType | None:
+def read_type(context: CheckContext, name: str, node: Mapping) -> ParamType | None:
     """Return the type of a param in its long form; None, and a fault, where it is none."""
     given = node.get("default")
-    kind, of = (_word(notes, name, node, key) for key in ("type", "of"))
+    kind, of = (_read_type_word(context, name, node, key) for key in ("type", "of"))
     if "" in (kind, of):  # wrong, which has been noted
         return None
-    choices = _choices(notes, name, node, kind if of is None else of)
+    choices = _read_choices(context, name, node, kind if of is None else of)
     if choices is None:
         return None
     if kind is None and given is None and not choices:
-        notes.fault(node.mark, f"param '{name}' needs a default, or a type", "write {type: text} or {default: 60 s}")
+        context.fault(node.mark, f"param '{name}' needs a default, or a type", "write {type: text} or {default: 60 s}")
         return None
-    many = kind == LIST or of is not None or (kind is None and isinstance(given, Listing))
+    many = kind == LIST_TYPE or of is not None or (kind is None and isinstance(given, Listing))
     one = of if many else kind
     if one is None and choices:
         one = "choice"
     elif one is None and given is not None:
-        found = inferred(notes, name, given)
-        one = None if found is None else found.of
+        found = infer_type(context, name, given)
+        one = None if found is None else found.member_type
     elif one is None:
-        notes.fault(node.mark, f"param '{name}' needs 'of', the type of its members", "write {type: list, of: text}")
+        context.fault(node.mark, f"param '{name}' needs 'of', the type of its members", "write {type: list, of: text}")
     if one is None:
         return None
     argument = Argument(name, one, "", choices=choices)
     bounds = {
-        side: read_argument(notes, argument, bound, f"param '{name}': '{side}'").constant
+        side: read_argument(context, argument, bound, f"param '{name}': '{side}'").constant
         for side in ("low", "high")
         if (bound := node.get(side)) is not None
     }
     numbers = {side: bound for side, bound in bounds.items() if isinstance(bound, int | float)}
     low, high = numbers.get("low", -math.inf), numbers.get("high", math.inf)
-    return _of_kind(notes, replace(argument, low=low, high=high), many=many)
+    return _make_type(context, replace(argument, low=low, high=high), many=many)
 
 
-def kind_of(value: object) -> str:
+def type_of_value(value: object) -> str:
     """Return the type of a plain value; "value" for nothing."""
     if isinstance(value, Quantity):
         return value.dimension
@@ -209,19 +211,19 @@ def kind_of(value: object) -> str:
     return "text" if isinstance(value, str) else "value"
 
 
-def _of_kind(notes: Notes, argument: Argument, *, many: bool = False) -> ParamType:
-    one = _keeping(converter(notes, argument), argument.kind)
+def _make_type(context: CheckContext, argument: Argument, *, many: bool = False) -> ParamType:
+    one = _keep_written(converter(context, argument), argument.kind)
     bounds = argument.low, argument.high, argument.choices
-    return ParamType(LIST if many else argument.kind, argument.kind, list_of(one) if many else one, *bounds)
+    return ParamType(LIST_TYPE if many else argument.kind, argument.kind, list_converter(one) if many else one, *bounds)
 
 
-def _keeping(check: Convert, kind: str) -> Convert:
+def _keep_written(check: Convert, kind: str) -> Convert:
     """Check as an argument is checked, but keep quantities, numbers and names as they are written."""
 
     def convert(value: object) -> object:
         checked = check(value)
-        if kind in NAMED:
-            return shown(value)
+        if kind in NAME_TYPES:
+            return format_value(value)
         if kind in UNITS and isinstance(checked, float):
             return value if isinstance(value, Quantity) else Quantity(checked, kind)
         as_written = isinstance(value, Quantity) or (isinstance(value, int) and not isinstance(value, bool))
@@ -230,45 +232,45 @@ def _keeping(check: Convert, kind: str) -> Convert:
     return convert
 
 
-def _common_kind(notes: Notes, name: str, node: Listing) -> str | None:
+def _common_kind(context: CheckContext, name: str, node: Listing) -> str | None:
     """Return the kind of all members of a list."""
     items = [item for item in node.items if isinstance(item, Scalar)]
-    kinds = [kind_of(default_value(item)) for item in items]
+    kinds = [type_of_value(default_value(item)) for item in items]
     if not kinds:
         message = "a list holds no lists and no mappings" if node.items else "an empty list needs 'of'"
-        notes.fault(node.mark, f"param '{name}': {message}", "write {type: list, of: text, default: []}")
+        context.fault(node.mark, f"param '{name}': {message}", "write {type: list, of: text, default: []}")
         return None
     for item, kind in zip(items, kinds, strict=True):
         if kind != kinds[0]:
-            both = f"{seen(items[0].text)} is {article(kinds[0])}, {seen(item.text)} {article(kind)}"
-            notes.fault(item.mark, f"param '{name}': the members of a list are of one type: {both}")
+            both = f"{quoted_value(items[0].text)} is {with_article(kinds[0])}, {quoted_value(item.text)} {with_article(kind)}"
+            context.fault(item.mark, f"param '{name}': the members of a list are of one type: {both}")
             return None
     return kinds[0]
 
 
-def _word(notes: Notes, name: str, node: Mapping, key: str) -> str | None:
+def _read_type_word(context: CheckContext, name: str, node: Mapping, key: str) -> str | None:
     """Return the type that a key names, None where the key is missing, and nothing where the type is unknown."""
     given = node.get(key)
     if given is None:
         return None
     word = given.text if isinstance(given, Scalar) else ""
-    known = TYPES if key == "type" else TYPES[:-1]
+    known = PARAM_TYPES if key == "type" else PARAM_TYPES[:-1]
     if word in known:
         return word
-    notes.fault(given.mark, f"param '{name}': unknown type {seen(word or None)}", one_of(word, known))
+    context.fault(given.mark, f"param '{name}': unknown type {quoted_value(word or None)}", suggest_from(word, known))
     return ""
 
 
-def _choices(notes: Notes, name: str, beside: Mapping, kind: str | None) -> tuple[str, ...] | None:
+def _read_choices(context: CheckContext, name: str, beside: Mapping, kind: str | None) -> tuple[str, ...] | None:
     """Return the words that a choice has, nothing for what is no choice; None where there is a fault."""
     node = beside.get("choices")
     if node is None and kind != "choice":
         return ()
     found = tuple(item.text for item in node.items if isinstance(item, Scalar)) if isinstance(node, Listing) else ()
-    if not found or kind not in (None, "choice", LIST):
+    if not found or kind not in (None, "choice", LIST_TYPE):
         example = "write {type: choice, choices: [left, right]}"
         message = f"param '{name}' needs 'choices', a list of words" if not found else f"param '{name}' is no choice"
-        notes.fault((node or beside).mark, message, example)
+        context.fault((node or beside).mark, message, example)
         return None
     return found
 
@@ -277,40 +279,40 @@ def _choices(notes: Notes, name: str, beside: Mapping, kind: str | None) -> tupl
 
 # What sets the variables of a mission: read before its steps, since an expression may stand above what sets it.
 
-KNOWN = {*BRANCHES, *MODIFIERS, *COUNTS, "name", "with"}
+KNOWN_WORDS = {*BRANCHES, *MODIFIERS, *COUNTS, "name", "with"}
 """The words besides those of leaves and ``as`` that mean something beside a behaviour."""
 
 Leaves = Named[str, type[Leaf]]
 
 
-def setters(node: Node, leaves: Leaves) -> dict[str, list[type[Leaf] | None]]:
+def find_setters(node: Node, leaves: Leaves) -> dict[str, list[type[Leaf] | None]]:
     """Return the variables that anything below ``node`` sets, each with the leaves that ``as`` keeps something of.
 
     None stands for what may be anything: ``returns``, a leaf such as ``set``, or ``as`` beside a mission.
     """
     found = defaultdict(list)
-    for name, leaf in _pairs(node, leaves):
+    for name, leaf in _iter_setters(node, leaves):
         found[name].append(leaf)
     return dict(found)
 
 
-def of_one_kind(found: Named[str, list[type[Leaf] | None]]) -> dict[str, type[Leaf]]:
+def single_kind_leaves(setters: Named[str, list[type[Leaf] | None]]) -> dict[str, type[Leaf]]:
     """Return the variables into which leaves alone put something, and all of them of one type; each with a leaf."""
-    kinds = {name: {None if leaf is None else leaf.keeps for leaf in leaves} for name, leaves in found.items()}
+    kinds = {name: {None if leaf is None else leaf.output_type for leaf in leaves} for name, leaves in setters.items()}
     one = [name for name, types in kinds.items() if len(types) == 1 and None not in types]
-    return {name: leaf for name in one if (leaf := found[name][0]) is not None}
+    return {name: leaf for name in one if (leaf := setters[name][0]) is not None}
 
 
-def _pairs(node: Node, leaves: Leaves) -> Iterator[tuple[str, type[Leaf] | None]]:
+def _iter_setters(node: Node, leaves: Leaves) -> Iterator[tuple[str, type[Leaf] | None]]:
     if isinstance(node, Listing):
         for item in node.items:
-            yield from _pairs(item, leaves)
+            yield from _iter_setters(item, leaves)
     elif isinstance(node, Mapping):
         for key, value in node.entries:
-            yield from _beside(node, key.text, value, leaves)
+            yield from _iter_key_setters(node, key.text, value, leaves)
 
 
-def _beside(node: Mapping, word: str, value: Node, leaves: Leaves) -> Iterator[tuple[str, type[Leaf] | None]]:
+def _iter_key_setters(node: Mapping, word: str, value: Node, leaves: Leaves) -> Iterator[tuple[str, type[Leaf] | None]]:
     """Yield what one key of a node sets, or what is below it."""
     leaf = leaves.get(word)
     if word == "as" and isinstance(value, Scalar):
@@ -321,20 +323,20 @@ def _beside(node: Mapping, word: str, value: Node, leaves: Leaves) -> Iterator[t
         names = (value.get("as"), value.get("number"))
         yield from ((name.text, None) for name in names if isinstance(name, Scalar))
         do = value.get("do")
-        yield from () if do is None else _pairs(do, leaves)
+        yield from () if do is None else _iter_setters(do, leaves)
     elif word in SWITCHES and isinstance(value, Mapping):
         cases = value.get("cases")
         branches = [case for _, case in cases.entries] if isinstance(cases, Mapping) else []
         for branch in (*branches, value.get("default")):
             if branch is not None:
-                yield from _pairs(branch, leaves)
+                yield from _iter_setters(branch, leaves)
     elif isinstance(value, Listing):
-        yield from _pairs(value, leaves)
-    elif isinstance(value, Mapping) and leaf is None and word not in KNOWN:
+        yield from _iter_setters(value, leaves)
+    elif isinstance(value, Mapping) and leaf is None and word not in KNOWN_WORDS:
         # A word that nobody knows: it may be meant for one that sets what is written below it.
         yield from ((name.text, None) for name, _ in value.entries)
-        yield from _pairs(value, leaves)
-    elif isinstance(value, Scalar) and leaf is None and value.text.isidentifier() and word not in KNOWN:
+        yield from _iter_setters(value, leaves)
+    elif isinstance(value, Scalar) and leaf is None and value.text.isidentifier() and word not in KNOWN_WORDS:
         yield value.text, None
 
 
@@ -342,7 +344,7 @@ def _is_returns(beside: Mapping, key: str) -> bool:
     return key == "returns" and beside.get(MISSION) is not None
 
 
-KEYS = ("default", "type", "of", "choices", "help", "low", "high")
+PARAM_KEYS = ("default", "type", "of", "choices", "help", "low", "high")
 """The keys of a param in its long form."""
 
 
@@ -366,75 +368,79 @@ class Param:
         return self.default is REQUIRED
 
     @property
-    def known(self) -> bool:
+    def has_value(self) -> bool:
         """True when it has a value even where the caller gives none."""
-        return self.default not in (REQUIRED, WRONG)
+        return self.default not in (REQUIRED, INVALID_DEFAULT)
 
-    def take(self, text: str) -> object:
+    def parse(self, text: str) -> object:
         """Read a value from a command line. Raises ValueError that says what was expected."""
-        return self.type.take(text)
+        return self.type.parse(text)
 
 
-def read_params(notes: Notes, node: Node | None) -> dict[str, Param]:
+def read_params(context: CheckContext, node: Node | None) -> dict[str, Param]:
     """Read the ``params`` of a mission: ``name: default``, or ``name: {default, type, help, low, high}``."""
     if node is not None and not isinstance(node, Mapping):
-        notes.fault(node.mark, "'params' needs names and their defaults", "write 'patience: 60 s' under it")
+        context.fault(node.mark, "'params' needs names and their defaults", "write 'patience: 60 s' under it")
     found: dict[str, Param] = {}
     for key, value in node.entries if isinstance(node, Mapping) else ():
-        notes.new_name(key, "a param")
-        param = _long(notes, key.text, value) if isinstance(value, Mapping) else _short(notes, key.text, value)
+        context.check_new_name(key, "a param")
+        param = (
+            _read_long(context, key.text, value)
+            if isinstance(value, Mapping)
+            else _read_short(context, key.text, value)
+        )
         if param is None:  # noted: what it holds is not known
-            notes.stored.add(key.text)
-            notes.awaited.add(key.text)
+            context.variables.add(key.text)
+            context.missing_params.add(key.text)
         else:
             found[key.text] = param
     return found
 
 
-def _short(notes: Notes, name: str, value: Node) -> Param | None:
-    found = inferred(notes, name, value)
-    return None if found is None else Param(name, found.default(notes, value, f"param '{name}'"), "", found)
+def _read_short(context: CheckContext, name: str, value: Node) -> Param | None:
+    found = infer_type(context, name, value)
+    return None if found is None else Param(name, found.read_default(context, value, f"param '{name}'"), "", found)
 
 
-def _long(notes: Notes, name: str, node: Mapping) -> Param | None:
+def _read_long(context: CheckContext, name: str, node: Mapping) -> Param | None:
     what = f"param '{name}'"
     for key, _ in node.entries:
-        if key.text not in KEYS:
-            notes.fault(key.mark, f"{what} has no key '{key.text}'", one_of(key.text, KEYS))
-    found, given, text = declared(notes, name, node), node.get("default"), node.get("help")
+        if key.text not in PARAM_KEYS:
+            context.fault(key.mark, f"{what} has no key '{key.text}'", suggest_from(key.text, PARAM_KEYS))
+    found, given, text = read_type(context, name, node), node.get("default"), node.get("help")
     if found is None:
         return None
-    default = REQUIRED if given is None else found.default(notes, given, what)
+    default = REQUIRED if given is None else found.read_default(context, given, what)
     return Param(name, default, text.text if isinstance(text, Scalar) else "", found)
 
 
-def take_params(
-    notes: Notes, params: Named[str, Param], given: Named[str, str], mission: str, *, complete: bool
+def assign_params(
+    context: CheckContext, params: Named[str, Param], texts: Named[str, str], mission: str, *, complete: bool
 ) -> None:
     """Put the caller's values in the place of the defaults; where ``complete``, note what is still missing."""
     for name, param in params.items():
-        if param.known:
-            notes.params[name] = param.default
-        elif name not in given:
-            notes.stored.add(name)
-            notes.awaited.add(name)
-            notes.kinds[name] = param.type.values
+        if param.has_value:
+            context.params[name] = param.default
+        elif name not in texts:
+            context.variables.add(name)
+            context.missing_params.add(name)
+            context.param_kinds[name] = param.type.value_kind
             if complete and param.required:
-                source = Source("--param", "")
+                source = SourceText("--param", "")
                 hint = f'--param {name}="..."' + (f"  ({param.help})" if param.help else "")
-                message = f"mission '{mission}' needs '{name}', {article(param.kind)}"
-                note(notes.faults, Diagnostic(source, Mark(), message, hint))
-    for name, text in given.items():
-        source = Source(f"--param {name}", f"{name}={text}")
-        if name not in params and name in notes.awaited:
+                message = f"mission '{mission}' needs '{name}', {with_article(param.kind)}"
+                add_diagnostic(context.faults, Diagnostic(source, Mark(), message, hint))
+    for name, text in texts.items():
+        source = SourceText(f"--param {name}", f"{name}={text}")
+        if name not in params and name in context.missing_params:
             continue
         if name not in params:
-            hint = one_of(name, params) or "it has none"
-            message = f"mission '{mission}' has no param {seen(name)}"
-            note(notes.faults, Diagnostic(source, Mark(1, 1, len(name)), message, hint))
+            hint = suggest_from(name, params) or "it has none"
+            message = f"mission '{mission}' has no param {quoted_value(name)}"
+            add_diagnostic(context.faults, Diagnostic(source, Mark(1, 1, len(name)), message, hint))
             continue
         try:
-            notes.params[name] = params[name].take(text)
+            context.params[name] = params[name].parse(text)
         except (ValueError, LookupError) as error:
             message = f"'{name}' {error.args[0] if error.args else error}"
-            note(notes.faults, Diagnostic(source, Mark(1, len(name) + 2, max(1, len(text))), message))
+            add_diagnostic(context.faults, Diagnostic(source, Mark(1, len(name) + 2, max(1, len(text))), message))

@@ -4,12 +4,12 @@ import ast
 from collections.abc import Collection, Iterator, Mapping
 
 from missions.language.expressions import Expression, Template, Value
-from missions.language.for_each import own_steps
-from missions.language.kinds import STATE, WORDS
+from missions.language.for_each import steps_in_scope
+from missions.language.kinds import CONSTANTS, STATE_KINDS
 from missions.language.plan import Step
 
 
-def surely_read(value: Value) -> frozenset[str]:
+def always_read_names(value: Value) -> frozenset[str]:
     """Return the names that computing ``value`` reads whatever the others are: not behind ``and``, ``or``, ``if``."""
     formula = value.template
     if formula is None:
@@ -17,47 +17,47 @@ def surely_read(value: Value) -> frozenset[str]:
     return frozenset(name for tree in _trees(formula) for name in _names(tree))
 
 
-def never_zero(tree: Step, given: Mapping[str, object]) -> frozenset[str]:
+def nonzero_variables(tree: Step, params: Mapping[str, object]) -> frozenset[str]:
     """Return the variables of a mission that hold a number other than 0, where they are set at all.
 
     ``given`` are the values of its params that are known.
     """
-    held = {name: [value] for name, value in given.items()}
-    for step in own_steps(tree):
-        for name in step.own_names:
+    held = {name: [value] for name, value in params.items()}
+    for step in steps_in_scope(tree):
+        for name in step.direct_variables:
             value = step.arguments.get(name) if step.leaf is not None and step.leaf.open_ended else None
             held.setdefault(name, []).append(None if value is None else value.constant)
     return frozenset(name for name, values in held.items() if all(isinstance(v, int | float) and v for v in values))
 
 
-def may_fail(value: Value, unset: Collection[str], never_zero: Collection[str]) -> bool:
+def may_fail(value: Value, unset: Collection[str], nonzero: Collection[str]) -> bool:
     """Say whether computing ``value`` may fail for what a run finds, where ``unset`` names may have no value.
 
-    Those that are ``never_zero`` can be divided by. A mixture of dimensions is no failure: it is a mistake for itself.
+    Those that are ``nonzero_variables`` can be divided by. A mixture of dimensions is no failure: it is a mistake for itself.
     """
     formula = value.template
     if formula is None:
         return False
     return any(read.name in unset for read in formula.reads) or not all(
-        _always_known(tree, never_zero) for tree in _trees(formula)
+        _always_has_value(tree, nonzero) for tree in _trees(formula)
     )
 
 
-def _always_known(node: ast.expr, never_zero: Collection[str]) -> bool:
+def _always_has_value(node: ast.expr, nonzero: Collection[str]) -> bool:
     """Say whether an expression has a value whatever its names hold: no members, no division by what may be zero."""
     match node:
         case ast.Name() | ast.Constant():
             return True
         case ast.BinOp(op=ast.Div() | ast.FloorDiv() | ast.Mod(), right=right):
-            named = isinstance(right, ast.Name) and right.id in never_zero
+            named = isinstance(right, ast.Name) and right.id in nonzero
             if not named and not (isinstance(right, ast.Constant) and right.value):
                 return False
-        case ast.Attribute(value=ast.Name(id=part)) if part in STATE:
+        case ast.Attribute(value=ast.Name(id=part)) if part in STATE_KINDS:
             return True
         case ast.Attribute() | ast.Subscript() | ast.Call():
             return False
     below = (part for part in ast.iter_child_nodes(node) if isinstance(part, ast.expr))
-    return all(_always_known(part, never_zero) for part in below)
+    return all(_always_has_value(part, nonzero) for part in below)
 
 
 def _trees(formula: Template | Expression) -> list[ast.expr]:
@@ -68,7 +68,7 @@ def _trees(formula: Template | Expression) -> list[ast.expr]:
 def _names(node: ast.expr) -> Iterator[str]:
     match node:
         case ast.Name(id=name):
-            if name not in WORDS:
+            if name not in CONSTANTS:
                 yield name
         case ast.BoolOp(values=[first, *_]) | ast.IfExp(test=first):
             yield from _names(first)

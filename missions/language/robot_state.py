@@ -10,7 +10,7 @@ class StateValue:
     """One value: its kind (a dimension, "percent", "flag" or "text") and its meaning.
 
     ``options`` are all its values where they are few: verify tries each. ``sense`` is what the camera has to look for.
-    ``always`` marks a value that is known while its part does not report, and ``reckoned`` one that is dead reckoning
+    ``is_always_known`` marks a value that is known while its part does not report, and ``is_dead_reckoned`` one that is dead reckoning
     where nothing measures how the base moves.
     """
 
@@ -18,8 +18,8 @@ class StateValue:
     help: str
     options: tuple[bool | int | str | None, ...] = ()
     sense: str = ""
-    always: bool = False
-    reckoned: bool = False
+    is_always_known: bool = False
+    is_dead_reckoned: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,16 +32,16 @@ class StatePart:
     sense: str = ""
 
 
-def _flag(text: str, *, first: bool = False, sense: str = "", always: bool = False) -> StateValue:
+def _flag(text: str, *, first: bool = False, sense: str = "", is_always_known: bool = False) -> StateValue:
     """Return a flag; verify tries its value ``first`` before the other."""
-    return StateValue("flag", text, (first, not first), sense, always)
+    return StateValue("flag", text, (first, not first), sense, is_always_known)
 
 
 ROBOT_STATE: Mapping[str, StatePart] = {
     "base": StatePart("base", "base", {
-        "x": StateValue("length", "Metres ahead of where it started.", reckoned=True),
-        "y": StateValue("length", "Metres to the left of where it started.", reckoned=True),
-        "heading": StateValue("angle", "Radians since it started, positive to the left.", reckoned=True),
+        "x": StateValue("length", "Metres ahead of where it started.", is_dead_reckoned=True),
+        "y": StateValue("length", "Metres to the left of where it started.", is_dead_reckoned=True),
+        "heading": StateValue("angle", "Radians since it started, positive to the left.", is_dead_reckoned=True),
         "reckoned": StateValue(
             "flag",
             "True where nothing measures how it moves: its place is dead reckoning, on which no condition may rest.",
@@ -55,12 +55,12 @@ ROBOT_STATE: Mapping[str, StatePart] = {
             (None, 0, 1, 2),
         ),
         "docked": _flag("True while it stands on the contacts of its dock."),
-        "stopped": _flag("True while it is stopped until somebody enables it.", always=True),
+        "stopped": _flag("True while it is stopped until somebody enables it.", is_always_known=True),
         "driver": StateValue(
             "text",
             "Who commands it: `mission`, `teleop` or `safety`; an empty text while nobody does.",
             ("mission", "teleop", "safety", ""),
-            always=True,
+            is_always_known=True,
         ),
     }),
     "battery": StatePart("base", "base", {

@@ -7,113 +7,113 @@ from dataclasses import replace
 from pathlib import Path
 
 from behaviours.leaf import Leaf
-from config.faults import InvalidFileError, note, one_of, ours_for
+from config.faults import InvalidFileError, add_diagnostic, own_words_for, suggest_from
 from config.library import kinds_of
 from config.marked import Listing, Mapping, Node, Scalar, compose, read_source
-from config.units import article, seen
-from drivers.api.kinds import SEVERAL
+from config.units import quoted_value, with_article
+from drivers.api.kinds import REPEATABLE_KINDS
 from missions.language.arguments import read_arguments
 from missions.language.body import read_body, read_returns
-from missions.language.counts import COUNTS, as_written, read_counts, written_arguments, written_entries
-from missions.language.expressions import UNREAD, Value
+from missions.language.counts import COUNTS, arguments_as_written, entries_as_written, read_counts, source_text
+from missions.language.expressions import INVALID_VALUE, Value
 from missions.language.for_each import read_for_each
-from missions.language.modifiers import outdent, read_modifier
+from missions.language.modifiers import outdent_hint, read_modifier
 from missions.language.nodes import BRANCHES, COMPOSITES, FOR_EACH, MISSION, MODIFIERS, SWITCHES
-from missions.language.notes import MAX_DEPTH, MAX_STEPS, Notes
-from missions.language.param_types import Param, setters
-from missions.language.plan import UNKNOWN, Hole, Step
+from missions.language.notes import MAX_DEPTH, MAX_STEPS, CheckContext
+from missions.language.param_types import Param, find_setters
+from missions.language.plan import UNREAD_KIND, PlaceholderLeaf, Step
 from missions.language.switches import read_switch
-from missions.language.synonyms import COMPARISON, WORDS, word_meant
+from missions.language.synonyms import SYNONYMS, UNMATCHED_HINT, unknown_word_hint
 
 # A mission inside a mission: found, read with the params that it is given, and its results handed back.
 
-ReadStep = Callable[[Notes, Node], Step]
+ReadStep = Callable[[CheckContext, Node], Step]
 
 
 def read_submission(
-    notes: Notes, key: Scalar, value: Node | None, beside: Mapping, name: str | None, read_step: ReadStep
+    context: CheckContext, key: Scalar, value: Node | None, beside: Mapping, name: str | None, read_step: ReadStep
 ) -> Step | None:
     """Read ``mission: NAME`` with the ``with`` and ``returns`` beside it."""
     if not isinstance(value, Scalar) or value.value is None:
-        notes.fault(key.mark, "'mission' needs the name of a mission, or the path of its file")
+        context.fault(key.mark, "'mission' needs the name of a mission, or the path of its file")
         return None
-    path = _find(notes, value)
+    path = _find_submission(context, value)
     if path is None:
         return None
-    if path not in notes.words.files:
+    if path not in context.vocabulary.files:
         try:
             source = read_source(path)
-            notes.words.files[path] = source, compose(source, notes.faults)
+            context.vocabulary.files[path] = source, compose(source, context.faults)
         except InvalidFileError as error:
-            for fault in error.faults:
-                note(notes.faults, fault)
+            for fault in error.diagnostics:
+                add_diagnostic(context.faults, fault)
             return None
-    source, root = notes.words.files[path]
-    inner = Notes(
+    source, root = context.vocabulary.files[path]
+    inner = CheckContext(
         source,
-        notes.words,
-        (*notes.chain, path.resolve()),
-        steps=notes.steps,
-        faults=notes.faults,
-        torn=notes.torn,
-        depth=notes.depth,
+        context.vocabulary,
+        (*context.file_chain, path.resolve()),
+        steps=context.steps,
+        faults=context.faults,
+        has_unreadable_line=context.has_unreadable_line,
+        depth=context.depth,
     )
     given: dict[str, Value] = {}
 
-    def take(inner: Notes, params: dict[str, Param], mission: str) -> None:
-        given.update(_take(notes, inner, params, mission, value, beside.get("with")))
+    def take(inner: CheckContext, params: dict[str, Param], mission: str) -> None:
+        given.update(_read_submission_params(context, inner, params, mission, value, beside.get("with")))
 
     body = read_body(inner, root, take, read_step)
     if body is None or body.tree is None:
         return None
     own = beside.get("returns")
-    returns = read_returns(replace(inner, source=notes.source), own) if own is not None else body.returns
+    returns = read_returns(replace(inner, source=context.source), own) if own is not None else body.returns
     if beside.get("as") is None:
-        notes.stored |= returns.keys()
-        notes.forget_kinds(returns)
+        context.variables |= returns.keys()
+        context.forget_kinds(returns)
     elif not returns:
-        notes.fault(key.mark, f"mission '{value.text}' returns nothing that 'as' could keep")
+        context.fault(key.mark, f"mission '{value.text}' returns nothing that 'as' could keep")
     shown = name or body.mission
     return Step(
         MISSION,
         shown,
         key.mark,
-        notes.source,
+        context.source,
         (body.tree,),
         arguments=given,
         returns=returns,
         text=body.mission,
-        written=written_entries(beside.get("with")),
+        arguments_as_written=entries_as_written(beside.get("with")),
     )
 
 
-def _find(notes: Notes, value: Scalar) -> Path | None:
-    folder = Path(notes.source.name).parent
+def _find_submission(context: CheckContext, value: Scalar) -> Path | None:
+    folder = Path(context.source.name).parent
     try:
-        path = notes.words.find_mission(value.text, folder)
+        path = context.vocabulary.find_mission(value.text, folder)
     except LookupError as error:
-        notes.fault(value.mark, f"{error.args[0] if error.args else error}")
+        context.fault(value.mark, f"{error.args[0] if error.args else error}")
         return None
-    if path.resolve() in notes.chain:
-        way = [step.name for step in notes.chain[notes.chain.index(path.resolve()) :]]
-        notes.fault(
+    if path.resolve() in context.file_chain:
+        way = [step.name for step in context.file_chain[context.file_chain.index(path.resolve()) :]]
+        context.fault(
             value.mark,
             f"a mission cannot include itself: {' -> '.join([*way, path.name])}",
-            _hidden(notes, value, path),
+            _library_hint(context, value, path),
         )
         return None
     return path
 
 
-def _hidden(notes: Notes, value: Scalar, path: Path) -> str:
+def _library_hint(context: CheckContext, value: Scalar, path: Path) -> str:
     """Say how to run a mission of the library whose name the file at ``path`` has; nothing where there is none."""
     with suppress(LookupError):
-        notes.words.find_mission(value.text, path)  # nothing is beside in a file, which is no folder
+        context.vocabulary.find_mission(value.text, path)  # nothing is beside in a file, which is no folder
         return f"the library has another '{value.text}': rename {path.name} to run that"
     return ""
 
 
-def leads_to(notes: Notes, path: Path, files: Collection[Path]) -> bool:
+def includes_mission(context: CheckContext, path: Path, files: Collection[Path]) -> bool:
     """Say whether the mission in a file is one of ``files``, or runs one of them, itself or by another."""
     found, new = set[Path](), [path]
     while new:
@@ -123,222 +123,241 @@ def leads_to(notes: Notes, path: Path, files: Collection[Path]) -> bool:
         if path not in found:
             found.add(path)
             with suppress(InvalidFileError):
-                for name in _RUNS.findall(read_source(path).text):
+                for name in _SUBMISSION_PATTERN.findall(read_source(path).text):
                     with suppress(LookupError):
-                        new.append(notes.words.find_mission(name, path.parent))
+                        new.append(context.vocabulary.find_mission(name, path.parent))
     return False
 
 
-_RUNS = re.compile(r"""(?<=[ {\[,])mission:\s*['"]?([\w./-]+)""")
+_SUBMISSION_PATTERN = re.compile(r"""(?<=[ {\[,])mission:\s*['"]?([\w./-]+)""")
 """The missions that a mission runs."""
 
 
-def _no_param(notes: Notes, inner: Notes, params: dict[str, Param], mission: str, name: Scalar) -> None:
+def _report_unknown_param(
+    context: CheckContext, inner_context: CheckContext, params: dict[str, Param], mission: str, name: Scalar
+) -> None:
     """Note a param that a sub-mission does not have; one that is wrong there has been noted."""
-    if name.text not in inner.awaited:
-        hint = outdent(name.text, MISSION) or one_of(name.text, params) or "it has none"
-        notes.fault(name.mark, f"mission '{mission}' has no param {seen(name.text)}", hint)
+    if name.text not in inner_context.missing_params:
+        hint = outdent_hint(name.text, MISSION) or suggest_from(name.text, params) or "it has none"
+        context.fault(name.mark, f"mission '{mission}' has no param {quoted_value(name.text)}", hint)
 
 
-def _take(
-    notes: Notes, inner: Notes, params: dict[str, Param], mission: str, value: Scalar, node: Node | None
+def _read_submission_params(
+    context: CheckContext,
+    inner_context: CheckContext,
+    params: dict[str, Param],
+    mission: str,
+    value: Scalar,
+    node: Node | None,
 ) -> dict[str, Value]:
     """Return the values of all params of a sub-mission: those given in ``with``, else the defaults."""
     values: dict[str, Value] = {}
     refused: set[str] = set()
     if node is not None and not isinstance(node, Mapping):
-        notes.fault(node.mark, "'with' needs names and values", "write with: {side: 0.5 m}")
+        context.fault(node.mark, "'with' needs names and values", "write with: {side: 0.5 m}")
     for name, given in node.entries if isinstance(node, Mapping) else ():
         param = params.get(name.text)
         if param is None:
-            _no_param(notes, inner, params, mission, name)
+            _report_unknown_param(context, inner_context, params, mission, name)
         else:
-            before = len(notes.faults)
-            values[name.text] = param.type.read(notes, given, f"'{name.text}'")
-            if len(notes.faults) > before:
+            before = len(context.faults)
+            values[name.text] = param.type.read_value(context, given, f"'{name.text}'")
+            if len(context.faults) > before:
                 refused.add(name.text)
     for param in params.values():
-        unknown = param.name in refused or (param.name not in values and not param.known)
+        unknown = param.name in refused or (param.name not in values and not param.has_value)
         if param.required and param.name not in values:
-            notes.fault(value.mark, f"mission '{mission}' needs '{param.name}', {article(param.kind)}", param.help)
-        formula = values.setdefault(param.name, Value(param.default if param.known else None)).template
+            context.fault(
+                value.mark, f"mission '{mission}' needs '{param.name}', {with_article(param.kind)}", param.help
+            )
+        formula = values.setdefault(param.name, Value(param.default if param.has_value else None)).template
         if unknown:  # said once: what comes of it is no fault of its own
-            inner.stored.add(param.name)
-            inner.awaited.add(param.name)
-            inner.kinds[param.name] = param.type.values
+            inner_context.variables.add(param.name)
+            inner_context.missing_params.add(param.name)
+            inner_context.param_kinds[param.name] = param.type.value_kind
             continue
         if formula is None:
-            inner.params[param.name] = values[param.name].constant
+            inner_context.params[param.name] = values[param.name].constant
             continue
-        inner.stored.add(param.name)  # known only when the sub-mission starts
-        if notes.awaits(formula):
-            inner.awaited.add(param.name)
+        inner_context.variables.add(param.name)  # known only when the sub-mission starts
+        if context.awaits_params(formula):
+            inner_context.missing_params.add(param.name)
     return values
 
 
-BESIDE = ("name", "as", "with", "returns", *COUNTS)
+BESIDE_KEYS = ("name", "as", "with", "returns", *COUNTS)
 """What may stand beside a behaviour without wrapping it."""
 
-ONLY_BESIDE = {"with": MISSION, "returns": MISSION, **dict.fromkeys(COUNTS, "parallel")}
+OWNER_OF_KEY = {"with": MISSION, "returns": MISSION, **dict.fromkeys(COUNTS, "parallel")}
 """What stands only beside one behaviour."""
 
-LISTED = "`mission list behaviours` lists what there is; your own go into behaviours/NAME.py beside the mission"
-MISSING = "a behaviour is missing here"
+LIST_HINT = "`mission list behaviours` lists what there is; your own go into behaviours/NAME.py beside the mission"
+MISSING_MESSAGE = "a behaviour is missing here"
 
 
-def read_step(notes: Notes, node: Node) -> Step:
+def read_step(context: CheckContext, node: Node) -> Step:
     """Read one node of the tree; a hole where it is too wrong to go on."""
-    above = notes.depth
-    notes.depth += 1 + sum(key.text in MODIFIERS for key, _ in (node.entries if isinstance(node, Mapping) else ()))
+    above = context.depth
+    context.depth += 1 + sum(key.text in MODIFIERS for key, _ in (node.entries if isinstance(node, Mapping) else ()))
     try:
-        if notes.depth > MAX_DEPTH:
-            return _too_deep(notes, node)
+        if context.depth > MAX_DEPTH:
+            return _report_too_deep(context, node)
         if isinstance(node, Mapping):
-            return _with_modifiers(notes, node)
+            return _read_with_modifiers(context, node)
         if isinstance(node, Listing):
-            notes.fault(node.mark, "a list needs a composite before it", "write 'sequence:' or 'parallel:' above it")
-            return _hole(notes, node)
+            context.fault(node.mark, "a list needs a composite before it", "write 'sequence:' or 'parallel:' above it")
+            return _placeholder(context, node)
         if node.value is None:
-            notes.fault(node.mark, MISSING)
-            return _hole(notes, node)
-        return _behaviour(notes, node, None, None) or _hole(notes, node)
+            context.fault(node.mark, MISSING_MESSAGE)
+            return _placeholder(context, node)
+        return _read_behaviour(context, node, None, None) or _placeholder(context, node)
     finally:
-        notes.depth = above
+        context.depth = above
 
 
-def _too_deep(notes: Notes, node: Node) -> Step:
+def _report_too_deep(context: CheckContext, node: Node) -> Step:
     """Note it once: each of a thousand leaves may be too deep."""
     message = f"nested too deep: at most {MAX_DEPTH} steps, modifiers and sub-missions counted"
-    if all(fault.message != message for fault in notes.faults):
-        notes.fault(node.mark, message, sure=True)
-    notes.loose = True
-    return Step(UNKNOWN, _text(node) or "...", node.mark, notes.source, leaf=Hole)
+    if all(fault.message != message for fault in context.faults):
+        context.fault(node.mark, message, certain=True)
+    context.has_unreadable_mission = True
+    return Step(UNREAD_KIND, _text(node) or "...", node.mark, context.source, leaf=PlaceholderLeaf)
 
 
-def _hole(notes: Notes, node: Node) -> Step:
+def _placeholder(context: CheckContext, node: Node) -> Step:
     """Return what stands for a node that could not be read: it may set what anything below it would."""
-    names = {*setters(node, notes.leaves)}
+    names = {*find_setters(node, context.leaves)}
     words = (
         [_text(node)] if not isinstance(node, Mapping) else [*node.keys(), *(_text(each) for _, each in node.entries)]
     )
-    if MISSION in words or any(_mission_of(notes, word) for word in words):
-        notes.loose = True  # it may return anything
-        names |= notes.stored
-    return Step(UNKNOWN, _text(node) or "...", node.mark, notes.source, leaf=Hole, binds=tuple(sorted(names)))
+    if MISSION in words or any(_find_mission_of(context, word) for word in words):
+        context.has_unreadable_mission = True  # it may return anything
+        names |= context.variables
+    return Step(
+        UNREAD_KIND, _text(node) or "...", node.mark, context.source, leaf=PlaceholderLeaf, binds=tuple(sorted(names))
+    )
 
 
-def _with_modifiers(notes: Notes, node: Mapping) -> Step:
-    behaviours = [(key, value) for key, value in node.entries if _is_behaviour(notes, key.text)]
+def _read_with_modifiers(context: CheckContext, node: Mapping) -> Step:
+    behaviours = [(key, value) for key, value in node.entries if _is_behaviour(context, key.text)]
     unknown: list[Node] = []
     for key, value in node.entries:
-        if not (_is_behaviour(notes, key.text) or key.text in MODIFIERS or key.text in BESIDE):
-            _unknown(notes, key, "modifier" if behaviours else "behaviour", alone=False, beside=[*node.keys()])
-            _read_below(notes, value)
+        if not (_is_behaviour(context, key.text) or key.text in MODIFIERS or key.text in BESIDE_KEYS):
+            _report_unknown_word(
+                context, key, "modifier" if behaviours else "behaviour", alone=False, beside=[*node.keys()]
+            )
+            _read_below(context, value)
             unknown.append(value)
-    if not behaviours and all(key.text in MODIFIERS or key.text in BESIDE for key, _ in node.entries):
+    if not behaviours and all(key.text in MODIFIERS or key.text in BESIDE_KEYS for key, _ in node.entries):
         hint = "write it below the behaviour that it is for, without a dash" if node.entries else ""
         if {key.text for key, _ in node.entries} in ({"delay"}, {"hold"}):
             hint = "write 'wait' for a step that waits"
-        notes.fault(node.mark, "no behaviour here, only what may stand beside one" if node.entries else MISSING, hint)
+        context.fault(
+            node.mark, "no behaviour here, only what may stand beside one" if node.entries else MISSING_MESSAGE, hint
+        )
     for key, _ in behaviours[1:]:
         first = behaviours[0][0].text
         if key.text != first:  # the same word twice is a key that stands twice, which has been noted
             hint = "begin it with '- ' in a sequence, or indent it"
-            notes.fault(key.mark, f"a second behaviour, '{key.text}', beside '{first}'", hint)
-    step = (_behaviour(notes, *behaviours[0], node) if behaviours else None) or _hole(notes, node)
+            context.fault(key.mark, f"a second behaviour, '{key.text}', beside '{first}'", hint)
+    step = (_read_behaviour(context, *behaviours[0], node) if behaviours else None) or _placeholder(context, node)
     for word, given in node.entries:
         if word.text in MODIFIERS:
             step = Step(
                 word.text,
                 step.name,
                 word.mark,
-                notes.source,
+                context.source,
                 (step,),
-                arguments={"value": read_modifier(notes, word.text, given)},
+                arguments={"value": read_modifier(context, word.text, given)},
                 text=_text(given),
-                written={"value": as_written(given)},
+                arguments_as_written={"value": source_text(given)},
             )
-    if unknown and step.leaf is not Hole:
-        names = tuple(sorted(setters(node, notes.leaves)))
-        step = Step(UNKNOWN, step.name, node.mark, notes.source, (step,), arguments={"value": UNREAD}, binds=names)
+    if unknown and step.leaf is not PlaceholderLeaf:
+        names = tuple(sorted(find_setters(node, context.leaves)))
+        step = Step(
+            UNREAD_KIND, step.name, node.mark, context.source, (step,), arguments={"value": INVALID_VALUE}, binds=names
+        )
     return step
 
 
-def _is_behaviour(notes: Notes, word: str) -> bool:
-    return word in notes.leaves or word in BRANCHES
+def _is_behaviour(context: CheckContext, word: str) -> bool:
+    return word in context.leaves or word in BRANCHES
 
 
-def _behaviour(notes: Notes, key: Scalar, value: Node | None, beside: Mapping | None) -> Step | None:
+def _read_behaviour(context: CheckContext, key: Scalar, value: Node | None, beside: Mapping | None) -> Step | None:
     """Read the behaviour itself, with what stands beside it."""
-    if not _is_behaviour(notes, key.text):
-        _unknown(notes, key, "behaviour", alone=True)
+    if not _is_behaviour(context, key.text):
+        _report_unknown_word(context, key, "behaviour", alone=True)
         return None
-    notes.steps.append(key.mark)
-    if len(notes.steps) == MAX_STEPS + 1:
-        notes.fault(key.mark, f"more than {MAX_STEPS:,} steps, those of sub-missions counted each time")
-    if len(notes.steps) > MAX_STEPS:
+    context.steps.append(key.mark)
+    if len(context.steps) == MAX_STEPS + 1:
+        context.fault(key.mark, f"more than {MAX_STEPS:,} steps, those of sub-missions counted each time")
+    if len(context.steps) > MAX_STEPS:
         return None
-    name = _word_beside(notes, beside, "name")
-    keep_as = _word_beside(notes, beside, "as")
-    leaf = notes.leaves.get(key.text)
+    name = _read_word_beside(context, beside, "name")
+    keep_as = _read_word_beside(context, beside, "as")
+    leaf = context.leaves.get(key.text)
     if keep_as is not None:
-        notes.new_name(keep_as, "'as'")
-        if key.text != MISSION and (leaf is None or not leaf.stores):
+        context.check_new_name(keep_as, "'as'")
+        if key.text != MISSION and (leaf is None or not leaf.output_doc):
             hint = "indent it, to stand beside the behaviour above" if key.text in COMPOSITES else ""
-            notes.fault(keep_as.mark, f"'{key.text}' finds nothing out that 'as' could keep", hint)
+            context.fault(keep_as.mark, f"'{key.text}' finds nothing out that 'as' could keep", hint)
     for word, _ in beside.entries if beside is not None else ():
-        only = ONLY_BESIDE.get(word.text, key.text)
+        only = OWNER_OF_KEY.get(word.text, key.text)
         if only != key.text:
-            notes.fault(word.mark, f"'{word.text}' stands only beside '{only}', not beside '{key.text}'")
+            context.fault(word.mark, f"'{word.text}' stands only beside '{only}', not beside '{key.text}'")
     kept = keep_as.text if keep_as is not None else None
-    step = _of_kind(notes, key, value, beside or Mapping(key.mark), name.text if name is not None else None)
-    return step if step is None or kept is None else replace(step, keep_as=kept)
+    step = _read_by_kind(context, key, value, beside or Mapping(key.mark), name.text if name is not None else None)
+    return step if step is None or kept is None else replace(step, output_variable=kept)
 
 
-def _of_kind(notes: Notes, key: Scalar, value: Node | None, beside: Mapping, name: str | None) -> Step | None:
+def _read_by_kind(
+    context: CheckContext, key: Scalar, value: Node | None, beside: Mapping, name: str | None
+) -> Step | None:
     """Read what is a leaf, a sub-mission, a switch or another composite, each in its own way."""
-    leaf = notes.leaves.get(key.text)
+    leaf = context.leaves.get(key.text)
     shown = name or key.text
     if leaf is not None:
-        arguments = read_arguments(notes, leaf, key, value)
+        arguments = read_arguments(context, leaf, key, value)
         return Step(
             key.text,
             shown,
             key.mark,
-            notes.source,
-            leaf=_meaning(notes, leaf, arguments, key),
+            context.source,
+            leaf=_with_named_parts(context, leaf, arguments, key),
             arguments=arguments,
             text=_text(value),
-            written=written_arguments(leaf, value),
+            arguments_as_written=arguments_as_written(leaf, value),
         )
     if key.text == MISSION:
-        return read_submission(notes, key, value, beside, name, read_step)
+        return read_submission(context, key, value, beside, name, read_step)
     if key.text in SWITCHES:
-        return read_switch(notes, key, value, shown, read_step)
+        return read_switch(context, key, value, shown, read_step)
     if key.text == FOR_EACH:
-        return read_for_each(notes, key, value, shown, read_step)
-    children = _children(notes, key, value)
+        return read_for_each(context, key, value, shown, read_step)
+    children = _read_children(context, key, value)
     if key.text != "parallel":
-        return Step(key.text, shown, key.mark, notes.source, children)
-    counts = read_counts(notes, beside, len(value.items) if isinstance(value, Listing) else 0)
-    written = {word: text for word, text in written_entries(beside).items() if word in COUNTS}
-    return Step(key.text, shown, key.mark, notes.source, children, arguments=counts, written=written)
+        return Step(key.text, shown, key.mark, context.source, children)
+    counts = read_counts(context, beside, len(value.items) if isinstance(value, Listing) else 0)
+    written = {word: text for word, text in entries_as_written(beside).items() if word in COUNTS}
+    return Step(key.text, shown, key.mark, context.source, children, arguments=counts, arguments_as_written=written)
 
 
-def _meaning(notes: Notes, leaf: type[Leaf], values: dict[str, Value], key: Scalar) -> type[Leaf]:
+def _with_named_parts(context: CheckContext, leaf: type[Leaf], values: dict[str, Value], key: Scalar) -> type[Leaf]:
     """Return the leaf, which means the parts that its arguments name, of those of which a robot may have several.
 
     Of several arguments of one kind the first says which it sees as its robot's only one.
     """
-    of_parts = [argument for argument in leaf.arguments.values() if argument.kind in SEVERAL]
+    of_parts = [argument for argument in leaf.arguments.values() if argument.kind in REPEATABLE_KINDS]
     for place, argument in enumerate(of_parts):
         beside = any(other.kind == argument.kind for other in of_parts[:place])
         value = values.get(argument.name)
         if value is not None and value.template is not None:
-            told = f"'{leaf.word}': which {argument.kind} it means must be known before the mission runs"
-            notes.fault(key.mark, told, f"write the name of the {argument.kind} itself")
+            told = f"'{leaf.tag}': which {argument.kind} it means must be known before the mission runs"
+            context.fault(key.mark, told, f"write the name of the {argument.kind} itself")
         if value is not None and isinstance(value.constant, str):
-            leaf = leaf.with_part(argument.kind, value.constant, beside=beside)
+            leaf = leaf.with_part(argument.kind, value.constant, additional=beside)
     return leaf
 
 
@@ -346,64 +365,70 @@ def _text(node: Node | None) -> str:
     return node.text if isinstance(node, Scalar) else ""
 
 
-def _unknown(notes: Notes, key: Scalar, what: str, *, alone: bool, beside: Collection[str] = ()) -> None:
+def _report_unknown_word(
+    context: CheckContext, key: Scalar, label: str, *, alone: bool, beside: Collection[str] = ()
+) -> None:
     """Note an unknown word, with what may have been meant."""
-    modifiers, composites = (*MODIFIERS, *BESIDE), BRANCHES
-    words = [*notes.leaves, *composites, *([] if alone else modifiers)]
+    modifiers, composites = (*MODIFIERS, *BESIDE_KEYS), BRANCHES
+    words = [*context.leaves, *composites, *([] if alone else modifiers)]
     found = re.match(r"(\w+)[:\s]\s*(.*)", key.text)
     if " - " in key.text:
         hint = "the '- ' of a list must stand one below the other, in one column"
     elif key.text == "do" and not {"while", "until"}.isdisjoint(beside):
-        hint = COMPARISON  # a loop, which neither of them is
+        hint = UNMATCHED_HINT  # a loop, which neither of them is
     elif found is not None and found[1] in words:
         hint = f"write '{found[1]}: {found[2]}', with a colon and a space"
     else:
-        hint = _as_mission(notes, key.text, alone=alone)
-        hint = hint or word_meant(key.text, notes.leaves, composites, modifiers, alone=alone)
-        skipped = getattr(notes.leaves, "skipped", ())
-        hint = hint or (f"it may be defined by what could not be loaded: {', '.join(skipped)}" if skipped else LISTED)
-    notes.fault(key.mark, f"unknown {what} {seen(key.text)}", hint, sure=True)
+        hint = _mission_hint(context, key.text, alone=alone)
+        hint = hint or unknown_word_hint(key.text, context.leaves, composites, modifiers, alone=alone)
+        skipped = getattr(context.leaves, "skipped", ())
+        hint = hint or (
+            f"it may be defined by what could not be loaded: {', '.join(skipped)}" if skipped else LIST_HINT
+        )
+    context.fault(key.mark, f"unknown {label} {quoted_value(key.text)}", hint, certain=True)
 
 
-def _as_mission(notes: Notes, word: str, *, alone: bool) -> str:
+def _mission_hint(context: CheckContext, word: str, *, alone: bool) -> str:
     """Say how a mission is run whose name stands where a behaviour is needed; nothing where there is none.
 
     A word for a behaviour of ours means that, unless the mission is the user's own: its file stands beside this one.
     """
     params = "" if alone else ", and its params under 'with:' beside it"
-    path = _mission_of(notes, word)
-    if path is None or (path.parent != Path(notes.source.name).parent and ours_for(word, WORDS, notes.leaves)):
+    path = _find_mission_of(context, word)
+    if path is None or (
+        path.parent != Path(context.source.name).parent and own_words_for(word, SYNONYMS, context.leaves)
+    ):
         return ""
-    if leads_to(notes, path, notes.chain):
+    if includes_mission(context, path, context.file_chain):
         return ""  # it would include itself
     return f"it is a mission: write 'mission: {word}'{params}"
 
 
-def _mission_of(notes: Notes, word: str) -> Path | None:
+def _find_mission_of(context: CheckContext, word: str) -> Path | None:
     """Return the file of the mission that a word names; None where there is none."""
     with suppress(LookupError):
-        path = notes.words.find_mission(word, Path(notes.source.name).parent) if word.isidentifier() else None
+        path = context.vocabulary.find_mission(word, Path(context.source.name).parent) if word.isidentifier() else None
         return path if path is not None and "missions" in kinds_of(path) else None
     return None
 
 
-def _read_below(notes: Notes, node: Node) -> None:
+def _read_below(context: CheckContext, node: Node) -> None:
     """Read what stands below an unknown word for its own mistakes, where it looks like the children of a composite."""
     for item in node.items if isinstance(node, Listing) else ():
         if isinstance(item, Mapping):
-            read_step(notes, item)
+            read_step(context, item)
 
 
-def _children(notes: Notes, key: Scalar, value: Node | None) -> tuple[Step, ...]:
+def _read_children(context: CheckContext, key: Scalar, value: Node | None) -> tuple[Step, ...]:
     if not isinstance(value, Listing) or not value.items:
-        notes.fault(key.mark, f"'{key.text}' needs a list of at least one behaviour, each on a line with '- '")
-        return (_hole(notes, key if value is None else value),)
-    return tuple(read_step(notes, item) for item in value.items)
+        context.fault(key.mark, f"'{key.text}' needs a list of at least one behaviour, each on a line with '- '")
+        return (_placeholder(context, key if value is None else value),)
+    return tuple(read_step(context, item) for item in value.items)
 
 
-def _word_beside(notes: Notes, beside: Mapping | None, key: str) -> Scalar | None:
+def _read_word_beside(context: CheckContext, beside: Mapping | None, key: str) -> Scalar | None:
     node = beside.get(key) if beside is not None else None
     if node is None or (isinstance(node, Scalar) and node.value is not None and node.text.strip()):
         return node
-    notes.fault(node.mark, f"'{key}' needs a {'word' if key == 'as' else 'text'}")
+    context.fault(node.mark, f"'{key}' needs a {'word' if key == 'as' else 'text'}")
     return None

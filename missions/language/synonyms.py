@@ -1,7 +1,7 @@
 """Words of other languages that people write in missions, and what is meant by a word that nobody knows.
 
 What a word means goes before how it is spelt. A word whose meaning takes more than one of ours is answered with the
-whole form (``FORMS``), or, where nothing here means the same, with the page that compares (``COMPARED``).
+whole form (``PHRASE_SYNONYMS``), or, where nothing here means the same, with the page that compares (``UNMATCHED_WORDS``).
 
 A likeness of spelling alone never leads to a behaviour that moves the robot, to a condition, or to a word that decides
 how the mission goes on, but for a slip of the keyboard. Who writes ``sleep`` is not answered with ``sweep``, which
@@ -12,10 +12,10 @@ from collections.abc import Collection, Mapping
 from difflib import SequenceMatcher
 
 from behaviours.leaf import Leaf
-from config.faults import did_you_mean, head_of, in_words, one_slip, ours_for, plain_word
-from drivers.api.kinds import MOVING
+from config.faults import alternatives_text, did_you_mean, is_one_edit, key_of, own_words_for, to_snake_case
+from drivers.api.kinds import ACTUATOR_KINDS
 
-WORDS: Mapping[str, str] = {
+SYNONYMS: Mapping[str, str] = {
     "wait": "sleep pause sleep_for wait_for delay_for idle timer wait_seconds",
     "drive: 1 m": "forward forwards move move_forward go_forward drive_forward drive_straight drive_distance "
     "drive_on_heading move_steps",
@@ -96,7 +96,7 @@ WORDS: Mapping[str, str] = {
 A word itself, of a package perhaps, never means another. Only a word that names a motion leads to one.
 """
 
-FORMS: Mapping[str, str] = {
+PHRASE_SYNONYMS: Mapping[str, str] = {
     "{succeed: , while: CONDITION}": "condition check check_condition script_condition check_blackboard_variable_value "
     "check_blackboard_variable_exists "
     "assert require verify",
@@ -113,7 +113,7 @@ FORMS: Mapping[str, str] = {
 }
 """What several words of ours say together, each with what others call it; what is to be filled in has capitals."""
 
-COMPARED = (
+UNMATCHED_WORDS = (
     "sequence_with_memory sequence_star run_once throttle rate_limit rate_controller debounce distance_controller "
     "speed_controller pipeline_sequence round_robin simple_parallel do_while do_until repeat_until until_fail "
     "until_failure until_success probability_selector weighted_selector manual_selector status_to_blackboard "
@@ -121,21 +121,21 @@ COMPARED = (
 )
 """Words of others that nothing here means; the page says what comes near, and where it differs."""
 
-COMPARISON = "nothing here means the same: see what comes near in docs/language.md#words-of-other-systems"
+UNMATCHED_HINT = "nothing here means the same: see what comes near in docs/language.md#words-of-other-systems"
 
-LIKE = 0.7
+MIN_LIKENESS = 0.7
 """How much of two words must be alike for the one to be meant by the other, where nothing depends on it."""
 
-NEARLY = 0.85
+MIN_LONG_LIKENESS = 0.85
 """The same for two slips in a long word."""
 
-LONG = 8
+MIN_LONG_WORD = 8
 """Letters of a word that with one other letter is hardly another word: wander and wonder are."""
 
-BRANCHES = "write switch: {on: CONDITION, cases: {true: ..., false: ...}}"
+SWITCH_HINT = "write switch: {on: CONDITION, cases: {true: ..., false: ...}}"
 
 
-def word_meant(
+def unknown_word_hint(
     word: str, leaves: Mapping[str, type[Leaf]], composites: Collection[str], beside: Collection[str], *, alone: bool
 ) -> str:
     """Say what may be meant by an unknown word: ours for it, else the closest. Empty where nothing is near.
@@ -143,61 +143,61 @@ def word_meant(
     ``beside`` are the words that stand beside a behaviour, which are not meant by one that stands ``alone``.
     """
     known = [*leaves, *composites, *([] if alone else beside)]
-    if plain_word(word) in known:
-        return f"did you mean '{plain_word(word)}'?"
-    if plain_word(word) in beside:
-        return f"'{plain_word(word)}' stands beside a behaviour, below it and without a dash"
-    if plain_word(word) in COMPARED.split():
-        return COMPARISON
-    ours = [form for form, theirs in FORMS.items() if plain_word(word) in theirs.split()]
+    if to_snake_case(word) in known:
+        return f"did you mean '{to_snake_case(word)}'?"
+    if to_snake_case(word) in beside:
+        return f"'{to_snake_case(word)}' stands beside a behaviour, below it and without a dash"
+    if to_snake_case(word) in UNMATCHED_WORDS.split():
+        return UNMATCHED_HINT
+    ours = [form for form, theirs in PHRASE_SYNONYMS.items() if to_snake_case(word) in theirs.split()]
     if ours:
         return f"write {ours[0]}"
-    ours = ours_for(word, WORDS, [*leaves, *composites, *beside])
+    ours = own_words_for(word, SYNONYMS, [*leaves, *composites, *beside])
     if ours == ["switch"]:
-        return BRANCHES
+        return SWITCH_HINT
     if ours:
-        return f"write {in_words(ours)}" + (", beside a behaviour" if head_of(ours[-1]) in beside else "")
-    near = _near(word.lower(), [*known, *beside])
-    return did_you_mean(word, [each for each in known if _may_be_meant(word.lower(), each, leaves, known, near)])
+        return f"write {alternatives_text(ours)}" + (", beside a behaviour" if key_of(ours[-1]) in beside else "")
+    near = _words_near(word.lower(), [*known, *beside])
+    return did_you_mean(word, [each for each in known if _may_propose(word.lower(), each, leaves, known, near)])
 
 
-def _near(word: str, ours: Collection[str]) -> frozenset[str]:
+def _words_near(word: str, ours: Collection[str]) -> frozenset[str]:
     """Return our words that a word with one slip in it may mean: by themselves, or by what others call them."""
-    slips = {each for each in ours if one_slip(word, each)}
-    for each, names in WORDS.items():
+    slips = {each for each in ours if is_one_edit(word, each)}
+    for each, names in SYNONYMS.items():
         # A shorter word is a slip away from too many: ``trun`` is ``turn``, not ``run``.
-        if any(len(name) > 3 and _is_slip(word, name, most=1) for name in names.split()):
-            slips.add(head_of(each))
+        if any(len(name) > 3 and _is_slip(word, name, max_slips=1) for name in names.split()):
+            slips.add(key_of(each))
     return frozenset(slips)
 
 
-def _may_be_meant(
-    word: str, meant: str, leaves: Mapping[str, type[Leaf]], known: Collection[str], near: Collection[str]
+def _may_propose(
+    word: str, proposal: str, leaves: Mapping[str, type[Leaf]], known: Collection[str], near: Collection[str]
 ) -> bool:
     """Say whether a word may be proposed for its spelling: one that decides nothing, or is a slip away.
 
     One that moves the robot may be proposed where it alone is near: ``lay`` is ``say`` or ``play``.
     """
-    leaf = leaves.get(meant)
-    moves = leaf is not None and bool(leaf.drives.intersection(MOVING))
-    if moves and not {meant}.issuperset(near):
+    leaf = leaves.get(proposal)
+    moves = leaf is not None and bool(leaf.drives.intersection(ACTUATOR_KINDS))
+    if moves and not {proposal}.issuperset(near):
         return False
     if leaf is not None and not leaf.instant and not moves:
-        alike = SequenceMatcher(None, word, meant).ratio() >= LIKE
-        return alike or meant.startswith(word) or _is_slip(word, meant, most=1)
-    if leaf is None and len(word) > 2 and [each for each in known if each.startswith(word)] == [meant]:
+        alike = SequenceMatcher(None, word, proposal).ratio() >= MIN_LIKENESS
+        return alike or proposal.startswith(word) or _is_slip(word, proposal, max_slips=1)
+    if leaf is None and len(word) > 2 and [each for each in known if each.startswith(word)] == [proposal]:
         return True
-    parts, others = word.split("_"), meant.split("_")
+    parts, others = word.split("_"), proposal.split("_")
     same = not moves and len(parts) == len(others) and all(map(_is_slip, parts, others))
-    return same or _is_slip(word, meant, most=1)
+    return same or _is_slip(word, proposal, max_slips=1)
 
 
-def _is_slip(word: str, meant: str, *, most: int = 2) -> bool:
+def _is_slip(word: str, other: str, *, max_slips: int = 2) -> bool:
     """Say whether a word is another but for a slip of the keyboard: in a short one, another letter is another word.
 
     In a long one ``most`` may be two slips, but not at its beginning: ``unloaded`` is not ``loaded``.
     """
-    if most > 1 and word[:1] == meant[:1] and min(len(word), len(meant)) >= LONG:
-        return SequenceMatcher(None, word, meant).ratio() >= NEARLY
-    another_letter = len(word) == len(meant) and sorted(word) != sorted(meant)
-    return word == meant or (one_slip(word, meant) and not (another_letter and len(word) < LONG))
+    if max_slips > 1 and word[:1] == other[:1] and min(len(word), len(other)) >= MIN_LONG_WORD:
+        return SequenceMatcher(None, word, other).ratio() >= MIN_LONG_LIKENESS
+    another_letter = len(word) == len(other) and sorted(word) != sorted(other)
+    return word == other or (is_one_edit(word, other) and not (another_letter and len(word) < MIN_LONG_WORD))

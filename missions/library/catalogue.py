@@ -5,9 +5,9 @@ import math
 from dataclasses import replace
 
 from behaviours.leaf import Argument, Leaf
-from config.units import EXAMPLES, UNITS, written
+from config.units import EXAMPLES, UNITS, quantity_text
 
-WRITTEN: dict[str, object] = {
+EXAMPLE_VALUES: dict[str, object] = {
     "text": "Hello",
     "number": 1,
     "count": 3,
@@ -42,7 +42,7 @@ def sentence(words: str) -> str:
     return f"{words[:1].upper()}{words[1:]}."
 
 
-def kind_of(argument: Argument) -> str:
+def kind_text(argument: Argument) -> str:
     """Say what an argument takes: "length (m, cm, mm)"."""
     if argument.choices:
         return f"one of {', '.join(argument.choices)}"
@@ -50,19 +50,19 @@ def kind_of(argument: Argument) -> str:
     return ("two of " if argument.span else "") + argument.kind + units + (" by joint" if argument.by_joint else "")
 
 
-def plain_default(argument: Argument) -> object:
+def default_data(argument: Argument) -> object:
     """Return a default as a mission would write it, as plain data: "0.2 m/s", ["-60 deg", "60 deg"], 3."""
     default = argument.default
     if argument.kind not in UNITS or argument.by_joint or default is None:
         return list(default) if isinstance(default, tuple) else default
     if argument.span:
-        return [written(value, argument.kind) for value in default]
-    return written(default, argument.kind)
+        return [quantity_text(value, argument.kind) for value in default]
+    return quantity_text(default, argument.kind)
 
 
-def shown_default(argument: Argument) -> str:
+def default_text(argument: Argument) -> str:
     """Write a default as a mission would."""
-    default = plain_default(argument)
+    default = default_data(argument)
     if default is None or default in ("", [], {}):
         return "nothing"
     if isinstance(default, bool):
@@ -70,11 +70,11 @@ def shown_default(argument: Argument) -> str:
     return f"[{', '.join(default)}]" if isinstance(default, list) else str(default)
 
 
-def bounds(argument: Argument) -> str:
+def bounds_text(argument: Argument) -> str:
     """Say between what an argument must lie: "0.01 m/s to 0.7 m/s"; nothing where anything goes."""
 
     def show(bound: float) -> str:
-        return written(bound, argument.kind) if argument.kind in UNITS else f"{bound:g}"
+        return quantity_text(bound, argument.kind) if argument.kind in UNITS else f"{bound:g}"
 
     if math.isinf(argument.low):
         return "" if math.isinf(argument.high) else f"at most {show(argument.high)}"
@@ -82,22 +82,22 @@ def bounds(argument: Argument) -> str:
     return f"at least {low}" if math.isinf(argument.high) else f"{low} to {show(argument.high)}"
 
 
-def terms(argument: Argument) -> str:
+def requirements_text(argument: Argument) -> str:
     """Say all that a value must be: "speed (m/s, cm/s, mm/s), 0.01 m/s to 0.7 m/s; default 0.2 m/s"."""
-    limits = bounds(argument)
-    default = "must be given" if argument.required else f"default {shown_default(argument)}"
-    return kind_of(argument) + (f", {limits}" if limits else "") + f"; {default}"
+    limits = bounds_text(argument)
+    default = "must be given" if argument.required else f"default {default_text(argument)}"
+    return kind_text(argument) + (f", {limits}" if limits else "") + f"; {default}"
 
 
-def example(argument: Argument) -> object:
+def example_value(argument: Argument) -> object:
     """Return a value for an argument, as plain data: its default, or a common one of its kind."""
     if not argument.required:
-        return plain_default(argument)
+        return default_data(argument)
     if argument.by_joint:
-        return {"elbow": example(replace(argument, by_joint=False))}
+        return {"elbow": example_value(replace(argument, by_joint=False))}
     if argument.choices:
         return argument.choices[0]
     if argument.kind not in UNITS:
-        common = WRITTEN.get(argument.kind)
+        common = EXAMPLE_VALUES.get(argument.kind)
         return min(common, argument.high) if isinstance(common, int) else common
-    return [written(0, argument.kind), EXAMPLES[argument.kind]] if argument.span else EXAMPLES[argument.kind]
+    return [quantity_text(0, argument.kind), EXAMPLES[argument.kind]] if argument.span else EXAMPLES[argument.kind]

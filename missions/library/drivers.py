@@ -13,55 +13,65 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from config import robot
-from config.faults import Source
-from config.library import DEFAULT_ROBOT, find
+from config.faults import SourceText
+from config.library import DEFAULT_ROBOT, find_file
 from config.robot import RobotConfig
-from drivers.api.driver import BrokenDriver, Driver, resolved
-from drivers.api.keys import declared
+from drivers.api.driver import BrokenDriver, Driver, resolve_name
+from drivers.api.keys import declared_keys
 from drivers.api.kinds import KINDS
 from drivers.api.sections import ArmKeys
-from drivers.table import HOUSE
-from missions.library.trial import BrokenOfferError, described, load_offer, offered, owner_of, said, shown
+from drivers.table import BUILT_IN_DRIVERS
+from missions.library.trial import (
+    BrokenEntryPointError,
+    describe_entry_point,
+    entry_points_of,
+    error_text,
+    load_entry_point,
+    owner_of,
+    short_repr,
+)
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-GROUP = "missiontree.drivers"
+ENTRY_POINT_GROUP = "missiontree.drivers"
 """The entry points by which distributions offer drivers."""
 
 
-class Table:
-    """The drivers that there are, by kind and name: a ``drivers.api.driver.Drivers``."""
+class DriverTable:
+    """The drivers that there are, by kind and name: a ``drivers.api.driver.DriverCatalogue``."""
 
     @cached_property
-    def _points(self) -> Mapping[str, Sequence["EntryPoint"]]:
+    def _entry_points(self) -> Mapping[str, Sequence["EntryPoint"]]:
         """The entry points of other distributions by their names, ``base.rover``."""
         found: dict[str, list[EntryPoint]] = {}
-        for point in offered(GROUP):
+        for point in entry_points_of(ENTRY_POINT_GROUP):
             found.setdefault(point.name, []).append(point)
         return found
 
     def names(self, kind: str) -> Sequence[str]:
         """Return the names of the drivers of a kind, those of the house first."""
-        others = (name.partition(".") for name in self._points)
-        return list(dict.fromkeys([*HOUSE.get(kind, ()), *(name for of, _, name in others if of == kind and name)]))
+        others = (name.partition(".") for name in self._entry_points)
+        return list(
+            dict.fromkeys([*BUILT_IN_DRIVERS.get(kind, ()), *(name for of, _, name in others if of == kind and name)])
+        )
 
     def find(self, kind: str, name: str) -> Driver:
         """Return a driver. Raises BrokenDriver for a declaration that cannot be used; KeyError for no such name."""
-        ours = HOUSE.get(kind, {}).get(name)
+        ours = BUILT_IN_DRIVERS.get(kind, {}).get(name)
         if ours is not None:
-            found = resolved(ours)
+            found = resolve_name(ours)
             if not isinstance(found, Driver):
                 raise BrokenDriver(f"{ours} is no Driver")
             return found
-        return _loaded(self._points[f"{kind}.{name}"])
+        return _load_driver(self._entry_points[f"{kind}.{name}"])
 
     def origin(self, kind: str, name: str) -> str:
         """Return the distribution that a driver comes from; empty for one of the house."""
-        points = () if name in HOUSE.get(kind, ()) else self._points.get(f"{kind}.{name}", ())
+        points = () if name in BUILT_IN_DRIVERS.get(kind, ()) else self._entry_points.get(f"{kind}.{name}", ())
         return ", ".join(owner_of(point) for point in points)
 
-    def all(self) -> Iterator[tuple[str, str, Driver | BrokenDriver]]:
+    def iter_drivers(self) -> Iterator[tuple[str, str, Driver | BrokenDriver]]:
         """Yield the kind and the name of each driver with its declaration, or with what is wrong with that."""
         for kind in KINDS:
             for name in self.names(kind):
@@ -69,40 +79,40 @@ class Table:
                     yield kind, name, self.find(kind, name)
                 except BrokenDriver as error:
                     yield kind, name, error
-        for name, points in self._points.items():
+        for name, points in self._entry_points.items():
             kind, _, own = name.partition(".")
             if kind not in KINDS or not own:
                 kinds = ", ".join(KINDS)
                 hint = f"it must be called KIND.NAME, such as base.{own or kind}; kinds are: {kinds}"
-                yield kind, own, BrokenDriver(f"{described(points[0])} names no driver of any kind: {hint}")
-            elif own in HOUSE.get(kind, ()):
+                yield kind, own, BrokenDriver(f"{describe_entry_point(points[0])} names no driver of any kind: {hint}")
+            elif own in BUILT_IN_DRIVERS.get(kind, ()):
                 why = f"is not used: MissionTree has a {kind}.{own} itself"
-                yield kind, own, BrokenDriver(f"{described(points[0])} {why}")
+                yield kind, own, BrokenDriver(f"{describe_entry_point(points[0])} {why}")
 
 
-def _loaded(points: Sequence["EntryPoint"]) -> Driver:
+def _load_driver(points: Sequence["EntryPoint"]) -> Driver:
     """Return what an entry point declares. Raises BrokenDriver."""
     point, *others = points
-    told = described(point)
+    told = describe_entry_point(point)
     if others:
-        raise BrokenDriver(f"{' and '.join(map(described, points))} have one name: uninstall one of them")
+        raise BrokenDriver(f"{' and '.join(map(describe_entry_point, points))} have one name: uninstall one of them")
     try:
-        found = load_offer(point)
-    except BrokenOfferError as error:
+        found = load_entry_point(point)
+    except BrokenEntryPointError as error:
         raise BrokenDriver(f"{told} {error}") from error
     if not issubclass(type(found), Driver):
-        raise BrokenDriver(f"{told} is {shown(found)}, not a drivers.api.driver.Driver")
+        raise BrokenDriver(f"{told} is {short_repr(found)}, not a drivers.api.driver.Driver")
     try:
-        problem = _problem(point.name, found)
+        problem = _find_problem(point.name, found)
     except Exception as error:
-        problem = f"cannot be examined: {said(error)}"
+        problem = f"cannot be examined: {error_text(error)}"
     if problem:
         raise BrokenDriver(f"{told} {problem}")
     declared_by: Driver = found
     return declared_by
 
 
-def _problem(name: str, driver: Driver) -> str:
+def _find_problem(name: str, driver: Driver) -> str:
     """Say what is wrong with a declaration; nothing where it is sound."""
     if name != f"{driver.kind}.{driver.name}":
         return f"declares the driver {driver.kind}.{driver.name}: both must have one name"
@@ -113,7 +123,7 @@ def _problem(name: str, driver: Driver) -> str:
     if missing := [need for need in driver.needs if need not in KINDS]:
         return f"needs parts that there are not: {', '.join(missing)}"
     try:
-        declared(driver.keys)
+        declared_keys(driver.keys)
     except (TypeError, NameError) as error:
         return f"has a key that means nothing: {error}"
     name = driver.keys.__name__
@@ -125,22 +135,22 @@ def _problem(name: str, driver: Driver) -> str:
     return ""
 
 
-def robot_named(name: str | None, ros2_domain: int | None = None) -> RobotConfig:
+def load_named_robot(name: str | None, ros2_domain: int | None = None) -> RobotConfig:
     """Read the file of a robot by name or path, of the default one for none; its nodes of ROS 2 in another domain.
 
     Raises InvalidFileError or UnknownNameError.
     """
-    found = load_robot(find("robots", name or DEFAULT_ROBOT))
+    found = load_robot(find_file("robots", name or DEFAULT_ROBOT))
     if ros2_domain is None or "ros2" not in found.sections:
         return found
     return found.with_keys("ros2", replace(found.sections["ros2"].keys, domain=ros2_domain))
 
 
-def load_robot(path: Path, drivers: Table | None = None) -> RobotConfig:
+def load_robot(path: Path, drivers: DriverTable | None = None) -> RobotConfig:
     """Read a robot file, with the drivers that there are. Raises InvalidFileError with every mistake in it."""
-    return robot.load_robot(path, drivers or Table())
+    return robot.load_robot(path, drivers or DriverTable())
 
 
-def robot_of(source: Source, path: Path | None = None) -> RobotConfig:
+def parse_robot(source: SourceText, path: Path | None = None) -> RobotConfig:
     """Read the text of a robot file, with the drivers that there are. Raises InvalidFileError."""
-    return robot.robot_of(source, Table(), path)
+    return robot.parse_robot(source, DriverTable(), path)

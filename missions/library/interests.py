@@ -4,24 +4,24 @@ from typing import TYPE_CHECKING
 
 from drivers.api.quick import dataclass
 from drivers.api.senses import CameraKeys
-from missions.language.phrases import phrases_of
+from missions.language.phrases import all_phrases
 from missions.language.plan import Step
-from missions.language.sought import looked_for
-from perception.api import Wanted
+from missions.language.sought import wanted_objects
+from perception.api import ThingSpec
 
 if TYPE_CHECKING:
-    from perception.tracks import MarkerKind
+    from perception.tracks import MarkerSet
 
 
 @dataclass(frozen=True, slots=True)
 class Interests:
-    """Faces and whose they are (``names``), the things ``wanted``, other robots that wear ``markers``, and motion.
+    """Faces and whose they are (``names``), the things ``objects``, other robots that wear ``markers``, and motion.
 
     ``phrases`` are what is listened for.
     """
 
-    wanted: tuple[Wanted, ...] = ()
-    markers: "MarkerKind | None" = None
+    objects: tuple[ThingSpec, ...] = ()
+    markers: "MarkerSet | None" = None
     motion: bool = False
     faces: bool = True
     names: bool = False
@@ -32,18 +32,18 @@ def interests_of(tree: Step, camera: CameraKeys | None) -> Interests:
     """Return what the behaviours and expressions of a mission look for, with the markers of the robot file."""
     senses = tree.senses
     return Interests(
-        wanted=looked_for(tree) if "things" in senses else (),
+        objects=wanted_objects(tree) if "things" in senses else (),
         markers=_markers(camera) if "markers" in senses else None,
         motion="motion" in senses,
         faces="faces" in senses or "names" in senses,
         names="names" in senses,
-        phrases=phrases_of(tree),
+        phrases=all_phrases(tree),
     )
 
 
-def _markers(camera: CameraKeys | None) -> "MarkerKind":
-    from perception.tracks import MarkerKind  # noqa: PLC0415 - most missions look for none
+def _markers(camera: CameraKeys | None) -> "MarkerSet":
+    from perception.tracks import MarkerSet  # noqa: PLC0415 - most missions look for none
 
     if camera is None or camera.markers is None:
-        return MarkerKind()
-    return MarkerKind(camera.markers.family, camera.markers.size, camera.markers.robots)
+        return MarkerSet()
+    return MarkerSet(camera.markers.family, camera.markers.size, camera.markers.robots)

@@ -21,26 +21,26 @@ from shlex import quote
 from drivers.api.senses import CameraKeys
 from missions.library.folders import data_folder
 from perception.api import UNKNOWN, Image
-from perception.people import FEWEST, MAX_PICTURES, MAX_PICTURES_TOGETHER
+from perception.people import MAX_PICTURES, MAX_PICTURES_TOGETHER, MIN_PICTURES
 
 # Pictures of one person in a folder: for their owner only, and all that are added or none.
 #
 # A picture is a file such as ``001.png``. Nothing else in the folder is touched, and no link is followed. Other
 # programs may add and remove meanwhile: what has gone between listing and reading is not there.
 
-NEW = ".new-"
+NEW_PREFIX = ".new-"
 """How the names of folders begin whose pictures are not all there yet."""
 
-FEATURES = ".features.json"
+FEATURES_FILE = ".features.json"
 """What a network has made of the pictures in a folder: see ``missions.assembly.gallery``."""
 
-MOST_PIXELS, MOST_BYTES = 4_000_000, 16_000_000
+MAX_PIXELS, MAX_PICTURE_BYTES = 4_000_000, 16_000_000
 """Pixels and bytes of a picture: a portrait is of some 300 x 300."""
 
 _NAME = re.compile(r"([0-9]{3,})\.png")
 
 
-def files_in(folder: Path) -> dict[Path, os.stat_result]:
+def picture_files(folder: Path) -> dict[Path, os.stat_result]:
     """Return the pictures in a folder, each with what the disk knows of it. Raises OSError."""
     found = {}
     with suppress(FileNotFoundError, NotADirectoryError):
@@ -52,29 +52,29 @@ def files_in(folder: Path) -> dict[Path, os.stat_result]:
     return found
 
 
-def read(path: Path) -> Image | None:
+def read_picture(path: Path) -> Image | None:
     """Return a picture; None for a file that is none, or too large for a portrait. Raises OSError."""
-    if path.stat().st_size > MOST_BYTES:
+    if path.stat().st_size > MAX_PICTURE_BYTES:
         return None
-    from drivers.pictures.decode import decoded  # noqa: PLC0415 - most commands read no picture
+    from drivers.pictures.decode import decode_picture  # noqa: PLC0415 - most commands read no picture
 
-    return decoded(path.read_bytes(), MOST_PIXELS)
+    return decode_picture(path.read_bytes(), MAX_PIXELS)
 
 
-def digest(portrait: Image) -> bytes:
+def picture_digest(portrait: Image) -> bytes:
     """Return by what a picture is known again: the SHA-256 of its size and pixels."""
     return sha256(str(portrait.shape).encode() + portrait.tobytes()).digest()
 
 
-def keep(portraits: Sequence[Image], folder: Path) -> None:
+def store_pictures(portraits: Sequence[Image], folder: Path) -> None:
     """Add pictures to a folder, which need not be there, for their owner only. Raises OSError, and then adds none."""
     with ExitStack() as undone:
-        new = Path(tempfile.mkdtemp(dir=folder.parent, prefix=NEW))  # for its owner only, as what is in it
-        undone.callback(clear, new)
+        new = Path(tempfile.mkdtemp(dir=folder.parent, prefix=NEW_PREFIX))  # for its owner only, as what is in it
+        undone.callback(delete_pictures, new)
         for number, portrait in enumerate(portraits, start=_last_in(folder) + 1):
-            _write(new / f"{number:03}.png", portrait)
+            _write_picture(new / f"{number:03}.png", portrait)
         if folder.is_dir() and not folder.is_symlink():
-            for path in files_in(new):
+            for path in picture_files(new):
                 undone.callback(path.rename(folder / path.name).unlink, missing_ok=True)
             new.rmdir()
         else:
@@ -82,13 +82,13 @@ def keep(portraits: Sequence[Image], folder: Path) -> None:
         undone.pop_all()
 
 
-def clear(folder: Path) -> int:
+def delete_pictures(folder: Path) -> int:
     """Delete the pictures in a folder and what was made of them; and it too when nothing is left in it.
 
     Return how many there were. Raises OSError.
     """
-    pictures = files_in(folder)
-    for path in (folder / FEATURES, *pictures):
+    pictures = picture_files(folder)
+    for path in (folder / FEATURES_FILE, *pictures):
         path.unlink(missing_ok=True)
     with suppress(OSError):  # there is something else in it, or it has gone
         folder.rmdir()
@@ -101,7 +101,7 @@ def _last_in(folder: Path) -> int:
     return max((int(found[1]) for name in names if (found := _NAME.fullmatch(name))), default=0)
 
 
-def _write(path: Path, picture: Image) -> None:
+def _write_picture(path: Path, picture: Image) -> None:
     """Write a picture, and wait until it is on the disk."""
     import cv2  # noqa: PLC0415 - as above
 
@@ -120,7 +120,7 @@ MAX_NAME_LENGTH = 60
 JOINERS = "\u200c\u200d"
 """Invisible signs that part and join letters in Persian and Indian names."""
 
-WITHIN = frozenset(" -_'\u2019." + JOINERS)
+NAME_SIGNS = frozenset(" -_'\u2019." + JOINERS)
 """Signs of a name beside letters, their marks and digits."""
 
 
@@ -132,12 +132,12 @@ class PeopleError(RuntimeError):
         self.hint = hint
 
 
-Told = Callable[[PeopleError], None]
+ProblemListener = Callable[[PeopleError], None]
 """A listener that hears of pictures that are left out."""
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class KnownPerson:
     """Somebody whom the robot knows: how many pictures there are, and since when (seconds since 1970) the first."""
 
     name: str
@@ -145,7 +145,7 @@ class Known:
     since: float
 
 
-def folder(environment: Mapping[str, str] = os.environ) -> Path:
+def people_folder(environment: Mapping[str, str] = os.environ) -> Path:
     """Return where pictures of people are kept: among the user's data."""
     return data_folder(environment) / "people"
 
@@ -155,7 +155,7 @@ def proper_name(name: str) -> str:
     found = unicodedata.normalize("NFC", name).strip()
     if found.casefold() == UNKNOWN:
         raise PeopleError(f"'{UNKNOWN}' is what strangers are called", hint="choose another name")
-    fits = all(letter in WITHIN or unicodedata.category(letter)[0] in "LMN" for letter in found)
+    fits = all(letter in NAME_SIGNS or unicodedata.category(letter)[0] in "LMN" for letter in found)
     if not (fits and found[:1].isalpha() and len(found) <= MAX_NAME_LENGTH):
         hint = f"first a letter of any script, then letters, digits, spaces and - _ ' . up to {MAX_NAME_LENGTH} in all"
         raise PeopleError(f"{name!r:.80} cannot be a name", hint=hint)
@@ -165,21 +165,21 @@ def proper_name(name: str) -> str:
 class People:
     """The pictures in one folder. Nothing is touched before it is asked for."""
 
-    def __init__(self, where: Path) -> None:
-        self.where = where
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
 
-    def known(self) -> list[Known]:
+    def known_people(self) -> list[KnownPerson]:
         """Return who is known, by name. Raises PeopleError for a folder that cannot be read."""
         return [
-            Known(name, len(files), min(status.st_mtime for status in files.values()))
+            KnownPerson(name, len(files), min(status.st_mtime for status in files.values()))
             for name, files in self._files().items()
         ]
 
     def find(self, name: str) -> str | None:
         """Return the name of somebody as it is kept, however it is capitalised; None for nobody. Raises PeopleError."""
-        return next((each for each in self._files() if _key(each) == _key(name)), None)
+        return next((each for each in self._files() if _comparison_key(each) == _comparison_key(name)), None)
 
-    def portraits(self, told: Told) -> dict[str, list[Image]]:
+    def portraits(self, on_problem: ProblemListener) -> dict[str, list[Image]]:
         """Return the pictures of everybody of whom there are enough to learn from, by name.
 
         Of somebody with many pictures some are taken, spread over all of them: what learns them compares each with
@@ -187,33 +187,33 @@ class People:
         for whom there is no room. Raises PeopleError for a folder that cannot be read.
         """
         found = {}
-        for name, files in self._taken(told).items():
-            portraits = [portrait for path in files if (portrait := _read(path, told)) is not None]
-            if len(portraits) >= FEWEST:
+        for name, files in self._select_files(on_problem).items():
+            portraits = [portrait for path in files if (portrait := _read_or_report(path, on_problem)) is not None]
+            if len(portraits) >= MIN_PICTURES:
                 found[name] = portraits
             elif portraits:
-                what = f"{name}: {len(portraits)} pictures are too few to know somebody by: it takes {FEWEST}"
-                told(PeopleError(what, hint=f"mission person add {quote(name)}"))
+                what = f"{name}: {len(portraits)} pictures are too few to know somebody by: it takes {MIN_PICTURES}"
+                on_problem(PeopleError(what, hint=f"mission person add {quote(name)}"))
         return found
 
-    def new_ones(self, name: str, portraits: Sequence[Image]) -> list[Image]:
+    def select_new(self, name: str, portraits: Sequence[Image]) -> list[Image]:
         """Return which of some pictures ``add`` would keep: each once, and none that is there. Raises as it does."""
         kept = self.find(name) or proper_name(name)
         whose = {
-            digest(portrait): who
+            picture_digest(portrait): who
             for who, files in self._files().items()
             for path in files
-            if (portrait := _read(path, lambda _: None)) is not None
+            if (portrait := _read_or_report(path, lambda _: None)) is not None
         }
-        found = {digest(portrait): portrait for portrait in portraits}
+        found = {picture_digest(portrait): portrait for portrait in portraits}
         others = [whose[each] for each in found if whose.get(each, kept) != kept]
         if others:
             hint = f"leave it out, or first: mission person remove {quote(others[0])}"
             raise PeopleError(f"nothing was kept: one of the pictures of {kept} is {others[0]}'s already", hint=hint)
         fresh = [portrait for each, portrait in found.items() if each not in whose]
         count = len(fresh) + list(whose.values()).count(kept)
-        if count < FEWEST:
-            hint = f"it takes {FEWEST} at least"
+        if count < MIN_PICTURES:
+            hint = f"it takes {MIN_PICTURES} at least"
             raise PeopleError(f"too few pictures of {kept}: {count}, where each counts once", hint=hint)
         return fresh
 
@@ -223,16 +223,16 @@ class People:
         A picture that is there already is not kept again. Raises PeopleError for a picture of somebody else's, too few
         pictures, and what cannot be written; then none is kept.
         """
-        fresh = self.new_ones(name, portraits)
+        fresh = self.select_new(name, portraits)
         kept = self.find(name) or proper_name(name)
         try:
-            with self.alone():
+            with self.exclusive_access():
                 if fresh:
-                    keep(fresh, self.where / kept)
+                    store_pictures(fresh, self.folder / kept)
         except OSError as error:
-            hint = f"df -h {self.where}  (is there room?)"
-            raise PeopleError(f"{self.where / kept}: nothing was kept: {error.strerror}", hint=hint) from error
-        self.shut()
+            hint = f"df -h {self.folder}  (is there room?)"
+            raise PeopleError(f"{self.folder / kept}: nothing was kept: {error.strerror}", hint=hint) from error
+        self.restrict_access()
         return kept
 
     def remove(self, name: str) -> int:
@@ -244,69 +244,69 @@ class People:
         if kept is None:
             known = ", ".join(self._files()) or "nobody"
             raise PeopleError(f"nobody is called '{name}'", hint=f"known: {known}")
-        home = self.where / kept
+        home = self.folder / kept
         try:
-            with self.alone():
-                return clear(home)
+            with self.exclusive_access():
+                return delete_pictures(home)
         except OSError as error:
             raise PeopleError(f"{home}: {error.strerror}", hint=f"ls -l {home}  (what is left there?)") from error
 
     @contextmanager
-    def alone(self) -> Iterator[None]:
+    def exclusive_access(self) -> Iterator[None]:
         """Make the folder, keep others from changing it meanwhile, and clear away what one that was killed has left."""
-        self.where.mkdir(mode=0o700, parents=True, exist_ok=True)
-        number = os.open(self.where, os.O_RDONLY | os.O_DIRECTORY)
+        self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        number = os.open(self.folder, os.O_RDONLY | os.O_DIRECTORY)
         try:
             with suppress(OSError):  # a network's disk may know no locks: there only one may add at a time
                 fcntl.flock(number, fcntl.LOCK_EX)
             for left in self._folders():
-                if left.name.startswith(NEW) or _left_over(left):
-                    clear(left)
+                if left.name.startswith(NEW_PREFIX) or _is_left_over(left):
+                    delete_pictures(left)
             yield
         finally:
             os.close(number)
 
-    def shut(self) -> bool:
+    def restrict_access(self) -> bool:
         """Take the rights of others away from the folder and the pictures in it, and say whether anybody had some.
 
         Where nobody is known nothing is touched. Raises PeopleError where it cannot be: these are pictures of people.
         """
         everybody = self._files()
-        folders = [self.where, *(self.where / name for name in everybody)] if everybody else []
+        folders = [self.folder, *(self.folder / name for name in everybody)] if everybody else []
         changed = False
         try:
             for path in (*folders, *(file for files in everybody.values() for file in files)):
                 with suppress(FileNotFoundError):
-                    changed |= _shut(path)
+                    changed |= _restrict_file(path)
         except OSError as error:
             raise PeopleError(
-                f"{self.where}: others may read these pictures of people, and that cannot be changed: {error.strerror}",
-                hint=f"sudo chown -R $USER {self.where}",
+                f"{self.folder}: others may read these pictures of people, and that cannot be changed: {error.strerror}",
+                hint=f"sudo chown -R $USER {self.folder}",
             ) from error
         return changed
 
-    def _taken(self, told: Told) -> dict[str, list[Path]]:
+    def _select_files(self, on_problem: ProblemListener) -> dict[str, list[Path]]:
         """Return the files to learn from, and tell of what is left out."""
-        everybody = {name: list(files) for name, files in self._files(told).items()}
-        late = list(everybody)[MAX_PICTURES_TOGETHER // FEWEST :]
+        everybody = {name: list(files) for name, files in self._files(on_problem).items()}
+        late = list(everybody)[MAX_PICTURES_TOGETHER // MIN_PICTURES :]
         if late:
-            told(PeopleError(f"{len(late)} people are left out, {late[0]} to {late[-1]}: there is room for "
-                             f"{MAX_PICTURES_TOGETHER // FEWEST}", hint="mission person remove NAME"))  # fmt: skip
+            on_problem(PeopleError(f"{len(late)} people are left out, {late[0]} to {late[-1]}: there is room for "
+                             f"{MAX_PICTURES_TOGETHER // MIN_PICTURES}", hint="mission person remove NAME"))  # fmt: skip
         share = min(MAX_PICTURES, MAX_PICTURES_TOGETHER // max(1, len(everybody) - len(late)))
         for name, files in everybody.items():
             if len(files) > share and name not in late:
-                told(PeopleError(f"{name}: {share} of {len(files)} pictures are used, spread over all of them"))
+                on_problem(PeopleError(f"{name}: {share} of {len(files)} pictures are used, spread over all of them"))
                 everybody[name] = [files[place * len(files) // share] for place in range(share)]
         return {name: files for name, files in everybody.items() if name not in late}
 
-    def _files(self, told: Told = lambda _: None) -> dict[str, dict[Path, os.stat_result]]:
+    def _files(self, on_problem: ProblemListener = lambda _: None) -> dict[str, dict[Path, os.stat_result]]:
         """Return the files of everybody of whom there are any. Raises PeopleError."""
         found = {}
         for home in self._folders():
             try:
-                files = {} if home.name.startswith(".") else files_in(home)
+                files = {} if home.name.startswith(".") else picture_files(home)
             except OSError as error:
-                told(PeopleError(f"{home}: {error.strerror}, and is left out", hint=f"ls -ld {home}"))
+                on_problem(PeopleError(f"{home}: {error.strerror}, and is left out", hint=f"ls -ld {home}"))
                 continue
             if files:
                 found[home.name] = files
@@ -315,41 +315,41 @@ class People:
     def _folders(self) -> list[Path]:
         """Return all folders in ours, links to some not among them. Raises PeopleError."""
         try:
-            return sorted(path for path in self.where.iterdir() if path.is_dir() and not path.is_symlink())
+            return sorted(path for path in self.folder.iterdir() if path.is_dir() and not path.is_symlink())
         except FileNotFoundError:
             return []
         except OSError as error:
-            raise PeopleError(f"{self.where}: {error.strerror}", hint=f"ls -ld {self.where}") from error
+            raise PeopleError(f"{self.folder}: {error.strerror}", hint=f"ls -ld {self.folder}") from error
 
 
-def _left_over(home: Path) -> bool:
+def _is_left_over(home: Path) -> bool:
     """Whether somebody's pictures were deleted by hand, and what a network made of them was not."""
     with suppress(OSError):
-        return (home / FEATURES).is_file() and not files_in(home)
+        return (home / FEATURES_FILE).is_file() and not picture_files(home)
     return False
 
 
-def _key(name: str) -> str:
+def _comparison_key(name: str) -> str:
     """Return what is the same for all ways to write a name: capitals, composed letters, joiners that are not seen."""
     seen = "".join(letter for letter in name.strip() if letter not in JOINERS)
     return unicodedata.normalize("NFC", seen.casefold())
 
 
-def _read(path: Path, told: Told) -> Image | None:
+def _read_or_report(path: Path, on_problem: ProblemListener) -> Image | None:
     """Return a picture, None for one that has just been removed; for one that cannot be read too, and tell of it."""
     try:
-        found = read(path)
+        found = read_picture(path)
     except FileNotFoundError:
         return None
     except OSError as error:
-        told(PeopleError(f"{path}: {error.strerror}, and is left out", hint=f"ls -l {path}"))
+        on_problem(PeopleError(f"{path}: {error.strerror}, and is left out", hint=f"ls -l {path}"))
         return None
     if found is None:
-        told(PeopleError(f"{path}: is no portrait, and is left out", hint=f"rm {quote(str(path))}"))
+        on_problem(PeopleError(f"{path}: is no portrait, and is left out", hint=f"rm {quote(str(path))}"))
     return found
 
 
-def _shut(path: Path) -> bool:
+def _restrict_file(path: Path) -> bool:
     """Take the rights of others away from a file or folder, and say whether they had some. Raises OSError."""
     rights = stat.S_IMODE(path.stat().st_mode)
     if not rights & 0o077:
@@ -361,4 +361,4 @@ def _shut(path: Path) -> bool:
 def people_of(camera: CameraKeys | None) -> People:
     """Return the people whom a robot knows: in the folder that its ``camera`` section names, else in the user's."""
     named = "" if camera is None else camera.identity.people
-    return People(Path(named).expanduser() if named else folder())
+    return People(Path(named).expanduser() if named else people_folder())

@@ -13,7 +13,15 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from config.faults import InvalidInputError
-from missions.library.trial import BrokenOfferError, described, load_offer, offered, owner_of, said, shown
+from missions.library.trial import (
+    BrokenEntryPointError,
+    describe_entry_point,
+    entry_points_of,
+    error_text,
+    load_entry_point,
+    owner_of,
+    short_repr,
+)
 from missions.plugin import GROUP, CommandEntry, FileKind, Plugin
 
 if TYPE_CHECKING:
@@ -40,39 +48,39 @@ def installed_plugins() -> Mapping[str, Plugin]:
     """Return the plug-ins of other distributions by name; warn once of each that cannot be used."""
     found: dict[str, Plugin] = {}
     waiting: list[tuple[EntryPoint, Plugin]] = []
-    for point in offered(GROUP):
+    for point in entry_points_of(GROUP):
         try:
-            waiting.append((point, _loaded(point)))
-        except BrokenOfferError as error:
+            waiting.append((point, _load_declaration(point)))
+        except BrokenEntryPointError as error:
             _warn(point, str(error))
     while waiting:  # a plug-in may need one that is offered after it
-        ready = [each for each in waiting if not _missing(each[1], found)]
+        ready = [each for each in waiting if not _missing_needs(each[1], found)]
         for point, plugin in ready or waiting:
             if why := _conflict(plugin, [*built_in_plugins().values(), *found.values()]) if ready else "":
                 _warn(point, why)
             elif ready:
                 found[plugin.name] = plugin
             else:
-                _warn(point, f"needs the plug-in {', '.join(_missing(plugin, found))}, which is not installed")
+                _warn(point, f"needs the plug-in {', '.join(_missing_needs(plugin, found))}, which is not installed")
         waiting = [each for each in waiting if ready and each not in ready]
     return found
 
 
-def _loaded(point: "EntryPoint") -> Plugin:
+def _load_declaration(point: "EntryPoint") -> Plugin:
     """Import the declaration of a plug-in. Raises BrokenOfferError."""
-    found = load_offer(point)
+    found = load_entry_point(point)
     if not issubclass(type(found), Plugin):
-        raise BrokenOfferError(f"is {shown(found)}, not a missions.plugin.Plugin")
+        raise BrokenEntryPointError(f"is {short_repr(found)}, not a missions.plugin.Plugin")
     plugin: Plugin = found
     if plugin.name != point.name:
-        raise BrokenOfferError(f"declares the plug-in '{plugin.name}': both must have the same name")
+        raise BrokenEntryPointError(f"declares the plug-in '{plugin.name}': both must have the same name")
     for name in ("commands", "file_kinds"):
         if not isinstance(getattr(plugin, name), Mapping):
-            raise BrokenOfferError(f"has {name} that are not a mapping")
+            raise BrokenEntryPointError(f"has {name} that are not a mapping")
     return plugin
 
 
-def _missing(plugin: Plugin, found: Mapping[str, Plugin]) -> list[str]:
+def _missing_needs(plugin: Plugin, found: Mapping[str, Plugin]) -> list[str]:
     return [name for name in plugin.needs if name not in found and name not in built_in_plugins()]
 
 
@@ -93,7 +101,7 @@ def _conflict(plugin: Plugin, others: Iterable[Plugin]) -> str:
 def _warn(point: "EntryPoint", why: str) -> None:
     owner = owner_of(point)
     hint = f"\n  try: repair or uninstall {owner}" if owner else ""
-    sys.stderr.write(f"mission: skipped plug-in {described(point)}: {why}{hint}\n")
+    sys.stderr.write(f"mission: skipped plug-in {describe_entry_point(point)}: {why}{hint}\n")
 
 
 def plugins() -> Iterator[Plugin]:
@@ -114,15 +122,15 @@ def load(plugin: Plugin, path: str) -> Any:
         if plugin.name in built_in_plugins() and not isinstance(error, ModuleNotFoundError):
             raise
         hint = f"\n  try: pip install 'missiontree[{plugin.extra}]'" if plugin.extra else ""
-        raise BrokenPluginError(f"the plug-in '{plugin.name}' cannot be loaded: {said(error)}{hint}") from error
+        raise BrokenPluginError(f"the plug-in '{plugin.name}' cannot be loaded: {error_text(error)}{hint}") from error
 
 
-def command_of(name: str) -> tuple[Plugin, CommandEntry] | None:
+def find_command(name: str) -> tuple[Plugin, CommandEntry] | None:
     """Return the plug-in that has a command, and the command; None where no plug-in has it."""
     return next(((each, each.commands[name]) for each in plugins() if name in each.commands), None)
 
 
-def file_kind_of(name: str) -> tuple[Plugin, FileKind] | None:
+def find_file_kind(name: str) -> tuple[Plugin, FileKind] | None:
     """Return the plug-in whose files end as ``name`` does, and their kind; None where no plug-in has such files."""
     found = ((each, kind) for each in plugins() for ending, kind in each.file_kinds.items() if name.endswith(ending))
     return next(found, None)

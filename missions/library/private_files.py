@@ -12,14 +12,14 @@ from itertools import count
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO, TextIO
 
-from config.reading import PRIVATE, whole_file
+from config.reading import PRIVATE_MODE, replace_file
 
 
 class ExistsError(ValueError):
     """There is something where a file or folder is to be written; the message says how to do it all the same."""
 
 
-def private(path: str, flags: int) -> int:
+def open_for_owner(path: str, flags: int) -> int:
     """Open a file for its owner only, also one that was there: an ``opener`` of ``open``. Raises OSError."""
     number = os.open(path, flags, 0o600)
     with suppress(OSError):  # a disk that knows no rights, such as a stick's, or a file of somebody else's
@@ -29,7 +29,7 @@ def private(path: str, flags: int) -> int:
 
 def open_private(path: Path) -> TextIO:
     """Open a file that only its owner can read, to write text. Raises OSError."""
-    return open(path, "w", encoding="utf-8", opener=private)
+    return open(path, "w", encoding="utf-8", opener=open_for_owner)
 
 
 class EarlierFile:
@@ -40,33 +40,33 @@ class EarlierFile:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._aside: Path | None = None
+        self._backup: Path | None = None
         if not path.is_file() or path.is_symlink():
             return
         if not os.access(path, os.W_OK):
             raise PermissionError(errno.EACCES, "it is write-protected", str(path))
         number, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:100]}.")
         os.close(number)
-        self._aside = path.replace(name)
+        self._backup = path.replace(name)
 
     def remove(self) -> None:
         """Remove the earlier file: the new one is whole. Never raises."""
-        if self._aside is not None:
+        if self._backup is not None:
             with suppress(OSError):
-                self._aside.unlink()
+                self._backup.unlink()
 
     def restore(self) -> Path | None:
         """Put the earlier file back; return the new name of the incomplete one, None where nothing was renamed."""
-        if self._aside is None:
+        if self._backup is None:
             return None
         renamed = None
         if self._path.exists():
-            renamed = self._path.replace(_free(self._path.with_stem(f"{self._path.stem}-incomplete")))
-        self._aside.replace(self._path)
+            renamed = self._path.replace(_unused_path(self._path.with_stem(f"{self._path.stem}-incomplete")))
+        self._backup.replace(self._path)
         return renamed
 
 
-def _free(path: Path) -> Path:
+def _unused_path(path: Path) -> Path:
     """Return ``path``, with a number after its stem where it exists already."""
     names = (path if number == 1 else path.with_stem(f"{path.stem}-{number}") for number in count(1))
     return next(each for each in names if not each.exists())
@@ -80,7 +80,7 @@ def new_file(path: Path, *, force: bool) -> Iterator[BinaryIO]:
     """
     if path.exists() and not force:
         raise ExistsError(f"{path}: is there already\n  try: another name, or --force to write over it")
-    with whole_file(path, PRIVATE) as file:
+    with replace_file(path, PRIVATE_MODE) as file:
         yield file
 
 
@@ -91,7 +91,7 @@ def new_folder(path: Path, *, force: bool) -> None:
         raise ExistsError(f"{path}: is not empty\n  try: another folder, or --force to write over what is in it")
 
 
-def inside(name: str) -> Path:
+def path_inside(name: str) -> Path:
     """Return the path of an attached file within a folder, out of which no name leads."""
     parts = [part.replace("\0", "") for part in PurePosixPath(name).parts]
     return Path(*[part for part in parts if part not in ("", "/", "//", ".", "..")] or ["unnamed"])

@@ -8,16 +8,16 @@ from pathlib import Path
 
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
-from config.library import SUFFIXES, UnknownNameError, find, is_file, wrong_kind
-from missions.language.claims import Target
+from config.library import SUFFIXES, UnknownNameError, find_file, is_file, wrong_kind_error
+from missions.language.claims import TargetRobot
 from missions.language.document import load_plan
 from missions.language.plan import Plan
-from missions.library.things import THINGS
-from missions.library.vocabulary import found_beside, real_path
+from missions.library.things import LOOKUPS
+from missions.library.vocabulary import behaviour_files_beside, real_path
 
-HERE = Path(__file__).parents[1]
+MISSIONS_FOLDER = Path(__file__).parents[1]
 
-TESTS = ".test.yaml"
+TEST_SUFFIX = ".test.yaml"
 """The end of the name of a file with tests of a mission."""
 
 
@@ -41,12 +41,15 @@ MISSION_NAME = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)?")
 @cache
 def shipped_missions() -> dict[str, Path]:
     """Return the shipped missions' files by name; those in a folder under the folder's name ("motions/square")."""
-    return {str(path.relative_to(HERE).with_suffix("")): path for path in mission_files(HERE.rglob("*.yaml"))}
+    return {
+        str(path.relative_to(MISSIONS_FOLDER).with_suffix("")): path
+        for path in mission_files(MISSIONS_FOLDER.rglob("*.yaml"))
+    }
 
 
 def mission_files(files: Iterable[Path]) -> list[Path]:
     """Return those of ``files`` that are missions, in order: their tests are not."""
-    return [path for path in sorted(files) if not path.name.endswith(TESTS) and path.is_file()]
+    return [path for path in sorted(files) if not path.name.endswith(TEST_SUFFIX) and path.is_file()]
 
 
 def find_mission(name: str, beside: Path = Path()) -> Path:
@@ -56,7 +59,7 @@ def find_mission(name: str, beside: Path = Path()) -> Path:
     is unique, and a motion of the course by its number. Raises config.library.UnknownNameError with what may be meant.
     """
     for path in (beside / name, *(beside / f"{name}{suffix}" for suffix in SUFFIXES)):
-        if path.suffix in SUFFIXES and is_file(path) and not wrong_kind("missions", path):
+        if path.suffix in SUFFIXES and is_file(path) and not wrong_kind_error("missions", path):
             return path
     library = shipped_missions()
     name = MOTIONS.get(name, name)
@@ -65,17 +68,17 @@ def find_mission(name: str, beside: Path = Path()) -> Path:
     short = [path for full, path in library.items() if full.rpartition("/")[2] == name]
     if len(short) == 1:
         return short[0]
-    return find("missions", name, library=library, folder=beside)
+    return find_file("missions", name, library=library, folder=beside)
 
 
-def behaviour_files(name: str, given: Iterable[Path] = ()) -> list[Path]:
+def behaviour_files(name: str, given_files: Iterable[Path] = ()) -> list[Path]:
     """Return the files of leaves for a mission, by its name or path: those ``given``, then those in its own folder.
 
     Raises UnknownNameError.
     """
-    files = list(given)
+    files = list(given_files)
     known = {*map(real_path, files)}
-    return files + [path for path in found_beside(find_mission(name)) if real_path(path) not in known]
+    return files + [path for path in behaviour_files_beside(find_mission(name)) if real_path(path) not in known]
 
 
 def load_mission(
@@ -83,7 +86,7 @@ def load_mission(
     *,
     params: Mapping[str, str] | None = None,
     complete: bool = False,
-    robot: Target | None = None,
+    robot: TargetRobot | None = None,
     leaves: Mapping[str, type[Leaf]] = LEAVES,
 ) -> Plan:
     """Read and check a mission by name or path, for a ``robot``; ``complete`` asks for all its params.
@@ -95,7 +98,7 @@ def load_mission(
     return load_plan(
         find_mission(name),
         leaves,
-        THINGS,
+        LOOKUPS,
         find_mission=find_mission,
         params=params,
         complete=complete,
@@ -103,7 +106,7 @@ def load_mission(
     )
 
 
-def is_there(mission: str) -> bool:
+def is_known_mission(mission: str) -> bool:
     """Return whether a library has a mission of this name; names from a network never lead to a path."""
     try:
         return bool(MISSION_NAME.fullmatch(mission) and find_mission(mission, Path(os.devnull)))

@@ -8,41 +8,43 @@ from behaviours.robot import Robot
 from config.robot import RobotConfig
 from drivers.api.sections import ArmKeys, BaseKeys, HeadKeys
 from drivers.api.senses import MicrophoneKeys
-from missions.language.claims import Target
+from missions.language.claims import TargetRobot
 
 
-def target_of(robot: RobotConfig) -> Target:
+def target_of(robot: RobotConfig) -> TargetRobot:
     """Return what the checker must know of a robot."""
     keys = {part: section.keys for part, section in robot.sections.items()}
     reaches = {part: JointRanges(it.limits, it.groups) for part, it in keys.items() if isinstance(it, ArmKeys)}
-    necks = {joint: part for part, it in keys.items() if isinstance(it, HeadKeys) for joint in it.joints_led}
+    necks = {joint: part for part, it in keys.items() if isinstance(it, HeadKeys) for joint in it.led_joints}
     bases = [it for it in keys.values() if isinstance(it, BaseKeys)]
     capabilities = frozenset[str]().union(*(it.capabilities for it in bases))
-    target = Target(robot.name, robot.parts, reaches, robot.others, necks=necks, capabilities=capabilities)
+    target = TargetRobot(
+        robot.name, robot.parts, reaches, robot.extra_parts, head_joints=necks, capabilities=capabilities
+    )
     if robot.microphone is None:
         return target
     ears = robot.microphone
     return target._replace(unpronounceable=partial(_unpronounceable, ears), confusable=partial(_confusable, ears))
 
 
-def target_of_parts(robot: Robot) -> Target:
+def target_of_parts(robot: Robot) -> TargetRobot:
     """Return what the checker must know of a robot that is there."""
-    others = {name: other.kind for name, other in robot.others.items()}
+    others = {name: other.kind for name, other in robot.extra_parts.items()}
     arms = {"arm": robot} if robot.arm_part is not None else {}
-    arms |= {name: robot.of({kind: name}) for name, kind in others.items() if kind == "arm"}
-    reaches = {name: arm.reach for name, arm in arms.items()}
-    return Target("this robot", robot.parts, reaches, others, capabilities=robot.capabilities)
+    arms |= {name: robot.with_named_parts({kind: name}) for name, kind in others.items() if kind == "arm"}
+    reaches = {name: arm.joint_ranges for name, arm in arms.items()}
+    return TargetRobot("this robot", robot.parts, reaches, others, capabilities=robot.capabilities)
 
 
 def _unpronounceable(config: MicrophoneKeys, words: Sequence[str]) -> Sequence[str]:
     """Return those of some words that the robot cannot listen for; for a mission that does."""
-    from missions.library.pronouncing import unpronounceable  # noqa: PLC0415 - ears, a voice, and numpy
+    from missions.library.pronouncing import find_unpronounceable  # noqa: PLC0415 - ears, a voice, and numpy
 
-    return unpronounceable(config, words)
+    return find_unpronounceable(config, words)
 
 
 def _confusable(config: MicrophoneKeys, phrases: Sequence[str]) -> Sequence[tuple[str, str]]:
     """Return the pairs of phrases that are easily taken for each other; for a mission that listens for several."""
-    from missions.library.pronouncing import confusable_for  # noqa: PLC0415 - ears, a voice, and numpy
+    from missions.library.pronouncing import find_confusable_phrases  # noqa: PLC0415 - ears, a voice, and numpy
 
-    return confusable_for(config, phrases)
+    return find_confusable_phrases(config, phrases)

@@ -8,63 +8,63 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from config.faults import InvalidFileError, Source, did_you_mean
-from config.library import UnknownNameError, find, is_file, shipped
+from config.faults import InvalidFileError, SourceText, did_you_mean
+from config.library import UnknownNameError, find_file, is_file, shipped_files
 from config.marked import read_source
-from config.units import seen
+from config.units import quoted_value
 from drivers.api import Gesture
 from drivers.api.gait import GaitKeys
-from perception.api import Wanted
+from perception.api import ThingSpec
 
 if TYPE_CHECKING:
     from behaviours.tracking.follow import RuleBases
     from config.object import ObjectConfig
-    from missions.library.moves.record import NewMove
+    from missions.library.moves.record import NewMoveFile
 
 T = TypeVar("T")
 
-MOST_OF_A_PATH = 400
+MAX_SHOWN_PATH = 400
 """Characters of a path that are told of; longer ones are slips of somebody's keyboard."""
 
 
-def gesture(name: str) -> Gesture:
+def find_gesture(name: str) -> Gesture:
     """Return a gesture by name or path. Raises LookupError with what is known, or what is wrong with its file."""
     from config.gesture import load_gesture  # noqa: PLC0415 - so here and below: see the module
 
     return _load(load_gesture, "gestures", name).movement
 
 
-def move(name: str) -> Gesture:
-    """Return a movement: a gesture, a recording or a spreadsheet, by name or path. Raises as ``gesture`` does."""
+def find_move(name: str) -> Gesture:
+    """Return a movement: a gesture, a recording or a spreadsheet, by name or path. Raises as ``find_gesture`` does."""
     from missions.library.moves.load import load_move  # noqa: PLC0415
 
-    return _load(load_move, "moves", name, shipped("gestures"))
+    return _load(load_move, "moves", name, shipped_files("gestures"))
 
 
-def gait(name: str) -> GaitKeys:
-    """Return a gait by name or path. Raises as ``gesture`` does."""
+def find_gait(name: str) -> GaitKeys:
+    """Return a gait by name or path. Raises as ``find_gesture`` does."""
     from config.gesture import load_gait  # noqa: PLC0415
 
     return _load(load_gait, "gaits", name)
 
 
-def new_move(name: str) -> "NewMove":
+def new_move_file(name: str) -> "NewMoveFile":
     """Return the file of a movement that is yet to be recorded. Raises LookupError for what cannot be one."""
-    from missions.library.moves.record import NewMove  # noqa: PLC0415
+    from missions.library.moves.record import NewMoveFile  # noqa: PLC0415
 
-    return NewMove(name)
+    return NewMoveFile(name)
 
 
-def controller(name: str) -> "RuleBases":
-    """Return a controller's rule bases by name or path. Raises as ``gesture`` does."""
+def find_controller(name: str) -> "RuleBases":
+    """Return a controller's rule bases by name or path. Raises as ``find_gesture`` does."""
     try:
-        return _load(lambda path: _rule_bases(read_source(path)), "controllers", name)
+        return _load(lambda path: _parse_rule_bases(read_source(path)), "controllers", name)
     except ValueError as error:
         raise LookupError(f"names controller '{name}', which is wrong: {error}") from error
 
 
 @lru_cache(maxsize=16)
-def _rule_bases(source: Source) -> "RuleBases":
+def _parse_rule_bases(source: SourceText) -> "RuleBases":
     """Work out a controller, which takes as long as all else of a mission: once, however many missions name it."""
     from behaviours.tracking.follow import RuleBases  # noqa: PLC0415
     from config.controller import parse_controller  # noqa: PLC0415
@@ -72,47 +72,49 @@ def _rule_bases(source: Source) -> "RuleBases":
     return RuleBases.from_mapping(parse_controller(source).values)
 
 
-def wanted(name: str) -> Wanted:
-    """Return an object to look for, by name or path, or by a phrase such as "red ball". Raises as ``gesture`` does."""
-    found = _object(name)
-    return Wanted(found.name, found.colour, found.shape, found.size)
+def find_object(name: str) -> ThingSpec:
+    """Return an object to look for, by name or path, or by a phrase such as "red ball". Raises as ``find_gesture`` does."""
+    found = _load_object(name)
+    return ThingSpec(found.name, found.colour, found.shape, found.size)
 
 
-def _object(name: str) -> "ObjectConfig":
+def _load_object(name: str) -> "ObjectConfig":
     from config.object import load_object, read_phrase  # noqa: PLC0415
 
-    if name in shipped("objects") or Path(name).suffix in (".yaml", ".yml"):
+    if name in shipped_files("objects") or Path(name).suffix in (".yaml", ".yml"):
         return _load(load_object, "objects", name)
     try:
         return read_phrase(name)
     except ValueError as error:
         # One word is a name more likely than a colour with a slip in it.
-        close = "" if " " in name.strip() else did_you_mean(name, shipped("objects"))
+        close = "" if " " in name.strip() else did_you_mean(name, shipped_files("objects"))
         raise LookupError(f"needs an object: {error}" if not close else f"needs an object: {close}") from error
 
 
-def file(name: str) -> Path:
+def existing_file(name: str) -> Path:
     """Return the path of a file that is there. Raises LookupError."""
     if not is_file(path := Path(name)):
-        raise LookupError(f"names a file that is not there: {name if len(name) <= MOST_OF_A_PATH else seen(name)}")
+        raise LookupError(
+            f"names a file that is not there: {name if len(name) <= MAX_SHOWN_PATH else quoted_value(name)}"
+        )
     return path
 
 
-THINGS: Mapping[str, Callable[[str], object]] = {
-    "gesture": gesture,
-    "move": move,
-    "gait": gait,
-    "new move": new_move,
-    "controller": controller,
-    "object": wanted,
-    "file": file,
+LOOKUPS: Mapping[str, Callable[[str], object]] = {
+    "gesture": find_gesture,
+    "move": find_move,
+    "gait": find_gait,
+    "new move": new_move_file,
+    "controller": find_controller,
+    "object": find_object,
+    "file": existing_file,
 }
 """How each kind of thing is found."""
 
 
 def _load(load: Callable[[Path], T], kind: str, name: str, library: dict[str, Path] | None = None) -> T:
     try:
-        return load(find(kind, name, library=library))
+        return load(find_file(kind, name, library=library))
     except UnknownNameError as error:
         raise LookupError(f"needs a {kind.removesuffix('s')}: {error}") from error
     except InvalidFileError as error:

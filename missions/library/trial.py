@@ -31,7 +31,7 @@ MAX_REPORT = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class ImportProblem:
     """Why something cannot be imported; ``line`` is that of its file, 0 where it is not known."""
 
     message: str
@@ -39,22 +39,22 @@ class Problem:
     column: int = 1
 
 
-def problem_of_file(path: Path) -> Problem | None:
+def find_file_problem(path: Path) -> ImportProblem | None:
     """Return why a file of Python cannot be imported; None for one that can."""
     status = path.stat()
-    return _problem("file", str(path.resolve()), tuple(sys.path), (status.st_mtime_ns, status.st_size))
+    return _try_import("file", str(path.resolve()), tuple(sys.path), (status.st_mtime_ns, status.st_size))
 
 
-def problem_of_entry_point(point: "EntryPoint") -> Problem | None:
+def find_entry_point_problem(point: "EntryPoint") -> ImportProblem | None:
     """Return why an entry point cannot be imported; None for one that can."""
     if _is_imported(point.value):
         return None
-    return _problem("name", point.value, tuple(sys.path), None if point.dist is None else point.dist.version)
+    return _try_import("name", point.value, tuple(sys.path), None if point.dist is None else point.dist.version)
 
 
-def problem_of_name(name: str) -> Problem | None:
+def find_name_problem(name: str) -> ImportProblem | None:
     """Return why a dotted name, ``package.module:attribute``, cannot be imported; None for one that can."""
-    return None if _is_imported(name) else _problem("name", name, tuple(sys.path), None)
+    return None if _is_imported(name) else _try_import("name", name, tuple(sys.path), None)
 
 
 def _is_imported(name: str) -> bool:
@@ -63,7 +63,7 @@ def _is_imported(name: str) -> bool:
 
 
 @lru_cache(maxsize=256)
-def _problem(kind: str, value: str, path: tuple[str, ...], version: object) -> Problem | None:
+def _try_import(kind: str, value: str, path: tuple[str, ...], version: object) -> ImportProblem | None:
     """Try an import in another process, which has the same ``path``; once for each ``version``."""
     del version
     reading, writing = os.pipe()
@@ -85,27 +85,27 @@ def _problem(kind: str, value: str, path: tuple[str, ...], version: object) -> P
         try:
             code = process.wait(IMPORT_TIMEOUT)
         except subprocess.TimeoutExpired:
-            return Problem(f"its import takes more than {IMPORT_TIMEOUT:g} s")
+            return ImportProblem(f"its import takes more than {IMPORT_TIMEOUT:g} s")
         finally:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, SIGKILL)  # what it has started, too
             process.wait()
         os.set_blocking(report.fileno(), False)
-        return _read(report.read(MAX_REPORT) or b"", code)
+        return _parse_report(report.read(MAX_REPORT) or b"", code)
 
 
-def _read(report: bytes, code: int) -> Problem | None:
+def _parse_report(report: bytes, code: int) -> ImportProblem | None:
     """Return what a process has reported that has ended with ``code``."""
     try:
         found = json.loads(report)
-        return None if found is None else Problem(str(found[0]), int(found[1]), int(found[2]))
+        return None if found is None else ImportProblem(str(found[0]), int(found[1]), int(found[2]))
     except (ValueError, TypeError, IndexError):
         with suppress(ValueError):
-            return Problem(f"its import ends the process by {Signals(-code).name}")
-        return Problem(f"its import ends the process with exit code {code}")
+            return ImportProblem(f"its import ends the process by {Signals(-code).name}")
+        return ImportProblem(f"its import ends the process with exit code {code}")
 
 
-def said(error: BaseException) -> str:
+def error_text(error: BaseException) -> str:
     """Return an error in words: its type, and its message where it has one that can be read."""
     try:
         words = str(error.msg if isinstance(error, SyntaxError) else error)
@@ -114,7 +114,7 @@ def said(error: BaseException) -> str:
     return f"{type(error).__name__}: {words[:500]}" if words else type(error).__name__
 
 
-def shown(value: object) -> str:
+def short_repr(value: object) -> str:
     """Return the beginning of what a value says it is; its type where it does not."""
     try:
         return f"{value!r:.60}"
@@ -122,7 +122,7 @@ def shown(value: object) -> str:
         return f"a {type(value).__name__}"
 
 
-def place_in(error: BaseException, path: str) -> tuple[int, int]:
+def error_position(error: BaseException, path: str) -> tuple[int, int]:
     """Return the line and column of a file at which an error came up; line 0 where it did not."""
     if isinstance(error, SyntaxError) and error.filename == path:
         return error.lineno or 1, error.offset or 1
@@ -138,7 +138,7 @@ def main() -> None:
     try:
         _import(kind, value)
     except BaseException as error:
-        report = (f"cannot be imported: {said(error)}", *place_in(error, value))
+        report = (f"cannot be imported: {error_text(error)}", *error_position(error, value))
     else:
         if Path.cwd() != folder:
             report = ("its import changes the current folder", 0, 1)
@@ -165,7 +165,7 @@ def _import(kind: str, value: str) -> None:
 # Entry points of other distributions: found quickly, as each command looks at them, and loaded safely.
 
 
-def offered(group: str) -> Sequence["EntryPoint"]:
+def entry_points_of(group: str) -> Sequence["EntryPoint"]:
     """Return the entry points of a ``group``, by name.
 
     Mostly there are none, which the files that declare them say in a few milliseconds; ``importlib.metadata`` takes a
@@ -173,14 +173,14 @@ def offered(group: str) -> Sequence["EntryPoint"]:
     """
     folders = [Path(name) for name in dict.fromkeys(sys.path)]
     read = all(folder.is_dir() or not folder.exists() for folder in folders)
-    if read and not _named(group, tuple((folder, _changed(folder)) for folder in folders)):
+    if read and not _is_declared(group, tuple((folder, _modified_at(folder)) for folder in folders)):
         return []
     from importlib.metadata import entry_points  # noqa: PLC0415 - where there are some
 
     return sorted(entry_points(group=group), key=lambda point: (point.name, point.value))
 
 
-def _changed(folder: Path) -> int:
+def _modified_at(folder: Path) -> int:
     """Return when a folder was changed last, in nanoseconds: something was installed, or went; 0 if it is not there."""
     try:
         return folder.stat().st_mtime_ns
@@ -189,25 +189,25 @@ def _changed(folder: Path) -> int:
 
 
 @lru_cache(maxsize=64)
-def _named(group: str, folders: tuple[tuple[Path, int], ...]) -> bool:
+def _is_declared(group: str, folders: tuple[tuple[Path, int], ...]) -> bool:
     """Whether any distribution in ``folders``, as they were when they were changed last, declares a group."""
     files = (file for folder, _ in folders for file in folder.glob("*-info/entry_points.txt"))
     return any(group in file.read_text(encoding="utf-8", errors="replace") for file in files)
 
 
-class BrokenOfferError(ValueError):
+class BrokenEntryPointError(ValueError):
     """An entry point that cannot be loaded; the message says why."""
 
 
-def load_offer(point: "EntryPoint") -> Any:
+def load_entry_point(point: "EntryPoint") -> Any:
     """Import the object of an entry point, after a trial in a process of its own. Raises BrokenOfferError."""
-    if problem := problem_of_entry_point(point):
-        raise BrokenOfferError(problem.message)
+    if problem := find_entry_point_problem(point):
+        raise BrokenEntryPointError(problem.message)
     try:
         with redirect_stdout(sys.stderr):  # its output must not mix with the answer of the command
             return point.load()
     except Exception as error:
-        raise BrokenOfferError(f"cannot be imported: {said(error)}") from error
+        raise BrokenEntryPointError(f"cannot be imported: {error_text(error)}") from error
 
 
 def owner_of(point: "EntryPoint") -> str:
@@ -215,7 +215,7 @@ def owner_of(point: "EntryPoint") -> str:
     return point.dist.name if point.dist is not None else ""
 
 
-def described(point: "EntryPoint") -> str:
+def describe_entry_point(point: "EntryPoint") -> str:
     """Return an entry point as it is declared, with its distribution."""
     owner = owner_of(point)
     return f"{point.name} = {point.value}" + (f" of {owner}" if owner else "")

@@ -11,23 +11,27 @@ from typing import Any
 from config.editing import NotEditableError, require_own, rewrite, with_values
 from config.marked import read_source
 from config.robot import RobotConfig
-from config.units import written
+from config.units import quantity_text
 from drivers.api.sections import ArmKeys, AxisKeys, BaseKeys, HeadKeys
-from missions.library.drivers import robot_of
+from missions.library.drivers import parse_robot
 
-LIMITS = ("lower", "upper")
+LIMIT_ENDS = ("lower", "upper")
 """The ends of ``limits``."""
 
-SAME = radians(0.001)
+TOLERANCE = radians(0.001)
 """Values that differ by less are the same."""
 
 
-def filed(robot: RobotConfig) -> dict[str, tuple[float, str]]:
+def file_values(robot: RobotConfig) -> dict[str, tuple[float, str]]:
     """Return what a robot file says of each, and in which dimension."""
-    return {f"{part}.{name}": value for part, its in robot.sections.items() for name, *value in _of(its.keys)}  # type: ignore[misc]
+    return {
+        f"{part}.{name}": (value, dimension)
+        for part, section in robot.sections.items()
+        for name, value, dimension in _tunable_values(section.keys)
+    }
 
 
-def _of(keys: Any) -> Iterator[tuple[str, float, str]]:
+def _tunable_values(keys: Any) -> Iterator[tuple[str, float, str]]:
     """Yield what may be changed of a part."""
     match keys:
         case BaseKeys():
@@ -41,46 +45,48 @@ def _of(keys: Any) -> Iterator[tuple[str, float, str]]:
                     yield f"{axis}.trim", its.trim, "angle"
         case ArmKeys():
             for joint, limits in keys.limits.items():
-                for end in LIMITS:
+                for end in LIMIT_ENDS:
                     yield f"joints.{joint}.{end}", getattr(limits, end), "angle"
                 yield f"joints.{joint}.speed", limits.speed, "turn rate"
         case _:
             return
 
 
-def check_keepable(path: Path, again: str) -> None:
+def check_editable(path: Path, copy_command: str) -> None:
     """Raise NotEditableError for a file in which nothing will be kept; ``again`` is what to type with a copy."""
-    require_own(path, again)
+    require_own(path, copy_command)
 
 
-def keep(path: Path, values: Mapping[str, float], again: str) -> list[str]:
+def save_values(path: Path, values: Mapping[str, float], copy_command: str) -> list[str]:
     """Write values into a robot file, and nothing else; return what was changed, as "head: pan: trim: 3 deg".
 
     Raises NotEditableError where that cannot be, InvalidFileError for a file that is no robot's, OSError.
     """
-    check_keepable(path, again)
+    check_editable(path, copy_command)
     source = read_source(path)
-    robot = robot_of(source)
-    old = filed(robot)
+    robot = parse_robot(source)
+    old = file_values(robot)
     changes: dict[tuple[str, ...], str] = {}
     for name, value in values.items():
         if name not in old:
             raise NotEditableError(f"{robot.name} has no {name} to change")
-        if not isclose(old[name][0], value, abs_tol=SAME):
-            keys, text = _place(name, values, old)
+        if not isclose(old[name][0], value, abs_tol=TOLERANCE):
+            keys, text = _file_entry(name, values, old)
             changes[keys] = text
     if changes:
         text = with_values(source, changes)
-        robot_of(type(source)(source.name, text))  # which it must still be
+        parse_robot(type(source)(source.name, text))  # which it must still be
         rewrite(path, text)
     return [": ".join((*keys, text)) for keys, text in changes.items()]
 
 
-def _place(name: str, values: Mapping[str, float], old: Mapping[str, tuple[float, str]]) -> tuple[tuple[str, ...], str]:
+def _file_entry(
+    name: str, values: Mapping[str, float], old: Mapping[str, tuple[float, str]]
+) -> tuple[tuple[str, ...], str]:
     """Return the keys of a value in the file, and its text there: both ends of limits stand in one list."""
     keys, dimension = tuple(name.split(".")), old[name][1]
-    if keys[-1] not in LIMITS:
-        return keys, written(values[name], dimension)
-    ends = [".".join((*keys[:-1], end)) for end in LIMITS]
-    texts = [written(values.get(end, old[end][0]), dimension) for end in ends]
+    if keys[-1] not in LIMIT_ENDS:
+        return keys, quantity_text(values[name], dimension)
+    ends = [".".join((*keys[:-1], end)) for end in LIMIT_ENDS]
+    texts = [quantity_text(values.get(end, old[end][0]), dimension) for end in ends]
     return (*keys[:-1], "limits"), f"[{', '.join(texts)}]"

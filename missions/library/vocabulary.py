@@ -19,46 +19,46 @@ from typing import TYPE_CHECKING
 
 from py_trees.behaviour import Behaviour
 
-from behaviours.catalogue import PLACES, Catalogue
+from behaviours.catalogue import LEAF_PATHS, Catalogue
 from behaviours.foreign import leaf_of
 from behaviours.leaf import Leaf
 from behaviours.node import Node
-from config.faults import Diagnostic, InvalidFileError, Mark, Source, one_of
+from config.faults import Diagnostic, InvalidFileError, Mark, SourceText, suggest_from
 from config.marked import read_source
 from config.units import UNITS
 from drivers.api.quick import dataclass
-from missions.language.body import KEYS
+from missions.language.body import MISSION_KEYS
 from missions.language.nodes import BRANCHES, MODIFIERS
-from missions.language.steps import BESIDE
-from missions.library.catalogue import WRITTEN
+from missions.language.steps import BESIDE_KEYS
+from missions.library.catalogue import EXAMPLE_VALUES
 from missions.library.trial import (
-    BrokenOfferError,
-    described,
-    load_offer,
-    offered,
+    BrokenEntryPointError,
+    describe_entry_point,
+    entry_points_of,
+    error_position,
+    error_text,
+    find_file_problem,
+    load_entry_point,
     owner_of,
-    place_in,
-    problem_of_file,
-    said,
-    shown,
+    short_repr,
 )
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-GROUP = "missiontree.behaviours"
+ENTRY_POINT_GROUP = "missiontree.behaviours"
 """The entry points by which packages offer leaves."""
 
-FOLDER = "behaviours"
+BEHAVIOURS_FOLDER = "behaviours"
 """The folder beside missions in which their own leaves are."""
 
-TAKEN = frozenset({*BRANCHES, *MODIFIERS, *BESIDE, *KEYS})
+RESERVED_WORDS = frozenset({*BRANCHES, *MODIFIERS, *BESIDE_KEYS, *MISSION_KEYS})
 """Words that mean something else in missions."""
 
-PREFIX = "missiontree_behaviours."
+MODULE_PREFIX = "missiontree_behaviours."
 """The prefix of the names of modules that come from files."""
 
-KINDS = frozenset({*UNITS, *WRITTEN, "name", "gesture", "move", "gait", "controller"})
+ARGUMENT_KINDS = frozenset({*UNITS, *EXAMPLE_VALUES, "name", "gesture", "move", "gait", "controller"})
 """The kinds of arguments."""
 
 
@@ -67,10 +67,10 @@ SENSES = frozenset({"faces", "names", "things", "markers", "motion"})
 
 
 @dataclass(frozen=True, slots=True)
-class Offer:
+class OfferedLeaves:
     """The classes that one file or entry point offers, and the source in which to show what is wrong with them."""
 
-    source: Source
+    source: SourceText
     classes: Sequence[type[Behaviour]]
 
     def mark(self, cls: type) -> Mark:
@@ -83,12 +83,12 @@ class Offer:
         return next((Mark(node.lineno, node.col_offset + 7, len(node.name)) for node in found), Mark())
 
 
-def found_beside(mission: Path) -> list[Path]:
+def behaviour_files_beside(mission: Path) -> list[Path]:
     """Return the files of leaves in the folder ``behaviours`` beside a mission's file, in the order of their names.
 
     Those whose names begin with ``_`` are none, nor is anything in a package of Python.
     """
-    folder = mission.parent / FOLDER
+    folder = mission.parent / BEHAVIOURS_FOLDER
     if (folder / "__init__.py").exists():
         return []
     return [path for path in sorted(folder.glob("*.py")) if not path.name.startswith("_")]
@@ -99,7 +99,7 @@ def real_path(path: Path) -> str:
     return os.path.realpath(path)
 
 
-def vocabulary(files: Iterable[Path] = (), given: Iterable[Path] | None = None) -> Mapping[str, type[Leaf]]:
+def load_leaves(files: Iterable[Path] = (), required_files: Iterable[Path] | None = None) -> Mapping[str, type[Leaf]]:
     """Return every leaf by its word.
 
     Raises InvalidFileError with all that is wrong with the ``files`` that the user has ``given`` (all, if None).
@@ -107,28 +107,28 @@ def vocabulary(files: Iterable[Path] = (), given: Iterable[Path] | None = None) 
     them go on.
     """
     own, faults = dict[str, type[Leaf]](), list[Diagnostic]()
-    leaves = Catalogue(PLACES, own)
+    leaves = Catalogue(LEAF_PATHS, own)
     by_path = {real_path(path): path for path in files}
-    needed = by_path.keys() if given is None else {*map(real_path, given)}
+    needed = by_path.keys() if required_files is None else {*map(real_path, required_files)}
     for read, is_needed in [
-        *((partial(_from_entry_point, point), False) for point in offered(GROUP)),
-        *((partial(_from_file, path), where in needed) for where, path in by_path.items()),
+        *((partial(_load_from_entry_point, point), False) for point in entry_points_of(ENTRY_POINT_GROUP)),
+        *((partial(_load_from_file, path), where in needed) for where, path in by_path.items()),
     ]:
         wrong = list[Diagnostic]()
         try:
             offer = read()
         except InvalidFileError as error:
-            wrong += error.faults
+            wrong += error.diagnostics
         else:
             for cls in offer.classes:
                 try:
                     leaf = cls if issubclass(cls, Leaf) else leaf_of(cls)
-                    _examine(leaf, leaves)
+                    _check_leaf(leaf, leaves)
                 except Exception as error:
-                    words = str(error) if isinstance(error, TypeError) else said(error)
+                    words = str(error) if isinstance(error, TypeError) else error_text(error)
                     wrong.append(Diagnostic(offer.source, offer.mark(cls), words))
                 else:
-                    own[leaf.word] = leaf
+                    own[leaf.tag] = leaf
         if is_needed:
             faults += wrong
         elif wrong:
@@ -145,56 +145,60 @@ def _warn(words: str) -> None:
     sys.stderr.write(f"skipped: {words}\n")
 
 
-def _examine(leaf: type[Leaf], leaves: Mapping[str, type[Leaf]]) -> None:
+def _check_leaf(leaf: type[Leaf], leaves: Mapping[str, type[Leaf]]) -> None:
     """Raise TypeError for a leaf that cannot be a word of the language."""
-    word, shown = leaf.word, f"{leaf.__name__}: the word '{leaf.word}'"
+    word, shown = leaf.tag, f"{leaf.__name__}: the word '{leaf.tag}'"
     if re.fullmatch(r"[a-z][a-z0-9_]*", word) is None:
         raise TypeError(f"{shown} must be small letters, digits and '_', beginning with a letter")
-    if word in TAKEN:
+    if word in RESERVED_WORDS:
         raise TypeError(f"{shown} means something else in missions already")
     if word in leaves:
         other = leaves[word]
-        raise TypeError(f"{shown} is taken by {other.__name__} of {other.__module__.removeprefix(PREFIX)}")
+        raise TypeError(f"{shown} is taken by {other.__name__} of {other.__module__.removeprefix(MODULE_PREFIX)}")
     principal = [argument.name for argument in leaf.arguments.values() if argument.principal]
     if len(principal) > 1:
         raise TypeError(f"{leaf.__name__}: only one argument can be the principal one, not {' and '.join(principal)}")
     for argument in leaf.arguments.values():
-        if argument.kind not in KINDS:
-            raise TypeError(f"{leaf.__name__}: '{argument.name}' is of no kind: {one_of(argument.kind, KINDS)}")
+        if argument.kind not in ARGUMENT_KINDS:
+            raise TypeError(
+                f"{leaf.__name__}: '{argument.name}' is of no kind: {suggest_from(argument.kind, ARGUMENT_KINDS)}"
+            )
         if argument.kind in UNITS and isinstance(argument.default, str):
             raise TypeError(f"{leaf.__name__}: the default of '{argument.name}' must be a number, in SI units")
     for sense in sorted(leaf.senses - SENSES):
-        raise TypeError(f"{leaf.__name__}: nothing senses '{sense}': {one_of(sense, SENSES)}")
+        raise TypeError(f"{leaf.__name__}: nothing senses '{sense}': {suggest_from(sense, SENSES)}")
     try:
         inspect.signature(leaf).bind("name")
     except TypeError as error:
         raise TypeError(f"{leaf.__name__}: a leaf is made with its name alone, but here: {error}") from error
 
 
-def _from_entry_point(point: "EntryPoint") -> Offer:
+def _load_from_entry_point(point: "EntryPoint") -> OfferedLeaves:
     """Import what an entry point names. Raises InvalidFileError when that cannot be."""
-    source = Source(f"entry point {described(point)}", "")
+    source = SourceText(f"entry point {describe_entry_point(point)}", "")
     owner = owner_of(point)
     try:
-        found = load_offer(point)
-    except BrokenOfferError as error:
+        found = load_entry_point(point)
+    except BrokenEntryPointError as error:
         hint = f"repair or uninstall {owner}" if owner else ""
         raise InvalidFileError([Diagnostic(source, Mark(), str(error), hint)]) from error
     if issubclass(type(found), ModuleType):
-        return _of_module(found, source)
+        return _leaves_of_module(found, source)
     with suppress(Exception):  # of a class that is like no other
         if issubclass(type(found), type) and issubclass(found, Behaviour):
-            return Offer(source, [found])
-    raise InvalidFileError([Diagnostic(source, Mark(), f"names neither a behaviour nor a module, but {shown(found)}")])
+            return OfferedLeaves(source, [found])
+    raise InvalidFileError(
+        [Diagnostic(source, Mark(), f"names neither a behaviour nor a module, but {short_repr(found)}")]
+    )
 
 
-def _from_file(path: Path) -> Offer:
+def _load_from_file(path: Path) -> OfferedLeaves:
     """Run a file of Python as a module of its own. Raises InvalidFileError when it raises, or has no leaves in it."""
     source = read_source(path)
-    if problem := problem_of_file(path):
+    if problem := find_file_problem(path):
         mark = Mark(problem.line or 1, problem.column)
         raise InvalidFileError([Diagnostic(source, mark, problem.message)])
-    module = ModuleType(PREFIX + path.stem)
+    module = ModuleType(MODULE_PREFIX + path.stem)
     module.__file__ = str(path)
     sys.modules[module.__name__] = module  # where dataclasses and the like look a class's module up
     try:
@@ -203,13 +207,13 @@ def _from_file(path: Path) -> Offer:
             exec(compile(source.text, str(path), "exec"), vars(module))  # noqa: S102 - running it is what was asked for
     except Exception as error:
         del sys.modules[module.__name__]
-        line, column = place_in(error, str(path))
-        fault = Diagnostic(source, Mark(line or 1, column), f"cannot be imported: {said(error)}")
+        line, column = error_position(error, str(path))
+        fault = Diagnostic(source, Mark(line or 1, column), f"cannot be imported: {error_text(error)}")
         raise InvalidFileError([fault]) from error
-    return _of_module(module, source)
+    return _leaves_of_module(module, source)
 
 
-def _of_module(module: ModuleType, source: Source) -> Offer:
+def _leaves_of_module(module: ModuleType, source: SourceText) -> OfferedLeaves:
     found: list[type[Behaviour]] = []
     for name, cls in vars(module).items():
         with suppress(Exception):  # of a class that is like no other
@@ -225,4 +229,4 @@ def _of_module(module: ModuleType, source: Source) -> Offer:
     if not found:
         hint = "write a class that extends behaviours.leaf.Leaf and has a `word`, or a py_trees behaviour"
         raise InvalidFileError([Diagnostic(source, Mark(), "there is no behaviour in it", hint)])
-    return Offer(source, list(dict.fromkeys(found)))
+    return OfferedLeaves(source, list(dict.fromkeys(found)))

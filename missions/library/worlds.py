@@ -1,32 +1,32 @@
 """From a world file to the world that a simulated robot stands in."""
 
 from config.colours import COLOURS
-from config.things import ActConfig, BoxConfig, PersonConfig, RoverConfig, Spot, ThingConfig
+from config.things import ActConfig, BoxConfig, PersonConfig, RoverConfig, ThingConfig, Vector3D
 from config.world import PhysicsConfig, WorldConfig
 from drivers.api import Pose2D
-from drivers.sim.acts import Act
-from drivers.sim.battery import RESISTANCE, Battery
+from drivers.sim.acts import PersonAction
+from drivers.sim.battery import INTERNAL_RESISTANCE, Battery
 from drivers.sim.people import Person
 from drivers.sim.room import Room
 from drivers.sim.stage import Physics
-from drivers.sim.things import Ball, Box, Dock, Edge, Rover, Wall
-from drivers.sim.world import Change, Light, World
+from drivers.sim.things import Edge, Rover, Wall, WorldBall, WorldBox, WorldDock
+from drivers.sim.world import Light, LightChange, SimulatedWorld
 
 
-def build_world(config: WorldConfig) -> World:
+def build_world(config: WorldConfig) -> SimulatedWorld:
     """Return the world that a world file describes, in which nothing has been said yet."""
-    return World(
-        room=Room.furnished(config.length, config.width, config.height, config.centre),
+    return SimulatedWorld(
+        room=Room.with_default_fixtures(config.length, config.width, config.height, config.centre),
         people=tuple(_person(person) for person in config.people),
         light=Light(
-            config.light, tuple(Change(change.at, change.light, change.over) for change in config.light_changes)
+            config.light, tuple(LightChange(change.at, change.light, change.over) for change in config.light_changes)
         ),
         walls=tuple(Wall(wall.start, wall.end, wall.height or config.height) for wall in config.walls),
         furniture=tuple(_box(box, box.size) for box in config.furniture),
         edges=tuple(Edge(edge.x, edge.y, edge.length, edge.width) for edge in config.edges),
         objects=tuple(_thing(thing) for thing in config.objects),
         robots=tuple(_rover(rover) for rover in config.robots),
-        dock=None if config.dock is None else Dock(config.dock.x, config.dock.y, config.dock.heading),
+        dock=None if config.dock is None else WorldDock(config.dock.x, config.dock.y, config.dock.heading),
         start=Pose2D(config.start.x, config.start.y, config.start.heading),
     )
 
@@ -39,7 +39,9 @@ def build_physics(physics: PhysicsConfig) -> Physics:
 def build_battery(physics: PhysicsConfig) -> Battery | None:
     """Return the battery that a world gives a base; None where it says nothing of one."""
     battery = physics.battery
-    return None if battery is None else Battery(100 * battery.level, drain=battery.drain, resistance=RESISTANCE)
+    return (
+        None if battery is None else Battery(100 * battery.level, drain=battery.drain, resistance=INTERNAL_RESISTANCE)
+    )
 
 
 def _person(config: PersonConfig) -> Person:
@@ -59,8 +61,8 @@ def _person(config: PersonConfig) -> Person:
     )
 
 
-def _act(config: ActConfig) -> Act:
-    return Act(
+def _act(config: ActConfig) -> PersonAction:
+    return PersonAction(
         at=config.at,
         hears=config.hears,
         after=config.after,
@@ -72,15 +74,15 @@ def _act(config: ActConfig) -> Act:
     )
 
 
-def _thing(config: ThingConfig) -> Box | Ball:
+def _thing(config: ThingConfig) -> WorldBox | WorldBall:
     if not isinstance(config.size, float):
         return _box(config, config.size)
-    return Ball(config.name, config.x, config.y, config.size, COLOURS[config.colour], bottom=config.bottom)
+    return WorldBall(config.name, config.x, config.y, config.size, COLOURS[config.colour], bottom=config.bottom)
 
 
-def _box(config: BoxConfig | ThingConfig, size: Spot) -> Box:
+def _box(config: BoxConfig | ThingConfig, size: Vector3D) -> WorldBox:
     colour = COLOURS[config.colour]
-    return Box(config.name, config.x, config.y, size, colour, heading=config.heading, bottom=config.bottom)
+    return WorldBox(config.name, config.x, config.y, size, colour, heading=config.heading, bottom=config.bottom)
 
 
 def _rover(config: RoverConfig) -> Rover:

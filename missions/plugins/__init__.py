@@ -59,7 +59,7 @@ PLUGINS = (
             ),
         },
         run_options="missions.plugins.teleop.options:PadOptions",
-        run_context="missions.plugins.teleop.run_pad:pad_beside",
+        run_context="missions.plugins.teleop.run_pad:drive_with_pad",
     ),
     Plugin(
         "studio",
@@ -89,7 +89,7 @@ PLUGINS = (
             ),
         },
         run_options="missions.plugins.ros2.options:Ros2Options",
-        run_context="missions.plugins.ros2.announcing:announce",
+        run_context="missions.plugins.ros2.announcing:publish_run",
     ),
     Plugin(
         "testing",
@@ -115,7 +115,7 @@ PLUGINS = (
             ),
         },
         file_kinds={".test.yaml": FileKind(check="missions.plugins.testing.suite:check_tests")},
-        services={"faults": "missions.plugins.testing.faults:Faults"},
+        services={"faults": "missions.plugins.testing.faults:LiveFaults"},
     ),
     Plugin(
         "verify",

@@ -11,9 +11,9 @@ from pathlib import Path
 
 from missions.language.nodes import BRANCHES, MISSION, MODIFIERS, SWITCHES
 from missions.language.plan import Plan, Step
-from missions.trees.drawing import Badge, Box, Drawing, Now
+from missions.trees.drawing import Badge, NodeState, TreeBox, TreeDrawing
 
-CONDITION, ACTION = "◇", "■"
+CONDITION_SYMBOL, ACTION_SYMBOL = "◇", "■"
 """The signs of leaves: one that only asks a part of the robot, within a tick, and one that does something."""
 
 
@@ -22,15 +22,15 @@ def symbol_of(step: Step) -> str:
     leaf = step.leaf
     if leaf is None:
         return BRANCHES[step.kind].symbol
-    return CONDITION if leaf.instant and leaf.needs and not leaf.drives else ACTION
+    return CONDITION_SYMBOL if leaf.instant and leaf.needs and not leaf.drives else ACTION_SYMBOL
 
 
 def legend() -> tuple[tuple[str, str, str], ...]:
     """Return each sign with the kind of node that it stands for, and what such a node does."""
     return (
         *((kind.symbol, word, kind.help) for word, kind in BRANCHES.items()),
-        (CONDITION, "condition", "asks a part of the robot, and answers at once"),
-        (ACTION, "action", "does something"),
+        (CONDITION_SYMBOL, "condition", "asks a part of the robot, and answers at once"),
+        (ACTION_SYMBOL, "action", "does something"),
     )
 
 
@@ -41,9 +41,9 @@ JOINERS = "\N{ZERO WIDTH NON-JOINER}\N{ZERO WIDTH JOINER}"
 """Signs without a width that some scripts and some emoji are written with."""
 
 
-def drawing_of(plan: Plan) -> Drawing:
+def drawing_of(plan: Plan) -> TreeDrawing:
     """Return the drawing of a mission at rest. Keys are those that its nodes have when it runs."""
-    return Drawing(plan.mission, one_line(plan.summary), _file(plan.tree), _box(plan.tree, "1", ""))
+    return TreeDrawing(plan.mission, one_line(plan.summary), _file(plan.tree), _box(plan.tree, "1", ""))
 
 
 def first_values(plan: Plan) -> Mapping[str, object]:
@@ -63,12 +63,12 @@ def first_values(plan: Plan) -> Mapping[str, object]:
     return found
 
 
-def at(drawing: Drawing, now: Mapping[str, Now], time: float) -> Drawing:
+def with_states(drawing: TreeDrawing, states: Mapping[str, NodeState], time: float) -> TreeDrawing:
     """Return the drawing as it stands ``time`` seconds into a run; nodes without a status then are idle."""
-    return replace(drawing, root=_box_at(drawing.root, now), time=time)
+    return replace(drawing, root=_box_at(drawing.root, states), time=time)
 
 
-def folded(drawing: Drawing, depth: int) -> Drawing:
+def fold_missions(drawing: TreeDrawing, depth: int) -> TreeDrawing:
     """Return the drawing with each sub-mission that lies in ``depth`` others, or more, as one box; 0 folds them all."""
     return replace(drawing, root=_fold(drawing.root, depth))
 
@@ -79,24 +79,24 @@ def one_line(text: str) -> str:
     return " ".join("".join(shown).split())
 
 
-def _box(step: Step, key: str, case: str) -> Box:
+def _box(step: Step, key: str, case: str) -> TreeBox:
     """Return the box of ``step``, or of what the modifier that it is stands beside."""
     badges: list[Badge] = []
     while step.kind in MODIFIERS:
         badges.append(Badge(key, step.kind, one_line(step.text), step.mark.line))
         (step,), key = step.children, f"{key}.1"
     inner = enumerate(zip(step.children, _cases(step), strict=False), start=1)
-    return Box(
+    return TreeBox(
         key,
         step.kind,
         one_line(step.name),
         symbol_of(step),
         _file(step),
         step.mark.line,
-        said="" if step.kind == MISSION or len(step.written) != 1 else one_line(step.text),
-        arguments={one_line(name): one_line(value) for name, value in step.written.items()},
+        said="" if step.kind == MISSION or len(step.arguments_as_written) != 1 else one_line(step.text),
+        arguments={one_line(name): one_line(value) for name, value in step.arguments_as_written.items()},
         badges=tuple(badges),
-        keep_as=one_line(step.keep_as or ""),
+        keep_as=one_line(step.output_variable or ""),
         case=case,
         mission=one_line(step.text) if step.kind == MISSION else "",
         children=tuple(_box(child, f"{key}.{place}", label) for place, (child, label) in inner),
@@ -114,7 +114,7 @@ def _file(step: Step) -> str:
     return one_line(path.relative_to(HERE).as_posix() if path.is_relative_to(HERE) else step.source.name)
 
 
-def _box_at(box: Box, now: Mapping[str, Now]) -> Box:
+def _box_at(box: TreeBox, now: Mapping[str, NodeState]) -> TreeBox:
     children = tuple(_box_at(child, now) for child in box.children)
     badges = tuple(_badge_at(badge, now.get(badge.key)) for badge in box.badges)
     found = now.get(box.key)
@@ -124,13 +124,13 @@ def _box_at(box: Box, now: Mapping[str, Now]) -> Box:
     return replace(box, status=found.status, reason=reason, since=found.since, badges=badges, children=children)
 
 
-def _badge_at(badge: Badge, found: Now | None) -> Badge:
+def _badge_at(badge: Badge, found: NodeState | None) -> Badge:
     if found is None:
         return replace(badge, status="idle", reason="")
     return replace(badge, status=found.status, reason=one_line(found.reason))
 
 
-def _fold(box: Box, depth: int) -> Box:
+def _fold(box: TreeBox, depth: int) -> TreeBox:
     if not box.mission:
         return replace(box, children=tuple(_fold(child, depth) for child in box.children))
     if depth > 0:

@@ -5,7 +5,7 @@ from dataclasses import field
 from typing import Annotated, Any, ClassVar, Literal
 
 from drivers.api.quick import dataclass
-from missions.codec import Bound, CodecError, Rules, Word, decode, definitions, encode, object_schema
+from missions.codec import Bound, CodecError, JsonName, Rules, decode, definitions, encode, object_schema
 
 Status = Literal["idle", "running", "suspended", "success", "skipped", "failure"]
 """What a node is doing, in the words of events."""
@@ -35,7 +35,7 @@ ASCII_SIGNS: Mapping[Status, str] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Now:
+class NodeState:
     """What a node is doing, why, and since when (seconds of the run)."""
 
     status: Status = "idle"
@@ -62,7 +62,7 @@ class Badge:
 
 
 @dataclass(frozen=True, slots=True)
-class Box:
+class TreeBox:
     """A node that is no modifier."""
 
     derived: ClassVar[Mapping[str, str]] = {"title": "What a person reads first."}
@@ -77,8 +77,8 @@ class Box:
     arguments: Annotated[
         Mapping[str, str], "What the file says of its arguments, in the order of the file; defaults are left out."
     ] = field(default_factory=dict)
-    badges: Annotated[tuple[Badge, ...], Word("modifiers"), "The modifiers beside it, the outermost first."] = ()
-    keep_as: Annotated[str, Word("as"), "The variable that keeps its result, if any."] = ""
+    badges: Annotated[tuple[Badge, ...], JsonName("modifiers"), "The modifiers beside it, the outermost first."] = ()
+    keep_as: Annotated[str, JsonName("as"), "The variable that keeps its result, if any."] = ""
     case: Annotated[
         str, "The case for which a switch chooses it, `else` for the default; empty where its parent is no switch."
     ] = ""
@@ -86,10 +86,10 @@ class Box:
     status: StatusNow = "idle"
     reason: Reason = ""
     since: Annotated[float | None, "Since when it has had its status: seconds from the start of the run."] = None
-    children: Annotated[tuple["Box", ...], "The nodes below it, in the order of the file."] = ()
+    children: Annotated[tuple["TreeBox", ...], "The nodes below it, in the order of the file."] = ()
     folded: Annotated[int, "How many nodes below it are left out.", Bound(low=0)] = 0
 
-    def walk(self) -> Iterator["Box"]:
+    def walk(self) -> Iterator["TreeBox"]:
         """Yield it and all below it, in the order of the file."""
         yield self
         for child in self.children:
@@ -103,48 +103,50 @@ class Box:
     @property
     def title(self) -> str:
         """What a person reads first: the name it was given, else what the file says ("gesture: hello")."""
-        return f"{self.kind}: {self.name}" if self._named else f"{self.kind}: {self.mission or self.said}".rstrip(": ")
+        return (
+            f"{self.kind}: {self.name}" if self._has_name else f"{self.kind}: {self.mission or self.said}".rstrip(": ")
+        )
 
     @property
-    def untold(self) -> Mapping[str, str]:
+    def untitled_arguments(self) -> Mapping[str, str]:
         """The arguments that the title does not say."""
-        return {} if self.said and not self._named else self.arguments
+        return {} if self.said and not self._has_name else self.arguments
 
     @property
-    def _named(self) -> bool:
+    def _has_name(self) -> bool:
         return self.name not in (self.kind, self.mission)
 
     @property
-    def outer(self) -> Status:
+    def outer_status(self) -> Status:
         """What its parent sees: the status of the outermost modifier, else its own."""
         return self.badges[0].status if self.badges else self.status
 
 
 @dataclass(frozen=True, slots=True)
-class Drawing:
+class TreeDrawing:
     """A whole tree, and what it is of."""
 
     mission: Annotated[str, "The name of the mission."]
     summary: Annotated[str, "What the mission does, in a line."]
     file: Annotated[str, "Its file; that of a shipped mission as it lies in the package."]
-    root: Annotated[Box, Word("tree"), "The root."]
+    root: Annotated[TreeBox, JsonName("tree"), "The root."]
     time: Annotated[float | None, "The moment of a run that the statuses are of: seconds from its start."] = None
 
 
 # What the pictures that are text say of a node: a few short texts, on one line or below each other.
 
 
-class Labels:
+class NodeLabels:
     """The words for the nodes of a drawing. Where it shows a moment of a run, statuses come first, as ``signs``."""
 
-    def __init__(self, drawing: Drawing, signs: Mapping[Status, str] = SIGNS) -> None:
+    def __init__(self, drawing: TreeDrawing, signs: Mapping[Status, str] = SIGNS) -> None:
         self._file = drawing.file
         self._live = drawing.time is not None
         self._signs = signs
 
-    def box(self, box: Box) -> tuple[str, ...]:
+    def box(self, box: TreeBox) -> tuple[str, ...]:
         """Return title, arguments, the variable that keeps the result, the line of the file, and how it stands."""
-        arguments = ", ".join(f"{name}: {text}" for name, text in box.untold.items())
+        arguments = ", ".join(f"{name}: {text}" for name, text in box.untitled_arguments.items())
         texts = (
             self.sign(box.status) + box.title,
             f"{{{arguments}}}" if arguments else "",
@@ -155,7 +157,7 @@ class Labels:
         )
         return tuple(filter(None, texts))
 
-    def badge(self, box: Box, badge: Badge) -> tuple[str, ...]:
+    def badge(self, box: TreeBox, badge: Badge) -> tuple[str, ...]:
         """Return the same of a modifier of ``box``."""
         texts = (
             f"{self.sign(badge.status)}{badge.kind}: {badge.text}",
@@ -181,13 +183,13 @@ class Labels:
 # The tree as lines for a terminal, in the symbols of all our pictures; modifiers stand above what they modify.
 
 
-def outline(drawing: Drawing) -> str:
+def outline(drawing: TreeDrawing) -> str:
     """Return a line for each node and modifier; at a moment of a run, below a line that says of what and when."""
     head = [] if drawing.time is None else [f"{drawing.mission} at {drawing.time:.2f} s"]
-    return "\n".join([*head, *_lines(drawing.root, Labels(drawing), "", "")]) + "\n"
+    return "\n".join([*head, *_lines(drawing.root, NodeLabels(drawing), "", "")]) + "\n"
 
 
-def _lines(box: Box, labels: Labels, first: str, rest: str) -> Iterator[str]:
+def _lines(box: TreeBox, labels: NodeLabels, first: str, rest: str) -> Iterator[str]:
     """Yield the lines of a node and all below it; what branches lead to it stands before the ``first`` and the rest."""
     said = [_badge(*labels.badge(box, badge)) for badge in box.badges]
     title, *more = labels.box(box)
@@ -213,18 +215,18 @@ FORMAT = "missiontree-tree/1"
 RULES = Rules()
 
 
-def to_json(drawing: Drawing) -> dict[str, object]:
+def to_json(drawing: TreeDrawing) -> dict[str, object]:
     """Return a drawing as plain JSON, as ``schema`` describes it."""
     return {"format": FORMAT, **encode(drawing, RULES)}
 
 
-def from_json(data: Mapping[str, object]) -> Drawing:
+def from_json(data: Mapping[str, object]) -> TreeDrawing:
     """Return the drawing that ``to_json`` wrote. Raises ValueError that says what is wrong with other data."""
     found = data.get("format")
     if found != FORMAT:
         raise ValueError(f"no tree dump that can be read here: its format is {found!r}, not {FORMAT!r}")
     try:
-        return decode(Drawing, {name: value for name, value in data.items() if name != "format"}, RULES)
+        return decode(TreeDrawing, {name: value for name, value in data.items() if name != "format"}, RULES)
     except CodecError as error:
         raise ValueError(f"tree dump: {error}") from error
 
@@ -235,6 +237,6 @@ def schema() -> dict[str, Any]:
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "The tree of a MissionTree mission, as pictures show it",
-        **object_schema(Drawing, RULES, format=form),
-        "$defs": definitions(Drawing, RULES),
+        **object_schema(TreeDrawing, RULES, format=form),
+        "$defs": definitions(TreeDrawing, RULES),
     }

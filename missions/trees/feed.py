@@ -2,7 +2,7 @@
 
 A message is a JSON object. The first is ``{"drawing": ..., "robot": name}``, see ``missions.trees.drawing``;
 the others say what is new: ``changed`` statuses and reasons by the key of their node, ``variables``, ``parts``, lines
-of the ``log``. In return comes ``{"do": ...}``, with one of ``ORDERS``.
+of the ``log``. In return comes ``{"do": ...}``, with one of ``VIEW_COMMANDS``.
 """
 
 import os
@@ -17,36 +17,36 @@ from behaviours.node import RUNNING, Node
 from drivers.clock import Clock
 from missions.executive.events import Event, NodeChanged, Ticked, VariableSet, status_word
 from missions.executive.executive import Executive
-from missions.executive.parts import PartState
+from missions.executive.parts import PartStatus
 from missions.trees.draw import one_line
 from missions.trees.drawing import ACTIVE
-from missions.trees.words import in_words
+from missions.trees.words import value_text
 
 Json = dict[str, object]
 
-ORDERS = ("pause", "resume", "step", "stop", "interrupt")
+VIEW_COMMANDS = ("pause", "resume", "step", "stop", "interrupt")
 """What a view may ask for; ``interrupt`` is a Ctrl-C, which even a run that hangs comes to hear."""
 
-STOPPED = "stopped from the view"
+STOPPED_REASON = "stopped from the view"
 """The reason of a run that was stopped so."""
 
-ABANDONED = "the view ended while the mission was paused"
+ABANDONED_REASON = "the view ended while the mission was paused"
 """The reason of a run that nobody could have resumed."""
 
-LOOK_EVERY = 0.5
+POLL_INTERVAL = 0.5
 """Seconds from one look at the parts of the robot to the next."""
 
-MOST_LINES = 1000
+MAX_LOG_LINES = 1000
 """Lines of the log that wait for a view that does not read; older ones are lost to it."""
 
 MAX_SHOWN_LENGTH = 200
 """Characters of a value or a reason that are passed on."""
 
 
-class Feed:
-    """A listener that keeps what is the case, at hardly any cost; ``news`` says what is new of it, to one view.
+class ViewFeed:
+    """A listener that keeps what is the case, at hardly any cost; ``take_changes`` says what is new of it, to one view.
 
-    ``look`` tells how the parts of the robot are, ``lines`` what there is to say of an event. With ``in_tick``, as
+    ``poll_parts`` tells how the parts of the robot are, ``lines`` what there is to say of an event. With ``in_tick``, as
     simulated time wants it, parts are looked at by the thread that tells of ticks, else by the one that fetches news.
     """
 
@@ -55,7 +55,7 @@ class Feed:
         executive: Executive,
         wall: Clock,
         *,
-        look: Callable[[], Sequence[PartState]],
+        look: Callable[[], Sequence[PartStatus]],
         lines: Callable[[Event], Iterable[str]],
         in_tick: bool = False,
     ) -> None:
@@ -71,8 +71,8 @@ class Feed:
         # What is to be told yet, under the lock.
         self._changed: dict[str, tuple[str, str, float]] = {}
         self._variables: dict[str, str | None] = {}
-        self._log: deque[str] = deque(maxlen=MOST_LINES)
-        self._parts: Sequence[PartState] | None = None
+        self._log: deque[str] = deque(maxlen=MAX_LOG_LINES)
+        self._parts: Sequence[PartStatus] | None = None
         self._looked = float("-inf")
         self._lock = Lock()
 
@@ -87,26 +87,26 @@ class Feed:
             case VariableSet():
                 name = f"{event.scope} {event.name}".lstrip()
                 with self._lock:
-                    self._variables[name] = None if event.value is None else in_words(event.value)
+                    self._variables[name] = None if event.value is None else value_text(event.value)
             case Ticked():
-                self._ticked(event)
+                self._on_tick(event)
             case _:
                 pass
         lines = [_printable(line) for line in self._lines(event)]
         with self._lock:
             self._log.extend(lines)
 
-    def _ticked(self, event: Ticked) -> None:
+    def _on_tick(self, event: Ticked) -> None:
         self._tick, self._late = event.tick, event.late or 0.0
         self._lates += event.late is not None
         self._over = event.status in ("success", "skipped", "failure")  # what is being closed then is no news
         if self._in_tick:
-            self.look()
+            self.poll_parts()
 
-    def look(self) -> None:
+    def poll_parts(self) -> None:
         """Look at the parts of the robot, if that is due."""
-        now = self._wall.now()
-        if self._over or self._executive.stopping or now - self._looked < LOOK_EVERY:
+        now = self._wall.read_value()
+        if self._over or self._executive.stopping or now - self._looked < POLL_INTERVAL:
             return
         self._looked = now
         with suppress(Exception):  # what a driver has to say of itself must end neither a run nor its view
@@ -116,10 +116,10 @@ class Feed:
 
     # --- asked by the view's thread -----------------------------------------------------------------------------------
 
-    def news(self) -> Json:
+    def take_changes(self) -> Json:
         """Return all that is new since it was asked last."""
         if not self._in_tick:
-            self.look()
+            self.poll_parts()
         executive = self._executive
         with self._lock:
             changed, self._changed = self._changed, {}
@@ -142,10 +142,10 @@ class Feed:
             told["parts"] = [asdict(part) for part in parts]
         return told
 
-    def visited(self) -> list[str]:
+    def visited_keys(self) -> list[str]:
         """Return the keys of the nodes that the last tick has visited, and the one that goes on, so far."""
         last = self._tick
-        return [key for key, node in self._nodes.items() if node.visited >= last]
+        return [key for key, node in self._nodes.items() if node.visited_tick >= last]
 
     def _renew_reasons(self, changed: dict[str, tuple[str, str, float]]) -> None:
         """Add to what has ``changed`` the nodes that run on and have a new reason: of that there is no event."""
@@ -160,8 +160,8 @@ class Feed:
                 if now != told:
                     changed[key] = self._running[key] = now
 
-    def do(self, message: Mapping[str, object]) -> None:
-        """Do what a view asks for; what is none of ``ORDERS`` is ignored."""
+    def execute(self, message: Mapping[str, object]) -> None:
+        """Do what a view asks for; what is none of ``VIEW_COMMANDS`` is ignored."""
         executive = self._executive
         match message.get("do"):
             case "pause":
@@ -173,16 +173,16 @@ class Feed:
             case "step" if executive.paused:  # while it goes on, steps would be counted, and made once it is paused
                 executive.step()
             case "stop":
-                executive.stop(STOPPED)
+                executive.stop(STOPPED_REASON)
             case "interrupt":
                 os.kill(os.getpid(), signal.SIGINT)
             case _:
                 pass
 
-    def abandoned(self) -> None:
+    def on_view_lost(self) -> None:
         """The view has died. What a person has paused moves no more unless a person wants it, so that is stopped."""
         if self._paused:
-            self._executive.stop(ABANDONED)
+            self._executive.stop(ABANDONED_REASON)
 
 
 def _short(text: str) -> str:

@@ -14,8 +14,8 @@ from py_trees.decorators import PassThrough
 from missions.executive.composites import COMPOSITES
 from missions.language.nodes import SWITCHES
 from missions.language.plan import Plan
-from missions.trees.draw import at, drawing_of
-from missions.trees.drawing import ASCII_SIGNS, SIGNS, Box, Drawing, Labels, Now, Status
+from missions.trees.draw import drawing_of, with_states
+from missions.trees.drawing import ASCII_SIGNS, SIGNS, NodeLabels, NodeState, Status, TreeBox, TreeDrawing
 
 # A drawing as a Mermaid flowchart, which GitHub, GitLab and many editors draw where it stands in a page.
 
@@ -33,17 +33,17 @@ _ENTITIES = str.maketrans({mark: f"#{ord(mark)};" for mark in '#"<>&`|\\'})
 """What means something else within a label of Mermaid, as it is written there: by its number."""
 
 
-def mermaid(drawing: Drawing) -> str:
+def mermaid(drawing: TreeDrawing) -> str:
     """Return the flowchart, from left to right; modifiers stand above what they modify, in the same box."""
-    labels = Labels(drawing)
+    labels = NodeLabels(drawing)
     live = drawing.time is not None
     lines = ["flowchart LR"]
     if live:
-        seldom = {"suspended", "skipped"} - {box.outer for box in drawing.root.walk()}
+        seldom = {"suspended", "skipped"} - {box.outer_status for box in drawing.root.walk()}
         lines += [f"  classDef {status} {style}" for status, style in STYLES.items() if status not in seldom]
     for box in drawing.root.walk():
         said = "<br/>".join(part.translate(_ENTITIES) for part in _lines(labels, box))
-        lines.append(f'  {identifier(box.key)}["{said}"]' + (f":::{box.outer}" if live else ""))
+        lines.append(f'  {identifier(box.key)}["{said}"]' + (f":::{box.outer_status}" if live else ""))
     lines += _links(drawing.root)
     return "\n".join(lines) + "\n"
 
@@ -53,7 +53,7 @@ def identifier(key: str) -> str:
     return f"n{key.replace('.', '_')}"
 
 
-def _lines(labels: Labels, box: Box) -> Iterator[str]:
+def _lines(labels: NodeLabels, box: TreeBox) -> Iterator[str]:
     """Yield the lines of a box: each modifier, then the node itself with its symbol."""
     for badge in box.badges:
         yield " ".join(labels.badge(box, badge))
@@ -62,31 +62,36 @@ def _lines(labels: Labels, box: Box) -> Iterator[str]:
     yield from more
 
 
-def _links(box: Box) -> Iterator[str]:
+def _links(box: TreeBox) -> Iterator[str]:
     for child in box.children:
         case = f'|"{child.case.translate(_ENTITIES)}"| ' if child.case else ""
         yield f"  {identifier(box.key)} --> {case}{identifier(child.key)}"
         yield from _links(child)
 
 
-def text_tree(mission: Plan | Drawing, now: Mapping[str, Now] | None = None, *, ascii: bool = False) -> str:  # noqa: A002 - the name of the format
+def text_tree(
+    mission: Plan | TreeDrawing,
+    states: Mapping[str, NodeState] | None = None,
+    *,
+    ascii: bool = False,  # noqa: A002 - the name of the format
+) -> str:
     """Return the tree as indented text, a line for each node and modifier.
 
     ``now`` has the statuses to show, by key; a drawing may have them already. With ``ascii`` there is nothing else in
     it: letters that are none become "?".
     """
-    drawing = _at(mission, now)
-    labels = Labels(drawing, ASCII_SIGNS if ascii else SIGNS)
+    drawing = _at(mission, states)
+    labels = NodeLabels(drawing, ASCII_SIGNS if ascii else SIGNS)
     root = _tree(drawing.root, {key: " ".join(texts) for key, texts in _texts(drawing, labels)})
     if ascii:
         return display.ascii_tree(root).encode("ascii", "replace").decode("ascii")
     return display.unicode_tree(root)
 
 
-def dot(mission: Plan | Drawing, now: Mapping[str, Now] | None = None) -> str:
+def dot(mission: Plan | TreeDrawing, states: Mapping[str, NodeState] | None = None) -> str:
     """Return the tree as a graph in DOT, whose nodes are named by their keys; ``now`` has the statuses to show."""
-    drawing = _at(mission, now)
-    texts = dict(_texts(drawing, Labels(drawing)))
+    drawing = _at(mission, states)
+    texts = dict(_texts(drawing, NodeLabels(drawing)))
     names = {key: identifier(key) for key in texts}
     graph = display.dot_tree(_tree(drawing.root, names))
     graph.set_name("mission")
@@ -96,12 +101,12 @@ def dot(mission: Plan | Drawing, now: Mapping[str, Now] | None = None) -> str:
     return str(graph.to_string())
 
 
-def _at(mission: Plan | Drawing, now: Mapping[str, Now] | None) -> Drawing:
-    drawing = mission if isinstance(mission, Drawing) else drawing_of(mission)
-    return drawing if now is None else at(drawing, now, drawing.time or 0.0)
+def _at(mission: Plan | TreeDrawing, now: Mapping[str, NodeState] | None) -> TreeDrawing:
+    drawing = mission if isinstance(mission, TreeDrawing) else drawing_of(mission)
+    return drawing if now is None else with_states(drawing, now, drawing.time or 0.0)
 
 
-def _texts(drawing: Drawing, labels: Labels) -> Iterator[tuple[str, list[str]]]:
+def _texts(drawing: TreeDrawing, labels: NodeLabels) -> Iterator[tuple[str, list[str]]]:
     """Yield the key of each node and modifier with what is said of it; the outermost begins with the case it is for."""
     for box in drawing.root.walk():
         said = [(badge.key, [*labels.badge(box, badge)]) for badge in box.badges]
@@ -112,7 +117,7 @@ def _texts(drawing: Drawing, labels: Labels) -> Iterator[tuple[str, list[str]]]:
         yield from said
 
 
-def _tree(box: Box, names: Mapping[str, str]) -> Behaviour:
+def _tree(box: TreeBox, names: Mapping[str, str]) -> Behaviour:
     """Return nodes of py_trees that stand for a box, its modifiers and all below it: for dumps, never to be ticked."""
     name, children = names[box.key], [_tree(child, names) for child in box.children]
     node: Behaviour

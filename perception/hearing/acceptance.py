@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-LEARNED = Path(__file__).with_name("acceptance.json")
+MODEL_FILE = Path(__file__).with_name("acceptance.json")
 
-FAR = 4.0
+MAX_DEVIATIONS = 4.0
 """Standard deviations beyond which a figure is no more extreme: one that is far off must not decide alone."""
 
 
 @dataclass(frozen=True, slots=True)
-class Acceptance:
+class AcceptanceModel:
     """For each figure by ``names`` what is usual (``mean``, ``deviation``) and its ``weights``; and a ``bias``."""
 
     names: tuple[str, ...]
@@ -30,14 +30,14 @@ class Acceptance:
     def score(self, figures: Mapping[str, float]) -> float:
         """Return how surely it was said: the logarithm of the odds."""
         values = np.array([figures[name] for name in self.names])
-        usual = np.clip((values - self.mean) / np.array(self.deviation), -FAR, FAR)
+        usual = np.clip((values - self.mean) / np.array(self.deviation), -MAX_DEVIATIONS, MAX_DEVIATIONS)
         return float(usual @ np.array(self.weights) + self.bias)
 
 
-def learned(path: Path = LEARNED) -> Acceptance:
+def load_acceptance(path: Path = MODEL_FILE) -> AcceptanceModel:
     """Read what was learned."""
     found = json.loads(path.read_text(encoding="utf-8"))
-    return Acceptance(
+    return AcceptanceModel(
         names=tuple(found["names"]),
         mean=tuple(found["mean"]),
         deviation=tuple(found["deviation"]),

@@ -18,17 +18,17 @@ from perception.hearing.sound import RATE, Floats, Samples
 # The front end of SphinxBase with the model's own settings (``feat.params``): 25 triangles on the mel scale between
 # 130 and 6800 Hz, its removal of steady noise, cosine transform, lifter. One row for each 10 ms.
 
-HOP, WINDOW, FFT = RATE // 100, 410, 512
+HOP_SAMPLES, WINDOW_SAMPLES, FFT_SIZE = RATE // 100, 410, 512
 """Samples from one row to the next, that count for a row, and of which a spectrum is taken."""
 
-COUNT, BANDS, LOWEST, HIGHEST = 13, 25, 130.0, 6800.0
+CEPSTRUM_SIZE, BAND_COUNT, MIN_FREQUENCY, MAX_FREQUENCY = 13, 25, 130.0, 6800.0
 """Cepstra, triangles, and between which frequencies these lie (Hz)."""
 
-USUAL = (41.6, -6.2, -4.3, -0.8, -3.5, -6.0, -4.9, -2.5, 0.8, -2.2, -1.2, -1.6, -0.7)
+TYPICAL_CEPSTRA = (41.6, -6.2, -4.3, -0.8, -3.5, -6.0, -4.9, -2.5, 0.8, -2.2, -1.2, -1.6, -0.7)
 """The mean of the cepstra of words at the level of ``denoise.LOUD``, over people and their microphones."""
 
-WEIGHT = 100
-"""Rows for which ``USUAL`` counts: the mean of one word says as much about its sounds as about the microphone."""
+TYPICAL_ROWS = 100
+"""Rows for which ``TYPICAL_CEPSTRA`` counts: the mean of one word says as much about its sounds as about the microphone."""
 
 _KEPT, _RISE, _FALL, _FADE, _MASK, _GAIN, _BESIDE = 0.7, 0.995, 0.5, 0.85, 0.2, 20.0, 4
 
@@ -37,21 +37,23 @@ def cepstra(samples: Samples) -> Floats:
     """Return the cepstra of a sound of a window at least: shape (rows, 13)."""
     sound = np.asarray(samples, np.float64)
     sound = np.append(sound[:1], sound[1:] - 0.97 * sound[:-1])
-    rows = max(1, -(-(len(sound) - WINDOW + HOP) // HOP))
-    pieces = np.lib.stride_tricks.sliding_window_view(np.pad(sound, (0, WINDOW)), WINDOW)[::HOP][:rows]
-    power = np.abs(np.fft.rfft(pieces * np.hamming(WINDOW), FFT)) ** 2
-    return np.asarray(np.log(without_noise(np.maximum(power @ _TRIANGLES, 1e-4))) @ _COSINES, np.float64)
+    rows = max(1, -(-(len(sound) - WINDOW_SAMPLES + HOP_SAMPLES) // HOP_SAMPLES))
+    pieces = np.lib.stride_tricks.sliding_window_view(np.pad(sound, (0, WINDOW_SAMPLES)), WINDOW_SAMPLES)[
+        ::HOP_SAMPLES
+    ][:rows]
+    power = np.abs(np.fft.rfft(pieces * np.hamming(WINDOW_SAMPLES), FFT_SIZE)) ** 2
+    return np.asarray(np.log(remove_noise(np.maximum(power @ _TRIANGLES, 1e-4))) @ _COSINES, np.float64)
 
 
-def without_noise(bands: Floats) -> Floats:
+def remove_noise(bands: Floats) -> Floats:
     """Return the power in each band over time without what is steady: shape (rows, bands), both ways."""
     power, noise, floor = bands[0].copy(), bands[0] / _GAIN, bands[0] / _GAIN
     peak, found = np.zeros(len(power)), np.empty_like(bands)
     for number, band in enumerate(bands):
         power = _KEPT * power + (1 - _KEPT) * band
-        noise = _below(noise, power)
+        noise = _lower_envelope(noise, power)
         signal = np.maximum(power - noise, 1.0)
-        floor = _below(floor, signal)
+        floor = _lower_envelope(floor, signal)
         peak = peak * _FADE
         masked = np.where(signal < _FADE * peak, peak * _MASK, signal)
         peak = np.maximum(peak, signal)
@@ -60,13 +62,13 @@ def without_noise(bands: Floats) -> Floats:
     return found
 
 
-def normalised(rows: Floats) -> Floats:
+def normalise_cepstra(rows: Floats) -> Floats:
     """Return cepstra without the colour of microphone and voice: less their mean, as far as one word tells it."""
-    mean = (rows.sum(axis=0) + WEIGHT * np.array(USUAL)) / (len(rows) + WEIGHT)
+    mean = (rows.sum(axis=0) + TYPICAL_ROWS * np.array(TYPICAL_CEPSTRA)) / (len(rows) + TYPICAL_ROWS)
     return np.asarray(rows - mean, np.float64)
 
 
-def with_slopes(rows: Floats) -> Floats:
+def add_slopes(rows: Floats) -> Floats:
     """Return cepstra, how they change, and how that changes: shape (rows, 3, 13)."""
     count, padded = len(rows), np.pad(rows, ((3, 3), (0, 0)), mode="edge")
 
@@ -76,49 +78,49 @@ def with_slopes(rows: Floats) -> Floats:
     return np.stack([rows, later(2) - later(-2), later(3) - later(1) - later(-1) + later(-3)], axis=1)
 
 
-def _below(envelope: Floats, level: Floats) -> Floats:
+def _lower_envelope(envelope: Floats, level: Floats) -> Floats:
     """Follow the lower edge of a level: slowly up, quickly down."""
     keep = np.where(level >= envelope, _RISE, _FALL)
     return np.asarray(keep * envelope + (1 - keep) * level, np.float64)
 
 
-def _triangles() -> Floats:
+def _mel_triangles() -> Floats:
     """The triangles as weights of a spectrum: shape (FFT // 2 + 1, BANDS). Each has the area 1."""
-    low, high = (2595 * np.log10(1 + edge / 700) for edge in (LOWEST, HIGHEST))
-    step = RATE / FFT
-    edges = np.floor(700 * (10 ** (np.linspace(low, high, BANDS + 2) / 2595) - 1) / step + 0.5) * step
+    low, high = (2595 * np.log10(1 + edge / 700) for edge in (MIN_FREQUENCY, MAX_FREQUENCY))
+    step = RATE / FFT_SIZE
+    edges = np.floor(700 * (10 ** (np.linspace(low, high, BAND_COUNT + 2) / 2595) - 1) / step + 0.5) * step
     begin, top, end = edges[:-2], edges[1:-1], edges[2:]
-    at = np.arange(FFT // 2 + 1)[:, None] * step
+    at = np.arange(FFT_SIZE // 2 + 1)[:, None] * step
     return np.maximum(np.minimum((at - begin) / (top - begin), (end - at) / (end - top)), 0) * 2 / (end - begin)
 
 
-def _cosines() -> Floats:
+def _cosine_transform() -> Floats:
     """The cosine transform and the lifter: shape (BANDS, COUNT)."""
-    number = np.arange(COUNT)
-    waves = np.cos(np.pi * number * (np.arange(BANDS)[:, None] + 0.5) / BANDS) * np.sqrt(2 / BANDS)
+    number = np.arange(CEPSTRUM_SIZE)
+    waves = np.cos(np.pi * number * (np.arange(BAND_COUNT)[:, None] + 0.5) / BAND_COUNT) * np.sqrt(2 / BAND_COUNT)
     waves[:, 0] /= np.sqrt(2)
     return np.asarray(waves * (1 + 11 * np.sin(number * np.pi / 22)), np.float64)
 
 
-def _neighbours() -> Floats:
+def _neighbour_means() -> Floats:
     """The mean over the bands beside each: shape (BANDS, BANDS)."""
-    band = np.arange(BANDS)
+    band = np.arange(BAND_COUNT)
     near = np.abs(band[:, None] - band) <= _BESIDE
     return np.asarray(near / near.sum(axis=1, keepdims=True), np.float64)
 
 
-_TRIANGLES, _COSINES, _NEIGHBOURS = _triangles(), _cosines(), _neighbours()
+_TRIANGLES, _COSINES, _NEIGHBOURS = _mel_triangles(), _cosine_transform(), _neighbour_means()
 
 
-Whole = npt.NDArray[np.int64]
-Short = npt.NDArray[np.float32]
+Integers = npt.NDArray[np.int64]
+Floats32 = npt.NDArray[np.float32]
 
-STATES = 3
+STATES_PER_PHONE = 3
 """Of a phone, one after the other."""
 
 SILENCE = "SIL"
 
-FEATURES = {
+REQUIRED_FEATURES = {
     "-lowerf": "130",
     "-upperf": "6800",
     "-nfilt": "25",
@@ -130,17 +132,17 @@ FEATURES = {
 }
 """What it must have been trained on, as its ``feat.params`` tells: what ``cepstra`` makes."""
 
-_WEIGHT = 1024 * np.log(1.0001)  # of a state for a Gaussian: minus the logarithm, in these units
-_PLACES = {"inside": 0, "first": 1, "last": 2, "alone": 3}  # of a phone in its word
+_WEIGHT_SCALE = 1024 * np.log(1.0001)  # of a state for a Gaussian: minus the logarithm, in these units
+_WORD_POSITIONS = {"inside": 0, "first": 1, "last": 2, "alone": 3}  # of a phone in its word
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class States:
+class WordStates:
     """The states of a word one after the other: which, and the logarithms of the chance to stay and to go on."""
 
-    which: Whole
-    stay: Floats
-    leave: Floats
+    numbers: Integers
+    log_stay: Floats
+    log_leave: Floats
 
 
 class AcousticModel:
@@ -148,75 +150,82 @@ class AcousticModel:
 
     def __init__(self, folder: Path) -> None:
         told = dict(line.split() for line in (folder / "feat.params").read_text("utf-8").splitlines() if line.strip())
-        if other := [f"{key} {told.get(key)}" for key, value in FEATURES.items() if told.get(key) != value]:
+        if other := [f"{key} {told.get(key)}" for key, value in REQUIRED_FEATURES.items() if told.get(key) != value]:
             raise ValueError(f"the acoustic model was trained on other features: {', '.join(other)}")
-        means, variances = _table(folder / "means"), np.maximum(_table(folder / "variances"), 1e-4)
+        means, variances = _read_table(folder / "means"), np.maximum(_read_table(folder / "variances"), 1e-4)
         self.slopes = np.concatenate([-0.5 / variances, means / variances], axis=-1).astype(np.float32)
         self.constants = -0.5 * (np.log(2 * np.pi * variances) + means**2 / variances).sum(axis=-1).astype(np.float32)
-        chances = _table(folder / "transition_matrices")
-        self._chances = chances / chances.sum(axis=-1, keepdims=True)
+        chances = _read_table(folder / "transition_matrices")
+        self._transitions = chances / chances.sum(axis=-1, keepdims=True)
         self._read_phones((folder / "mdef").read_bytes())
-        self.weights = self._weights((folder / "sendump").read_bytes(), means.shape[1:3])
+        self.weights = self._read_weights((folder / "sendump").read_bytes(), means.shape[1:3])
 
     def _read_phones(self, data: bytes) -> None:
         """Read which states belong to which phone between which others."""
         if data[:4] != b"BMDF":
             raise ValueError("the acoustic model has no binary mdef")
         at = 12 + int(np.frombuffer(data, "<i4", 1, 8)[0])
-        phones, everywhere, states, _, self.count, _, rows, _, tree, _ = np.frombuffer(data, "<i4", 10, at).tolist()
-        if states != STATES:
-            raise ValueError(f"the acoustic model has {states} states in a phone, not {STATES}")
+        phones, everywhere, states, _, self.state_count, _, rows, _, tree, _ = np.frombuffer(
+            data, "<i4", 10, at
+        ).tolist()
+        if states != STATES_PER_PHONE:
+            raise ValueError(f"the acoustic model has {states} states in a phone, not {STATES_PER_PHONE}")
         at += 40
         names = data[at:].split(b"\0", phones)[:phones]
-        self._number = {name.decode(): number for number, name in enumerate(names)}
+        self._phone_numbers = {name.decode(): number for number, name in enumerate(names)}
         at += -(-sum(len(name) + 1 for name in names) // 4) * 4 + 8 * tree
         kind = [("row", "<i4"), ("chances", "<i4"), ("place", "u1"), ("context", "u1", 3)]
         self._phones = np.frombuffer(data, kind, everywhere, at)
-        self._rows = np.frombuffer(data, "<i2", rows * STATES, at + 12 * everywhere + 4).reshape(rows, STATES)
+        self._rows = np.frombuffer(data, "<i2", rows * STATES_PER_PHONE, at + 12 * everywhere + 4).reshape(
+            rows, STATES_PER_PHONE
+        )
         context = self._phones["context"].astype(np.int64)
         keys = self._key(self._phones["place"].astype(np.int64), *context.T)
         keys[:phones] = -1
         self._order = np.argsort(keys)
         self._keys = keys[self._order]
-        self.phone_of = np.zeros(self.count, np.int64)
+        self.phone_of = np.zeros(self.state_count, np.int64)
         bases = np.concatenate([np.arange(phones), context[phones:, 0]])
         self.phone_of[self._rows[self._phones["row"]]] = bases[:, None]
 
-    def _weights(self, data: bytes, shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
+    def _read_weights(self, data: bytes, shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
         """Read how a state weighs the Gaussians: shape (streams, Gaussians, states)."""
-        size = int(np.prod(shape)) * self.count
+        size = int(np.prod(shape)) * self.state_count
         if len(data) < size or b"cluster_count 0" not in data[:4096]:
             raise ValueError("the acoustic model has weights of another form")
-        return np.frombuffer(data, np.uint8, size, len(data) - size).reshape(*shape, self.count)
+        return np.frombuffer(data, np.uint8, size, len(data) - size).reshape(*shape, self.state_count)
 
-    def _key(self, place: Whole, phone: Whole, before: Whole, after: Whole) -> Whole:
-        count = len(self._number)
+    def _key(self, place: Integers, phone: Integers, before: Integers, after: Integers) -> Integers:
+        count = len(self._phone_numbers)
         return ((place * count + phone) * count + before) * count + after
 
-    def states(self, phones: Sequence[str]) -> States:
+    def word_states(self, phones: Sequence[str]) -> WordStates:
         """Return the states of a word between silences. Raises KeyError for a phone that the model has not."""
         around = (SILENCE, *phones, SILENCE)
         found = [
-            self._phones[self._phone(number, len(phones), around[number : number + 3])] for number in range(len(phones))
+            self._phones[self._find_phone(number, len(phones), around[number : number + 3])]
+            for number in range(len(phones))
         ]
-        chances = np.concatenate([self._chances[each["chances"]] for each in found])
-        state = np.arange(len(chances)) % STATES
+        chances = np.concatenate([self._transitions[each["chances"]] for each in found])
+        state = np.arange(len(chances)) % STATES_PER_PHONE
         stay, leave = (chances[np.arange(len(chances)), state + more] for more in (0, 1))
-        return States(np.concatenate([self._rows[each["row"]] for each in found]), np.log(stay), np.log(leave))
+        return WordStates(np.concatenate([self._rows[each["row"]] for each in found]), np.log(stay), np.log(leave))
 
-    def _phone(self, number: int, count: int, around: Sequence[str]) -> int:
-        """Return the phone that stands ``number`` in a word of ``count``, the likest that is known."""
-        before, phone, after = (self._number[each] for each in around)
+    def _find_phone(self, number: int, count: int, around: Sequence[str]) -> int:
+        """Return the phone that stands ``number`` in a word of ``state_count``, the likest that is known."""
+        before, phone, after = (self._phone_numbers[each] for each in around)
         name = "alone" if count == 1 else "first" if number == 0 else "last" if number == count - 1 else "inside"
-        for place in (_PLACES[name], *_PLACES.values()):
-            key = ((place * len(self._number) + phone) * len(self._number) + before) * len(self._number) + after
+        for place in (_WORD_POSITIONS[name], *_WORD_POSITIONS.values()):
+            key = ((place * len(self._phone_numbers) + phone) * len(self._phone_numbers) + before) * len(
+                self._phone_numbers
+            ) + after
             at = int(np.searchsorted(self._keys, key))
             if at < len(self._keys) and self._keys[at] == key:
                 return int(self._order[at])
         return phone
 
 
-class Fits:
+class StateLikelihoods:
     """How well sounds fit some ``states`` of a model."""
 
     def __init__(self, model: AcousticModel, states: Iterable[int]) -> None:
@@ -224,16 +233,16 @@ class Fits:
         self._model = model
         phones = model.phone_of[self.states]
         self._groups = [
-            (phone, mine, np.exp(-_WEIGHT * model.weights[:, :, self.states[mine]]).astype(np.float32))
+            (phone, mine, np.exp(-_WEIGHT_SCALE * model.weights[:, :, self.states[mine]]).astype(np.float32))
             for phone in np.unique(phones).tolist()
             for mine in [np.flatnonzero(phones == phone)]
         ]
 
-    def columns(self, states: Whole) -> Whole:
+    def columns(self, states: Integers) -> Integers:
         """Return in which columns of the fits some states are."""
         return np.searchsorted(self.states, states)
 
-    def __call__(self, features: Floats) -> Short:
+    def __call__(self, features: Floats) -> Floats32:
         """Return the logarithm of the density of each row of ``features`` in each state: shape (rows, states)."""
         found = np.zeros((len(features), len(self.states)), np.float32)
         squares = np.concatenate([features**2, features], axis=-1).astype(np.float32)
@@ -245,7 +254,7 @@ class Fits:
         return found
 
 
-def _table(path: Path) -> Floats:
+def _read_table(path: Path) -> Floats:
     """Read a file of floats of Sphinx-3: their shape stands before them, then how many, but for what comes last."""
     data = path.read_bytes()
     at = data.index(b"endhdr\n") + 11
@@ -268,11 +277,11 @@ def _table(path: Path) -> Floats:
 FILLERS = {SILENCE: 0.005, "+NSN+": 1e-8, "+SPN+": 1e-8}
 """What may sound beside a word, and its chance: silence, noise, and voices."""
 
-_NEVER = np.float32(-np.inf)
+_LOG_ZERO = np.float32(-np.inf)
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class WordScore:
     """How one word did: in how many frames of 10 ms it was said, and the logarithm of the density of all the sound."""
 
     word: str
@@ -280,74 +289,76 @@ class Entry:
     score: float
 
 
-class Contest:
+class WordContest:
     """Some ``ways`` to say words: pairs of a word and its phones. For one thread."""
 
-    def __init__(self, model: AcousticModel, ways: Iterable[tuple[str, Sequence[str]]]) -> None:
-        ways = list(ways)
-        self._words = [word for word, _ in ways]
-        each = [model.states(phones) for _, phones in ways]
-        self._fillers = [(model.states([phone]), np.log(chance)) for phone, chance in FILLERS.items()]
-        which = np.concatenate([states.which for states in each])
-        self._fits = Fits(model, [*which.tolist(), *(s for states, _ in self._fillers for s in states.which.tolist())])
-        self._columns = self._fits.columns(which)
-        self._stay = np.concatenate([states.stay for states in each]).astype(np.float32)
-        self._leave = np.concatenate([states.leave for states in each]).astype(np.float32)
-        self._last = np.cumsum([len(states.which) for states in each]) - 1
-        self._first = np.append(0, self._last[:-1] + 1)
+    def __init__(self, model: AcousticModel, pronunciations: Iterable[tuple[str, Sequence[str]]]) -> None:
+        pronunciations = list(pronunciations)
+        self._words = [word for word, _ in pronunciations]
+        each = [model.word_states(phones) for _, phones in pronunciations]
+        self._fillers = [(model.word_states([phone]), np.log(chance)) for phone, chance in FILLERS.items()]
+        which = np.concatenate([states.numbers for states in each])
+        self._likelihoods = StateLikelihoods(
+            model, [*which.tolist(), *(s for states, _ in self._fillers for s in states.numbers.tolist())]
+        )
+        self._columns = self._likelihoods.columns(which)
+        self._log_stay = np.concatenate([states.log_stay for states in each]).astype(np.float32)
+        self._log_leave = np.concatenate([states.log_leave for states in each]).astype(np.float32)
+        self._last_states = np.cumsum([len(states.numbers) for states in each]) - 1
+        self._first_states = np.append(0, self._last_states[:-1] + 1)
 
-    def entries(self, samples: Samples) -> list[Entry]:
+    def rank_words(self, samples: Samples) -> list[WordScore]:
         """Return how each word did, the best first, each word once."""
-        fits = self._fits(with_slopes(normalised(cepstra(samples))))
-        before, after = self._beside(fits), self._beside(fits[::-1], back=True)[::-1]
+        fits = self._likelihoods(add_slopes(normalise_cepstra(cepstra(samples))))
+        before, after = self._filler_scores(fits), self._filler_scores(fits[::-1], backwards=True)[::-1]
         scores, frames = self._search(fits, before, after)
-        found: dict[str, Entry] = {}
+        found: dict[str, WordScore] = {}
         for at in np.argsort(-scores, kind="stable").tolist():
-            entry = Entry(self._words[at], int(frames[at]), float(scores[at]))
+            entry = WordScore(self._words[at], int(frames[at]), float(scores[at]))
             found.setdefault(entry.word, entry)
         return list(found.values())
 
-    def _search(self, fits: Short, before: Floats, after: Floats) -> tuple[Floats, Floats]:
+    def _search(self, fits: Floats32, before: Floats, after: Floats) -> tuple[Floats, Floats]:
         """Return the score of each way and in how many frames it was said."""
-        score = np.full(len(self._stay), _NEVER)
+        score = np.full(len(self._log_stay), _LOG_ZERO)
         begun = np.zeros(len(score), np.int32)
-        best, frames = np.full(len(self._last), -np.inf), np.zeros(len(self._last))
+        best, frames = np.full(len(self._last_states), -np.inf), np.zeros(len(self._last_states))
         came, came_begun = np.empty_like(score), np.empty_like(begun)
         for number, fit in enumerate(fits):
-            came[1:], came_begun[1:] = (score + self._leave)[:-1], begun[:-1]
-            came[self._first], came_begun[self._first] = before[number], number
-            score += self._stay
+            came[1:], came_begun[1:] = (score + self._log_leave)[:-1], begun[:-1]
+            came[self._first_states], came_begun[self._first_states] = before[number], number
+            score += self._log_stay
             moved = came > score
             np.copyto(score, came, where=moved)
             np.copyto(begun, came_begun, where=moved)
             score += fit[self._columns]
-            ended = score[self._last].astype(np.float64) + self._leave[self._last] + after[number + 1]
+            ended = score[self._last_states].astype(np.float64) + self._log_leave[self._last_states] + after[number + 1]
             better = ended > best
             best[better] = ended[better]
-            frames[better] = (number + 1 - begun[self._last])[better]
+            frames[better] = (number + 1 - begun[self._last_states])[better]
         return best, frames
 
-    def _beside(self, fits: Short, *, back: bool = False) -> Floats:
+    def _filler_scores(self, fits: Floats32, *, backwards: bool = False) -> Floats:
         """Return the score of the best fillers up to each frame, shape (frames + 1,); ``back`` in time."""
-        turn = -1 if back else 1
+        turn = -1 if backwards else 1
         states = [filler for filler, _ in self._fillers]
-        columns = np.array([self._fits.columns(each.which)[::turn] for each in states])
-        stay, leave = (np.array([part(each)[::turn] for each in states]) for part in (_stay, _leave))
+        columns = np.array([self._likelihoods.columns(each.numbers)[::turn] for each in states])
+        stay, leave = (np.array([part(each)[::turn] for each in states]) for part in (_log_stay_of, _log_leave_of))
         begin = np.array([chance for _, chance in self._fillers])
-        score, came = np.full((len(states), STATES), -np.inf), np.empty((len(states), STATES))
+        score, came = np.full((len(states), STATES_PER_PHONE), -np.inf), np.empty((len(states), STATES_PER_PHONE))
         found = np.full(len(fits) + 1, -np.inf)
         found[0] = 0.0
         for number, fit in enumerate(fits):
-            came[:, 1:] = score[:, :-1] + (leave[:, 1:] if back else leave[:, :-1])
-            came[:, 0] = found[number] + begin + (leave[:, 0] if back else 0.0)
+            came[:, 1:] = score[:, :-1] + (leave[:, 1:] if backwards else leave[:, :-1])
+            came[:, 0] = found[number] + begin + (leave[:, 0] if backwards else 0.0)
             score = np.maximum(score + stay, came) + fit[columns]
-            found[number + 1] = np.max(score[:, -1] + (0.0 if back else leave[:, -1]))
+            found[number + 1] = np.max(score[:, -1] + (0.0 if backwards else leave[:, -1]))
         return found
 
 
-def _stay(states: States) -> Floats:
-    return states.stay
+def _log_stay_of(states: WordStates) -> Floats:
+    return states.log_stay
 
 
-def _leave(states: States) -> Floats:
-    return states.leave
+def _log_leave_of(states: WordStates) -> Floats:
+    return states.log_leave

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from perception.hearing.lexicon import KIND_OF, edits
+from perception.hearing.lexicon import KIND_OF, edit_distance
 from perception.hearing.sound import RATE, Clip, Floats, levels
 
-FRAME = RATE // 100
+DECODER_FRAME = RATE // 100
 """Samples in a frame of the decoder."""
 
-_SMOOTH = 10  # frames over which silence that sounds is looked for
+_SMOOTHING_FRAMES = 10  # frames over which silence that sounds is looked for
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +42,11 @@ class Decoding:
     phrase: str
     frames: int
     words: tuple[Segment, ...]
-    aligned: tuple[Segment, ...]
-    loop: tuple[Segment, ...]
+    aligned_phones: tuple[Segment, ...]
+    loop_phones: tuple[Segment, ...]
 
     @classmethod
-    def of(cls, answer: Mapping[str, Any]) -> "Decoding | None":
+    def from_answer(cls, answer: Mapping[str, Any]) -> "Decoding | None":
         """Return what an answer of the worker says; None where it understood nothing, or could not align it."""
         if not answer.get("phrase") or not answer.get("aligned") or not answer.get("loop"):
             return None
@@ -56,22 +56,24 @@ class Decoding:
         return cls(answer["phrase"], int(answer["frames"]), words, aligned, loop)
 
 
-def features(said: Decoding, clip: Clip) -> dict[str, float]:
+def acceptance_features(decoding: Decoding, clip: Clip) -> dict[str, float]:
     """Return the figures, by name."""
-    phones = [segment for segment in said.aligned if segment.name in KIND_OF]
-    spoken = np.zeros(said.frames, bool)
+    phones = [segment for segment in decoding.aligned_phones if segment.name in KIND_OF]
+    spoken = np.zeros(decoding.frames, bool)
     for segment in phones:
         spoken[segment.frames] = True
-    loop = _by_frame(said.loop, said.frames)
+    loop = _frame_scores(decoding.loop_phones, decoding.frames)
     return {
-        **_fit(said, phones, loop, spoken),
-        **_lengths(phones, spoken),
-        **_likeness([each.name for each in phones], [each.name for each in said.loop if each.name in KIND_OF]),
-        **_loudness(clip, spoken),
+        **_fit_features(decoding, phones, loop, spoken),
+        **_length_features(phones, spoken),
+        **_likeness_features(
+            [each.name for each in phones], [each.name for each in decoding.loop_phones if each.name in KIND_OF]
+        ),
+        **_loudness_features(clip, spoken),
     }
 
 
-def _by_frame(segments: Iterable[Segment], frames: int) -> Floats:
+def _frame_scores(segments: Iterable[Segment], frames: int) -> Floats:
     """Return the score of each frame, where a segment's is spread over it evenly."""
     scores = np.zeros(frames)
     for segment in segments:
@@ -79,13 +81,13 @@ def _by_frame(segments: Iterable[Segment], frames: int) -> Floats:
     return scores
 
 
-def _fit(said: Decoding, phones: Sequence[Segment], loop: Floats, spoken: Floats) -> dict[str, float]:
+def _fit_features(decoding: Decoding, phones: Sequence[Segment], loop: Floats, spoken: Floats) -> dict[str, float]:
     """How much worse the phrase fits than the loop: all of it, its phones, the worst of them, and its silence."""
     goodness = np.array([each.score / each.length - float(np.mean(loop[each.frames])) for each in phones])
-    difference = _by_frame(said.aligned, said.frames) - loop
-    smooth = np.convolve(difference, np.full(_SMOOTH, 1 / _SMOOTH), "same")[: said.frames]
+    difference = _frame_scores(decoding.aligned_phones, decoding.frames) - loop
+    smooth = np.convolve(difference, np.full(_SMOOTHING_FRAMES, 1 / _SMOOTHING_FRAMES), "same")[: decoding.frames]
     silent = spoken == 0
-    whole = sum(each.score for each in said.words) - sum(each.score for each in said.loop)
+    whole = sum(each.score for each in decoding.words) - sum(each.score for each in decoding.loop_phones)
     return {
         "ratio": whole / max(1.0, float(spoken.sum())),
         "goodness": float(np.average(goodness, weights=[each.length for each in phones])),
@@ -98,7 +100,7 @@ def _fit(said: Decoding, phones: Sequence[Segment], loop: Floats, spoken: Floats
     }
 
 
-def _lengths(phones: Sequence[Segment], spoken: Floats) -> dict[str, float]:
+def _length_features(phones: Sequence[Segment], spoken: Floats) -> dict[str, float]:
     """How long the phones are, as logarithms, and how long the pauses between them."""
     lengths = np.array([each.length for each in phones], float)
     where = np.flatnonzero(spoken)
@@ -112,19 +114,20 @@ def _lengths(phones: Sequence[Segment], spoken: Floats) -> dict[str, float]:
     }
 
 
-def _likeness(phrase: Sequence[str], heard: Sequence[str]) -> dict[str, float]:
+def _likeness_features(phrase: Sequence[str], loop: Sequence[str]) -> dict[str, float]:
     """How many phones have to be changed to make the phrase of what the loop heard, for each phone of the phrase."""
     return {
-        "changes": edits(phrase, heard) / len(phrase),
-        "changes of kind": edits([KIND_OF[each] for each in phrase], [KIND_OF[each] for each in heard]) / len(phrase),
-        "surplus": abs(len(heard) - len(phrase)) / len(phrase),
+        "changes": edit_distance(phrase, loop) / len(phrase),
+        "changes of kind": edit_distance([KIND_OF[each] for each in phrase], [KIND_OF[each] for each in loop])
+        / len(phrase),
+        "surplus": abs(len(loop) - len(phrase)) / len(phrase),
     }
 
 
-def _loudness(clip: Clip, spoken: Floats) -> dict[str, float]:
+def _loudness_features(clip: Clip, spoken: Floats) -> dict[str, float]:
     """How far the speech is above the background (dB), and how much of what is loud lies in the words."""
-    level = np.convolve(levels(clip.samples, FRAME), np.full(5, 0.2), "same")[: len(spoken)]
-    noise = levels(clip.noise, FRAME)
+    level = np.convolve(levels(clip.samples, DECODER_FRAME), np.full(5, 0.2), "same")[: len(spoken)]
+    noise = levels(clip.noise, DECODER_FRAME)
     low = float(np.median(noise)) if len(noise) else float(level.min())
     high = float(np.percentile(level, 95))
     loud = level > low + max(5.0, 0.35 * (high - low))

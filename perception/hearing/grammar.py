@@ -19,7 +19,7 @@ _APOSTROPHES = str.maketrans({"\u2019": "'", "\u02bc": "'"})
 _BETWEEN = re.compile(r"[^\w']+|_+")
 
 
-def normalised(text: str) -> str:
+def normalise(text: str) -> str:
     """Return ``text`` as it is listened for: small letters, single spaces, no punctuation but within words.
 
     Accents are one with their letters (Unicode's NFC), as dictionaries have them.
@@ -29,9 +29,9 @@ def normalised(text: str) -> str:
     return " ".join(filter(None, (word.strip("'") for word in words)))
 
 
-def fault_of(text: str) -> str:
+def phrase_error(text: str) -> str:
     """Say what is wrong with a phrase to listen for; empty when it can be said."""
-    phrase = normalised(text)
+    phrase = normalise(text)
     if not phrase:
         return "there is no word in it"
     if any(sign.isdigit() for sign in phrase):
@@ -40,19 +40,19 @@ def fault_of(text: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Grammar:
-    """The ``phrases`` that count, normalised, each once. Make it with ``Grammar.of``."""
+class PhraseGrammar:
+    """The ``phrases`` that count, normalised, each once. Make it with ``PhraseGrammar.of``."""
 
     phrases: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, texts: Iterable[str]) -> "Grammar":
+    def from_texts(cls, texts: Iterable[str]) -> "PhraseGrammar":
         """Return the grammar of some texts. Raises ValueError for one that nobody can say."""
         texts = list(texts)
         for text in texts:
-            if fault := fault_of(text):
+            if fault := phrase_error(text):
                 raise ValueError(f"cannot listen for {text!r}: {fault}")
-        return cls(tuple(dict.fromkeys(map(normalised, texts))))
+        return cls(tuple(dict.fromkeys(map(normalise, texts))))
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -71,15 +71,15 @@ class Grammar:
                 state, free = free, free if last else free + 1
         return found
 
-    def find(self, text: str, *, beside: int = 2) -> str:
+    def find(self, text: str, *, extra_words: int = 2) -> str:
         """Return the longest phrase that stands in a written ``text`` with at most ``beside`` other words, else ""."""
-        words = normalised(text).split()
-        fitting = (phrase for phrase in self.phrases if _stands(phrase.split(), words, beside))
+        words = normalise(text).split()
+        fitting = (phrase for phrase in self.phrases if _contains_phrase(phrase.split(), words, extra_words))
         return max(fitting, key=lambda phrase: len(phrase.split()), default="")
 
 
-def _stands(phrase: Sequence[str], words: Sequence[str], beside: int) -> bool:
+def _contains_phrase(phrase: Sequence[str], words: Sequence[str], extra_words: int) -> bool:
     size = len(phrase)
-    if not 0 <= len(words) - size <= beside:
+    if not 0 <= len(words) - size <= extra_words:
         return False
     return any(list(words[at : at + size]) == list(phrase) for at in range(len(words) - size + 1))

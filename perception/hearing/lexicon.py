@@ -13,7 +13,7 @@ from pathlib import Path
 # For words that no dictionary has, such as names. Of 1500 words of the CMU dictionary drawn by lot, 57 % come out as
 # they stand there, and 11 % of all phones differ.
 
-_SOUNDS = {
+_ESPEAK_PHONES = {
     "p": "P", "b": "B", "t": "T", "t#": "T", "t2": "T", "d": "D", "k": "K", "g": "G", "f": "F", "v": "V", "T": "TH",
     "D": "DH", "s": "S", "z": "Z", "S": "SH", "Z": "ZH", "h": "HH", "x": "K", "tS": "CH", "dZ": "JH", "m": "M",
     "n": "N", "n-": "AH N", "N": "NG", "l": "L", "@L": "AH L", "r": "R", "r-": "AH R", "w": "W", "j": "Y",
@@ -25,23 +25,23 @@ _SOUNDS = {
 }  # fmt: skip
 """Mnemonics of the voice en-us, without stress."""
 
-_SILENT = frozenset(("", "_", "_:", "?", ";", "|"))
+_SILENT_MNEMONICS = frozenset(("", "_", "_:", "?", ";", "|"))
 
 
-def phones_of(mnemonics: Sequence[str]) -> tuple[str, ...]:
+def espeak_to_phones(mnemonics: Sequence[str]) -> tuple[str, ...]:
     """Return the phones of a word from espeak-ng's phoneme events. Raises ValueError for a mnemonic of other voices."""
     found: list[str] = []
     for mnemonic in mnemonics:
         plain = mnemonic.lstrip("',%=")
-        if plain in _SILENT:
+        if plain in _SILENT_MNEMONICS:
             continue
-        if plain not in _SOUNDS:
+        if plain not in _ESPEAK_PHONES:
             raise ValueError(f"phoneme {mnemonic!r} is none of the voice en-us")
-        found += _SOUNDS[plain].split()
+        found += _ESPEAK_PHONES[plain].split()
     return tuple(found)
 
 
-KINDS = {
+PHONE_KINDS = {
     "vowel": ("AA", "AE", "AH", "AO", "AW", "AY", "EH", "ER", "EY", "IH", "IY", "OW", "OY", "UH", "UW"),
     "hiss": ("CH", "F", "JH", "S", "SH", "TH", "Z", "ZH"),
     "breath": ("DH", "HH", "V"),
@@ -51,35 +51,35 @@ KINDS = {
 }
 """The phones of each kind: those of one kind are easily mistaken for each other."""
 
-KIND_OF = {phone: kind for kind, phones in KINDS.items() for phone in phones}
+KIND_OF = {phone: kind for kind, phones in PHONE_KINDS.items() for phone in phones}
 """The kind of each phone; noises and silence have none."""
 
-VOWELS = frozenset(KINDS["vowel"])
+VOWELS = frozenset(PHONE_KINDS["vowel"])
 
 
 # British pronunciations, by rule, beside the American ones of the dictionary.
 #
 # Two rules make most of the difference: R is silent unless a vowel follows, and the vowel of *stop* is round.
 
-_CENTRING = frozenset(("IH", "EH", "UH"))  # near, hair, tour: what is left of the R is a vowel
+_CENTRING_VOWELS = frozenset(("IH", "EH", "UH"))  # near, hair, tour: what is left of the R is a vowel
 
 
-def variants(phones: Sequence[str]) -> list[tuple[str, ...]]:
+def british_variants(phones: Sequence[str]) -> list[tuple[str, ...]]:
     """Return how else a word of ``phones`` is said; nothing that equals it, and nothing twice."""
     plain = tuple(phones)
-    rounded = _rounded(plain)
-    found = dict.fromkeys((_silent_r(plain), rounded, _silent_r(rounded)))
+    rounded = _round_vowels(plain)
+    found = dict.fromkeys((_drop_silent_r(plain), rounded, _drop_silent_r(rounded)))
     found.pop(plain, None)
     return list(found)
 
 
-def _rounded(phones: Sequence[str]) -> tuple[str, ...]:
+def _round_vowels(phones: Sequence[str]) -> tuple[str, ...]:
     """Say the vowel of *stop* with round lips, but not that of *start*."""
     following = (*phones[1:], "")
     return tuple("AO" if (a, b != "R") == ("AA", True) else a for a, b in zip(phones, following, strict=True))
 
 
-def _silent_r(phones: Sequence[str]) -> tuple[str, ...]:
+def _drop_silent_r(phones: Sequence[str]) -> tuple[str, ...]:
     """Leave out each R that no vowel follows; *near* and *forward* keep a faint vowel in its place."""
     said: list[str] = []
     for phone, following in zip(phones, (*phones[1:], ""), strict=True):
@@ -89,7 +89,7 @@ def _silent_r(phones: Sequence[str]) -> tuple[str, ...]:
             said.append("AH" if VOWELS.intersection(said) else "ER")
         elif not said or said[-1] not in VOWELS:
             said.append(phone)
-        elif said[-1] in _CENTRING:
+        elif said[-1] in _CENTRING_VOWELS:
             said.append("AH")
     return tuple(said)
 
@@ -110,28 +110,30 @@ class Lexicon:
     that the model has not.
     """
 
-    def __init__(self, dictionary: str, own: Mapping[str, str] | None = None) -> None:
+    def __init__(self, dictionary: str, overrides: Mapping[str, str] | None = None) -> None:
         self._text = f"\n{dictionary}"
-        self._found: dict[str, list[Phones]] = {}
-        self._own = {word.casefold(): tuple(said.upper().split()) for word, said in (own or {}).items()}
-        for word, said in self._own.items():
+        self._cache: dict[str, list[Phones]] = {}
+        self._overrides = {word.casefold(): tuple(said.upper().split()) for word, said in (overrides or {}).items()}
+        for word, said in self._overrides.items():
             if not said or (wrong := [phone for phone in said if phone not in KIND_OF]):
                 what = f"{wrong[0]!r} is no phone" if said else "it has no phones"
                 raise ValueError(f"pronunciation of {word!r}: {what}; phones are {' '.join(sorted(KIND_OF))}")
 
     def pronunciations(self, word: str) -> list[Phones]:
         """Return all the ways to say ``word``, with British ones; empty when it is unknown."""
-        if word not in self._found:
-            own = self._own.get(word)
-            known = [own] if own is not None else list(self._listed(word))
-            self._found[word] = list(dict.fromkeys((*known, *(other for said in known for other in variants(said)))))
-        return list(self._found[word])
+        if word not in self._cache:
+            own = self._overrides.get(word)
+            known = [own] if own is not None else list(self._dictionary_pronunciations(word))
+            self._cache[word] = list(
+                dict.fromkeys((*known, *(other for said in known for other in british_variants(said))))
+            )
+        return list(self._cache[word])
 
-    def unknown(self, words: Sequence[str]) -> list[str]:
+    def unknown_words(self, words: Sequence[str]) -> list[str]:
         """Return those of ``words`` that nobody knows how to say."""
         return [word for word in words if not self.pronunciations(word)]
 
-    def _listed(self, word: str) -> Iterator[Phones]:
+    def _dictionary_pronunciations(self, word: str) -> Iterator[Phones]:
         entry, number = word, 1
         while (at := self._text.find(f"\n{entry} ")) >= 0:
             begin = at + len(entry) + 2
@@ -141,48 +143,51 @@ class Lexicon:
             entry = f"{word}({number})"
 
 
-def english(own: Mapping[str, str] | None = None) -> Lexicon | None:
+def load_english(overrides: Mapping[str, str] | None = None) -> Lexicon | None:
     """Return the lexicon of the model that pocketsphinx carries; None where it is not installed."""
     folder = model_folder()
-    return None if folder is None else _read(folder / "cmudict-en-us.dict", tuple((own or {}).items()))
+    return None if folder is None else _read_lexicon(folder / "cmudict-en-us.dict", tuple((overrides or {}).items()))
 
 
 @lru_cache(maxsize=4)
-def _read(path: Path, own: Sequence[tuple[str, str]]) -> Lexicon:
+def _read_lexicon(path: Path, overrides: Sequence[tuple[str, str]]) -> Lexicon:
     """Read a dictionary once: each check of a mission asks for it."""
-    return Lexicon(path.read_text(encoding="utf-8"), dict(own))
+    return Lexicon(path.read_text(encoding="utf-8"), dict(overrides))
 
 
 # Which phrases are easily confused: those that differ by hardly more than one sound.
 
-NEAR_CHANGES = 1.0
+MAX_CONFUSABLE_CHANGES = 1.0
 """Changes of phones up to which two phrases are near; one by another of its kind (m by n) counts half."""
 
-WAYS = 16
+MAX_PRONUNCIATIONS = 16
 """Of the ways to say a phrase, as many are looked at."""
 
 
-def confusable(phrases: Sequence[str], lexicon: Lexicon) -> list[tuple[str, str]]:
+def find_confusable(phrases: Sequence[str], lexicon: Lexicon) -> list[tuple[str, str]]:
     """Return the pairs of normalised phrases that are easily taken for each other; those unknown are in none."""
-    said = {phrase: _ways(phrase, lexicon) for phrase in phrases}
+    said = {phrase: _phrase_pronunciations(phrase, lexicon) for phrase in phrases}
     return [
         (one, other)
         for one, other in combinations(said, 2)
-        if any(_changes(first, second) <= NEAR_CHANGES for first, second in product(said[one], said[other]))
+        if any(
+            _phone_distance(first, second) <= MAX_CONFUSABLE_CHANGES
+            for first, second in product(said[one], said[other])
+        )
     ]
 
 
-def _ways(phrase: str, lexicon: Lexicon) -> list[tuple[str, ...]]:
+def _phrase_pronunciations(phrase: str, lexicon: Lexicon) -> list[tuple[str, ...]]:
     ways = product(*(lexicon.pronunciations(word) for word in phrase.split()))
-    return [tuple(chain.from_iterable(way)) for way in islice(ways, WAYS)]
+    return [tuple(chain.from_iterable(way)) for way in islice(ways, MAX_PRONUNCIATIONS)]
 
 
-def _changes(one: Sequence[str], other: Sequence[str]) -> float:
+def _phone_distance(one: Sequence[str], other: Sequence[str]) -> float:
     kinds = ([KIND_OF[phone] for phone in each] for each in (one, other))
-    return (edits(one, other) + edits(*kinds)) / 2
+    return (edit_distance(one, other) + edit_distance(*kinds)) / 2
 
 
-def edits(one: Sequence[str], other: Sequence[str]) -> int:
+def edit_distance(one: Sequence[str], other: Sequence[str]) -> int:
     """Return how many insertions, deletions and replacements make ``other`` of ``one`` (Levenshtein's distance)."""
     row = list(range(len(other) + 1))
     for number, each in enumerate(one, 1):

@@ -11,21 +11,21 @@ import numpy as np
 
 from perception.api import Words, ignore
 from perception.hearing.engines import Judgement
-from perception.hearing.sound import FULL, RATE, Clip, EndPointer, Piece, levels
+from perception.hearing.sound import FULL_SCALE_LEVEL, RATE, Clip, EndPointer, Piece, levels
 
-KEPT = 30.0
+MAX_WORD_AGE = 30.0
 """Seconds for which words are kept."""
 
-WAITING = 8
+MAX_WAITING_CLIPS = 8
 """Clips that wait for the recogniser at most; it is ten times as fast as speech, unless it has died."""
 
-SILENCE = -90.0
+SILENCE_LEVEL = -90.0
 """dBFS when there is no sound at all."""
 
 CLIP_TIMEOUT = 10.0
 """Seconds that the recogniser may take for a clip; then it hangs, and is killed."""
 
-START = 60.0
+START_TIMEOUT = 60.0
 """The same to get ready: large models of Vosk are slow to load."""
 
 
@@ -52,26 +52,26 @@ TRANSITIONS: Final = {
 }
 
 
-class Talker(Protocol):
-    """Who talks with a program: ``drivers.transport.pipe.Talker``."""
+class RecogniserHandler(Protocol):
+    """Who talks with a program: ``drivers.transport.pipe.WorkerHandler``."""
 
-    def started(self) -> None:
+    def on_started(self) -> None:
         """It runs, and knows nothing yet."""
         ...
 
-    def received(self, message: Mapping[str, Any], body: bytes) -> None:
+    def on_message(self, message: Mapping[str, Any], body: bytes) -> None:
         """It said something."""
         ...
 
-    def lost(self, why: str) -> None:
+    def on_exit(self, reason: str) -> None:
         """It has died."""
         ...
 
 
-class Worker(Protocol):
-    """A program in a process of its own: ``drivers.transport.pipe.Worker``."""
+class RecogniserWorker(Protocol):
+    """A program in a process of its own: ``drivers.transport.pipe.WorkerProcess``."""
 
-    def open(self, talker: Talker) -> None:
+    def open(self, handler: RecogniserHandler) -> None:
         """Start it."""
         ...
 
@@ -88,14 +88,14 @@ class Worker(Protocol):
         ...
 
 
-class Engine(Protocol):
+class RecogniserEngine(Protocol):
     """A way to recognise speech: those of ``perception.hearing.engines``."""
 
-    def instructions(self) -> Mapping[str, Any]:
+    def setup_message(self) -> Mapping[str, Any]:
         """Return what a new process must be told."""
         ...
 
-    def sound(self, clip: Clip) -> bytes:
+    def prepare_sound(self, clip: Clip) -> bytes:
         """Return what is decoded of a clip."""
         ...
 
@@ -104,167 +104,173 @@ class Engine(Protocol):
         ...
 
 
-def never(_start: float, _end: float) -> bool:
+def never_deaf(_start: float, _end: float) -> bool:
     """Say that the robot is silent: the ``deaf`` of ears without a voice beside them."""
     return False
 
 
-class Listener:
-    """Understands the sound that it is given: a ``Hearing``, and the ``Talker`` of its ``worker``.
+class SpeechListener:
+    """Understands the sound that it is given: a ``Hearing``, and the ``RecogniserHandler`` of its ``worker``.
 
     What scores ``threshold`` or more is accepted. ``deaf(start, end)`` tells whether sound of that time is not to be
     listened to, since the robot itself speaks. ``changed`` is called, from the worker's thread, after words have come,
-    accepted or not; it must return at once. ``take`` is for one thread, the rest for any.
+    accepted or not; it must return at once. ``process`` is for one thread, the rest for any.
     """
 
     def __init__(
         self,
-        worker: Worker,
-        engine: Engine,
+        worker: RecogniserWorker,
+        engine: RecogniserEngine,
         *,
         threshold: float = 0.0,
-        deaf: Callable[[float, float], bool] = never,
+        is_deaf: Callable[[float, float], bool] = never_deaf,
         changed: Callable[[], None] = ignore,
     ) -> None:
         self._worker = worker
         self._engine = engine
         self._threshold = threshold
-        self._deaf = deaf
+        self._is_deaf = is_deaf
         self._changed = changed
-        self._cutter = EndPointer()
-        self._number: int | None = None  # of the newest piece
-        self._recent = np.zeros(0, np.int16)
+        self._end_pointer = EndPointer()
+        self._newest_number: int | None = None  # of the newest piece
+        self._recent_sound = np.zeros(0, np.int16)
         self._lock = Lock()  # over everything below
         self._state = RecogniserState.ABSENT
-        self._waiting: deque[Clip] = deque(maxlen=WAITING)
-        self._sent: Clip  # the newest clip that was sent
-        self._since: float | None = None  # the time of the first sound after something was wanted of the recogniser
-        self._count = 0
+        self._waiting_clips: deque[Clip] = deque(maxlen=MAX_WAITING_CLIPS)
+        self._sent_clip: Clip  # the newest clip that was sent
+        self._waiting_since: float | None = (
+            None  # the time of the first sound after something was wanted of the recogniser
+        )
+        self._sent_count = 0
         self._accepted: deque[Words] = deque()
         self._refused: deque[Words] = deque()
-        self._listened: float | None = None
+        self._listened_until: float | None = None
 
     # --- Hearing ------------------------------------------------------------------------------------------------------
 
     def words(self) -> tuple[Words, ...]:
         """The phrases of the last 30 s, newest first."""
-        return self._fresh(self._accepted)
+        return self._recent_words(self._accepted)
 
     def refused(self) -> tuple[Words, ...]:
         """What was said in the last 30 s and taken for no phrase, newest first; each with the nearest phrase."""
-        return self._fresh(self._refused)
+        return self._recent_words(self._refused)
 
     def listened(self) -> float | None:
         """The time up to which it has listened, None before it could."""
-        return self._listened
+        return self._listened_until
 
     def level(self) -> float:
         """How loud the last 0.1 s were, in dBFS."""
-        recent = self._recent
-        return max(SILENCE, float(levels(recent, len(recent))[0] - FULL)) if len(recent) else SILENCE
+        recent = self._recent_sound
+        return (
+            max(SILENCE_LEVEL, float(levels(recent, len(recent))[0] - FULL_SCALE_LEVEL))
+            if len(recent)
+            else SILENCE_LEVEL
+        )
 
     @property
-    def ready(self) -> bool:
+    def is_ready(self) -> bool:
         """True while the recogniser runs and knows what to listen for."""
         return self._state in (RecogniserState.READY, RecogniserState.DECODING)
 
     @property
-    def pending(self) -> bool:
+    def is_pending(self) -> bool:
         """True while something that was said is not understood yet."""
         with self._lock:
-            return bool(self._waiting) or self._state is RecogniserState.DECODING
+            return bool(self._waiting_clips) or self._state is RecogniserState.DECODING
 
     # --- sound --------------------------------------------------------------------------------------------------------
 
-    def take(self, piece: Piece) -> None:
+    def process(self, piece: Piece) -> None:
         """Listen to the next piece of sound."""
-        self._recent = np.concatenate([self._recent, piece.samples])[-RATE // 10 :]
-        gap = self._number is not None and piece.number != self._number + 1
-        self._number = piece.number
-        deaf = self._deaf(piece.stamp, piece.end)
+        self._recent_sound = np.concatenate([self._recent_sound, piece.samples])[-RATE // 10 :]
+        gap = self._newest_number is not None and piece.number != self._newest_number + 1
+        self._newest_number = piece.number
+        deaf = self._is_deaf(piece.stamp, piece.end)
         if gap or deaf:
-            self._cutter.reset()
-        clips = [] if deaf else self._cutter.take(piece.samples, piece.stamp)
+            self._end_pointer.reset()
+        clips = [] if deaf else self._end_pointer.process(piece.samples, piece.stamp)
         with self._lock:
-            self._waiting.extend(clips)
-            hangs = self._hangs(piece.end)
-            if self.ready and not hangs:
-                self._listened = piece.end
+            self._waiting_clips.extend(clips)
+            hangs = self._is_hanging(piece.end)
+            if self.is_ready and not hangs:
+                self._listened_until = piece.end
         if hangs:
             self._worker.kill()
         if clips:
-            self._ask()
+            self._send_next_clip()
 
-    def _hangs(self, now: float) -> bool:
+    def _is_hanging(self, now: float) -> bool:
         """Say whether the recogniser has owed an answer for too long. Time is that of the sound."""
         if self._state not in (RecogniserState.STARTING, RecogniserState.DECODING):
             return False
-        if self._since is None:
-            self._since = now
-        return now - self._since > (START if self._state is RecogniserState.STARTING else CLIP_TIMEOUT)
+        if self._waiting_since is None:
+            self._waiting_since = now
+        return now - self._waiting_since > (START_TIMEOUT if self._state is RecogniserState.STARTING else CLIP_TIMEOUT)
 
-    def _ask(self) -> None:
+    def _send_next_clip(self) -> None:
         """Have the oldest clip recognised, unless another is."""
         with self._lock:
-            if self._state is not RecogniserState.READY or not self._waiting:
+            if self._state is not RecogniserState.READY or not self._waiting_clips:
                 return
-            self._advance(RecogniserEvent.CLIP_SENT)
-            self._count += 1
-            self._since = None
-            number, clip = self._count, self._waiting.popleft()
-            self._sent = clip
-        with suppress(OSError):  # it is dying, and ``lost`` follows
-            self._worker.send({"decode": number}, self._engine.sound(clip), timeout=CLIP_TIMEOUT)
+            self._handle_event(RecogniserEvent.CLIP_SENT)
+            self._sent_count += 1
+            self._waiting_since = None
+            number, clip = self._sent_count, self._waiting_clips.popleft()
+            self._sent_clip = clip
+        with suppress(OSError):  # it is dying, and ``on_exit`` follows
+            self._worker.send({"decode": number}, self._engine.prepare_sound(clip), timeout=CLIP_TIMEOUT)
 
-    def _advance(self, event: RecogniserEvent) -> None:
+    def _handle_event(self, event: RecogniserEvent) -> None:
         self._state = TRANSITIONS[self._state, event]
 
     # --- the worker's thread ------------------------------------------------------------------------------------------
 
-    def started(self) -> None:
+    def on_started(self) -> None:
         """Tell a new process what to listen for."""
         with self._lock:
-            self._advance(RecogniserEvent.STARTED)
-            self._since = None
-        with suppress(OSError):  # it is dying, and ``lost`` follows
-            self._worker.send(self._engine.instructions(), timeout=CLIP_TIMEOUT)
+            self._handle_event(RecogniserEvent.STARTED)
+            self._waiting_since = None
+        with suppress(OSError):  # it is dying, and ``on_exit`` follows
+            self._worker.send(self._engine.setup_message(), timeout=CLIP_TIMEOUT)
 
-    def lost(self, why: str) -> None:  # noqa: ARG002 - the worker reports it
+    def on_exit(self, reason: str) -> None:  # noqa: ARG002 - the worker reports it
         """Forget what it was asked: nobody knows whether that was what killed it."""
         with self._lock:
-            self._advance(RecogniserEvent.LOST)
+            self._handle_event(RecogniserEvent.LOST)
 
-    def received(self, message: Mapping[str, Any], body: bytes) -> None:  # noqa: ARG002 - none is sent
+    def on_message(self, message: Mapping[str, Any], body: bytes) -> None:  # noqa: ARG002 - none is sent
         """Take an answer, and ask for the next clip."""
         with self._lock:
             if "ready" in message:
-                self._advance(RecogniserEvent.READY)
-            decoded = self._state is RecogniserState.DECODING and message.get("decoded") == self._count
+                self._handle_event(RecogniserEvent.READY)
+            decoded = self._state is RecogniserState.DECODING and message.get("decoded") == self._sent_count
         if decoded:
             try:
-                self._keep(self._count, self._sent, *self._engine.judge(self._sent, message))
+                self._store_words(self._sent_count, self._sent_clip, *self._engine.judge(self._sent_clip, message))
             finally:
                 with self._lock:
-                    self._advance(RecogniserEvent.DECODED)
+                    self._handle_event(RecogniserEvent.DECODED)
             self._changed()
-        self._ask()
+        self._send_next_clip()
 
-    def _keep(self, number: int, clip: Clip, phrase: str, score: float) -> None:
+    def _store_words(self, number: int, clip: Clip, phrase: str, score: float) -> None:
         words = Words(number, phrase, clip.start, clip.end, score)
         with self._lock:
             kept = self._accepted if phrase and score >= self._threshold else self._refused
             kept.appendleft(words)
 
-    def _fresh(self, kept: deque[Words]) -> tuple[Words, ...]:
+    def _recent_words(self, kept: deque[Words]) -> tuple[Words, ...]:
         with self._lock:
-            while kept and kept[-1].stamp < (self._listened or 0.0) - KEPT:
+            while kept and kept[-1].stamp < (self._listened_until or 0.0) - MAX_WORD_AGE:
                 kept.pop()
             return tuple(kept)
 
 
 # The robot's ears: listen to a microphone on a thread of their own.
 
-PERIOD = 0.05
+READ_INTERVAL = 0.05
 """Seconds between looks at the microphone."""
 
 
@@ -285,8 +291,8 @@ class Ears:
     def __init__(
         self,
         source: SoundSource,
-        listener: Listener,
-        worker: Worker,
+        listener: SpeechListener,
+        worker: RecogniserWorker,
         *,
         on_trouble: Callable[[Exception], None] = ignore,
     ) -> None:
@@ -294,39 +300,39 @@ class Ears:
         self._listener = listener
         self._worker = worker
         self._on_trouble = on_trouble
-        self._trouble = ""
-        self._newest = -1
-        self._ending = Event()
+        self._last_error = ""
+        self._newest_number = -1
+        self._closing = Event()
         self._thread: Thread | None = None
 
     def open(self) -> None:
         """Start listening; returns at once. Safe more than once."""
         if self._thread is None:
-            self._ending.clear()
-            self._newest = -1  # a microphone may count anew
+            self._closing.clear()
+            self._newest_number = -1  # a microphone may count anew
             self._worker.open(self._listener)
             self._thread = Thread(target=self._run, name="ears", daemon=True)
             self._thread.start()
 
     def close(self) -> None:
         """End the thread and the recogniser. Safe from any state, more than once, but not from a callback."""
-        self._ending.set()
+        self._closing.set()
         thread, self._thread = self._thread, None
         self._worker.close()
         if thread is not None:
             thread.join()
 
     def _run(self) -> None:
-        while not self._ending.wait(PERIOD):
+        while not self._closing.wait(READ_INTERVAL):
             try:
-                for piece in self._source.read(self._newest):
-                    self._newest = piece.number
-                    self._listener.take(piece)
+                for piece in self._source.read(self._newest_number):
+                    self._newest_number = piece.number
+                    self._listener.process(piece)
             except Exception as error:  # whatever it is, a robot that goes deaf for good is worse
-                self._note(error)
+                self._report_error(error)
 
-    def _note(self, error: Exception) -> None:
+    def _report_error(self, error: Exception) -> None:
         what = f"{type(error).__name__}: {error}"
-        if what != self._trouble:
-            self._trouble = what
+        if what != self._last_error:
+            self._last_error = what
             self._on_trouble(error)

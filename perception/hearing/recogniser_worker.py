@@ -23,61 +23,64 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its matrices are small: th
 import numpy as np
 import pocketsphinx
 
-from perception.hearing.acoustic_model import AcousticModel, Contest, Entry
-from perception.hearing.features import FRAME
-from perception.hearing.sound import Samples, dithered
+from perception.hearing.acoustic_model import AcousticModel, WordContest, WordScore
+from perception.hearing.features import DECODER_FRAME
+from perception.hearing.sound import Samples, add_noise
 
-LOG = 1e4
+LOG_SCALE = 1e4
 """Scores come as exp of logarithms to the base 1.0001, which are shifted right by 10 bits: this undoes the exp."""
 
-WIDE = {"beam": 1e-80, "wbeam": 1e-60, "pbeam": 1e-80}
+GRAMMAR_BEAMS = {"beam": 1e-80, "wbeam": 1e-60, "pbeam": 1e-80}
 """How far a path may fall behind: grammars are small, so that hardly any need be given up early."""
 
-NARROW = {"beam": 1e-20, "wbeam": 1e-15, "pbeam": 1e-20}
+LOOP_BEAMS = {"beam": 1e-20, "wbeam": 1e-15, "pbeam": 1e-20}
 """The same for the loop over phones, which has no end of paths."""
 
-HISS, FAINT = 40.0, 20.0
+DECODER_NOISE, CONTEST_NOISE = 40.0, 20.0
 """Steps of noise under everything for pocketsphinx, and for the contest: the weak ends of words decide between them."""
 
-COMMON, SHORT = 1000, 6
+MAX_COMMON_WORDS, MAX_DECOY_PHONES = 1000, 6
 """How many of the commonest words may be decoys, and how many phones those have at most."""
 
-CONNECTED = 1.6
+CONNECTED_MARGIN = 1.6
 """By how much less well words fit within a phrase, as they run into each other: a logarithm for each frame."""
 
-LEAST = 5
+MIN_MARGIN_FRAMES = 5
 """Frames of 10 ms over which a margin is spread at least."""
 
 Segments = list[tuple[str, int, int, float]]
 """Name, first frame (of 10 ms), how many, and the score of all."""
 
 
-def decoder(**settings: Any) -> pocketsphinx.Decoder:
+def make_decoder(**settings: Any) -> pocketsphinx.Decoder:
     """Return a decoder with the English model and no words."""
     folder = pocketsphinx.get_model_path("en-us/en-us")
     return pocketsphinx.Decoder(hmm=folder, dict=None, lm=None, bestpath=False, cmn="batch", **settings)
 
 
-def run(engine: pocketsphinx.Decoder, sound: bytes) -> None:
+def decode_sound(engine: pocketsphinx.Decoder, sound: bytes) -> None:
     """Decode a whole sound."""
     engine.start_utt()
     engine.process_raw(sound, no_search=False, full_utt=True)
     engine.end_utt()
 
 
-def log(score: float) -> float:
+def to_log(score: float) -> float:
     """Return a score as a logarithm."""
-    return math.log(max(score, 1e-300)) * LOG
+    return math.log(max(score, 1e-300)) * LOG_SCALE
 
 
-def segments(engine: pocketsphinx.Decoder) -> Segments:
+def decoded_segments(engine: pocketsphinx.Decoder) -> Segments:
     """Return what the newest decoding took each stretch of sound for."""
     return [
-        (each.word, each.start_frame, each.end_frame - each.start_frame + 1, log(each.ascore)) for each in engine.seg()
+        (each.word, each.start_frame, each.end_frame - each.start_frame + 1, to_log(each.ascore))
+        for each in engine.seg()
     ]
 
 
-def search(engine: pocketsphinx.Decoder, name: str, words: dict[str, list[str]], arcs: list[tuple[Any, ...]]) -> None:
+def add_search(
+    engine: pocketsphinx.Decoder, name: str, words: dict[str, list[str]], arcs: list[tuple[Any, ...]]
+) -> None:
     """Have a decoder look for a network of words, and tell it how they are said."""
     for word, ways in words.items():
         for number, phones in enumerate(ways, 1):
@@ -85,25 +88,25 @@ def search(engine: pocketsphinx.Decoder, name: str, words: dict[str, list[str]],
     engine.add_fsg(name, engine.create_fsg(name, 0, 1, arcs))
 
 
-def decoys(words: dict[str, list[str]]) -> dict[str, list[str]]:
+def find_decoys(words: dict[str, list[str]]) -> dict[str, list[str]]:
     """Return the common words that nobody should take for one of ``words``, and how they are said: none sounds so."""
     model = pocketsphinx.NGramModel.readfile(pocketsphinx.get_model_path("en-us/en-us.lm.bin"))
-    plain = (word for word, _ in dictionary() if word.isalpha())
+    plain = (word for word, _ in iter_dictionary() if word.isalpha())
     ways: dict[str, list[str]] = {
-        word: [] for word in heapq.nlargest(COMMON, plain, key=lambda word: model.prob([word]))
+        word: [] for word in heapq.nlargest(MAX_COMMON_WORDS, plain, key=lambda word: model.prob([word]))
     }
-    for entry, phones in dictionary():
+    for entry, phones in iter_dictionary():
         if (word := entry.partition("(")[0]) in ways:
             ways[word].append(phones)
     own = {phones for said in words.values() for phones in said}
     return {
         word: said
         for word, said in ways.items()
-        if word not in words and own.isdisjoint(said) and len(said[0].split()) <= SHORT
+        if word not in words and own.isdisjoint(said) and len(said[0].split()) <= MAX_DECOY_PHONES
     }
 
 
-def dictionary() -> Iterator[tuple[str, str]]:
+def iter_dictionary() -> Iterator[tuple[str, str]]:
     """Yield the entries of the dictionary: a word, ``word(2)`` for another way to say it, and its phones."""
     with Path(pocketsphinx.get_model_path("en-us/cmudict-en-us.dict")).open(encoding="utf-8") as lines:
         for line in lines:
@@ -112,14 +115,14 @@ def dictionary() -> Iterator[tuple[str, str]]:
                 yield entry, phones
 
 
-def contest(words: dict[str, list[str]]) -> Contest:
+def make_contest(words: dict[str, list[str]]) -> WordContest:
     """Return a contest of words and their decoys. Raises OSError, ValueError, KeyError for another model."""
     model = AcousticModel(Path(pocketsphinx.get_model_path("en-us/en-us")))
-    everybody = {**decoys(words), **words}
-    return Contest(model, [(word, way.split()) for word, ways in everybody.items() for way in ways])
+    everybody = {**find_decoys(words), **words}
+    return WordContest(model, [(word, way.split()) for word, ways in everybody.items() for way in ways])
 
 
-class Recogniser:
+class SpeechRecogniser:
     """A grammar, and a loop over phones beside it: two decoders, since beams hold for all that one does.
 
     Single words compete with each other and with the decoys, where the acoustic model is one whose files we can read;
@@ -128,54 +131,56 @@ class Recogniser:
 
     def __init__(self) -> None:
         self.grammar: pocketsphinx.Decoder | None = None
-        self.alone: dict[str, list[str]] = {}
-        self.contest: Contest | None = None
-        self.loop = decoder(**NARROW)
+        self.single_words: dict[str, list[str]] = {}
+        self.contest: WordContest | None = None
+        self.loop = make_decoder(**LOOP_BEAMS)
         self.loop.add_allphone_file("phones", pocketsphinx.get_model_path("en-us/en-us-phone.lm.bin"))
         self.loop.activate_search("phones")
 
-    def listen_for(self, words: dict[str, list[str]], arcs: list[list[Any]]) -> None:
+    def set_grammar(self, words: dict[str, list[str]], arcs: list[list[Any]]) -> None:
         """Take a new grammar in place of the old."""
-        self.grammar = decoder(**WIDE)
-        search(self.grammar, "phrases", words, [tuple(arc) for arc in arcs])
-        self.alone = {word: words[word] for begin, end, _, word in arcs if (begin, end) == (0, 1)}
+        self.grammar = make_decoder(**GRAMMAR_BEAMS)
+        add_search(self.grammar, "phrases", words, [tuple(arc) for arc in arcs])
+        self.single_words = {word: words[word] for begin, end, _, word in arcs if (begin, end) == (0, 1)}
         self.contest = None
-        for word in self.alone:
-            search(self.grammar, only(word), {}, [(0, 1, 1.0, word)])
+        for word in self.single_words:
+            add_search(self.grammar, single_word_search(word), {}, [(0, 1, 1.0, word)])
         with suppress(OSError, ValueError, KeyError):  # another model than that which pocketsphinx brings along
-            self.contest = contest(words)
+            self.contest = make_contest(words)
 
     def decode(self, sound: Samples) -> dict[str, Any]:
         """Return what was said, as far as it was a phrase, with all that tells whether to believe it."""
         engine = self.grammar
         if engine is None:
             return {"phrase": ""}
-        loud, faint = dithered(sound, HISS).tobytes(), dithered(sound, FAINT)
-        phrase = understood(engine, "phrases", loud)
-        entries: list[Entry] = []
-        if phrase in self.alone and self.contest is not None:
-            entries = self.contest.entries(faint)
-            best = next(entry.word for entry in entries if entry.word in self.alone)
+        loud, faint = add_noise(sound, DECODER_NOISE).tobytes(), add_noise(sound, CONTEST_NOISE)
+        phrase = decode_phrase(engine, "phrases", loud)
+        entries: list[WordScore] = []
+        if phrase in self.single_words and self.contest is not None:
+            entries = self.contest.rank_words(faint)
+            best = next(entry.word for entry in entries if entry.word in self.single_words)
             if best != phrase:
-                phrase = understood(engine, only(best), loud)
+                phrase = decode_phrase(engine, single_word_search(best), loud)
         if not phrase:
             return {"phrase": ""}
-        words, frames = segments(engine), engine.n_frames()
+        words, frames = decoded_segments(engine), engine.n_frames()
         engine.set_alignment()
-        run(engine, loud)
+        decode_sound(engine, loud)
         aligned = engine.get_alignment() or ()
         phones = [(phone.name, phone.start, phone.duration, phone.score) for word in aligned for phone in word]
-        run(self.loop, loud)
+        decode_sound(self.loop, loud)
         return {
             "phrase": phrase,
             "frames": frames,
             "words": words,
             "aligned": phones,
-            "loop": segments(self.loop),
-            "margin": margin(phrase, entries, self.alone) if entries else self.connected(phrase, words, faint),
+            "loop": decoded_segments(self.loop),
+            "margin": margin(phrase, entries, self.single_words)
+            if entries
+            else self.connected_margin(phrase, words, faint),
         }
 
-    def connected(self, phrase: str, words: Segments, sound: Samples) -> float | None:
+    def connected_margin(self, phrase: str, words: Segments, sound: Samples) -> float | None:
         """Return the mean margin of the words of a phrase, each by its frames; None without a contest."""
         if self.contest is None:
             return None
@@ -183,31 +188,31 @@ class Recogniser:
         for entry, start, length, _ in words:
             word = entry.partition("(")[0]
             if word in phrase.split():
-                part = sound[start * FRAME : (start + length) * FRAME]
-                total += length * margin(word, self.contest.entries(part), (word,))
+                part = sound[start * DECODER_FRAME : (start + length) * DECODER_FRAME]
+                total += length * margin(word, self.contest.rank_words(part), (word,))
                 frames += length
-        return total / frames + CONNECTED if frames else None
+        return total / frames + CONNECTED_MARGIN if frames else None
 
 
-def margin(word: str, entries: list[Entry], own: Container[str]) -> float:
+def margin(word: str, entries: list[WordScore], own: Container[str]) -> float:
     """Return by how much a word fits better than the best of those that are not ``own``, for each frame of it.
 
     It is a natural logarithm.
     """
     mine = next(entry for entry in entries if entry.word == word)
     best = next(entry for entry in entries if entry.word not in own)
-    return (mine.score - best.score) / max(LEAST, mine.frames)
+    return (mine.score - best.score) / max(MIN_MARGIN_FRAMES, mine.frames)
 
 
-def only(word: str) -> str:
+def single_word_search(word: str) -> str:
     """Return the name of the search for one word."""
     return f"only {word}"
 
 
-def understood(engine: pocketsphinx.Decoder, name: str, sound: bytes) -> str:
+def decode_phrase(engine: pocketsphinx.Decoder, name: str, sound: bytes) -> str:
     """Return what a search makes of a sound; empty for nothing."""
     engine.activate_search(name)
-    run(engine, sound)
+    decode_sound(engine, sound)
     found = engine.hyp()
     return "" if found is None else str(found.hypstr)
 
@@ -215,12 +220,12 @@ def understood(engine: pocketsphinx.Decoder, name: str, sound: bytes) -> str:
 def main() -> None:
     """Answer until the input ends."""
     pocketsphinx.set_loglevel("FATAL")
-    recogniser = Recogniser()
+    recogniser = SpeechRecogniser()
     for line in sys.stdin.buffer:
         message = json.loads(line)
         sound = np.frombuffer(sys.stdin.buffer.read(message.get("bytes", 0)), np.int16)
         if "arcs" in message:
-            recogniser.listen_for(message["words"], message["arcs"])
+            recogniser.set_grammar(message["words"], message["arcs"])
             answer: dict[str, Any] = {"ready": True}
         else:
             began = time.process_time()

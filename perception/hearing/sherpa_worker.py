@@ -18,11 +18,11 @@ import sherpa_onnx
 RATE = 16_000
 """Samples a second."""
 
-SILENCE = np.zeros(int(0.6 * RATE), np.float32)
+TRAILING_SILENCE = np.zeros(int(0.6 * RATE), np.float32)
 """Behind a sound: a streaming model looks ahead, and would keep the last word back."""
 
 
-def part(model: Path, name: str) -> str:
+def find_model_part(model: Path, name: str) -> str:
     """Return the file of a part of the model. Ends the program where there is none."""
     found = [*sorted(model.glob(f"{name}*.int8.onnx")), *sorted(model.glob(f"{name}*.onnx"))]
     if not found:
@@ -30,15 +30,15 @@ def part(model: Path, name: str) -> str:
     return str(found[0])
 
 
-def recogniser_of(model: Path) -> "sherpa_onnx.OnlineRecognizer":
+def load_recogniser(model: Path) -> "sherpa_onnx.OnlineRecognizer":
     """Return a recogniser of one thread with the model in a folder."""
     if not (model / "tokens.txt").is_file():
         sys.exit(f"{model}: there is no tokens.txt: unpack a streaming transducer of sherpa-onnx there")
     return sherpa_onnx.OnlineRecognizer.from_transducer(
         tokens=str(model / "tokens.txt"),
-        encoder=part(model, "encoder"),
-        decoder=part(model, "decoder"),
-        joiner=part(model, "joiner"),
+        encoder=find_model_part(model, "encoder"),
+        decoder=find_model_part(model, "decoder"),
+        joiner=find_model_part(model, "joiner"),
         num_threads=1,
         decoding_method="modified_beam_search",  # which alone says how likely each token is
     )
@@ -48,7 +48,7 @@ def decode(recogniser: "sherpa_onnx.OnlineRecognizer", sound: bytes) -> dict[str
     """Return what was said."""
     stream = recogniser.create_stream()
     stream.accept_waveform(RATE, np.frombuffer(sound, "<i2").astype(np.float32) / 32768)
-    stream.accept_waveform(RATE, SILENCE)
+    stream.accept_waveform(RATE, TRAILING_SILENCE)
     stream.input_finished()
     while recogniser.is_ready(stream):
         recogniser.decode_stream(stream)
@@ -63,7 +63,7 @@ def main() -> None:
         message = json.loads(line)
         sound = sys.stdin.buffer.read(message.get("bytes", 0))
         if "model" in message:
-            recogniser = recogniser_of(Path(message["model"]))
+            recogniser = load_recogniser(Path(message["model"]))
             answer: dict[str, Any] = {"ready": True}
         else:
             began = time.process_time()

@@ -9,7 +9,7 @@ from behaviours.robot import Robot
 from drivers.api import JointLimits, JointState, Reading
 from drivers.clock import ManualClock
 from drivers.sim.servo import Shaft
-from missions.plugins.testing.recorders import Bench, RecordedJoints, none
+from missions.plugins.testing.recorders import LeafTestBench, RecordedJoints, none
 
 TICK = 0.05
 
@@ -23,7 +23,7 @@ class ServoArm(RecordedJoints):
     def __init__(self, clock: ManualClock, limits: Mapping[str, JointLimits] | None = None) -> None:
         super().__init__(clock)
         self.limits = dict(self.limits if limits is None else limits)
-        self.shafts = {joint: Shaft(0.0, 0.0, limit.speed, clock.now()) for joint, limit in self.limits.items()}
+        self.shafts = {joint: Shaft(0.0, 0.0, limit.speed, clock.read_value()) for joint, limit in self.limits.items()}
         self.short = SHORT
         self.stuck: set[str] = set()
         self.silent: set[str] = set()
@@ -36,7 +36,7 @@ class ServoArm(RecordedJoints):
             self.limp.discard(joint)
             if joint not in self.stuck:
                 shaft = self.shafts[joint]
-                shaft.advance(self.clock.now())
+                shaft.advance(self.clock.read_value())
                 shaft.goal = goal - self.short
                 shaft.speed = min((speeds or {}).get(joint, self.limits[joint].speed), self.limits[joint].speed)
         return accepted
@@ -53,7 +53,7 @@ class ServoArm(RecordedJoints):
 
     def _stop(self, joints: Collection[str] | None, *, limp: bool) -> None:
         for joint in self.limits if joints is None else joints:
-            self.shafts[joint].goal = self.shafts[joint].advance(self.clock.now())
+            self.shafts[joint].goal = self.shafts[joint].advance(self.clock.read_value())
             if joint not in self.stuck:
                 (self.limp.add if limp else self.limp.discard)(joint)
 
@@ -65,28 +65,30 @@ class ServoArm(RecordedJoints):
     def states(self) -> Mapping[str, Reading[JointState]]:
         """Measure where the shafts are now."""
         for joint, shaft in self.shafts.items():
-            self.place({joint: shaft.advance(self.clock.now())}, stiff=joint not in self.limp)
+            self.place({joint: shaft.advance(self.clock.read_value())}, stiff=joint not in self.limp)
         return {joint: none() if joint in self.silent else reading for joint, reading in super().states().items()}
 
 
-def with_servos(limits: Mapping[str, JointLimits] | None = None, **groups: tuple[str, ...]) -> tuple[Bench, ServoArm]:
+def with_servos(
+    limits: Mapping[str, JointLimits] | None = None, **groups: tuple[str, ...]
+) -> tuple[LeafTestBench, ServoArm]:
     """Return a bench with such an arm, whose joints have ``groups``."""
-    bench = Bench()
+    bench = LeafTestBench()
     servos = ServoArm(bench.clock, limits)
     bench.arm = servos
     bench.robot = Robot(arm_part=servos, groups=groups)
     return bench, servos
 
 
-def play(bench: Bench, leaf: Leaf, *, limit: float = 20.0) -> float:
+def play(bench: LeafTestBench, leaf: Leaf, *, limit: float = 20.0) -> float:
     """Tick until it ends; return the seconds that this took."""
-    begun = bench.clock.now()
+    begun = bench.clock.read_value()
     while bench.tick(leaf, after=TICK) is RUNNING:
-        assert bench.clock.now() - begun < limit
-    return bench.clock.now() - begun
+        assert bench.clock.read_value() - begun < limit
+    return bench.clock.read_value() - begun
 
 
-def tick(bench: Bench, leaf: Leaf, seconds: float) -> Status:
+def tick(bench: LeafTestBench, leaf: Leaf, seconds: float) -> Status:
     """Tick for so long, or until it ends."""
     for _ in range(round(seconds / TICK)):
         if bench.tick(leaf, after=TICK) is not RUNNING:

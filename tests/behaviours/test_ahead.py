@@ -4,27 +4,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.tracking.foresight import MAX_LOOKAHEAD, Ahead
-from behaviours.tracking.lag import BRAKING, Lag, Turning, ramped
+from behaviours.tracking.foresight import MAX_LOOKAHEAD, BasePredictor
+from behaviours.tracking.lag import BRAKING_FACTOR, LagEstimator, TurnState, ramp
 
 
-def foretelling(lag: float, acceleration: float) -> tuple[Ahead, Lag]:
-    known = Lag(lag, acceleration)
-    return Ahead(known), known
+def foretelling(lag: float, acceleration: float) -> tuple[BasePredictor, LagEstimator]:
+    known = LagEstimator(lag, acceleration)
+    return BasePredictor(known), known
 
 
 def test_a_base_that_was_told_nothing_goes_on_as_it_does() -> None:
     ahead, _ = foretelling(0.1, 2.0)
-    assert ahead.at(1.5, Turning(0.5, 1.0, 1.0)).heading == pytest.approx(1.0)
-    before = ahead.at(0.9, Turning(0.5, 1.0, 1.0))
+    assert ahead.at(1.5, TurnState(0.5, 1.0, 1.0)).heading == pytest.approx(1.0)
+    before = ahead.at(0.9, TurnState(0.5, 1.0, 1.0))
     assert (before.heading, before.rate) == pytest.approx((0.4, 1.0))
 
 
 def test_it_speeds_up_to_what_it_was_told_after_its_lag() -> None:
     ahead, lag = foretelling(0.2, 2.0)
-    lag.tell(1.0, 1.0)
-    still = Turning(0.0, 0.0, 1.0)
-    assert ahead.at(1.2, still) == Turning(0.0, 0.0, 1.2)
+    lag.add_command(1.0, 1.0)
+    still = TurnState(0.0, 0.0, 1.0)
+    assert ahead.at(1.2, still) == TurnState(0.0, 0.0, 1.2)
     found = ahead.at(1.5, still)  # 0.3 s at 2 rad/s^2
     assert (found.heading, found.rate) == pytest.approx((0.09, 0.6), abs=0.001)
     found = ahead.at(1.9, still)  # 0.5 s up to 1 rad/s, then 0.2 s at that
@@ -34,20 +34,20 @@ def test_it_speeds_up_to_what_it_was_told_after_its_lag() -> None:
 def test_the_newest_that_has_begun_is_in_force() -> None:
     ahead, lag = foretelling(0.1, 1000.0)
     for n in range(100):
-        lag.tell(n * 0.05, n / 100)
-    assert ahead.at(4.92, Turning(0.0, 0.0, 4.9)).rate == pytest.approx(0.96)  # told at 4.8
+        lag.add_command(n * 0.05, n / 100)
+    assert ahead.at(4.92, TurnState(0.0, 0.0, 4.9)).rate == pytest.approx(0.96)  # told at 4.8
 
 
 def test_what_somebody_else_commands_is_forgotten() -> None:
     ahead, lag = foretelling(0.0, 9.0)
-    lag.tell(1.0, 1.0)
-    lag.forget()
-    assert ahead.at(1.5, Turning(0.0, 0.0, 1.0)) == Turning(0.0, 0.0, 1.5)
+    lag.add_command(1.0, 1.0)
+    lag.forget_commands()
+    assert ahead.at(1.5, TurnState(0.0, 0.0, 1.0)) == TurnState(0.0, 0.0, 1.5)
 
 
 def test_it_looks_no_farther_ahead_than_is_of_use() -> None:
     ahead, _ = foretelling(0.0, 1.0)
-    assert ahead.at(100.0, Turning(0.0, 1.0, 0.0)).heading == pytest.approx(MAX_LOOKAHEAD)
+    assert ahead.at(100.0, TurnState(0.0, 1.0, 0.0)).heading == pytest.approx(MAX_LOOKAHEAD)
 
 
 @given(
@@ -61,36 +61,36 @@ def test_it_never_turns_faster_than_told_nor_changes_faster_than_it_can(
 ) -> None:
     ahead, lag = foretelling(0.1, acceleration)
     for when, turn in sorted(told):
-        lag.tell(when, turn)
-    found = ahead.at(time, Turning(0.0, rate, 0.0))
-    assert abs(found.rate - rate) <= BRAKING * acceleration * time + 1e-9
+        lag.add_command(when, turn)
+    found = ahead.at(time, TurnState(0.0, rate, 0.0))
+    assert abs(found.rate - rate) <= BRAKING_FACTOR * acceleration * time + 1e-9
     limits = [rate, *(turn for _, turn in told)]
     assert min(limits) - 1e-9 <= found.rate <= max(limits) + 1e-9
     assert abs(found.heading) <= max(map(abs, limits)) * time + 1e-9
     mirrored, other = foretelling(0.1, acceleration)
     for when, turn in sorted(told):
-        other.tell(when, -turn)
-    assert mirrored.at(time, Turning(0.0, -rate, 0.0)).heading == pytest.approx(-found.heading)
+        other.add_command(when, -turn)
+    assert mirrored.at(time, TurnState(0.0, -rate, 0.0)).heading == pytest.approx(-found.heading)
 
 
 # --- how long it takes to begin --------------------------------------------------------------------------------------
 
 
-def reports(true: float, *, hindered: bool = False) -> Lag:
+def reports(true: float, *, hindered: bool = False) -> LagEstimator:
     """Let a base with a lag of ``true`` seconds be told to turn to and fro, and report 50 times a second for 3 s."""
-    lag, acceleration = Lag(0.1, 3.5), 3.5
+    lag, acceleration = LagEstimator(0.1, 3.5), 3.5
     heading = rate = 0.0
     told = [(n * 0.05, 0.8 if n % 20 < 10 else -0.8) for n in range(60)]
     for n in range(150):
         now = n * 0.02
         for when, turn in told:
             if now - 0.02 < when <= now:
-                lag.tell(when, turn)
+                lag.add_command(when, turn)
         goal = next((turn for when, turn in reversed(told) if when <= now - true), 0.0)
-        before, rate = rate, ramped(rate, goal, acceleration * 0.02)
+        before, rate = rate, ramp(rate, goal, acceleration * 0.02)
         held = hindered and 40 < n < 60
         heading += 0.0 if held else (before + rate) / 2 * 0.02
-        lag.learn(Turning(heading, 0.0 if held else rate, now))
+        lag.learn(TurnState(heading, 0.0 if held else rate, now))
     return lag
 
 
@@ -103,22 +103,22 @@ def test_the_lag_of_a_base_is_learnt_within_3_s_also_where_something_holds_the_b
 
 
 def test_a_base_that_does_not_turn_teaches_nothing() -> None:
-    lag = Lag(0.15, 3.5)
+    lag = LagEstimator(0.15, 3.5)
     for n in range(100):
-        lag.tell(n * 0.02, 0.0)
-        lag.learn(Turning(0.0, 0.0, n * 0.02))
+        lag.add_command(n * 0.02, 0.0)
+        lag.learn(TurnState(0.0, 0.0, n * 0.02))
     assert lag.seconds == 0.15
 
 
 def test_what_the_base_did_not_report_itself_teaches_nothing() -> None:
-    lag = Lag(0.15, 3.5)
+    lag = LagEstimator(0.15, 3.5)
     for n in range(100):
-        lag.tell(n * 0.02, 0.8 if n % 40 < 20 else -0.8)
-        lag.learn(Turning(0.0, 0.0, n * 0.02, reported=False))
+        lag.add_command(n * 0.02, 0.8 if n % 40 < 20 else -0.8)
+        lag.learn(TurnState(0.0, 0.0, n * 0.02, reported=False))
     assert lag.seconds == 0.15
 
 
 def test_a_base_brakes_harder_than_it_speeds_up() -> None:
-    assert ramped(1.0, 2.0, 0.1) == pytest.approx(1.1)
-    assert ramped(1.0, -1.0, 0.1) == pytest.approx(1.0 - 0.1 * BRAKING)
-    assert ramped(1.0, 0.95, 0.1) == pytest.approx(0.95)
+    assert ramp(1.0, 2.0, 0.1) == pytest.approx(1.1)
+    assert ramp(1.0, -1.0, 0.1) == pytest.approx(1.0 - 0.1 * BRAKING_FACTOR)
+    assert ramp(1.0, 0.95, 0.1) == pytest.approx(0.95)

@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from behaviours.driving.motion import Arc
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from drivers.api import BaseState, Pose2D, Sides, Velocity
-from missions.plugins.testing.recorders import STOP, Bench, good, none
+from missions.plugins.testing.recorders import STOP, LeafTestBench, good, none
 from tests.behaviours.test_base import Track
 
 SIDE = Sides(left=True)
 STILL = BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0))
 
 
-def arc(bench: Bench, radius: float = 0.5, degrees: float = 360.0, **arguments: object) -> Arc:
+def arc(bench: LeafTestBench, radius: float = 0.5, degrees: float = 360.0, **arguments: object) -> Arc:
     return bench.put(Arc("arc"), radius=radius, angle=math.radians(degrees), **arguments)
 
 
@@ -27,7 +27,7 @@ def at(heading: float, *, linear: float = 0.0, angular: float = 0.0) -> BaseStat
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_a_positive_angle_goes_round_to_the_left_and_a_negative_one_to_the_right(side: int) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.tick(arc(bench, 0.5, side * 360.0, speed=0.2))
     (command,) = bench.base.commands
     assert isinstance(command, Velocity)
@@ -35,7 +35,7 @@ def test_a_positive_angle_goes_round_to_the_left_and_a_negative_one_to_the_right
 
 
 def test_it_slows_down_towards_the_goal_on_the_same_circle() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = arc(bench, 0.5, 90.0, speed=0.3)
     speeds = []
     for degrees in (0, 45, 80, 88):
@@ -51,7 +51,7 @@ def test_it_slows_down_towards_the_goal_on_the_same_circle() -> None:
 
 
 def test_at_the_goal_it_stops_once_and_succeeds_when_it_neither_drives_nor_turns() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = arc(bench, 0.5, 90.0)
     bench.tick(leaf)
     bench.base.commands.clear()
@@ -70,7 +70,7 @@ def test_at_the_goal_it_stops_once_and_succeeds_when_it_neither_drives_nor_turns
     ],
 )
 def test_what_is_ahead_fails_it_and_stops_the_base(felt: BaseState, reason: str) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = arc(bench)
     bench.tick(leaf)
     bench.base.reading = good(felt)
@@ -80,7 +80,7 @@ def test_what_is_ahead_fails_it_and_stops_the_base(felt: BaseState, reason: str)
 
 
 def test_without_a_report_it_waits_and_says_nothing_to_the_base() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.base.reading = none()
     leaf = arc(bench)
     assert bench.tick(leaf) is RUNNING
@@ -96,7 +96,7 @@ def test_without_a_report_it_waits_and_says_nothing_to_the_base() -> None:
     dead_time=st.sampled_from([0.0, 0.1, 0.2]),
 )
 def test_an_arc_ends_within_two_degrees(radius: float, angle: float, speed: float, dead_time: float) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     track = Track(arc(bench, radius, angle, speed=speed), bench, dead_time)
     assert track.pass_time(8.0 + math.radians(abs(angle)) * max(radius / speed, 0.6)) is SUCCESS
     assert math.degrees(track.pose.heading) == pytest.approx(angle, abs=2.0)
@@ -105,10 +105,10 @@ def test_an_arc_ends_within_two_degrees(radius: float, angle: float, speed: floa
 @pytest.mark.parametrize("side", [1, -1])
 @pytest.mark.parametrize("radius", [0.1, 0.3, 1.0])
 def test_a_whole_circle_ends_where_it_began_and_has_its_radius(radius: float, side: int) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     track = Track(arc(bench, radius, side * 360.0, speed=0.3), bench)
     off = 0.0
-    while track.pass_time(0.1) is RUNNING and bench.clock.now() < 200.0:
+    while track.pass_time(0.1) is RUNNING and bench.clock.read_value() < 200.0:
         place = track.base.wheels.pose
         off = max(off, abs(math.hypot(place.x, place.y - side * radius) - radius))
     assert track.leaf.status is SUCCESS

@@ -5,13 +5,13 @@ from itertools import pairwise
 import pytest
 from py_trees.common import Status
 
-from behaviours.joint_motion import AHEAD, CATCH_UP, LONGEST_STEP, MARGIN
+from behaviours.joint_motion import CATCH_UP_TIME, GOAL_LEAD_TIME, MAX_STEP_TIME, SPEED_MARGIN
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
-from behaviours.playing import ARRIVAL_TIMEOUT, PEAK, Gesture
+from behaviours.playing import ARRIVAL_TIMEOUT, PEAK_SPEED_FACTORS, GestureLeaf
 from drivers.api import Gesture as Movement
 from drivers.api import Keyframe, Quality, Reading
 from drivers.errors import DeviceFault
-from missions.plugins.testing.recorders import GONE, HOLD, Bench, none
+from missions.plugins.testing.recorders import HOLD, OFFLINE_ERROR, LeafTestBench, none
 from tests.behaviours.servo_arm import TICK, moves, play, tick, with_servos
 
 WAVE = Movement(
@@ -25,15 +25,15 @@ WAVE = Movement(
 )
 
 
-def waving(bench: Bench, movement: Movement = WAVE, **arguments: object) -> Gesture:
-    return bench.put(Gesture("gesture"), gesture=movement, **arguments)
+def waving(bench: LeafTestBench, movement: Movement = WAVE, **arguments: object) -> GestureLeaf:
+    return bench.put(GestureLeaf("gesture"), gesture=movement, **arguments)
 
 
 # --- what it tells the arm -------------------------------------------------------------------------------------------
 
 
 def test_a_gesture_plays_every_keyframe_in_its_time() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = waving(bench)
     statuses: list[Status] = []
     while not statuses or statuses[-1] is RUNNING:
@@ -50,13 +50,13 @@ def test_a_gesture_plays_every_keyframe_in_its_time() -> None:
 
 
 def test_it_moves_only_the_joints_that_it_names() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.tick(waving(bench, Movement("nod", "", (Keyframe(1.0, {"elbow": 0.5}),))))
     assert [move.keys() for move in moves(bench.arm)] == [{"elbow"}]
 
 
 def test_it_starts_from_where_the_joints_are() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.arm.place({"shoulder": 0.5, "elbow": 1.0})
     bench.tick(waving(bench))
     assert moves(bench.arm)[0] == pytest.approx({"shoulder": 0.5, "elbow": 1.0}, abs=1e-3)
@@ -70,7 +70,7 @@ def test_at_half_the_speed_it_takes_twice_as_long() -> None:
 
 @pytest.mark.parametrize("speed", [0.5, 1.0, 2.0])
 def test_no_goal_is_farther_from_the_last_than_a_joint_gets_in_a_tick(speed: float) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = waving(bench, speed=speed)
     while bench.tick(leaf, after=TICK) is RUNNING:
         bench.arm.place(moves(bench.arm)[-1])
@@ -85,8 +85,8 @@ def test_its_speeds_fit_each_step_instead_of_the_limit() -> None:
     leaf = waving(bench, Movement("lift", "", (Keyframe(2.0, {"elbow": 1.0}),)))
     play(bench, leaf)
     told = [speeds["elbow"] for speeds in servos.speeds]
-    fastest = PEAK["minimum_jerk"] * 1.0 / 2.0
-    assert max(told) == pytest.approx(MARGIN * fastest, rel=0.1)
+    fastest = PEAK_SPEED_FACTORS["minimum_jerk"] * 1.0 / 2.0
+    assert max(told) == pytest.approx(SPEED_MARGIN * fastest, rel=0.1)
     assert told[0] < 0.2 * fastest
     assert max(told) < servos.limits["elbow"].speed
 
@@ -98,7 +98,7 @@ def test_a_joint_that_lags_is_told_to_go_faster() -> None:
     before = servos.speeds[-1]["elbow"]
     servos.turn_by_hand("elbow", servos.shafts["elbow"].position - 0.2)
     tick(bench, leaf, TICK)
-    assert servos.speeds[-1]["elbow"] == pytest.approx(before + MARGIN * 0.2 / CATCH_UP, abs=0.2)
+    assert servos.speeds[-1]["elbow"] == pytest.approx(before + SPEED_MARGIN * 0.2 / CATCH_UP_TIME, abs=0.2)
 
 
 def test_a_gesture_through_its_keyframes_does_not_halt_at_them() -> None:
@@ -116,7 +116,7 @@ def test_a_gesture_through_its_keyframes_does_not_halt_at_them() -> None:
 
 
 def test_a_joint_that_the_arm_lacks_fails_it_before_anything_moves() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = waving(bench, Movement("clap", "", (Keyframe(1.0, {"elbow": 0.5}), Keyframe(2.0, {"hand": 0.0}))))
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "the arm has no joint 'hand'"
@@ -124,7 +124,7 @@ def test_a_joint_that_the_arm_lacks_fails_it_before_anything_moves() -> None:
 
 
 def test_a_keyframe_outside_the_limits_fails_it_before_anything_moves() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = waving(bench, Movement("clap", "", (Keyframe(1.0, {"elbow": 0.5}), Keyframe(2.0, {"elbow": -0.2}))))
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "elbow at -11.5 deg is outside its limits (0 deg to 126.1 deg)"
@@ -132,7 +132,7 @@ def test_a_keyframe_outside_the_limits_fails_it_before_anything_moves() -> None:
 
 
 def test_all_that_does_not_fit_is_told_at_once() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     frames = (Keyframe(1.0, {"elbow": -0.2, "hand": 1.0}), Keyframe(2.0, {"shoulder": 3.0, "elbow": 9.0}))
     leaf = waving(bench, Movement("clap", "", frames))
     assert bench.tick(leaf) is FAILURE
@@ -143,14 +143,14 @@ def test_all_that_does_not_fit_is_told_at_once() -> None:
 
 
 def test_a_keyframe_at_the_limit_is_played() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     limit = bench.arm.limits["elbow"].upper
     assert bench.tick(waving(bench, Movement("up", "", (Keyframe(1.0, {"elbow": limit}),)))) is RUNNING
 
 
 @pytest.mark.parametrize("quality", [Quality.NONE, Quality.STALE])
 def test_it_waits_for_joints_that_do_not_report_and_names_them(quality: Quality) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     before = bench.arm.readings["elbow"]
     bench.arm.readings["elbow"] = none() if quality is Quality.NONE else Reading(before.value, 0.0, quality)
     leaf = waving(bench)
@@ -163,7 +163,7 @@ def test_it_waits_for_joints_that_do_not_report_and_names_them(quality: Quality)
 
 
 def test_a_halt_before_the_arm_has_reported_leaves_it_alone() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.arm.readings["elbow"] = none()
     leaf = waving(bench)
     bench.tick(leaf)
@@ -175,7 +175,7 @@ def test_a_halt_before_the_arm_has_reported_leaves_it_alone() -> None:
 
 
 def test_a_halt_holds_the_joints_that_it_moves_where_they_are_once() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = waving(bench, Movement("nod", "", (Keyframe(1.0, {"elbow": 0.5}),)))
     bench.tick(leaf)
     assert bench.halt(leaf)
@@ -205,7 +205,7 @@ def test_a_joint_that_is_stuck_fails_it_in_the_end_and_the_arm_is_held() -> None
 
 
 def test_a_joint_that_fell_silent_has_not_arrived() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = waving(bench)
     bench.tick(leaf)
     bench.arm.readings["elbow"] = Reading(bench.arm.readings["elbow"].value, 0.0, Quality.STALE)
@@ -215,7 +215,7 @@ def test_a_joint_that_fell_silent_has_not_arrived() -> None:
 
 
 def test_a_device_fault_fails_it_and_the_arm_is_held() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = waving(bench)
     bench.tick(leaf)
     bench.arm.trouble = DeviceFault("arm: elbow overload")
@@ -240,13 +240,13 @@ def test_after_success_and_after_a_halt_it_begins_from_the_first_keyframe() -> N
 
 @pytest.mark.parametrize("lost", [True, False])
 def test_after_a_lost_arm_or_a_pause_it_goes_on_where_it_was(lost: bool) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = waving(bench)
     for _ in range(9):
         bench.tick(leaf, after=TICK)
     before = moves(bench.arm)[-1]
     if lost:
-        bench.arm.trouble = GONE
+        bench.arm.trouble = OFFLINE_ERROR
         for _ in range(40):
             assert bench.tick(leaf, after=TICK) is RUNNING
         assert leaf.reason == "waiting: the cable is out"
@@ -254,9 +254,9 @@ def test_after_a_lost_arm_or_a_pause_it_goes_on_where_it_was(lost: bool) -> None
     bench.tick(leaf, after=TICK if lost else 5.0)
     after = moves(bench.arm)[-1]
     for joint, limits in bench.arm.limits.items():
-        assert abs(after[joint] - before[joint]) <= limits.speed * LONGEST_STEP
+        assert abs(after[joint] - before[joint]) <= limits.speed * MAX_STEP_TIME
     assert leaf.reason == "wave: 0.5 of 2.5 s"
 
 
 def test_goals_run_ahead_by_about_a_tick() -> None:
-    assert pytest.approx(TICK) == AHEAD
+    assert pytest.approx(TICK) == GOAL_LEAD_TIME

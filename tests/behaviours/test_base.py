@@ -7,18 +7,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from py_trees.common import Status
 
-from behaviours.driving.motion import CRAWL, REACTION, Drive, Stop, Turn
+from behaviours.driving.motion import CRAWL_SPEED, REACTION_TIME, DriveLeaf, StopLeaf, TurnLeaf
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.robot import Robot
 from drivers.api import BaseState, Pose2D, Quality, Reading, Sides, Source, Velocity
-from drivers.base.limits import Limits
+from drivers.base.limits import VelocityLimits
 from drivers.base.velocity_multiplexer import VelocityMultiplexer
 from drivers.clock import ManualClock
 from drivers.errors import DeviceFault
 from drivers.kobuki.feedback import METRES_PER_TICK, Core, Inertia
-from drivers.kobuki.odometry import Odometry
-from drivers.sim.wheels import Wheels
-from missions.plugins.testing.recorders import GONE, STOP, Bench, RecordedBase, good, none, stale
+from drivers.kobuki.odometry import KobukiOdometry
+from drivers.sim.wheels import SimulatedWheels
+from missions.plugins.testing.recorders import OFFLINE_ERROR, STOP, LeafTestBench, RecordedBase, good, none, stale
 
 REPORT = 0.02
 """Seconds between two reports of a Kobuki."""
@@ -37,19 +37,19 @@ def at(
     return good(BaseState(Pose2D(x, y, heading), Velocity(linear, angular)))
 
 
-def driving(bench: Bench, distance: float = 1.0, **arguments: object) -> Drive:
-    return bench.put(Drive("drive"), distance=distance, **arguments)
+def driving(bench: LeafTestBench, distance: float = 1.0, **arguments: object) -> DriveLeaf:
+    return bench.put(DriveLeaf("drive"), distance=distance, **arguments)
 
 
-def turning(bench: Bench, degrees: float = 90.0, **arguments: object) -> Turn:
-    return bench.put(Turn("turn"), angle=math.radians(degrees), **arguments)
+def turning(bench: LeafTestBench, degrees: float = 90.0, **arguments: object) -> TurnLeaf:
+    return bench.put(TurnLeaf("turn"), angle=math.radians(degrees), **arguments)
 
 
-def both(bench: Bench) -> list[Leaf]:
+def both(bench: LeafTestBench) -> list[Leaf]:
     return [driving(bench), turning(bench)]
 
 
-def told(bench: Bench) -> Velocity:
+def told(bench: LeafTestBench) -> Velocity:
     velocity = bench.base.commands[-1]
     assert isinstance(velocity, Velocity)
     return velocity
@@ -59,7 +59,7 @@ def told(bench: Bench) -> Velocity:
 
 
 def test_drive_goes_at_its_speed_and_slows_down_towards_the_goal() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = driving(bench, speed=0.3)
     speeds = []
     for x in (0.0, 0.5, 0.8, 0.9, 0.95, 0.99):
@@ -68,18 +68,18 @@ def test_drive_goes_at_its_speed_and_slows_down_towards_the_goal() -> None:
         speeds.append(told(bench).linear)
     assert speeds[:2] == [0.3, 0.3]
     assert speeds == sorted(speeds, reverse=True)
-    assert speeds[-1] == CRAWL
+    assert speeds[-1] == CRAWL_SPEED
     assert leaf.reason == "0.99 of 1.00 m"
 
 
 def test_a_negative_distance_goes_backwards() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.tick(driving(bench, -1.0))
     assert told(bench) == Velocity(-0.2, 0.0)
 
 
 def test_a_drive_steers_back_to_its_heading() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     for distance in (1.0, -1.0):
         leaf = driving(bench, distance)
         bench.base.reading = at(heading=0.5)
@@ -93,7 +93,7 @@ def test_a_drive_steers_back_to_its_heading() -> None:
 
 
 def test_distance_is_measured_along_the_heading_at_the_start() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.base.reading = at(2.0, 3.0, math.pi / 2)
     leaf = driving(bench)
     bench.tick(leaf)
@@ -103,7 +103,7 @@ def test_distance_is_measured_along_the_heading_at_the_start() -> None:
 
 
 def test_turn_turns_on_the_spot_to_its_side() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.tick(turning(bench, 90.0, speed=1.0))
     assert told(bench) == Velocity(0.0, 1.0)
     bench.tick(turning(bench, -90.0, speed=1.0))
@@ -111,7 +111,7 @@ def test_turn_turns_on_the_spot_to_its_side() -> None:
 
 
 def test_a_turn_may_go_round_more_than_once() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = turning(bench, 720.0)
     bench.tick(leaf)
     bench.base.reading = at(heading=math.radians(500))
@@ -121,7 +121,7 @@ def test_a_turn_may_go_round_more_than_once() -> None:
 
 @pytest.mark.parametrize("kind", ["drive", "turn"])
 def test_at_the_goal_it_stops_once_and_succeeds_when_it_stands_still(kind: str) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = driving(bench) if kind == "drive" else turning(bench)
     bench.tick(leaf)
     bench.base.commands.clear()
@@ -135,7 +135,7 @@ def test_at_the_goal_it_stops_once_and_succeeds_when_it_stands_still(kind: str) 
 
 @pytest.mark.parametrize("kind", ["drive", "turn"])
 def test_nothing_to_do_succeeds_at_once_and_moves_nothing(kind: str) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     assert bench.tick(driving(bench, 0.0) if kind == "drive" else turning(bench, 0.0)) is SUCCESS
     assert bench.base.commands == [STOP]
 
@@ -145,7 +145,7 @@ def test_nothing_to_do_succeeds_at_once_and_moves_nothing(kind: str) -> None:
 
 @pytest.mark.parametrize(("felt", "reason"), [(BUMPED, "bumped into something"), (AT_A_CLIFF, "a cliff ahead")])
 def test_what_is_ahead_fails_a_drive_forwards_but_not_one_backwards(felt: Reading[BaseState], reason: str) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     forwards, backwards = driving(bench), driving(bench, -1.0)
     bench.tick(forwards)
     bench.base.reading = felt
@@ -156,7 +156,7 @@ def test_what_is_ahead_fails_a_drive_forwards_but_not_one_backwards(felt: Readin
 
 
 def test_with_a_pressed_bumper_it_still_turns_but_at_a_cliff_it_does_not() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.base.reading = BUMPED
     assert bench.tick(turning(bench)) is RUNNING
     bench.base.reading = AT_A_CLIFF
@@ -166,7 +166,7 @@ def test_with_a_pressed_bumper_it_still_turns_but_at_a_cliff_it_does_not() -> No
 
 
 def test_a_dropped_wheel_fails_every_motion() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.base.reading = LIFTED
     for leaf in (driving(bench), driving(bench, -1.0), turning(bench)):
         assert bench.tick(leaf) is FAILURE
@@ -177,7 +177,7 @@ def test_a_dropped_wheel_fails_every_motion() -> None:
 @pytest.mark.parametrize("reading", [stale(BaseState(Pose2D(0.3, 0.0, 0.3), Velocity(0.2, 0.2))), none()])
 def test_without_fresh_odometry_it_waits_and_says_nothing_to_the_base(reading: Reading[BaseState]) -> None:
     for number in range(2):
-        bench = Bench()
+        bench = LeafTestBench()
         leaf = both(bench)[number]
         bench.tick(leaf)
         bench.base.reading = reading
@@ -191,7 +191,7 @@ def test_without_fresh_odometry_it_waits_and_says_nothing_to_the_base(reading: R
 
 
 def test_it_starts_where_the_first_report_says() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.base.reading = none()
     leaf = driving(bench)
     bench.tick(leaf)
@@ -205,7 +205,7 @@ def test_it_starts_where_the_first_report_says() -> None:
 
 def test_a_halt_stops_the_base_once() -> None:
     for number in range(2):
-        bench = Bench()
+        bench = LeafTestBench()
         leaf = both(bench)[number]
         bench.tick(leaf)
         bench.base.commands.clear()
@@ -215,15 +215,15 @@ def test_a_halt_stops_the_base_once() -> None:
 
 
 def test_a_lost_base_is_waited_for_and_still_stopped_when_halted() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     for leaf in both(bench):
         bench.base.commands.clear()
-        bench.base.trouble = GONE
+        bench.base.trouble = OFFLINE_ERROR
         assert bench.tick(leaf) is RUNNING
         assert leaf.reason == "waiting: the cable is out"
         bench.base.trouble = None
         assert bench.tick(leaf) is RUNNING
-        bench.base.trouble = GONE
+        bench.base.trouble = OFFLINE_ERROR
         assert bench.tick(leaf) is RUNNING
         assert bench.halt(leaf)
         assert bench.base.commands[1:] == [STOP]
@@ -231,7 +231,7 @@ def test_a_lost_base_is_waited_for_and_still_stopped_when_halted() -> None:
 
 
 def test_a_fault_of_the_base_fails_it_and_stops_the_base() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     for leaf in both(bench):
         bench.base.trouble = DeviceFault("base: motor overload")
         bench.base.commands.clear()
@@ -242,7 +242,7 @@ def test_a_fault_of_the_base_fails_it_and_stops_the_base() -> None:
 
 @pytest.mark.parametrize("ending", [SUCCESS, FAILURE, Status.INVALID])
 def test_a_second_run_starts_where_the_base_is_then(ending: Status) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = driving(bench)
     bench.tick(leaf)
     bench.base.reading = {SUCCESS: at(1.0), FAILURE: BUMPED, Status.INVALID: at(0.3)}[ending]
@@ -260,8 +260,8 @@ def test_a_second_run_starts_where_the_base_is_then(ending: Status) -> None:
 
 
 def test_stop_stops_once_and_succeeds_when_the_base_stands_still() -> None:
-    bench = Bench()
-    leaf = bench.put(Stop("stop"))
+    bench = LeafTestBench()
+    leaf = bench.put(StopLeaf("stop"))
     bench.base.reading = at(linear=0.3)
     assert bench.tick(leaf) is RUNNING
     bench.base.reading = at(angular=0.3)
@@ -272,15 +272,15 @@ def test_stop_stops_once_and_succeeds_when_the_base_stands_still() -> None:
 
 
 def test_stop_waits_for_what_may_still_be_on_its_way_to_the_wheels() -> None:
-    bench = Bench()
-    leaf = bench.put(Stop("stop"))
+    bench = LeafTestBench()
+    leaf = bench.put(StopLeaf("stop"))
     assert bench.tick(leaf) is RUNNING
-    assert bench.tick(leaf, after=REACTION) is SUCCESS
+    assert bench.tick(leaf, after=REACTION_TIME) is SUCCESS
 
 
 def test_stop_waits_for_reports() -> None:
-    bench = Bench()
-    leaf = bench.put(Stop("stop"))
+    bench = LeafTestBench()
+    leaf = bench.put(StopLeaf("stop"))
     bench.base.reading = none()
     bench.tick(leaf)
     assert bench.tick(leaf, after=5.0) is RUNNING
@@ -292,32 +292,32 @@ def test_stop_waits_for_reports() -> None:
 # --- a base with a Kobuki's lags -------------------------------------------------------------------------------------
 
 
-KOBUKI = Limits(0.5, math.radians(110), 0.5, math.radians(200))
+KOBUKI = VelocityLimits(0.5, math.radians(110), 0.5, math.radians(200))
 
 
 class LaggingBase(RecordedBase):
     """A Kobuki as the driver shows it: ramps, a dead time, reports that count in ticks and hundredths of a degree."""
 
-    def __init__(self, clock: ManualClock, dead_time: float, limits: Limits = KOBUKI) -> None:
+    def __init__(self, clock: ManualClock, dead_time: float, limits: VelocityLimits = KOBUKI) -> None:
         super().__init__(clock)
-        self.limits = limits.told
-        self.wheels = Wheels(dead_time=dead_time)
+        self.limits = limits.as_base_limits
+        self.wheels = SimulatedWheels(dead_time=dead_time)
         self.silent = False
         self._mux = VelocityMultiplexer(limits)
-        self._odometry = Odometry()
+        self._odometry = KobukiOdometry()
         self.report()
 
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
         super().drive(velocity, source=source)
-        return self._mux.request(velocity, self.clock.now(), self.reading.value, source)
+        return self._mux.request(velocity, self.clock.read_value(), self.reading.value, source)
 
     def stop(self, *, source: Source | None = None) -> None:
         super().stop(source=source)
         self._mux.stop(source)
-        self.wheels.command(0.0, 0.0, self.clock.now())
+        self.wheels.command(0.0, 0.0, self.clock.read_value())
 
     def report(self) -> None:
-        now = self.clock.now()
+        now = self.clock.read_value()
         self.wheels.advance(now)
         if self.silent:
             self.reading = Reading(self.reading.value, self.reading.stamp, Quality.STALE)
@@ -344,7 +344,9 @@ class LaggingBase(RecordedBase):
 class Track:
     """A lagging base in the hands of one leaf, ticked every 50 ms."""
 
-    def __init__(self, leaf: Leaf, bench: Bench, dead_time: float = 0.2, limits: Limits = KOBUKI) -> None:
+    def __init__(
+        self, leaf: Leaf, bench: LeafTestBench, dead_time: float = 0.2, limits: VelocityLimits = KOBUKI
+    ) -> None:
         self.bench = bench
         self.base = LaggingBase(bench.clock, dead_time, limits)
         self.leaf = leaf
@@ -374,7 +376,7 @@ class Track:
 @settings(max_examples=40, deadline=None)
 @given(distance=st.floats(-1.0, 1.0), speed=st.floats(0.05, 0.7), dead_time=st.sampled_from([0.0, 0.1, 0.2]))
 def test_a_drive_ends_within_a_centimetre(distance: float, speed: float, dead_time: float) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     track = Track(driving(bench, distance, speed=speed), bench, dead_time)
     assert track.pass_time(5.0 + abs(distance) / speed) is SUCCESS
     pose = track.pose
@@ -387,7 +389,7 @@ def test_a_drive_ends_within_a_centimetre(distance: float, speed: float, dead_ti
 @settings(max_examples=40, deadline=None)
 @given(angle=st.floats(-400.0, 400.0), speed=st.floats(20.0, 110.0), dead_time=st.sampled_from([0.0, 0.1, 0.2]))
 def test_a_turn_ends_within_a_degree(angle: float, speed: float, dead_time: float) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     track = Track(turning(bench, angle, speed=math.radians(speed)), bench, dead_time)
     assert track.pass_time(5.0 + abs(angle) / speed) is SUCCESS
     assert math.degrees(track.pose.heading) == pytest.approx(angle, abs=0.25)
@@ -396,14 +398,14 @@ def test_a_turn_ends_within_a_degree(angle: float, speed: float, dead_time: floa
 
 @pytest.mark.parametrize(("distance", "seconds"), [(0.1, 2.0), (1.0, 7.0), (-1.0, 7.0)])
 def test_a_drive_does_not_dawdle(distance: float, seconds: float) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     assert Track(driving(bench, distance), bench).pass_time(seconds) is SUCCESS
 
 
 @settings(max_examples=25, deadline=None)
 @given(distance=st.floats(0.3, 2.0), after=st.floats(0.02, 4.0))
 def test_a_base_whose_drive_is_halted_at_any_time_stands(distance: float, after: float) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     track = Track(driving(bench, distance, speed=0.5), bench)
     track.pass_time(after)
     speed = abs(track.base.wheels.velocity.linear)
@@ -414,7 +416,7 @@ def test_a_base_whose_drive_is_halted_at_any_time_stands(distance: float, after:
 
 
 def test_odometry_that_fails_on_the_way_lets_the_base_stand_and_the_drive_goes_on_when_it_is_back() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     track = Track(driving(bench, 1.0), bench)
     track.pass_time(2.0)
     track.base.silent = True
@@ -431,7 +433,7 @@ def test_odometry_that_fails_on_the_way_lets_the_base_stand_and_the_drive_goes_o
 
 
 def test_four_sides_and_four_turns_make_a_square() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     drive = driving(bench, 0.5)
     track = Track(drive, bench)
     turn = turning(bench, 90.0)

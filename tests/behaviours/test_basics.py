@@ -8,23 +8,23 @@ from hypothesis import strategies as st
 
 from behaviours.basics import Fail, Log, Pretend, Set, Succeed, Wait
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
-from missions.plugins.testing.recorders import Bench
+from missions.plugins.testing.recorders import LeafTestBench
 
 
 def test_wait_runs_until_the_time_is_over() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Wait("wait"), duration=1.0)
     assert [bench.tick(leaf, after=0.25) for _ in range(5)] == [RUNNING, RUNNING, RUNNING, RUNNING, SUCCESS]
 
 
 def test_wait_for_no_time_succeeds_at_once() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     assert bench.tick(bench.put(Wait("wait"), duration=0.0)) is SUCCESS
 
 
 @pytest.mark.parametrize("ended", ["succeeded", "was halted"])
 def test_a_second_wait_takes_as_long_as_the_first(ended: str) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Wait("wait"), duration=1.0)
     bench.tick(leaf)
     if ended == "succeeded":
@@ -37,7 +37,7 @@ def test_a_second_wait_takes_as_long_as_the_first(ended: str) -> None:
 
 
 def test_log_writes_its_line(caplog: pytest.LogCaptureFixture) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Log("log"), text="50 % full")
     with caplog.at_level(logging.INFO, logger="missiontree"):
         assert bench.tick(leaf) is SUCCESS
@@ -46,9 +46,9 @@ def test_log_writes_its_line(caplog: pytest.LogCaptureFixture) -> None:
 
 
 def test_set_keeps_the_values_of_the_moment() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.run.variables.update(count=1, name="ada")
-    leaf = bench.put(Set("set"), computed={"at": bench.clock.now, "name": lambda: "bob"})
+    leaf = bench.put(Set("set"), computed={"at": bench.clock.read_value, "name": lambda: "bob"})
     assert bench.tick(leaf, after=1.0) is SUCCESS
     assert bench.run.variables == {"count": 1, "at": 101.0, "name": "bob"}
     assert bench.tick(leaf, after=1.0) is SUCCESS
@@ -56,7 +56,7 @@ def test_set_keeps_the_values_of_the_moment() -> None:
 
 
 def test_set_evaluates_everything_before_it_changes_anything() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.run.variables.update(a=1, b=2)
     swap = bench.put(
         Set("set"), computed={"a": lambda: bench.run.variables["b"], "b": lambda: bench.run.variables["a"]}
@@ -69,7 +69,7 @@ def test_set_fails_with_the_name_that_has_no_value_and_changes_nothing() -> None
     def unknown() -> object:
         raise ValueError("there is no 'visitor' yet")
 
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Set("set"), computed={"a": lambda: 1, "b": unknown})
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "set: b: there is no 'visitor' yet"
@@ -77,12 +77,12 @@ def test_set_fails_with_the_name_that_has_no_value_and_changes_nothing() -> None
 
 
 def test_succeed_succeeds() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     assert bench.tick(bench.put(Succeed("succeed"))) is SUCCESS
 
 
 def test_fail_fails_for_the_reason_given() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Fail("fail"))
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "told to fail"
@@ -93,13 +93,13 @@ def test_fail_fails_for_the_reason_given() -> None:
 
 @given(st.lists(st.sampled_from([RUNNING, SUCCESS, FAILURE]), min_size=1), st.integers(1, 30))
 def test_pretend_gives_its_outcomes_in_turn_over_and_over(outcomes: list[object], ticks: int) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Pretend("pretend"), outcomes=outcomes)
     assert [bench.tick(leaf) for _ in range(ticks)] == [outcomes[n % len(outcomes)] for n in range(ticks)]
 
 
 def test_a_halt_does_not_rewind_pretend() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Pretend("pretend"), outcomes=[RUNNING, FAILURE])
     bench.tick(leaf)
     assert bench.halt(leaf)

@@ -2,22 +2,22 @@
 
 import pytest
 
-from behaviours.catalogue import LEAVES, PLACES, Catalogue
+from behaviours.catalogue import LEAF_PATHS, LEAVES, Catalogue
 from behaviours.leaf import Leaf
 
 
 def test_every_leaf_stands_under_its_own_word() -> None:
-    assert {word: leaf.word for word, leaf in LEAVES.items()} == {word: word for word in PLACES}
+    assert {word: leaf.tag for word, leaf in LEAVES.items()} == {word: word for word in LEAF_PATHS}
     assert all(issubclass(leaf, Leaf) for leaf in LEAVES.values())
 
 
 def test_leaves_of_others_come_after_ours() -> None:
     class Blink(Leaf):
-        word = "blink"
+        tag = "blink"
 
-    leaves = Catalogue(PLACES, {"blink": Blink})
-    assert [*leaves][-2:] == [[*PLACES][-1], "blink"]
-    assert len(leaves) == len(PLACES) + 1
+    leaves = Catalogue(LEAF_PATHS, {"blink": Blink})
+    assert [*leaves][-2:] == [[*LEAF_PATHS][-1], "blink"]
+    assert len(leaves) == len(LEAF_PATHS) + 1
     assert leaves["blink"] is Blink
     assert "blink" in leaves
     assert "wait" in leaves

@@ -7,12 +7,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.clearance import MARGIN, Lookout, Points, free_way, places, safe_speed, turned
-from behaviours.wander import CELL, Visited
+from behaviours.clearance import (
+    CLEARANCE_MARGIN,
+    ObstacleView,
+    Points,
+    free_distance,
+    rotate_points,
+    safe_speed,
+    scan_points,
+)
+from behaviours.wander import CELL_SIZE, VisitedCells
 from drivers.api import BASE_RADIUS, BaseState, Pose2D, RangeScan, Velocity
-from missions.plugins.testing.recorders import Bench, none
+from missions.plugins.testing.recorders import LeafTestBench, none
 
-REACH = BASE_RADIUS + MARGIN
+REACH = BASE_RADIUS + CLEARANCE_MARGIN
 
 
 def seen(*points: tuple[float, float]) -> Points:
@@ -31,24 +39,24 @@ def seen(*points: tuple[float, float]) -> Points:
     ],
 )
 def test_a_way_is_free_until_the_rim_and_its_margin_would_touch(point: tuple[float, float], way: float) -> None:
-    assert free_way(seen(point)) == pytest.approx(way)
+    assert free_distance(seen(point)) == pytest.approx(way)
 
 
 def test_the_nearest_of_several_things_counts_and_without_any_the_way_is_free() -> None:
-    assert free_way(seen((2.0, 0.0), (1.0, 0.0), (3.0, 0.1))) == pytest.approx(1.0 - REACH)
-    assert free_way(seen()) == math.inf
+    assert free_distance(seen((2.0, 0.0), (1.0, 0.0), (3.0, 0.1))) == pytest.approx(1.0 - REACH)
+    assert free_distance(seen()) == math.inf
 
 
 def test_ways_in_other_headings_are_those_of_a_base_that_has_turned() -> None:
     points = seen((1.0, 0.3), (0.2, -1.5), (-1.0, 0.1))
     headings = [math.radians(degrees) for degrees in range(-180, 180, 5)]
-    ways = [free_way(points, heading) for heading in headings]
-    assert ways == pytest.approx([free_way(turned(points, heading)) for heading in headings])
+    ways = [free_distance(points, heading) for heading in headings]
+    assert ways == pytest.approx([free_distance(rotate_points(points, heading)) for heading in headings])
 
 
 def test_a_scan_is_seen_from_the_middle_of_the_base() -> None:
     scan = RangeScan(np.array([1.0, np.nan, 2.0], dtype=np.float32), 0.0, math.pi / 2, 0.0, 0, least=0.1, most=12.0)
-    assert places(scan, (0.05, 0.1, 0.3)) == [pytest.approx((1.05, 0.1)), pytest.approx((-1.95, 0.1))]
+    assert scan_points(scan, (0.05, 0.1, 0.3)) == [pytest.approx((1.05, 0.1)), pytest.approx((-1.95, 0.1))]
 
 
 @given(way=st.floats(0.0, 10.0), braking=st.floats(0.05, 2.0), reaction=st.floats(0.0, 0.5))
@@ -66,43 +74,45 @@ def state(heading: float = 0.0, speed: float = 0.0) -> BaseState:
 
 
 def test_what_the_base_has_driven_since_the_scan_brings_things_nearer() -> None:
-    bench = Bench()
-    lookout = Lookout(bench.robot)
+    bench = LeafTestBench()
+    lookout = ObstacleView(bench.robot)
     bench.ranger.show({0: 1.0})
-    points = lookout.around(state(speed=0.5), bench.clock.now() + 0.2)
+    points = lookout.points_around(state(speed=0.5), bench.clock.read_value() + 0.2)
     assert points is not None
     assert points == [pytest.approx((0.9, 0.0))]
 
 
 def test_what_the_base_has_turned_since_the_scan_turns_things_away() -> None:
-    bench = Bench()
-    lookout = Lookout(bench.robot)
+    bench = LeafTestBench()
+    lookout = ObstacleView(bench.robot)
     bench.ranger.show({0: 1.0})
-    points = lookout.around(state(heading=math.pi / 2), bench.clock.now())  # the recorder's heading then was 0
+    points = lookout.points_around(
+        state(heading=math.pi / 2), bench.clock.read_value()
+    )  # the recorder's heading then was 0
     assert points is not None
     assert points == [pytest.approx((0.0, -1.0))]
 
 
 def test_a_finder_that_does_not_report_shows_nothing_known() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.ranger.reading = none()
-    assert Lookout(bench.robot).around(state(), 0.0) is None
+    assert ObstacleView(bench.robot).points_around(state(), 0.0) is None
 
 
 # --- where it has been -----------------------------------------------------------------------------------------------
 
 
 def test_floor_is_new_until_the_base_was_there() -> None:
-    visited = Visited()
-    here = Pose2D(CELL / 2, CELL / 2, 0.0)
+    visited = VisitedCells()
+    here = Pose2D(CELL_SIZE / 2, CELL_SIZE / 2, 0.0)
     visited.visit(here)
-    assert visited.unvisited(here, 0.0, 4 * CELL) == 1.0
+    assert visited.unvisited_share(here, 0.0, 4 * CELL_SIZE) == 1.0
     for cell in (1, 2):
-        visited.visit(Pose2D(CELL / 2 + cell * CELL, CELL / 2, 0.0))
-    assert visited.unvisited(here, 0.0, 4 * CELL) == 0.5
-    assert visited.unvisited(here, math.pi, 4 * CELL) == 1.0
+        visited.visit(Pose2D(CELL_SIZE / 2 + cell * CELL_SIZE, CELL_SIZE / 2, 0.0))
+    assert visited.unvisited_share(here, 0.0, 4 * CELL_SIZE) == 0.5
+    assert visited.unvisited_share(here, math.pi, 4 * CELL_SIZE) == 1.0
     assert len(visited) == 3
 
 
 def test_a_way_that_is_too_short_has_nothing_new() -> None:
-    assert Visited().unvisited(Pose2D(0.0, 0.0, 0.0), 0.0, CELL / 2) == 0.0
+    assert VisitedCells().unvisited_share(Pose2D(0.0, 0.0, 0.0), 0.0, CELL_SIZE / 2) == 0.0

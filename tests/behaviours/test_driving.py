@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from behaviours.driving.go_to import GoTo
-from behaviours.driving.motion import REACTION, Arc, Cruise, Drive, Motion, Stop, Turn
+from behaviours.driving.motion import REACTION_TIME, Arc, BaseMotion, Cruise, DriveLeaf, StopLeaf, TurnLeaf
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.robot import Robot
 from drivers.api import BaseLimits, BaseState, Pose2D, Sides, Source, Steering, Velocity
-from drivers.base.limits import Limits
-from missions.plugins.testing.recorders import STOP, Bench, RecordedBase, good
+from drivers.base.limits import VelocityLimits
+from missions.plugins.testing.recorders import STOP, LeafTestBench, RecordedBase, good
 from tests.behaviours.test_base import Track
 
 STILL = Velocity(0.0, 0.0)
@@ -23,10 +23,10 @@ BY_HAND = Steering(Source.TELEOP, Velocity(0.1, 0.0), Velocity(0.1, 0.0))
 BACKING = Steering(Source.SAFETY, Velocity(-0.1, 0.0), Velocity(-0.1, 0.0), "backing off: bumper left")
 
 
-def motions(bench: Bench) -> list[Motion]:
+def motions(bench: LeafTestBench) -> list[BaseMotion]:
     return [
-        bench.put(Drive("drive"), distance=1.0),
-        bench.put(Turn("turn"), angle=1.0),
+        bench.put(DriveLeaf("drive"), distance=1.0),
+        bench.put(TurnLeaf("turn"), angle=1.0),
         bench.put(Arc("arc"), radius=0.5),
         bench.put(GoTo("go_to"), x=1.0, y=1.0),
         bench.put(Cruise("velocity"), speed=0.2),
@@ -45,7 +45,7 @@ def at(x: float, heading: float = 0.0) -> BaseState:
 
 @pytest.mark.parametrize("number", NUMBERS)
 def test_it_waits_while_a_person_has_the_wheels_and_says_nothing_to_the_base(number: int) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = motions(bench)[number]
     bench.tick(leaf)
     bench.base.commands.clear()
@@ -60,7 +60,7 @@ def test_it_waits_while_a_person_has_the_wheels_and_says_nothing_to_the_base(num
 
 @pytest.mark.parametrize("number", NUMBERS)
 def test_a_latched_base_fails_it_with_the_reason(number: int) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = motions(bench)[number]
     bench.tick(leaf)
     bench.base.latched = "button 0 was pressed"
@@ -71,7 +71,7 @@ def test_a_latched_base_fails_it_with_the_reason(number: int) -> None:
 
 @pytest.mark.parametrize("number", NUMBERS)
 def test_a_motion_fault_fails_it_with_the_cause_and_a_fresh_one_may_begin(number: int) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = motions(bench)[number]
     bench.tick(leaf)
     because = "commanded 0.2 m/s for 1.0 s, encoders report 0 m: blocked or not connected"
@@ -84,7 +84,7 @@ def test_a_motion_fault_fails_it_with_the_cause_and_a_fresh_one_may_begin(number
 
 
 def test_a_fault_of_a_persons_command_does_not_fail_a_mission() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = motions(bench)[0]
     bench.tick(leaf)
     bench.base.steers = Steering(Source.TELEOP, Velocity(0.2, 0.0), STILL, "blocked", "blocked")
@@ -92,8 +92,8 @@ def test_a_fault_of_a_persons_command_does_not_fail_a_mission() -> None:
 
 
 def test_a_drive_that_was_interrupted_goes_on_along_its_line_from_where_the_base_is_then() -> None:
-    bench = Bench()
-    leaf = bench.put(Drive("drive"), distance=1.0)
+    bench = LeafTestBench()
+    leaf = bench.put(DriveLeaf("drive"), distance=1.0)
     bench.tick(leaf)
     bench.base.steers, bench.base.reading = BY_HAND, good(at(0.6))
     bench.tick(leaf)
@@ -104,8 +104,8 @@ def test_a_drive_that_was_interrupted_goes_on_along_its_line_from_where_the_base
 
 
 def test_a_drive_that_a_person_has_brought_too_far_comes_back() -> None:
-    bench = Bench()
-    leaf = bench.put(Drive("drive"), distance=1.0)
+    bench = LeafTestBench()
+    leaf = bench.put(DriveLeaf("drive"), distance=1.0)
     bench.tick(leaf)
     bench.base.steers, bench.base.reading = BY_HAND, good(at(1.5))
     bench.tick(leaf)
@@ -115,8 +115,8 @@ def test_a_drive_that_a_person_has_brought_too_far_comes_back() -> None:
 
 
 def test_a_turn_that_a_person_has_brought_too_far_comes_back() -> None:
-    bench = Bench()
-    leaf = bench.put(Turn("turn"), angle=1.0, speed=0.5)
+    bench = LeafTestBench()
+    leaf = bench.put(TurnLeaf("turn"), angle=1.0, speed=0.5)
     bench.tick(leaf)
     bench.base.steers, bench.base.reading = BY_HAND, good(at(0.0, heading=2.0))
     bench.tick(leaf)
@@ -126,8 +126,8 @@ def test_a_turn_that_a_person_has_brought_too_far_comes_back() -> None:
 
 
 def test_one_that_was_about_to_stop_when_it_was_interrupted_does_not_count_as_there() -> None:
-    bench = Bench()
-    leaf = bench.put(Drive("drive"), distance=1.0)
+    bench = LeafTestBench()
+    leaf = bench.put(DriveLeaf("drive"), distance=1.0)
     bench.tick(leaf)
     bench.base.reading = good(replace(at(1.0), velocity=Velocity(0.1, 0.0)))
     assert bench.tick(leaf) is RUNNING
@@ -139,8 +139,8 @@ def test_one_that_was_about_to_stop_when_it_was_interrupted_does_not_count_as_th
 
 
 def test_a_bump_that_is_over_already_fails_a_drive_while_the_base_backs_off() -> None:
-    bench = Bench()
-    drive, turn = bench.put(Drive("drive"), distance=1.0), bench.put(Turn("turn"), angle=1.0)
+    bench = LeafTestBench()
+    drive, turn = bench.put(DriveLeaf("drive"), distance=1.0), bench.put(TurnLeaf("turn"), angle=1.0)
     bench.base.steers = BACKING
     assert bench.tick(drive) is FAILURE
     assert drive.reason == "bumped into something"
@@ -149,12 +149,12 @@ def test_a_bump_that_is_over_already_fails_a_drive_while_the_base_backs_off() ->
 
 
 def test_stop_succeeds_whoever_has_the_wheels_and_whatever_the_base_feels() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.base.steers, bench.base.latched = BY_HAND, "a cliff"
     bench.base.reading = good(replace(HERE, wheel_drop=SIDE, cliff=SIDE))
-    leaf = bench.put(Stop("stop"))
+    leaf = bench.put(StopLeaf("stop"))
     assert bench.tick(leaf) is RUNNING
-    assert bench.tick(leaf, after=REACTION) is SUCCESS
+    assert bench.tick(leaf, after=REACTION_TIME) is SUCCESS
 
 
 # --- what the base refuses -------------------------------------------------------------------------------------------
@@ -170,25 +170,25 @@ class Refusing(RecordedBase):
         return STILL if self.refuses else velocity
 
 
-def refused(bench: Bench) -> tuple[Turn, Refusing]:
-    leaf, base = bench.put(Turn("turn"), angle=1.0), Refusing(bench.clock)
+def refused(bench: LeafTestBench) -> tuple[TurnLeaf, Refusing]:
+    leaf, base = bench.put(TurnLeaf("turn"), angle=1.0), Refusing(bench.clock)
     base.steers = Steering(Source.MISSION, Velocity(0.0, 1.0), STILL, "at an edge")
     leaf.robot = Robot(base_part=base)
     return leaf, base
 
 
 def test_what_the_base_refuses_for_longer_than_a_moment_fails() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf, base = refused(bench)
     assert bench.tick(leaf) is RUNNING
-    assert bench.tick(leaf, after=REACTION) is RUNNING
+    assert bench.tick(leaf, after=REACTION_TIME) is RUNNING
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "the base does not move: at an edge"
     assert base.commands[-1] == STOP
 
 
 def test_what_it_refuses_for_a_moment_does_not_matter() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf, base = refused(bench)
     for _ in range(4):
         for base.refuses in (True, True, False):
@@ -201,17 +201,17 @@ def test_what_it_refuses_for_a_moment_does_not_matter() -> None:
 @settings(max_examples=25, deadline=None)
 @given(acceleration=st.floats(0.1, 1.0), speed=st.floats(0.1, 0.5))
 def test_a_base_that_brakes_gently_still_ends_within_a_centimetre(acceleration: float, speed: float) -> None:
-    bench = Bench()
-    leaf = bench.put(Drive("drive"), distance=1.0, speed=speed)
-    track = Track(leaf, bench, limits=Limits(0.5, 1.9, acceleration, 3.5))
+    bench = LeafTestBench()
+    leaf = bench.put(DriveLeaf("drive"), distance=1.0, speed=speed)
+    track = Track(leaf, bench, limits=VelocityLimits(0.5, 1.9, acceleration, 3.5))
     assert track.pass_time(60.0) is SUCCESS
     assert track.pose.x == pytest.approx(1.0, abs=0.01)
 
 
 def test_a_base_that_turns_up_gently_still_ends_within_a_degree() -> None:
-    bench = Bench()
-    leaf = bench.put(Turn("turn"), angle=math.pi, speed=1.5)
-    track = Track(leaf, bench, limits=Limits(0.5, 1.9, 0.5, 0.6))
+    bench = LeafTestBench()
+    leaf = bench.put(TurnLeaf("turn"), angle=math.pi, speed=1.5)
+    track = Track(leaf, bench, limits=VelocityLimits(0.5, 1.9, 0.5, 0.6))
     assert track.pass_time(60.0) is SUCCESS
     assert track.pose.heading == pytest.approx(math.pi, abs=math.radians(1))
 
@@ -219,9 +219,9 @@ def test_a_base_that_turns_up_gently_still_ends_within_a_degree() -> None:
 def test_the_harder_a_base_brakes_the_later_a_drive_slows_down() -> None:
     speeds = []
     for acceleration in (0.1, 0.5, 2.0):
-        bench = Bench()
+        bench = LeafTestBench()
         bench.base.limits = BaseLimits(0.5, 1.9, acceleration, 3.5)
-        leaf = bench.put(Drive("drive"), distance=1.0, speed=0.5)
+        leaf = bench.put(DriveLeaf("drive"), distance=1.0, speed=0.5)
         bench.tick(leaf)
         bench.base.reading = good(at(0.8))
         bench.tick(leaf)
@@ -235,10 +235,10 @@ def test_the_harder_a_base_brakes_the_later_a_drive_slows_down() -> None:
 
 
 def test_a_drive_and_a_turn_store_how_far_they_went() -> None:
-    bench = Bench()
-    drive, turn = bench.put(Drive("drive"), distance=-1.0), bench.put(Turn("turn"), angle=math.pi / 2)
+    bench = LeafTestBench()
+    drive, turn = bench.put(DriveLeaf("drive"), distance=-1.0), bench.put(TurnLeaf("turn"), angle=math.pi / 2)
     for leaf, wanted in ((drive, -1.0), (turn, math.pi / 2)):
-        leaf.keep_as = "gone"
+        leaf.output_variable = "gone"
         track = Track(leaf, bench)
         assert track.pass_time(20.0) is SUCCESS
         state = track.base.reading.value
@@ -264,7 +264,7 @@ def test_a_drive_and_a_turn_store_how_far_they_went() -> None:
 def test_velocity_is_told_at_every_tick_until_something_is_in_its_way(
     values: dict[str, float], felt: BaseState, *, fails: bool
 ) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Cruise("velocity"), **values)
     wanted = Velocity(values.get("speed", 0.0), values.get("turn", 0.0))
     for _ in range(3):

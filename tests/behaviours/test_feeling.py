@@ -7,10 +7,10 @@ import pytest
 
 from behaviours.feeling import BatteryBelow, Bumped, ButtonPressed, Cliff, Docked, ObstacleWithin
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
-from behaviours.signals import Led, Sound
+from behaviours.signals import Led, SoundLeaf
 from drivers.api import BaseState, Lamp, Pose2D, Sides, Tune, Velocity
 from drivers.errors import BadRequest
-from missions.plugins.testing.recorders import GONE, Bench, good, none, stale
+from missions.plugins.testing.recorders import OFFLINE_ERROR, LeafTestBench, good, none, stale
 
 HERE = BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0), battery_percent=40.0)
 LEFT = Sides(left=True)
@@ -29,7 +29,7 @@ LEFT = Sides(left=True)
     ],
 )
 def test_what_is_felt_succeeds(leaf: Leaf, values: dict[str, object], felt: BaseState, reason: str) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.put(leaf, **values)
     bench.base.reading = good(felt)
     assert bench.tick(leaf) is SUCCESS
@@ -56,14 +56,14 @@ def test_what_is_felt_succeeds(leaf: Leaf, values: dict[str, object], felt: Base
 def test_what_is_not_felt_fails_with_what_is(
     leaf: Leaf, values: dict[str, object], felt: BaseState, reason: str
 ) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.put(leaf, **values)
     bench.base.reading = good(felt)
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == reason
 
 
-def conditions(bench: Bench) -> list[Leaf]:
+def conditions(bench: LeafTestBench) -> list[Leaf]:
     return [
         bench.put(Bumped("bumped")),
         bench.put(Cliff("cliff")),
@@ -74,13 +74,13 @@ def conditions(bench: Bench) -> list[Leaf]:
 
 
 def test_conditions_are_suspended_while_the_base_does_not_report() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     everything = replace(HERE, bumper=LEFT, cliff=LEFT, docked=True, buttons=frozenset({0}))
     for reading in (stale(everything), none()):
         bench.base.reading = reading
         for leaf in conditions(bench):
             assert bench.tick(leaf) is RUNNING
-            assert (leaf.suspended, leaf.reason) == (True, "waiting: the base does not report")
+            assert (leaf.is_suspended, leaf.reason) == (True, "waiting: the base does not report")
             assert bench.tick(leaf, after=4.9) is RUNNING
             assert bench.tick(leaf, after=0.1) is FAILURE
             assert leaf.reason == "the base has not reported for 5 s"
@@ -103,7 +103,7 @@ def test_conditions_are_suspended_while_the_base_does_not_report() -> None:
 def test_an_obstacle_counts_within_its_distance_and_sector(
     angle: int, distance: float, sector: float, status: object, reason: str
 ) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(ObstacleWithin("obstacle_within"), distance=0.6, sector=math.radians(sector))
     bench.ranger.show({angle: distance})
     assert bench.tick(leaf) is status
@@ -111,7 +111,7 @@ def test_an_obstacle_counts_within_its_distance_and_sector(
 
 
 def test_obstacle_within_is_suspended_while_the_range_finder_does_not_report() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(ObstacleWithin("obstacle_within"), distance=1.0)
     bench.ranger.show({0: 0.5})
     seen = bench.ranger.reading.value
@@ -119,42 +119,42 @@ def test_obstacle_within_is_suspended_while_the_range_finder_does_not_report() -
     for reading in (stale(seen), none()):
         bench.ranger.reading = reading
         assert bench.tick(leaf) is RUNNING
-        assert (leaf.suspended, leaf.reason) == (True, "waiting: the range finder does not report")
+        assert (leaf.is_suspended, leaf.reason) == (True, "waiting: the range finder does not report")
     bench.ranger.show({0: 0.5})
     assert bench.tick(leaf) is SUCCESS
-    assert not leaf.suspended
+    assert not leaf.is_suspended
 
 
 # --- what it shows and sounds ----------------------------------------------------------------------------------------
 
 
 def test_a_tune_and_a_tone_are_played_once() -> None:
-    bench = Bench()
-    assert bench.tick(bench.put(Sound("sound"), tune="recharge")) is SUCCESS
-    assert bench.tick(bench.put(Sound("sound"), tone=440.0, duration=0.2)) is SUCCESS
+    bench = LeafTestBench()
+    assert bench.tick(bench.put(SoundLeaf("sound"), tune="recharge")) is SUCCESS
+    assert bench.tick(bench.put(SoundLeaf("sound"), tone=440.0, duration=0.2)) is SUCCESS
     assert bench.base.commands == [Tune.RECHARGE, (440.0, 0.2)]
 
 
 @pytest.mark.parametrize("values", [{}, {"tune": "on", "tone": 440.0}])
 def test_a_sound_is_one_of_the_two(values: dict[str, object]) -> None:
-    bench = Bench()
-    leaf = bench.put(Sound("sound"), **values)
+    bench = LeafTestBench()
+    leaf = bench.put(SoundLeaf("sound"), **values)
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "needs either a tune or a tone"
     assert bench.base.commands == []
 
 
 def test_a_light_is_switched() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     assert bench.tick(bench.put(Led("led"), colour="red")) is SUCCESS
     assert bench.tick(bench.put(Led("led"), colour="off", number=2)) is SUCCESS
     assert bench.base.commands == [(1, Lamp.RED), (2, Lamp.OFF)]
 
 
 def test_signals_wait_for_a_base_that_is_away_and_fail_by_what_it_cannot_do() -> None:
-    bench = Bench()
-    for leaf in (bench.put(Sound("sound"), tune="on"), bench.put(Led("led"), colour="red")):
-        bench.base.trouble = GONE
+    bench = LeafTestBench()
+    for leaf in (bench.put(SoundLeaf("sound"), tune="on"), bench.put(Led("led"), colour="red")):
+        bench.base.trouble = OFFLINE_ERROR
         assert bench.tick(leaf) is RUNNING
         bench.base.trouble = BadRequest("base: no light 1")
         assert bench.tick(leaf) is FAILURE

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.tracking.follow import HEAD_LAG, LONGEST_STEP, PAUSE, Command, Follower
+from behaviours.tracking.follow import HEAD_LAG, MAX_STEP_TIME, RESTART_TIMEOUT, FollowCommand, Follower
 from behaviours.tracking.fuzzy import Controller, RuleBases
-from behaviours.tracking.lag import Lag, Turning
+from behaviours.tracking.lag import LagEstimator, TurnState
 from config.controller import load_controller
-from config.library import shipped
+from config.library import shipped_files
 from drivers.api import HeadLimits, HeadPose
 from perception.api import Box, Face, Thing
 
@@ -22,13 +22,13 @@ LIMITS = HeadLimits(pan=(radians(-80), radians(80)), tilt=(radians(-60), radians
 MAX_TURN = radians(110)
 CENTRE = HeadPose(0.0, 0.0)
 
-STILL = Turning(0.0, 0.0, 0.0)
+STILL = TurnState(0.0, 0.0, 0.0)
 
 
 @pytest.fixture(scope="module")
 def values() -> Mapping[str, Any]:
     """The shipped rules as plain values."""
-    return load_controller(shipped("controllers")["face"]).values
+    return load_controller(shipped_files("controllers")["face"]).values
 
 
 @pytest.fixture(scope="module")
@@ -77,9 +77,9 @@ def test_the_shipped_rules_know_no_side_and_ask_for_more_the_farther_off(values:
 # --- single steps ----------------------------------------------------------------------------------------------------
 
 
-def step(follower: Follower, now: float, face: Face, *, heading: float = 0.0, turning: float = 0.0) -> Command:
+def step(follower: Follower, now: float, face: Face, *, heading: float = 0.0, turning: float = 0.0) -> FollowCommand:
     """Step with a base that stands and turns so now, in degrees."""
-    return follower.step(now, face, head=CENTRE, base=Turning(radians(heading), radians(turning), now))
+    return follower.step(now, face, head=CENTRE, base=TurnState(radians(heading), radians(turning), now))
 
 
 def look(follower: Follower, now: float, face: Face, *, heading: float = 0.0, turning: float = 0.0) -> HeadPose:
@@ -100,14 +100,14 @@ def test_a_step_that_takes_no_time_moves_nothing(follower: Follower) -> None:
 
 def test_a_late_step_counts_for_no_more_than_the_longest(follower: Follower) -> None:
     first = look(follower, 1.0, face_at(1.0, 70))
-    late = look(follower, 1.0 + 0.9 * PAUSE, face_at(1.0, 70))
-    assert late.pan - first.pan == pytest.approx(LIMITS.speed * LONGEST_STEP)
+    late = look(follower, 1.0 + 0.9 * RESTART_TIMEOUT, face_at(1.0, 70))
+    assert late.pan - first.pan == pytest.approx(LIMITS.speed * MAX_STEP_TIME)
 
 
 def test_after_a_pause_it_starts_from_where_the_head_looks_now(follower: Follower) -> None:
     look(follower, 1.0, face_at(1.0, 70))
     moved = HeadPose(radians(-40), 0.0)
-    command = follower.step(1.1 + PAUSE, face_at(1.0, -40), head=moved, base=STILL)
+    command = follower.step(1.1 + RESTART_TIMEOUT, face_at(1.0, -40), head=moved, base=STILL)
     assert command.head.pan == pytest.approx(moved.pan)
 
 
@@ -147,7 +147,7 @@ def test_the_base_stands_while_the_head_is_near_the_middle_and_turns_faster_towa
     turns: list[float] = []
     for pan in (-80, -60, -40, -25, 0, 25, 40, 60, 80):
         head = HeadPose(radians(pan), 0.0)
-        now = 10.0 + len(turns) * 2 * PAUSE
+        now = 10.0 + len(turns) * 2 * RESTART_TIMEOUT
         turns.append(follower.step(now, face_at(now, pan), head=head, base=STILL).turn)
     assert turns == sorted(turns)
     assert turns[3:6] == [0.0, 0.0, 0.0]
@@ -207,7 +207,7 @@ def test_it_never_steps_past_a_face_whatever_the_ticks(
         # A step leads no farther than to where the face will be at its end, or beyond one that goes on by the way in
         # which a head brakes; or the head's limit before.
         brakes = math.copysign(LIMITS.speed**2 / (2 * LIMITS.acceleration), rate) if rate else 0.0
-        places = [face.predict(now + span)[0] + way for span in (0.0, LONGEST_STEP) for way in (0.0, brakes)]
+        places = [face.predict(now + span)[0] + way for span in (0.0, MAX_STEP_TIME) for way in (0.0, brakes)]
         ahead = [min(max(place, LIMITS.pan[0]), LIMITS.pan[1]) for place in places]
         assert pan <= max(ahead) + 1e-9 if left else pan >= min(ahead) - 1e-9
 
@@ -232,13 +232,13 @@ def test_a_base_without_a_head_turns_to_the_face_faster_the_farther_off(rules: R
 
 def test_a_base_goes_along_with_a_face_that_it_has_centred(base: Follower) -> None:
     face = face_at(1.0, 30, yaw_rate=20)
-    heading = 30 + 20 * (LONGEST_STEP / 2)
-    turn = base.step(1.0, face, head=CENTRE, base=Turning(radians(heading), radians(20), 1.0 + 0.05)).turn
+    heading = 30 + 20 * (MAX_STEP_TIME / 2)
+    turn = base.step(1.0, face, head=CENTRE, base=TurnState(radians(heading), radians(20), 1.0 + 0.05)).turn
     assert turn == pytest.approx(radians(20), abs=radians(0.5))
 
 
 def test_a_base_that_is_slow_to_begin_is_told_nothing_twice(rules: RuleBases) -> None:
-    quick, slow = (Follower(rules, limits=None, max_turn=MAX_TURN, lag=Lag(lag, 3.5)) for lag in (0.0, 0.3))
+    quick, slow = (Follower(rules, limits=None, max_turn=MAX_TURN, lag=LagEstimator(lag, 3.5)) for lag in (0.0, 0.3))
     asked = [[step(each, n * 0.05, face_at(n * 0.05, 15)).turn for n in range(12)] for each in (quick, slow)]
     # What it was told and has not begun yet will turn it: the one that knows so asks for less and less.
     assert asked[0][-1] == pytest.approx(asked[0][2], rel=0.3)
@@ -270,13 +270,13 @@ def test_without_prediction_a_head_may_go_past() -> None:
 
 @pytest.mark.parametrize(("edge", "turn"), [(219, 10), (220, 0), (250, 0), (280, 0), (281, -10)])
 def test_the_course_goes_by_the_left_edge_of_the_box(edge: float, turn: float) -> None:
-    rules = RuleBases.from_mapping(load_controller(shipped("controllers")["course"]).values)
+    rules = RuleBases.from_mapping(load_controller(shipped_files("controllers")["course"]).values)
     follower = Follower(rules, limits=None, max_turn=MAX_TURN)
     assert degrees(step(follower, 1.0, face_at(1.0, 0, edge=edge)).turn) == pytest.approx(turn)
 
 
 def test_what_has_no_face_has_no_edge_to_go_by() -> None:
-    rules = RuleBases.from_mapping(load_controller(shipped("controllers")["course"]).values)
+    rules = RuleBases.from_mapping(load_controller(shipped_files("controllers")["course"]).values)
     ball = Thing(1, 1.0, Box(1, 1, 9, 9), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, "red ball", "red", "ball")
     with pytest.raises(ValueError, match="the rules go by 'edge', which is not known of this Thing"):
         Follower(rules, limits=None, max_turn=1.0).step(1.0, ball, head=CENTRE, base=STILL)

@@ -11,12 +11,12 @@ from behaviours.tracking.follow import RuleBases
 from behaviours.tracking.track import FollowPerson
 from config.controller import load_controller
 from config.faults import InvalidFileError
-from config.faults import Source as FileSource
-from config.library import shipped
+from config.faults import SourceText as FileSource
+from config.library import shipped_files
 from drivers.api import BaseState, HeadPose, Pose2D, Sides, Source, Steering, Velocity
 from missions.language.document import check_plan
-from missions.library.things import THINGS
-from missions.plugins.testing.recorders import STOP, Bench, face, good, none, stale
+from missions.library.things import LOOKUPS
+from missions.plugins.testing.recorders import STOP, LeafTestBench, face, good, none, stale
 
 LEFT = Sides(left=True)
 STILL = BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0))
@@ -24,19 +24,19 @@ STILL = BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0))
 
 @pytest.fixture(scope="module")
 def rules() -> RuleBases:
-    return RuleBases.from_mapping(load_controller(shipped("controllers")["face"]).values)
+    return RuleBases.from_mapping(load_controller(shipped_files("controllers")["face"]).values)
 
 
-def following(bench: Bench, rules: RuleBases, **arguments: object) -> FollowPerson:
+def following(bench: LeafTestBench, rules: RuleBases, **arguments: object) -> FollowPerson:
     return bench.put(FollowPerson("follow_person"), controller=rules, **arguments)
 
 
-def show(bench: Bench, distance: float, *, yaw: float = 0.0, number: int = 1) -> None:
+def show(bench: LeafTestBench, distance: float, *, yaw: float = 0.0, number: int = 1) -> None:
     """Show one face at a distance in metres, seen now."""
-    bench.sight.seen = [replace(face(bench.clock.now(), number=number, yaw=yaw), distance=distance)]
+    bench.sight.seen = [replace(face(bench.clock.read_value(), number=number, yaw=yaw), distance=distance)]
 
 
-def told(bench: Bench) -> Velocity:
+def told(bench: LeafTestBench) -> Velocity:
     velocity = bench.base.commands[-1]
     assert isinstance(velocity, Velocity)
     return velocity
@@ -48,7 +48,7 @@ def told(bench: Bench) -> Velocity:
 def test_it_drives_the_faster_the_farther_somebody_is_and_never_back(
     distance: float, speed: float, rules: RuleBases
 ) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = following(bench, rules)
     show(bench, distance)
     assert bench.tick(leaf) is RUNNING
@@ -58,7 +58,7 @@ def test_it_drives_the_faster_the_farther_somebody_is_and_never_back(
 def test_it_drives_the_slower_the_more_the_head_looks_aside(rules: RuleBases) -> None:
     speeds = []
     for pan in (0.0, 0.3, 0.6, 0.9):
-        bench = Bench()
+        bench = LeafTestBench()
         bench.head.reading = good(HeadPose(pan, 0.0))
         leaf = following(bench, rules)
         show(bench, 4.0, yaw=pan)
@@ -70,7 +70,7 @@ def test_it_drives_the_slower_the_more_the_head_looks_aside(rules: RuleBases) ->
 
 
 def test_the_base_turns_after_the_head_as_it_does_for_track_face(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.head.reading = good(HeadPose(1.2, 0.0))
     leaf = following(bench, rules)
     show(bench, 4.0, yaw=1.2)
@@ -87,7 +87,7 @@ def test_the_base_turns_after_the_head_as_it_does_for_track_face(rules: RuleBase
     ],
 )
 def test_what_it_runs_into_fails_it_and_stops_head_and_base(felt: BaseState, reason: str, rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = following(bench, rules)
     show(bench, 3.0)
     bench.tick(leaf)
@@ -101,7 +101,7 @@ def test_what_it_runs_into_fails_it_and_stops_head_and_base(felt: BaseState, rea
 def test_it_slows_down_for_what_the_range_finder_sees_in_its_way_and_stops_before_it(rules: RuleBases) -> None:
     speeds = []
     for distance in (3.0, 0.5, 0.35, 0.2):
-        bench = Bench()
+        bench = LeafTestBench()
         leaf = following(bench, rules)
         bench.ranger.show({0: distance})
         show(bench, 4.0)
@@ -114,7 +114,7 @@ def test_it_slows_down_for_what_the_range_finder_sees_in_its_way_and_stops_befor
 
 
 def test_while_the_range_finder_is_silent_it_does_not_drive(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = following(bench, rules)
     bench.ranger.reading = none()
     show(bench, 4.0)
@@ -123,7 +123,7 @@ def test_while_the_range_finder_is_silent_it_does_not_drive(rules: RuleBases) ->
 
 
 def test_a_latched_base_fails_it(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = following(bench, rules)
     bench.base.latched = "button 0 was pressed"
     show(bench, 4.0)
@@ -132,7 +132,7 @@ def test_a_latched_base_fails_it(rules: RuleBases) -> None:
 
 
 def test_without_fresh_reports_of_the_base_it_does_not_drive(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = following(bench, rules)
     bench.base.reading = stale(STILL)
     show(bench, 3.0)
@@ -141,7 +141,7 @@ def test_without_fresh_reports_of_the_base_it_does_not_drive(rules: RuleBases) -
 
 
 def test_once_the_person_is_out_of_sight_it_stands_and_then_fails(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = following(bench, rules, patience=1.0)
     show(bench, 3.0)
     bench.tick(leaf)
@@ -154,8 +154,8 @@ def test_once_the_person_is_out_of_sight_it_stands_and_then_fails(rules: RuleBas
 
 
 def test_it_begins_with_the_one_that_the_mission_names(rules: RuleBases) -> None:
-    bench = Bench()
-    now = bench.clock.now()
+    bench = LeafTestBench()
+    now = bench.clock.read_value()
     larger, named = face(now, number=1, yaw=0.5), replace(face(now, number=2, yaw=-0.5), distance=1.0)
     leaf = following(bench, rules, face=named)
     bench.sight.seen = [larger, named]
@@ -164,7 +164,7 @@ def test_it_begins_with_the_one_that_the_mission_names(rules: RuleBases) -> None
 
 
 def test_a_halt_stops_the_base(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = following(bench, rules)
     show(bench, math.inf)
     bench.tick(leaf)
@@ -175,16 +175,16 @@ def test_a_halt_stops_the_base(rules: RuleBases) -> None:
 
 def test_it_cannot_be_told_to_come_so_near_that_it_bumps_into_people() -> None:
     with pytest.raises(InvalidFileError, match=r"'distance' must be between 0\.6 m and 5 m"):
-        check_plan(FileSource("m.yaml", "mission: m\ntree: {follow_person: {distance: 0.59 m}}\n"), LEAVES, THINGS)
-    check_plan(FileSource("m.yaml", "mission: m\ntree: {follow_person: {distance: 0.6 m}}\n"), LEAVES, THINGS)
+        check_plan(FileSource("m.yaml", "mission: m\ntree: {follow_person: {distance: 0.59 m}}\n"), LEAVES, LOOKUPS)
+    check_plan(FileSource("m.yaml", "mission: m\ntree: {follow_person: {distance: 0.6 m}}\n"), LEAVES, LOOKUPS)
 
 
 def test_it_fails_once_the_range_guard_has_kept_the_base_from_moving_for_five_seconds(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = following(bench, rules)
     because = "something is in the way, 0.1 m ahead"
     blocked = Steering(Source.MISSION, Velocity(0.3, 0.0), Velocity(0.0, 0.0), because)
-    slowed = replace(blocked, given=Velocity(0.05, 0.0))
+    slowed = replace(blocked, allowed=Velocity(0.05, 0.0))
     for steering, seconds in ((blocked, 4.9), (slowed, 0.2), (blocked, 4.9)):
         bench.base.steers = steering
         for _ in range(round(seconds / 0.1)):

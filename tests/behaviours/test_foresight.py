@@ -5,7 +5,7 @@ from math import cos, degrees, pi, radians, sin, sqrt
 
 import pytest
 
-from behaviours.tracking.foresight import Foresight
+from behaviours.tracking.foresight import MotionPredictor
 
 AHEAD = 0.15
 ABLE = 7.0
@@ -13,19 +13,19 @@ ABLE = 7.0
 
 def error(path: Callable[[float], float], rate: Callable[[float], float], *, seconds: float = 6.0) -> float:
     """Return by how much (degrees RMS) a target is foretold wrongly in the last two seconds."""
-    foresight, off = Foresight(ABLE), []
+    foresight, off = MotionPredictor(ABLE), []
     for n in range(int(seconds * 20)):
         time = n / 20
-        angle, _ = foresight.foretell(time, path(time), rate(time), AHEAD)
+        angle, _ = foresight.predict(time, path(time), rate(time), AHEAD)
         if time > seconds - 2:
             off.append((angle - path(time + AHEAD)) ** 2)
     return degrees(sqrt(sum(off) / len(off)))
 
 
 def test_a_walk_is_foretold_as_it_is() -> None:
-    foresight = Foresight(ABLE)
+    foresight = MotionPredictor(ABLE)
     for n in range(40):
-        found = foresight.foretell(n / 20, 0.3 * n / 20, 0.3, AHEAD)
+        found = foresight.predict(n / 20, 0.3 * n / 20, 0.3, AHEAD)
         assert found == pytest.approx((0.3 * (n / 20 + AHEAD), 0.3), abs=radians(0.5))
 
 
@@ -38,9 +38,9 @@ def test_a_swing_that_a_head_can_follow_is_learnt_and_a_walk_would_overshoot_it(
 
 def test_a_swing_too_fast_for_anything_is_not_followed() -> None:
     amplitude, omega = radians(10), 8 * pi  # once in 0.25 s
-    foresight = Foresight(ABLE)
+    foresight = MotionPredictor(ABLE)
     angles = [
-        foresight.foretell(n / 20, amplitude * sin(omega * n / 20), amplitude * omega * cos(omega * n / 20), AHEAD)[0]
+        foresight.predict(n / 20, amplitude * sin(omega * n / 20), amplitude * omega * cos(omega * n / 20), AHEAD)[0]
         for n in range(120)
     ]
     assert max(map(abs, angles[80:])) < radians(3)
@@ -49,10 +49,10 @@ def test_a_swing_too_fast_for_anything_is_not_followed() -> None:
 @pytest.mark.parametrize("period", [0.25, 0.4, 0.5])
 @pytest.mark.parametrize("able", [3.5, 7.0])
 def test_what_comes_and_goes_faster_than_anything_can_is_waited_for_in_its_middle(period: float, able: float) -> None:
-    foresight, omega = Foresight(able), 2 * pi / period
+    foresight, omega = MotionPredictor(able), 2 * pi / period
     for n in range(120):
         time, noise = n / 20, radians(0.2) * sin(97.0 * n)
-        angle, rate = foresight.foretell(time, radians(5 + 10 * sin(omega * time)) + noise, cos(omega * time), AHEAD)
+        angle, rate = foresight.predict(time, radians(5 + 10 * sin(omega * time)) + noise, cos(omega * time), AHEAD)
         if time > 3:
             assert degrees(angle) == pytest.approx(5.0, abs=0.6)
             assert degrees(rate) == pytest.approx(0.0, abs=0.1)
@@ -60,11 +60,11 @@ def test_what_comes_and_goes_faster_than_anything_can_is_waited_for_in_its_middl
 
 def test_somebody_who_stood_or_jumped_before_and_walks_off_is_walked_with_at_once() -> None:
     for before in (0.0, 12.0):  # degrees; a second before the walk
-        foresight, angle, rate = Foresight(ABLE), 0.0, 0.0
+        foresight, angle, rate = MotionPredictor(ABLE), 0.0, 0.0
         for n in range(87):
             place = before if n < 60 else max(0.0, 20 * (n - 80) / 20)
             going = 20.0 if n > 81 else 0.0  # the filter knows the rate a picture later
-            angle, rate = foresight.foretell(n / 20, radians(place), radians(going), AHEAD)
+            angle, rate = foresight.predict(n / 20, radians(place), radians(going), AHEAD)
         assert degrees(angle) == pytest.approx(20 * (6 / 20 + AHEAD), abs=1.0)
         assert degrees(rate) == pytest.approx(20.0, abs=5.0)
 
@@ -76,36 +76,36 @@ def test_noise_of_the_rate_is_smoothed_where_somebody_walks_evenly() -> None:
 
 
 def test_a_jump_says_nothing_about_how_targets_move() -> None:
-    foresight = Foresight(ABLE)
+    foresight = MotionPredictor(ABLE)
     for n in range(60):
-        angle = foresight.foretell(n / 20, 0.0 if n < 40 else 0.4, 0.0, AHEAD)[0]
+        angle = foresight.predict(n / 20, 0.0 if n < 40 else 0.4, 0.0, AHEAD)[0]
     assert angle == pytest.approx(0.4, abs=radians(0.5))
 
 
 def test_the_same_picture_seen_twice_counts_once() -> None:
-    once, twice = Foresight(ABLE), Foresight(ABLE)
+    once, twice = MotionPredictor(ABLE), MotionPredictor(ABLE)
     for n in range(60):
         seen = (n / 20, 0.2 * sin(n / 5), 0.4 * cos(n / 5), AHEAD)
-        first = once.foretell(*seen)
-        twice.foretell(*seen)
-        assert twice.foretell(*seen) == first
+        first = once.predict(*seen)
+        twice.predict(*seen)
+        assert twice.predict(*seen) == first
 
 
 def test_after_a_long_absence_it_begins_afresh() -> None:
-    foresight = Foresight(ABLE)
+    foresight = MotionPredictor(ABLE)
     for n in range(60):
-        foresight.foretell(n / 20, 0.2 * sin(n), 0.0, AHEAD)
-    assert foresight.foretell(60.0, 1.0, 0.1, AHEAD) == pytest.approx((1.0 + 0.1 * AHEAD, 0.1), abs=radians(0.5))
+        foresight.predict(n / 20, 0.2 * sin(n), 0.0, AHEAD)
+    assert foresight.predict(60.0, 1.0, 0.1, AHEAD) == pytest.approx((1.0 + 0.1 * AHEAD, 0.1), abs=radians(0.5))
 
 
 def test_who_sets_off_is_believed_again_unless_it_may_be_the_camera_that_has() -> None:
     rates = {}
     for camera in ((0.0, 0.0), (0.0, radians(3)), (radians(3), 0.0)):
-        foresight, rate = Foresight(ABLE), 0.0
+        foresight, rate = MotionPredictor(ABLE), 0.0
         for n in range(63):  # what was foretold of a target that jumped was wrong; then it stood for 1 s, and walks
             place, going = ((-1) ** (n // 4), 20.0 * (-1) ** (n // 4)) if n < 40 else (max(0.0, n - 59), 0.0)
             going = 20.0 if n >= 60 else going
-            _, rate = foresight.foretell(
+            _, rate = foresight.predict(
                 n / 20, radians(place), radians(going), AHEAD, camera if n == 60 else (0.0, 0.0)
             )
         rates[camera] = degrees(rate)

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.tracking.fuzzy import Controller, Rule, Table
-from behaviours.tracking.terms import Membership, Sets, Singletons, Variable
+from behaviours.tracking.fuzzy import Controller, LookupTable, Rule
+from behaviours.tracking.terms import FuzzySets, FuzzyVariable, Membership, Singletons
 
 ERROR = {"right": -10.0, "centred": 0.0, "left": 20.0}
 RATE = {"rightward": -5.0, "leftward": 5.0}
@@ -54,7 +54,7 @@ def test_a_term_has_the_shape_of_its_points(points: Sequence[float], grades: Map
 
 @given(st.lists(values, min_size=2, max_size=7, unique=True), values)
 def test_the_grades_of_terms_with_one_peak_each_add_up_to_one(peaks: list[float], value: float) -> None:
-    variable = Variable.from_points("x", {f"t{n}": peak for n, peak in enumerate(peaks)})
+    variable = FuzzyVariable.from_points("x", {f"t{n}": peak for n, peak in enumerate(peaks)})
     grades = variable.grades(value)
     assert sum(grades.values()) == pytest.approx(1.0)
     assert all(0.0 <= grade <= 1.0 for grade in grades.values())
@@ -62,11 +62,13 @@ def test_the_grades_of_terms_with_one_peak_each_add_up_to_one(peaks: list[float]
 
 
 def test_a_peak_may_stand_in_a_list_of_one() -> None:
-    assert Variable.from_points("x", {"low": [0.0], "high": [1.0]}) == Variable.from_points("x", {"low": 0, "high": 1})
+    assert FuzzyVariable.from_points("x", {"low": [0.0], "high": [1.0]}) == FuzzyVariable.from_points(
+        "x", {"low": 0, "high": 1}
+    )
 
 
 def test_values_out_of_reach_are_clamped() -> None:
-    variable = Variable.from_points("x", {"low": [0, 5, 10], "high": [5, 10, 10]} | {"edge": [0, 0, 5]})
+    variable = FuzzyVariable.from_points("x", {"low": [0, 5, 10], "high": [5, 10, 10]} | {"edge": [0, 0, 5]})
     assert variable.grades(-100) == variable.grades(0)
     assert variable.grades(math.inf) == variable.grades(10)
 
@@ -92,7 +94,7 @@ def test_values_out_of_reach_are_clamped() -> None:
 )
 def test_terms_that_make_no_sense_are_named(terms: Mapping[str, float | Sequence[float]], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        Variable.from_points("error", terms)
+        FuzzyVariable.from_points("error", terms)
 
 
 # --- inference --------------------------------------------------------------------------------------------------------
@@ -154,7 +156,9 @@ def test_no_number_is_not_an_input() -> None:
 # --- Mamdani's method -------------------------------------------------------------------------------------------------
 
 
-SETS = Sets("speed", {"back": Membership(-2, -1, -1, 0), "stay": Membership(-1, 0, 1, 2), "on": Membership(1, 2, 2, 3)})
+SETS = FuzzySets(
+    "speed", {"back": Membership(-2, -1, -1, 0), "stay": Membership(-1, 0, 1, 2), "on": Membership(1, 2, 2, 3)}
+)
 
 
 @pytest.mark.parametrize(
@@ -182,9 +186,9 @@ def test_mamdani_joins_conditions_by_the_least_and_conclusions_of_two_rules_by_t
 
 
 def test_sets_of_one_peak_each_mean_their_peak_where_these_are_evenly_apart() -> None:
-    sets = Sets.from_points("pan", {"back": -2.0, "stay": 0.0, "on": 2.0})
+    sets = FuzzySets.from_points("pan", {"back": -2.0, "stay": 0.0, "on": 2.0})
     assert [sets.combine([(term, 0.7)]) for term in sets.terms] == pytest.approx([-2.0, 0.0, 2.0])
-    shoulder = Sets.from_points("pan", {"stay": [0.0, 1.0, 2.0], "on": [1.0, 2.0]})
+    shoulder = FuzzySets.from_points("pan", {"stay": [0.0, 1.0, 2.0], "on": [1.0, 2.0]})
     assert shoulder.combine([("on", 1.0)]) == pytest.approx(1.0 + 2 / 3)
 
 
@@ -205,12 +209,12 @@ def test_mamdani_stays_within_its_sets(error: float, rate: float) -> None:
 @st.composite
 def partitioned(draw: st.DrawFn) -> Controller:
     """A controller of one to three inputs in single peaks, with a rule for every case."""
-    inputs: list[Variable] = []
+    inputs: list[FuzzyVariable] = []
     cases: list[dict[str, str]] = [{}]
     for name in "abc"[: draw(st.integers(1, 3))]:
         peaks = draw(st.lists(st.integers(-40, 40), min_size=2, max_size=4, unique=True))
         terms = {f"{name}{n}": float(peak) for n, peak in enumerate(peaks)}
-        inputs.append(Variable.from_points(name, terms))
+        inputs.append(FuzzyVariable.from_points(name, terms))
         cases = [case | {name: term} for case in cases for term in terms]
     heights = draw(st.lists(st.floats(-9, 9), min_size=len(cases), max_size=len(cases)))
     output = Singletons("out", {f"o{n}": height for n, height in enumerate(heights)})
@@ -237,7 +241,7 @@ def test_a_surface_that_bends_at_the_corners_only_needs_no_finer_table() -> None
 @given(st.tuples(values, values))
 def test_two_axes_are_read_as_three_are(at: tuple[float, float]) -> None:
     flat = controller().tabulate()
-    deep = Table((*flat.axes, (0.0, 1.0)), tuple(height for height in flat.heights for _ in range(2)))
+    deep = LookupTable((*flat.axes, (0.0, 1.0)), tuple(height for height in flat.heights for _ in range(2)))
     assert flat(*at) == pytest.approx(deep(*at, 0.5))
     assert flat(-math.inf, math.inf) == flat(-1e6, 1e6)
 
@@ -245,7 +249,7 @@ def test_two_axes_are_read_as_three_are(at: tuple[float, float]) -> None:
 def test_a_table_that_is_no_grid_is_refused() -> None:
     for axes, heights in (((), ()), (((0.0,),), (1.0,)), (((0.0, 1.0),), (1.0,))):
         with pytest.raises(ValueError, match="cannot have"):
-            Table(axes, heights)
+            LookupTable(axes, heights)
     with pytest.raises(TypeError, match="2 axes cannot be read at 1"):
         controller().tabulate()(1.0)
 

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from behaviours.tracking.fuzzy import CONJUNCTIONS, Controller, Rule
-from behaviours.tracking.terms import Membership, Sets, Singletons, Variable
+from behaviours.tracking.terms import FuzzySets, FuzzyVariable, Membership, Singletons
 
 pytestmark = pytest.mark.filterwarnings("ignore:Passing more than 2 positional arguments:DeprecationWarning")
 
@@ -45,7 +45,7 @@ def cases(draw: st.DrawFn) -> Case:
 def ours(case: Case, conjunction: Any, output: Any) -> float:
     inputs, _, rules, values = case
     variables = tuple(
-        Variable(name, {term: Membership.from_points(points) for term, points in terms.items()})
+        FuzzyVariable(name, {term: Membership.from_points(points) for term, points in terms.items()})
         for name, terms in inputs.items()
     )
     found = Controller("any", variables, output, tuple(Rule(*rule) for rule in rules), conjunction)
@@ -84,7 +84,7 @@ def theirs(case: Case) -> float:
 @given(cases())
 def test_mamdani_with_centroid_is_scikit_fuzzys_within_two_thousandths_of_the_range(case: Case) -> None:
     terms = {term: Membership.from_points(points) for term, points in case[1].items()}
-    assert ours(case, min, Sets("out", terms)) == pytest.approx(theirs(case), abs=2e-3 * 1000.0)
+    assert ours(case, min, FuzzySets("out", terms)) == pytest.approx(theirs(case), abs=2e-3 * 1000.0)
 
 
 @settings(max_examples=100, deadline=None)
@@ -113,5 +113,5 @@ def test_the_check_would_notice_another_inference() -> None:
         [500.0],
     )
     terms = {term: Membership.from_points(points) for term, points in case[1].items()}
-    assert ours(case, min, Sets("out", terms)) == pytest.approx(theirs(case), abs=1.0)
+    assert ours(case, min, FuzzySets("out", terms)) == pytest.approx(theirs(case), abs=1.0)
     assert ours(case, min, Singletons("out", {"o0": 100.0, "o1": 650.0})) != pytest.approx(theirs(case), abs=20.0)

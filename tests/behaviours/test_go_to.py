@@ -6,16 +6,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from behaviours.driving.go_to import TRIES, GoTo
+from behaviours.driving.go_to import MAX_TRIES, GoTo
 from behaviours.leaf import FAILURE, SUCCESS
 from drivers.api import BaseState, Pose2D, Sides, Source, Steering, Velocity
-from missions.plugins.testing.recorders import STOP, Bench, good
+from missions.plugins.testing.recorders import STOP, LeafTestBench, good
 from tests.behaviours.test_base import Track
 
 STILL = Velocity(0.0, 0.0)
 
 
-def going(bench: Bench, x: float, y: float, **arguments: object) -> GoTo:
+def going(bench: LeafTestBench, x: float, y: float, **arguments: object) -> GoTo:
     return bench.put(GoTo("go_to"), x=x, y=y, **arguments)
 
 
@@ -27,7 +27,7 @@ def going(bench: Bench, x: float, y: float, **arguments: object) -> GoTo:
     dead_time=st.sampled_from([0.0, 0.1, 0.2]),
 )
 def test_it_ends_at_the_place_with_the_heading(x: float, y: float, heading: float, dead_time: float) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     track = Track(going(bench, x, y, heading=heading), bench, dead_time)
     assert track.pass_time(40.0) is SUCCESS
     pose = track.pose
@@ -36,21 +36,21 @@ def test_it_ends_at_the_place_with_the_heading(x: float, y: float, heading: floa
 
 
 def test_without_a_heading_it_stays_as_it_came() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     track = Track(going(bench, 0.5, 0.5), bench)
     assert track.pass_time(20.0) is SUCCESS
     assert math.degrees(track.pose.heading) == pytest.approx(45.0, abs=5.0)
 
 
 def test_where_it_is_already_it_does_not_move() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = going(bench, 0.0, 0.0, heading=0.0)
     assert bench.tick(leaf) is SUCCESS
     assert set(bench.base.commands) == {STOP}
 
 
 def test_a_place_behind_it_makes_it_turn_on_the_spot_first() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.tick(going(bench, -1.0, 0.1))
     (command,) = bench.base.commands
     assert isinstance(command, Velocity)
@@ -59,7 +59,7 @@ def test_a_place_behind_it_makes_it_turn_on_the_spot_first() -> None:
 
 
 def test_it_takes_the_shorter_way_round_however_often_the_base_has_turned() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.base.reading = good(BaseState(Pose2D(1.0, 0.0, 4 * math.pi + 0.3), STILL))
     leaf = going(bench, 1.0, 0.0, heading=0.0)
     for _ in range(3):
@@ -70,7 +70,7 @@ def test_it_takes_the_shorter_way_round_however_often_the_base_has_turned() -> N
 
 
 def test_it_drives_to_the_place_from_wherever_a_person_has_brought_the_base() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     track = Track(going(bench, 1.0, 0.0, heading=0.0), bench)
     track.pass_time(2.0)
     track.base.steers = Steering(Source.TELEOP, STILL, STILL)
@@ -81,7 +81,7 @@ def test_it_drives_to_the_place_from_wherever_a_person_has_brought_the_base() ->
 
 
 def test_it_fails_at_what_is_in_its_way_and_stops() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = going(bench, 1.0, 0.0)
     bench.tick(leaf)
     bench.base.reading = good(BaseState(Pose2D(0.1, 0.0, 0.0), STILL, bumper=Sides(centre=True)))
@@ -91,9 +91,9 @@ def test_it_fails_at_what_is_in_its_way_and_stops() -> None:
 
 
 def test_a_place_that_it_misses_again_and_again_is_given_up() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = going(bench, 1.0, 0.0)
-    for rolls in (True, False) * TRIES:  # it was there, but rolls on beyond
+    for rolls in (True, False) * MAX_TRIES:  # it was there, but rolls on beyond
         linear, x = (0.1, 1.0) if rolls else (0.0, 1.05)
         bench.base.reading = good(BaseState(Pose2D(x, 0.0, 0.0), Velocity(linear, 0.0)))
         status = bench.tick(leaf)

@@ -6,20 +6,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.head import ARRIVED, SAG, SETTLED, Look, LookAt, aim, arrived
+from behaviours.head import ARRIVAL_TOLERANCE, SAG_TOLERANCE, SETTLE_TIME, LookAt, LookLeaf, has_arrived, pose_towards
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.robot import Robot
 from drivers.api import HeadPose, Reading
 from drivers.clock import ManualClock
 from drivers.errors import BadRequest
 from drivers.sim.servo import Shaft
-from missions.plugins.testing.recorders import GONE, STOP, Bench, RecordedHead, good, none, stale
+from missions.plugins.testing.recorders import OFFLINE_ERROR, STOP, LeafTestBench, RecordedHead, good, none, stale
 
 LEFT = HeadPose(1.0, -0.2)
 
 
-def looking(bench: Bench, pose: HeadPose = LEFT) -> Look:
-    return bench.put(Look("look"), pan=pose.pan, tilt=pose.tilt)
+def looking(bench: LeafTestBench, pose: HeadPose = LEFT) -> LookLeaf:
+    return bench.put(LookLeaf("look"), pan=pose.pan, tilt=pose.tilt)
 
 
 class ServoHead(RecordedHead):
@@ -27,7 +27,7 @@ class ServoHead(RecordedHead):
 
     def __init__(self, clock: ManualClock) -> None:
         super().__init__(clock)
-        self.shafts = [Shaft(0.0, 0.0, math.degrees(self.limits.speed), clock.now()) for _ in range(2)]
+        self.shafts = [Shaft(0.0, 0.0, math.degrees(self.limits.speed), clock.read_value()) for _ in range(2)]
 
     def look(self, target: HeadPose) -> HeadPose:
         accepted = super().look(target)
@@ -37,12 +37,12 @@ class ServoHead(RecordedHead):
         return accepted
 
     def pose(self) -> Reading[HeadPose]:
-        pan, tilt = (math.radians(shaft.advance(self.clock.now())) for shaft in self.shafts)
+        pan, tilt = (math.radians(shaft.advance(self.clock.read_value())) for shaft in self.shafts)
         return good(HeadPose(pan, tilt))
 
 
 def test_look_runs_until_the_head_is_there() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = looking(bench)
     assert bench.tick(leaf) is RUNNING
     assert leaf.reason == "the head is at +0, +0 deg, on its way to +57, -11 deg"
@@ -53,12 +53,12 @@ def test_look_runs_until_the_head_is_there() -> None:
 
 
 def test_look_where_it_looks_already_succeeds_at_once() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     assert bench.tick(looking(bench, HeadPose(0.0, 0.0))) is SUCCESS
 
 
 def test_look_beyond_the_limits_ends_at_the_limits() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = looking(bench, HeadPose(3.0, 2.0))
     bench.tick(leaf)
     assert leaf.reason.endswith("on its way to +80, +20 deg, the limit for +172, +115 deg")
@@ -69,7 +69,7 @@ def test_look_beyond_the_limits_ends_at_the_limits() -> None:
 
 @pytest.mark.parametrize("reading", [stale(LEFT), none()])
 def test_only_a_fresh_reading_is_an_arrival(reading: Reading[HeadPose]) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.head.reading = reading
     leaf = looking(bench)
     assert bench.tick(leaf) is RUNNING
@@ -78,7 +78,7 @@ def test_only_a_fresh_reading_is_an_arrival(reading: Reading[HeadPose]) -> None:
 
 
 def test_a_halt_stops_the_head_once() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = looking(bench)
     bench.tick(leaf)
     assert bench.halt(leaf)
@@ -87,14 +87,14 @@ def test_a_halt_stops_the_head_once() -> None:
 
 
 def test_a_head_that_comes_back_is_told_again_where_to_look() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = looking(bench)
-    bench.head.trouble = GONE
+    bench.head.trouble = OFFLINE_ERROR
     assert bench.tick(leaf) is RUNNING
     assert leaf.reason == "waiting: the cable is out"
     bench.head.trouble = None
     bench.tick(leaf)
-    bench.head.trouble = GONE
+    bench.head.trouble = OFFLINE_ERROR
     bench.tick(leaf)
     bench.head.trouble = None
     bench.tick(leaf)
@@ -102,7 +102,7 @@ def test_a_head_that_comes_back_is_told_again_where_to_look() -> None:
 
 
 def test_a_pose_that_the_head_refuses_is_a_failure() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.head.trouble = BadRequest("head: not a finite number")
     leaf = looking(bench)
     assert bench.tick(leaf) is FAILURE
@@ -111,7 +111,7 @@ def test_a_pose_that_the_head_refuses_is_a_failure() -> None:
 
 
 def test_it_looks_anew_after_success_and_after_a_halt() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = looking(bench)
     bench.head.reading = good(LEFT)
     assert bench.tick(leaf) is SUCCESS
@@ -124,7 +124,7 @@ def test_it_looks_anew_after_success_and_after_a_halt() -> None:
 
 @given(pan=st.floats(-3, 3), tilt=st.floats(-3, 3))
 def test_servos_of_whole_degrees_always_arrive(pan: float, tilt: float) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     servos = ServoHead(bench.clock)
     leaf = looking(bench, HeadPose(pan, tilt))
     leaf.robot = Robot(head_part=servos)
@@ -134,37 +134,37 @@ def test_servos_of_whole_degrees_always_arrive(pan: float, tilt: float) -> None:
         assert ticks * 0.05 < 2.0
     goal = servos.limits.clamp(HeadPose(pan, tilt))
     assert servos.pose().value is not None
-    assert arrived(servos.pose(), goal)
+    assert has_arrived(servos.pose(), goal)
 
 
 def test_arrived_means_both_axes() -> None:
     goal = HeadPose(0.5, 0.1)
-    assert arrived(good(HeadPose(0.5 + 0.9 * ARRIVED, 0.1 - 0.9 * ARRIVED)), goal)
-    assert not arrived(good(HeadPose(0.5 + 1.1 * ARRIVED, 0.1)), goal)
-    assert not arrived(good(HeadPose(0.5, 0.1 - 1.1 * ARRIVED)), goal)
+    assert has_arrived(good(HeadPose(0.5 + 0.9 * ARRIVAL_TOLERANCE, 0.1 - 0.9 * ARRIVAL_TOLERANCE)), goal)
+    assert not has_arrived(good(HeadPose(0.5 + 1.1 * ARRIVAL_TOLERANCE, 0.1)), goal)
+    assert not has_arrived(good(HeadPose(0.5, 0.1 - 1.1 * ARRIVAL_TOLERANCE)), goal)
 
 
 def test_a_head_that_sags_under_load_has_arrived_once_it_rests() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = looking(bench)
-    bench.head.reading = good(HeadPose(LEFT.pan, LEFT.tilt + 0.9 * SAG))
-    for _ in range(int(SETTLED / 0.05)):
+    bench.head.reading = good(HeadPose(LEFT.pan, LEFT.tilt + 0.9 * SAG_TOLERANCE))
+    for _ in range(int(SETTLE_TIME / 0.05)):
         assert bench.tick(leaf) is RUNNING
     assert bench.tick(leaf, after=0.1) is SUCCESS
 
 
 def test_a_head_that_is_held_fast_is_a_failure_that_says_where() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = looking(bench)
     bench.head.reading = good(HeadPose(0.5, 0.0))
     while bench.tick(leaf) is RUNNING:
-        assert leaf.elapsed < SETTLED + 0.2
+        assert leaf.elapsed < SETTLE_TIME + 0.2
     assert leaf.reason == "the head rests at +29, +0 deg and does not come to +57, -11 deg"
     assert bench.head.commands[-1] == STOP
 
 
 def test_a_head_that_is_slow_or_not_heard_of_is_not_stuck() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = looking(bench)
     for step in range(60):
         bench.head.reading = good(HeadPose(step * 0.005, 0.0))
@@ -174,7 +174,7 @@ def test_a_head_that_is_slow_or_not_heard_of_is_not_stuck() -> None:
         assert bench.tick(leaf) is RUNNING
 
 
-def pointing(bench: Bench, x: float, y: float, z: float) -> LookAt:
+def pointing(bench: LeafTestBench, x: float, y: float, z: float) -> LookAt:
     return bench.put(LookAt("look_at"), x=x, y=y, z=z)
 
 
@@ -191,7 +191,7 @@ def pointing(bench: Bench, x: float, y: float, z: float) -> LookAt:
 def test_a_point_is_in_the_direction_in_which_the_camera_sees_it(
     point: tuple[float, float, float], pan: float, tilt: float
 ) -> None:
-    found = aim((0.05, 0.0, 1.1), point)
+    found = pose_towards((0.05, 0.0, 1.1), point)
     assert found is not None
     assert (math.degrees(found.pan), math.degrees(found.tilt)) == pytest.approx((pan, tilt), abs=0.01)
 
@@ -201,15 +201,15 @@ def test_what_lies_in_a_direction_is_looked_at_in_that_direction(pan: float, til
     eye = (0.1, -0.05, 0.9)
     ahead = far * math.cos(tilt)
     point = (eye[0] + ahead * math.cos(pan), eye[1] + ahead * math.sin(pan), eye[2] - far * math.sin(tilt))
-    found = aim(eye, point)
+    found = pose_towards(eye, point)
     assert found is not None
     assert (found.pan, found.tilt) == pytest.approx((pan, tilt), abs=1e-6)
 
 
 def test_look_at_turns_from_where_the_camera_sits() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = pointing(bench, 1.5, 1.0, 1.2)
-    leaf.robot = Robot(head_part=bench.head, eye=(0.5, 0.0, 1.2))
+    leaf.robot = Robot(head_part=bench.head, camera_position=(0.5, 0.0, 1.2))
     assert bench.tick(leaf) is RUNNING
     (command,) = bench.head.commands
     assert isinstance(command, HeadPose)
@@ -219,7 +219,7 @@ def test_look_at_turns_from_where_the_camera_sits() -> None:
 
 
 def test_a_point_out_of_reach_is_a_failure_and_moves_nothing() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = pointing(bench, -2.0, 0.0, 1.0)
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == (

@@ -6,16 +6,16 @@ from math import degrees, pi, radians
 import pytest
 from py_trees.common import Status
 
-from behaviours.head import Look
+from behaviours.head import LookLeaf
 from behaviours.head_motion import Nod, ShakeHead, SweepHead
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.robot import Robot
-from behaviours.scan import Scan, towards
+from behaviours.scan import Scan, step_towards
 from drivers.api import HeadPose
 from drivers.head.axis import ServoAxis
-from drivers.head.twin import HeadTwin
+from drivers.head.twin import ServoHeadTwin
 from drivers.sim.timeline import Timeline
-from missions.plugins.testing.recorders import GONE, STOP, Bench, good, none
+from missions.plugins.testing.recorders import OFFLINE_ERROR, STOP, LeafTestBench, good, none
 
 
 class Stage:
@@ -25,18 +25,18 @@ class Stage:
 
     def __init__(self, leaf: Leaf, **arguments: object) -> None:
         self.timeline = Timeline()
-        self.head = HeadTwin(
+        self.head = ServoHeadTwin(
             self.timeline.clock,
             pan=ServoAxis(0, radians(-80), radians(80)),
             tilt=ServoAxis(1, radians(-60), radians(20), flip=True),
             speed=self.head_speed,
         )
-        self.bench = Bench(self.timeline.clock)
+        self.bench = LeafTestBench(self.timeline.clock)
         self.bench.robot = Robot(head_part=self.head)
         self.leaf = self.bench.put(leaf, **arguments)
-        self.timeline.every(self.head.PERIOD, self.head.step)
+        self.timeline.call_every(self.head.PERIOD, self.head.step)
         self.head.open()
-        self.timeline.run(1.5)
+        self.timeline.run_until(1.5)
         self.seen: list[tuple[float, float, float]] = []
         self.reasons: list[str] = []
 
@@ -49,8 +49,8 @@ class Stage:
 
     def look_on(self) -> None:
         """Let the time of a tick pass, and see where the head is."""
-        now = self.timeline.clock.now() + 0.05
-        self.timeline.run(now)
+        now = self.timeline.clock.read_value() + 0.05
+        self.timeline.run_until(now)
         pose = self.head.true_pose(now)
         self.seen.append((now, degrees(pose.pan), degrees(pose.tilt)))
 
@@ -121,7 +121,7 @@ def test_a_smooth_scan_ends_once_a_slow_head_is_where_it_was_told_to_go() -> Non
     stage = SlowStage(Scan("scan"), pan=pan, tilt=tilt, rows=2, smooth=True, speed=radians(60))
     while stage.tick() is RUNNING:
         pass
-    pose = stage.head.true_pose(stage.timeline.clock.now())
+    pose = stage.head.true_pose(stage.timeline.clock.read_value())
     assert stage.leaf.status is SUCCESS
     assert (degrees(pose.pan), degrees(pose.tilt)) == pytest.approx((-40, -20), abs=1.5)
 
@@ -161,7 +161,7 @@ def test_a_gesture_goes_to_both_sides_as_often_as_asked_and_comes_back(leaf: Lea
 def test_a_gesture_near_a_limit_moves_away_from_it_and_comes_back_to_where_it_was() -> None:
     stage = Stage(Nod("nod"), times=1)
     stage.head.look(HeadPose(0.0, radians(20)))
-    stage.timeline.run(3.0)
+    stage.timeline.run_until(3.0)
     assert stage.run() is SUCCESS
     assert stage.turning_points(2) == pytest.approx([4, 20], abs=1.1)
 
@@ -175,7 +175,7 @@ def test_a_gesture_that_is_too_quick_for_the_head_takes_longer_and_is_done_whole
 def test_a_sweep_is_a_sine_about_where_the_head_looked_and_never_ends() -> None:
     stage = Stage(SweepHead("sweep_head"), amplitude=radians(30), period=4.0)
     stage.head.look(HeadPose(radians(10), 0.0))
-    stage.timeline.run(3.0)
+    stage.timeline.run_until(3.0)
     assert stage.run(12.2) is RUNNING
     assert stage.turning_points(1)[:6] == pytest.approx([40, -20, 40, -20, 40, -20], abs=1.6)
     highs = [time for time, pan, _ in stage.seen if pan > 38]
@@ -192,27 +192,27 @@ def test_a_sweep_up_and_down_keeps_within_the_limits_and_to_what_the_head_can() 
 
 
 @pytest.mark.parametrize(
-    "leaf", [Look("look"), Scan("scan"), Nod("nod"), ShakeHead("shake_head"), SweepHead("sweep_head")]
+    "leaf", [LookLeaf("look"), Scan("scan"), Nod("nod"), ShakeHead("shake_head"), SweepHead("sweep_head")]
 )
 def test_halted_the_head_comes_to_rest_and_holds(leaf: Leaf) -> None:
-    stage = Stage(leaf, **({"pan": 1.0, "tilt": -0.5} if isinstance(leaf, Look) else {}))
+    stage = Stage(leaf, **({"pan": 1.0, "tilt": -0.5} if isinstance(leaf, LookLeaf) else {}))
     for _ in range(8):
         assert stage.tick() is RUNNING
     assert stage.leaf.halt()
-    stage.timeline.run(stage.timeline.clock.now() + 0.5)
-    held = stage.head.true_pose(stage.timeline.clock.now())
-    stage.timeline.run(stage.timeline.clock.now() + 0.5)
-    assert stage.head.true_pose(stage.timeline.clock.now()) == held
+    stage.timeline.run_until(stage.timeline.clock.read_value() + 0.5)
+    held = stage.head.true_pose(stage.timeline.clock.read_value())
+    stage.timeline.run_until(stage.timeline.clock.read_value() + 0.5)
+    assert stage.head.true_pose(stage.timeline.clock.read_value()) == held
 
 
 @pytest.mark.parametrize("leaf", [Scan("scan"), Nod("nod"), ShakeHead("shake_head"), SweepHead("sweep_head")])
 def test_a_head_that_is_not_there_is_waited_for(leaf: Leaf) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.put(leaf)
     bench.head.reading = none()
     assert bench.tick(leaf) is RUNNING
     assert leaf.reason == "where the head looks is not known yet"
-    bench.head.reading, bench.head.trouble = good(HeadPose(0.0, 0.0)), GONE
+    bench.head.reading, bench.head.trouble = good(HeadPose(0.0, 0.0)), OFFLINE_ERROR
     assert bench.tick(leaf) is RUNNING
     assert leaf.reason == "waiting: the cable is out"
     bench.head.trouble = None
@@ -224,7 +224,7 @@ def test_a_head_that_is_not_there_is_waited_for(leaf: Leaf) -> None:
 
 @pytest.mark.parametrize("leaf", [Scan("scan"), Nod("nod"), ShakeHead("shake_head")])
 def test_a_head_that_is_held_fast_is_told(leaf: Leaf) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.put(leaf)
     bench.head.reading = good(HeadPose(0.9, -0.9))
     bench.tick(leaf)
@@ -238,7 +238,7 @@ def test_a_head_that_is_held_fast_is_told(leaf: Leaf) -> None:
 
 def test_towards_goes_straight_and_not_past_the_goal() -> None:
     goal = HeadPose(1.0, 0.5)
-    on_the_way = towards(goal, HeadPose(0.0, 0.0), 0.2)
+    on_the_way = step_towards(goal, HeadPose(0.0, 0.0), 0.2)
     assert (on_the_way.pan, on_the_way.tilt) == pytest.approx((0.2, 0.1))
-    assert towards(goal, HeadPose(0.0, 0.0), 5.0) == goal
-    assert towards(goal, goal, 0.0) == goal
+    assert step_towards(goal, HeadPose(0.0, 0.0), 5.0) == goal
+    assert step_towards(goal, goal, 0.0) == goal

@@ -2,21 +2,21 @@
 
 import pytest
 
-from behaviours.hearing import KEPT, Heard, Listen
+from behaviours.hearing import MAX_AGE, HeardLeaf, Listen
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from drivers.microphone import twin
-from missions.plugins.testing.recorders import Bench
+from missions.plugins.testing.recorders import LeafTestBench
 from perception.hearing import listener
 
 ANSWERS = {"yes": "Yes!", "no": "No"}
 
 
-def listening(bench: Bench, *, timeout: float | None = None) -> Listen:
+def listening(bench: LeafTestBench, *, timeout: float | None = None) -> Listen:
     return bench.put(Listen("listen"), phrases=ANSWERS, timeout=timeout)
 
 
 def test_it_waits_for_a_phrase_and_keeps_it_as_it_is_written() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = listening(bench)
     assert bench.tick(leaf) is RUNNING
     assert leaf.reason == "listening"
@@ -27,7 +27,7 @@ def test_it_waits_for_a_phrase_and_keeps_it_as_it_is_written() -> None:
 
 
 def test_what_was_begun_before_it_started_does_not_count() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = listening(bench)
     bench.hearing.say("yes")
     assert bench.tick(leaf) is RUNNING
@@ -40,7 +40,7 @@ def test_what_was_begun_before_it_started_does_not_count() -> None:
 
 
 def test_each_start_listens_anew() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = listening(bench)
     bench.tick(leaf)
     bench.clock.advance(1.0)
@@ -59,7 +59,7 @@ def test_each_start_listens_anew() -> None:
     ],
 )
 def test_in_the_end_it_says_what_it_heard_instead(said: list[tuple[str, bool]], reason: str) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = listening(bench, timeout=8.0)
     bench.tick(leaf)
     for phrase, accepted in said:
@@ -71,8 +71,8 @@ def test_in_the_end_it_says_what_it_heard_instead(said: list[tuple[str, bool]], 
 
 
 def test_a_robot_that_does_not_hear_says_so_at_once() -> None:
-    bench = Bench()
-    bench.hearing.heard_until = bench.clock.now() - 2.0
+    bench = LeafTestBench()
+    bench.hearing.heard_until = bench.clock.read_value() - 2.0
     leaf = listening(bench, timeout=1.0)
     assert bench.tick(leaf) is RUNNING
     assert leaf.reason == "no sound from the microphone, or no recogniser: see the notices"
@@ -81,8 +81,8 @@ def test_a_robot_that_does_not_hear_says_so_at_once() -> None:
 
 
 def test_heard_succeeds_for_a_while_after_the_phrase() -> None:
-    bench = Bench()
-    leaf = bench.put(Heard("heard"), phrases={"hello robot": "Hello, robot!"})
+    bench = LeafTestBench()
+    leaf = bench.put(HeardLeaf("heard"), phrases={"hello robot": "Hello, robot!"})
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "not heard"
     bench.hearing.say("hello robot")
@@ -92,16 +92,16 @@ def test_heard_succeeds_for_a_while_after_the_phrase() -> None:
 
 
 def test_heard_passes_over_other_phrases() -> None:
-    bench = Bench()
-    leaf = bench.put(Heard("heard"), phrases={"stop": "stop"}, within=5.0)
+    bench = LeafTestBench()
+    leaf = bench.put(HeardLeaf("heard"), phrases={"stop": "stop"}, within=5.0)
     bench.hearing.say("stop")
     bench.hearing.say("hello robot")
     assert bench.tick(leaf) is SUCCESS
     bench.hearing.understood = ()
     bench.hearing.heard_until = 0.0
     assert bench.tick(leaf) is RUNNING
-    assert (leaf.suspended, leaf.reason) == (True, "waiting: the microphone does not report")
+    assert (leaf.is_suspended, leaf.reason) == (True, "waiting: the microphone does not report")
 
 
 def test_heard_looks_back_no_further_than_words_are_kept() -> None:
-    assert Heard.arguments["within"].high == KEPT == listener.KEPT == twin.KEPT
+    assert HeardLeaf.arguments["within"].high == MAX_AGE == listener.MAX_WORD_AGE == twin.MAX_WORD_AGE

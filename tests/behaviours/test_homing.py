@@ -7,7 +7,19 @@ from typing import Any
 
 import pytest
 
-from behaviours.docking import BACK, FULL_TURN, HOLD, LOST, SLOW, SWEEP, TRIES, Dock, Homing, HomingStage, step
+from behaviours.docking import (
+    BACK_OFF_DISTANCE,
+    BEAM_HOLD_TIME,
+    BEAM_TIMEOUT,
+    CONTACT_SPEED,
+    MAX_SEARCH_ANGLE,
+    MAX_TRIES,
+    SWEEP_RATE,
+    DockLeaf,
+    Homing,
+    HomingStage,
+    step,
+)
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from drivers.api import (
     BaseState,
@@ -21,7 +33,7 @@ from drivers.api import (
     Steering,
     Velocity,
 )
-from missions.plugins.testing.recorders import STOP, Bench, good
+from missions.plugins.testing.recorders import STOP, LeafTestBench, good
 from tests.machines import walk
 
 STILL = Velocity(0.0, 0.0)
@@ -122,18 +134,18 @@ def test_with_no_dock_to_be_heard_it_turns_once_round_and_gives_up() -> None:
     path = Path(begin(), beams=DockBeam(0))
     path.go()
     assert path.memory.failure == "no dock is heard in a full turn"
-    assert FULL_TURN <= path.heading < FULL_TURN + 0.2
-    assert path.now < FULL_TURN / SWEEP + 1.0
+    assert MAX_SEARCH_ANGLE <= path.heading < MAX_SEARCH_ANGLE + 0.2
+    assert path.now < MAX_SEARCH_ANGLE / SWEEP_RATE + 1.0
     assert path.velocity == STILL
 
 
 def test_a_report_that_misses_the_beams_does_not_end_the_sweep() -> None:
     path = Path(begin(), bearing=2.0)
     path.go(until=HomingStage.SEARCH)
-    while path.memory.first is None:
+    while path.memory.first_heading is None:
         path.go(seconds=TICK)
     path.beams = DockBeam(0)
-    path.go(seconds=HOLD - 2 * TICK)
+    path.go(seconds=BEAM_HOLD_TIME - 2 * TICK)
     path.beams = FAR
     path.go(until=HomingStage.AIM)
     assert path.memory.course == pytest.approx(2.0, abs=0.03)
@@ -148,14 +160,14 @@ def test_it_takes_aim_once_more_when_it_comes_near_and_goes_slowly_then() -> Non
     assert path.memory.near
     path.go(until=HomingStage.DRIVE)
     path.go(seconds=1.0)
-    assert path.velocity.linear == SLOW
+    assert path.velocity.linear == CONTACT_SPEED
 
 
 def test_a_dock_that_falls_silent_on_the_way_is_looked_for_anew() -> None:
     path = Path(begin(HomingStage.DRIVE), bearing=0.0)
     path.go(seconds=1.0)
     path.beams = DockBeam(0)
-    path.go(seconds=LOST - TICK)
+    path.go(seconds=BEAM_TIMEOUT - TICK)
     assert path.memory.stage is HomingStage.DRIVE
     path.go(seconds=3 * TICK)
     assert path.memory.stage is not HomingStage.DRIVE
@@ -170,12 +182,12 @@ def test_a_way_that_leads_beside_the_middle_is_left() -> None:
 
 def test_one_that_touches_the_dock_beside_its_contacts_backs_off_and_gives_up_in_the_end() -> None:
     path = Path(begin(HomingStage.DRIVE, near=True), bearing=0.0, beams=NEAR)
-    for missed in range(1, TRIES):
+    for missed in range(1, MAX_TRIES):
         path.go(seconds=TICK, bumper=Sides(centre=True))
-        assert (path.memory.stage, path.memory.missed) == (HomingStage.BACK, missed)
+        assert (path.memory.stage, path.memory.misses) == (HomingStage.BACK, missed)
         came = path.x
         path.go(until=HomingStage.LEAVE)
-        assert came - path.x == pytest.approx(BACK, abs=0.02)
+        assert came - path.x == pytest.approx(BACK_OFF_DISTANCE, abs=0.02)
         path.memory = replace(path.memory, stage=HomingStage.DRIVE)
     path.go(seconds=TICK, bumper=Sides(centre=True))
     assert path.memory.failure == "has missed the contacts of the dock 3 times"
@@ -185,9 +197,9 @@ def test_one_that_touches_the_dock_beside_its_contacts_backs_off_and_gives_up_in
 
 
 def test_on_the_dock_it_stops_and_succeeds_once_it_is_sure() -> None:
-    bench = Bench()
-    leaf = bench.put(Dock("dock"))
-    leaf.keep_as = "charge"
+    bench = LeafTestBench()
+    leaf = bench.put(DockLeaf("dock"))
+    leaf.output_variable = "charge"
     bench.base.reading = good(at(docked=True, battery_percent=64.0))
     assert bench.tick(leaf) is RUNNING
     assert bench.tick(leaf, after=0.3) is RUNNING
@@ -197,14 +209,14 @@ def test_on_the_dock_it_stops_and_succeeds_once_it_is_sure() -> None:
 
 
 def test_a_robot_that_docks_by_itself_is_asked_to_and_no_longer_homed() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.ros2.nav2 = True
-    leaf = bench.put(Dock("dock"))
+    leaf = bench.put(DockLeaf("dock"))
     bench.base.reading = good(at(battery_percent=64.0))
     assert bench.tick(leaf) is RUNNING
     assert bench.ros2.commands == [("begin", "dock", "irobot_create_msgs/action/Dock", "{}")]
     assert bench.base.commands == []
-    bench.ros2.comes = Progress(GoalState.SUCCEEDED)
+    bench.ros2.goal_progress = Progress(GoalState.SUCCEEDED)
     assert bench.tick(leaf) is SUCCESS
     assert (leaf.result, bench.base.commands) == (64.0, [STOP])
 
@@ -212,9 +224,9 @@ def test_a_robot_that_docks_by_itself_is_asked_to_and_no_longer_homed() -> None:
 def test_a_topic_or_a_service_called_dock_leaves_it_to_find_the_dock_by_infrared(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     monkeypatch.setattr(bench.ros2, "offers", lambda name: name == "dock")
-    leaf = bench.put(Dock("dock"))
+    leaf = bench.put(DockLeaf("dock"))
     bench.base.reading = good(at(dock=centre(FAR)))
     assert bench.tick(leaf) is RUNNING
     assert bench.ros2.commands == []
@@ -222,39 +234,39 @@ def test_a_topic_or_a_service_called_dock_leaves_it_to_find_the_dock_by_infrared
 
 
 def test_where_it_does_not_dock_it_fails_with_its_reason() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.ros2.nav2 = True
-    leaf = bench.put(Dock("dock"))
+    leaf = bench.put(DockLeaf("dock"))
     bench.tick(leaf)
-    bench.ros2.comes = Progress(GoalState.FAILED, "/dock: it was aborted")
+    bench.ros2.goal_progress = Progress(GoalState.FAILED, "/dock: it was aborted")
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "/dock: it was aborted"
 
 
 def test_halted_while_it_docks_by_itself_it_cancels_that_and_waits_for_its_end() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.ros2.nav2 = True
-    leaf = bench.put(Dock("dock"))
+    leaf = bench.put(DockLeaf("dock"))
     bench.tick(leaf)
     assert not bench.halt(leaf)
     assert bench.ros2.commands[-1] == ("cancel", 1)
-    bench.ros2.comes = Progress(GoalState.CANCELLED)
+    bench.ros2.goal_progress = Progress(GoalState.CANCELLED)
     assert bench.halt(leaf)
     assert bench.base.commands[-1] == STOP
 
 
 def test_on_the_dock_it_asks_for_nothing() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.ros2.nav2 = True
-    leaf = bench.put(Dock("dock"))
+    leaf = bench.put(DockLeaf("dock"))
     bench.base.reading = good(at(docked=True))
     bench.tick(leaf)
     assert bench.ros2.commands == []
 
 
 def test_contacts_that_meet_for_a_moment_only_are_not_enough() -> None:
-    bench = Bench()
-    leaf = bench.put(Dock("dock"))
+    bench = LeafTestBench()
+    leaf = bench.put(DockLeaf("dock"))
     for docked in (True, False, True, False):
         bench.base.reading = good(at(docked=docked))
         assert bench.tick(leaf, after=0.3) is RUNNING
@@ -268,8 +280,8 @@ def test_contacts_that_meet_for_a_moment_only_are_not_enough() -> None:
     ],
 )
 def test_what_it_feels_fails_it(felt: dict[str, Any], reason: str) -> None:
-    bench = Bench()
-    leaf = bench.put(Dock("dock"))
+    bench = LeafTestBench()
+    leaf = bench.put(DockLeaf("dock"))
     bench.tick(leaf)
     bench.base.reading = good(at(**felt))
     assert bench.tick(leaf) is FAILURE
@@ -278,17 +290,17 @@ def test_what_it_feels_fails_it(felt: dict[str, Any], reason: str) -> None:
 
 
 def test_a_failure_on_the_way_is_its_reason() -> None:
-    bench = Bench()
-    leaf = bench.put(Dock("dock"))
+    bench = LeafTestBench()
+    leaf = bench.put(DockLeaf("dock"))
     bench.tick(leaf)
-    bench.base.reading = good(at(heading=FULL_TURN + 1.0))
+    bench.base.reading = good(at(heading=MAX_SEARCH_ANGLE + 1.0))
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "no dock is heard in a full turn"
 
 
 def test_after_a_person_has_had_the_wheels_it_looks_for_the_dock_anew() -> None:
-    bench = Bench()
-    leaf = bench.put(Dock("dock"))
+    bench = LeafTestBench()
+    leaf = bench.put(DockLeaf("dock"))
     bench.base.reading = good(at(dock=centre(FAR)))
     assert bench.tick(leaf) is RUNNING
     bench.base.steers = Steering(Source.TELEOP, STILL, STILL)

@@ -9,21 +9,21 @@ from behaviours.joints import JointAt, JointHot, JointLoaded, JointMoving
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.robot import Robot
 from drivers.api import Quality, Reading
-from missions.plugins.testing.recorders import Bench, none
+from missions.plugins.testing.recorders import LeafTestBench, none
 
 
-def feeling(bench: Bench, joint: str, **changes: object) -> None:
+def feeling(bench: LeafTestBench, joint: str, **changes: object) -> None:
     felt = bench.arm.readings[joint].value
     assert felt is not None
-    bench.arm.feel(joint, replace(felt, **changes))  # type: ignore[arg-type]  # the fields of a state, by name
+    bench.arm.set_state(joint, replace(felt, **changes))  # type: ignore[arg-type]  # the fields of a state, by name
 
 
-def answer(bench: Bench, leaf: Leaf) -> tuple[object, str]:
+def answer(bench: LeafTestBench, leaf: Leaf) -> tuple[object, str]:
     return bench.tick(leaf), leaf.reason
 
 
 def test_joint_at_is_so_within_the_tolerance() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.arm.place({"elbow": math.radians(32)})
     leaf = bench.put(JointAt("joint_at"), joint="elbow", angle=math.radians(30))
     assert answer(bench, leaf) == (SUCCESS, "elbow is at 32 deg")
@@ -39,16 +39,16 @@ def test_joint_at_is_so_within_the_tolerance() -> None:
     ids=lambda leaf: leaf.word,
 )
 def test_a_joint_that_does_not_report_is_told_as_such(quality: Quality, leaf: Leaf) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     felt = bench.arm.readings["elbow"].value
     bench.arm.readings["elbow"] = none() if quality is Quality.NONE else Reading(felt, 0.0, quality)
     bench.put(leaf, joint="elbow", joints=("elbow",), angle=0.0)
     assert answer(bench, leaf) == (RUNNING, "waiting: the joint elbow does not report")
-    assert leaf.suspended
+    assert leaf.is_suspended
 
 
 def test_a_joint_or_an_angle_that_cannot_be_is_told() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(JointAt("joint_at"), joint="hand", angle=0.0)
     assert answer(bench, leaf) == (FAILURE, "the arm has no joint 'hand'")
     leaf.joint, leaf.angle = "elbow", -1.0
@@ -58,7 +58,7 @@ def test_a_joint_or_an_angle_that_cannot_be_is_told() -> None:
 
 
 def test_joint_hot_asks_all_and_keeps_those_that_are() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(JointHot("joint_hot"))
     feeling(bench, "elbow", temperature=55.0)
     assert answer(bench, leaf) == (FAILURE, "elbow has 55 degC")
@@ -68,14 +68,14 @@ def test_joint_hot_asks_all_and_keeps_those_that_are() -> None:
 
 
 def test_a_hot_joint_is_hot_whatever_others_do_not_say() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     feeling(bench, "elbow", temperature=61.0)
     bench.arm.readings["shoulder"] = none()
     assert bench.tick(bench.put(JointHot("joint_hot"))) is SUCCESS
 
 
 def test_joint_loaded_counts_either_way() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(JointLoaded("joint_loaded"), joints=("elbow",), over=0.5)
     feeling(bench, "elbow", load=-0.6)
     assert answer(bench, leaf) == (SUCCESS, "elbow is loaded to 60%")
@@ -84,7 +84,7 @@ def test_joint_loaded_counts_either_way() -> None:
 
 
 def test_joint_moving_takes_groups() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     robot = Robot(arm_part=bench.arm, groups={"upper": ("shoulder",)})
     leaf = bench.put(JointMoving("joint_moving"), joints=("upper",))
     leaf.robot = robot

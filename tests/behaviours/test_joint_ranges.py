@@ -15,28 +15,30 @@ REACH = JointRanges(
 
 
 def test_no_name_means_all_joints_in_the_order_of_the_robot_file() -> None:
-    assert REACH.named(()) == ("left_elbow", "left_wrist", "right_elbow", "neck")
+    assert REACH.resolve(()) == ("left_elbow", "left_wrist", "right_elbow", "neck")
 
 
 def test_groups_are_spelt_out_and_each_joint_comes_once() -> None:
-    assert REACH.named(("neck", "left_arm", "elbows")) == ("neck", "left_elbow", "left_wrist", "right_elbow")
+    assert REACH.resolve(("neck", "left_arm", "elbows")) == ("neck", "left_elbow", "left_wrist", "right_elbow")
 
 
 def test_every_name_that_means_nothing_is_told_with_what_may_be_meant() -> None:
     with pytest.raises(BadRequest) as caught:
-        REACH.named(("left_arms", "neck", "tail"))
+        REACH.resolve(("left_arms", "neck", "tail"))
     assert str(caught.value) == (
         "the arm has no joint or group 'left_arms' (did you mean 'left_arm'?); the arm has no joint or group 'tail'"
     )
 
 
 def test_a_group_is_no_joint() -> None:
-    assert REACH.lacking(("neck", "left_arm")) == ["'left_arm' is a group of joints, and here each needs its own angle"]
+    assert REACH.missing_joints(("neck", "left_arm")) == [
+        "'left_arm' is a group of joints, and here each needs its own angle"
+    ]
 
 
 def test_poses_beyond_the_limits_are_told_once_for_each_joint() -> None:
     poses = [{"neck": 1.0}, {"neck": 1.5, "left_elbow": -2.0}, {"neck": 9.0, "nek": 0.0}]
-    assert REACH.beyond(poses) == [
+    assert REACH.limit_violations(poses) == [
         "the arm has no joint 'nek' (did you mean 'neck'?)",
         "neck at 85.9 deg is outside its limits (-57.3 deg to 57.3 deg)",
         "left_elbow at -114.6 deg is outside its limits (-57.3 deg to 57.3 deg)",
@@ -44,17 +46,19 @@ def test_poses_beyond_the_limits_are_told_once_for_each_joint() -> None:
 
 
 def test_an_angle_that_is_not_a_number_is_outside() -> None:
-    assert REACH.beyond([{"neck": math.nan}]) == ["neck at nan deg is outside its limits (-57.3 deg to 57.3 deg)"]
+    assert REACH.limit_violations([{"neck": math.nan}]) == [
+        "neck at nan deg is outside its limits (-57.3 deg to 57.3 deg)"
+    ]
 
 
 def test_speeds_beyond_the_limit_are_told() -> None:
-    assert REACH.too_fast({"neck": 2.0, "left_wrist": 3.0}) == [
+    assert REACH.speed_violations({"neck": 2.0, "left_wrist": 3.0}) == [
         "left_wrist at 171.9 deg/s is faster than it goes (114.6 deg/s)"
     ]
 
 
 def test_a_name_that_is_only_partly_alike_is_not_proposed_since_it_would_move() -> None:
     reach = JointRanges({"elbow": JointLimits(-1.0, 1.0, 1.0), "shoulder_lift": JointLimits(-1.0, 1.0, 1.0)})
-    assert reach.lacking(["right_elbow", "right_shoulder_roll"]) == [
+    assert reach.missing_joints(["right_elbow", "right_shoulder_roll"]) == [
         "the arm has no joints 'right_elbow', 'right_shoulder_roll'",
     ]

@@ -4,14 +4,14 @@ import math
 
 import pytest
 
-from behaviours.joints import CONFIRMED, RESENT, MoveJoints, Torque
+from behaviours.joints import CONFIRMATION_TIMEOUT, RESEND_INTERVAL, MoveJoints, Torque
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from drivers.errors import DeviceFault
-from missions.plugins.testing.recorders import GONE, HOLD, RELAX, Bench, none
+from missions.plugins.testing.recorders import HOLD, OFFLINE_ERROR, RELAX, LeafTestBench, none
 from tests.behaviours.servo_arm import SHORT, TICK, moves, play, tick, with_servos
 
 
-def moving(bench: Bench, to: dict[str, float], **arguments: object) -> MoveJoints:
+def moving(bench: LeafTestBench, to: dict[str, float], **arguments: object) -> MoveJoints:
     return bench.put(MoveJoints("move_joints"), to=to, **arguments)
 
 
@@ -37,12 +37,12 @@ def test_they_go_as_fast_as_they_are_told_to() -> None:
 
 
 def test_where_they_are_already_it_succeeds_at_once() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     assert bench.tick(moving(bench, {"elbow": 0.02})) is SUCCESS
 
 
 def test_every_goal_beyond_a_limit_and_every_speed_is_told_before_anything_moves() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = moving(bench, {"elbow": -0.5, "hand": 1.0, "shoulder": 0.0}, speed=2.5)
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == (
@@ -64,7 +64,7 @@ def test_a_joint_that_does_not_arrive_is_told_with_how_far_it_is_off_and_is_held
 
 
 def test_joints_that_do_not_report_are_waited_for() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.arm.readings["elbow"] = none()
     leaf = moving(bench, {"elbow": 1.0})
     assert bench.tick(leaf, after=60.0) is RUNNING
@@ -86,7 +86,7 @@ def test_a_lost_arm_is_waited_for_and_told_again_where_to_go() -> None:
     bench, servos = with_servos()
     leaf = moving(bench, {"elbow": 1.0}, patience=0.5)
     tick(bench, leaf, 0.1)
-    servos.trouble = GONE
+    servos.trouble = OFFLINE_ERROR
     assert tick(bench, leaf, 10.0) is RUNNING
     assert leaf.reason == "waiting: the cable is out"
     servos.hold()  # as a driver does that finds its joints again
@@ -150,15 +150,15 @@ def test_a_joint_that_does_not_become_stiff_is_told() -> None:
     took = play(bench, leaf)
     assert leaf.status is FAILURE
     assert leaf.reason == "elbow did not become stiff"
-    assert took == pytest.approx(CONFIRMED, abs=0.2)
+    assert took == pytest.approx(CONFIRMATION_TIMEOUT, abs=0.2)
     told = [command for command in servos.commands[1:-1] if command == (HOLD, "shoulder", "elbow")]
-    assert len(told) == pytest.approx(CONFIRMED / RESENT, abs=1)
+    assert len(told) == pytest.approx(CONFIRMATION_TIMEOUT / RESEND_INTERVAL, abs=1)
 
 
 def test_an_arm_that_is_gone_is_waited_for_as_long_as_it_takes() -> None:
     bench, servos = with_servos()
     leaf = bench.put(Torque("torque"), stiff=False)
-    servos.trouble = GONE
+    servos.trouble = OFFLINE_ERROR
     assert tick(bench, leaf, 30.0) is RUNNING
     assert leaf.reason == "waiting: the cable is out"
     assert servos.commands == []
@@ -168,7 +168,7 @@ def test_an_arm_that_is_gone_is_waited_for_as_long_as_it_takes() -> None:
 
 
 def test_torque_that_is_halted_half_way_leaves_the_joints_stiff() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Torque("torque"), stiff=False, joints=("elbow",))
     assert bench.tick(leaf) is RUNNING
     assert leaf.reason == "waiting for elbow to be limp"
@@ -187,7 +187,7 @@ def test_torque_off_that_one_servo_does_not_confirm_leaves_the_others_limp() -> 
 
 
 def test_torque_of_a_joint_that_is_not_there_fails_and_nothing_is_told() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Torque("torque"), stiff=False, joints=("elbo",))
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "the arm has no joint or group 'elbo' (did you mean 'elbow'?)"

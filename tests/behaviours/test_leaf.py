@@ -11,7 +11,7 @@ from py_trees.common import Status
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf, argument
 from behaviours.robot import Robot
 from drivers.errors import DeviceFault, NoReply
-from missions.plugins.testing.recorders import GONE, Bench
+from missions.plugins.testing.recorders import OFFLINE_ERROR, LeafTestBench
 
 INVALID = Status.INVALID
 
@@ -21,7 +21,7 @@ BASE = frozenset({"base"})
 class Puppet(Leaf):
     """Does what it is told, and writes down what was asked of it."""
 
-    word = "puppet"
+    tag = "puppet"
     drives = BASE
     starts: Callable[[], None] | None = None
     works: Callable[[], Any] | None = None
@@ -76,17 +76,17 @@ def gives(*statuses: object) -> Callable[[], Any]:
 
 
 def test_a_leaf_starts_once_and_ends_once() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet(), works=gives(RUNNING, RUNNING, SUCCESS))
     assert [bench.tick(leaf) for _ in range(3)] == [RUNNING, RUNNING, SUCCESS]
     assert leaf.asked == ["initialise", "update", "update", "update", SUCCESS]
-    assert bench.settled == []
+    assert bench.safe_stops == []
 
 
 class Careless(Leaf):
     """Says nothing of how it stops."""
 
-    word = "careless"
+    tag = "careless"
     drives = BASE
     works: Callable[[], Any]
 
@@ -96,29 +96,29 @@ class Careless(Leaf):
 
 
 def test_what_a_leaf_without_a_terminate_drives_is_stopped_when_it_is_halted() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Careless("careless"), works=gives(RUNNING))
     bench.tick(leaf)
-    assert bench.settled == []
+    assert bench.safe_stops == []
     assert bench.halt(leaf)
-    assert bench.settled == [BASE]
+    assert bench.safe_stops == [BASE]
 
 
 @pytest.mark.parametrize("works", [gives(FAILURE), fails_with(Boom("no")), gives("nonsense")])
 def test_what_a_leaf_without_a_terminate_drives_is_stopped_when_it_fails(works: Callable[[], Any]) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     assert bench.tick(bench.put(Careless("careless"), works=works)) is FAILURE
-    assert bench.settled == [BASE]
+    assert bench.safe_stops == [BASE]
 
 
 def test_a_leaf_without_a_terminate_that_succeeds_leaves_all_as_it_is() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     assert bench.tick(bench.put(Careless("careless"), works=gives(SUCCESS))) is SUCCESS
-    assert bench.settled == []
+    assert bench.safe_stops == []
 
 
 def test_it_starts_again_after_success_failure_and_halt() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet(), works=gives(SUCCESS, FAILURE, RUNNING, RUNNING))
     bench.tick(leaf)
     bench.tick(leaf)
@@ -130,7 +130,7 @@ def test_it_starts_again_after_success_failure_and_halt() -> None:
 
 
 def test_elapsed_counts_from_each_start() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet(), works=gives(RUNNING, SUCCESS, RUNNING))
     bench.tick(leaf)
     bench.tick(leaf, after=2.0)
@@ -140,26 +140,26 @@ def test_elapsed_counts_from_each_start() -> None:
 
 
 def test_elapsed_counts_from_the_first_tick_even_where_the_device_was_lost_in_it() -> None:
-    bench = Bench()
-    leaf = bench.put(Puppet(), works=fails_with(GONE))
+    bench = LeafTestBench()
+    leaf = bench.put(Puppet(), works=fails_with(OFFLINE_ERROR))
     bench.tick(leaf)
     bench.tick(leaf, after=3.0)
     assert leaf.elapsed == pytest.approx(3.0)
 
 
 def test_a_leaf_may_ask_in_its_own_start_since_when_it_works() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     asked: list[float] = []
     leaf = bench.put(Puppet(), works=gives(RUNNING, SUCCESS, RUNNING))
-    leaf.starts = lambda: asked.append(leaf.since)
+    leaf.starts = lambda: asked.append(leaf.started_at)
     for after in (1.0, 1.0, 5.0):
         bench.tick(leaf, after=after)
     assert asked == [101.0, 107.0]
-    assert leaf.since == 107.0
+    assert leaf.started_at == 107.0
 
 
 def test_a_reason_lasts_only_as_long_as_it_is_given() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet())
     leaf.works = lambda: leaf.wait("for the bus")
     bench.tick(leaf)
@@ -173,7 +173,7 @@ def test_a_leaf_that_says_nothing_runs_until_it_is_halted() -> None:
     class Idle(Leaf):
         """Do nothing."""
 
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Idle("idle"))
     assert bench.tick(leaf) is RUNNING
     assert bench.halt(leaf)
@@ -189,7 +189,7 @@ def test_a_leaf_that_says_nothing_runs_until_it_is_halted() -> None:
 def test_a_leaf_that_raises_has_failed_with_its_exception_as_the_reason(
     caplog: pytest.LogCaptureFixture, error: Exception, reason: str
 ) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet("the shelf"), works=fails_with(error))
     leaf.line = 12
     with caplog.at_level(logging.ERROR):
@@ -205,7 +205,7 @@ def test_a_leaf_that_raises_has_failed_with_its_exception_as_the_reason(
 def test_what_a_device_complains_of_is_a_failure_without_a_traceback(
     caplog: pytest.LogCaptureFixture, error: Exception
 ) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet(), works=fails_with(error))
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == str(error)
@@ -213,7 +213,7 @@ def test_what_a_device_complains_of_is_a_failure_without_a_traceback(
 
 
 def test_a_leaf_whose_start_raised_is_stopped_and_may_start_again() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet(), starts=fails_with(Boom("no")))
     assert bench.tick(leaf) is FAILURE
     assert leaf.asked == ["initialise", FAILURE]
@@ -224,7 +224,7 @@ def test_a_leaf_whose_start_raised_is_stopped_and_may_start_again() -> None:
 
 @pytest.mark.parametrize("nonsense", [None, True, "success", 0, INVALID, [SUCCESS]])
 def test_a_leaf_that_returns_no_status_has_failed(nonsense: object) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet(), works=gives(nonsense))
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == f"puppet: returned {nonsense!r} instead of a status"
@@ -233,7 +233,7 @@ def test_a_leaf_that_returns_no_status_has_failed(nonsense: object) -> None:
 
 @pytest.mark.parametrize("status", [RUNNING, SUCCESS, FAILURE])
 def test_a_reason_that_is_no_text_is_shown_as_one(status: Status) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet())
 
     def grumble() -> Status:
@@ -246,8 +246,8 @@ def test_a_reason_that_is_no_text_is_shown_as_one(status: Status) -> None:
 
 
 def test_a_lost_device_is_waited_for_in_update() -> None:
-    bench = Bench()
-    leaf = bench.put(Puppet(), works=fails_with(GONE))
+    bench = LeafTestBench()
+    leaf = bench.put(Puppet(), works=fails_with(OFFLINE_ERROR))
     assert bench.tick(leaf) is RUNNING
     assert leaf.reason == "waiting: the cable is out"
     leaf.works = gives(RUNNING, SUCCESS)
@@ -258,8 +258,8 @@ def test_a_lost_device_is_waited_for_in_update() -> None:
 
 
 def test_a_device_that_is_not_there_yet_makes_the_start_wait_and_try_again() -> None:
-    bench = Bench()
-    leaf = bench.put(Puppet(), starts=fails_with(GONE))
+    bench = LeafTestBench()
+    leaf = bench.put(Puppet(), starts=fails_with(OFFLINE_ERROR))
     assert [bench.tick(leaf) for _ in range(3)] == [RUNNING] * 3
     assert leaf.reason == "waiting: the cable is out"
     assert leaf.asked == ["initialise"] * 3
@@ -270,8 +270,8 @@ def test_a_device_that_is_not_there_yet_makes_the_start_wait_and_try_again() -> 
 
 
 def test_a_leaf_halted_in_the_middle_of_its_start_is_stopped_too() -> None:
-    bench = Bench()
-    leaf = bench.put(Puppet(), starts=fails_with(GONE))
+    bench = LeafTestBench()
+    leaf = bench.put(Puppet(), starts=fails_with(OFFLINE_ERROR))
     bench.tick(leaf)
     assert bench.halt(leaf)
     assert leaf.asked == ["initialise", INVALID, "halting"]
@@ -281,19 +281,19 @@ def test_a_leaf_halted_in_the_middle_of_its_start_is_stopped_too() -> None:
 def test_what_cannot_be_stopped_politely_is_stopped_by_its_driver(
     caplog: pytest.LogCaptureFixture, status: Status
 ) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet(), works=gives(status), at_end=fails_with(Boom("stuck")))
     assert bench.tick(leaf) is status
-    assert bench.settled == [BASE]
+    assert bench.safe_stops == [BASE]
     assert "raised while it stopped" in caplog.text
 
 
 def test_a_device_lost_while_it_is_stopped_is_settled_without_a_traceback(caplog: pytest.LogCaptureFixture) -> None:
-    bench = Bench()
-    leaf = bench.put(Puppet(), at_end=fails_with(GONE))
+    bench = LeafTestBench()
+    leaf = bench.put(Puppet(), at_end=fails_with(OFFLINE_ERROR))
     bench.tick(leaf)
     assert bench.halt(leaf)
-    assert bench.settled == [BASE]
+    assert bench.safe_stops == [BASE]
     assert caplog.records == []
 
 
@@ -303,14 +303,14 @@ def test_a_leaf_without_actuators_has_nothing_to_settle() -> None:
 
         drives = frozenset()
 
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Thinker(), works=gives(FAILURE), at_end=fails_with(Boom("stuck")))
     assert bench.tick(leaf) is FAILURE
-    assert bench.settled == []
+    assert bench.safe_stops == []
 
 
 def test_a_driver_that_cannot_stop_either_ends_nobody_elses_run(caplog: pytest.LogCaptureFixture) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.run.safe_stop = lambda claims: fails_with(Boom(f"{sorted(claims)} on fire"))()
     leaf = bench.put(Puppet(), at_end=fails_with(Boom("stuck")))
     bench.tick(leaf)
@@ -320,7 +320,7 @@ def test_a_driver_that_cannot_stop_either_ends_nobody_elses_run(caplog: pytest.L
 
 
 def test_a_part_that_the_robot_lacks_is_a_failure_that_says_what_to_declare() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet())
     leaf.robot = Robot()
     leaf.works = lambda: leaf.robot.voice.say("hello")
@@ -332,7 +332,7 @@ def test_a_part_that_the_robot_lacks_is_a_failure_that_says_what_to_declare() ->
 
 
 def test_only_a_running_leaf_is_halted_and_only_once() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet(), works=gives(RUNNING, SUCCESS))
     assert bench.halt(leaf)
     assert leaf.asked == []
@@ -346,17 +346,17 @@ def test_only_a_running_leaf_is_halted_and_only_once() -> None:
 
 
 def test_halting_takes_the_ticks_that_it_needs() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet(), still_halting=2)
     bench.tick(leaf)
     assert [bench.halt(leaf) for _ in range(3)] == [False, False, True]
     assert leaf.asked == ["initialise", "update", INVALID, "halting", "halting", "halting"]
     assert leaf.status is INVALID
-    assert bench.settled == []
+    assert bench.safe_stops == []
 
 
 def test_within_one_tick_it_is_asked_once() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet(), still_halting=1)
     bench.tick(leaf)
     assert not leaf.halt()
@@ -368,15 +368,15 @@ def test_within_one_tick_it_is_asked_once() -> None:
 
 
 def test_after_its_time_its_actuators_are_stopped_for_it() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet(), still_halting=1000)
     bench.tick(leaf)
     asked = 0
     while not bench.halt(leaf, after=0.25):
         asked += 1
-        assert bench.settled == []
+        assert bench.safe_stops == []
     assert asked * 0.25 == leaf.halt_limit
-    assert bench.settled == [BASE]
+    assert bench.safe_stops == [BASE]
     assert leaf.status is INVALID
 
 
@@ -386,7 +386,7 @@ def test_a_leaf_may_ask_for_more_time() -> None:
 
         halt_limit = 3.0
 
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Ponderous(), still_halting=1000)
     bench.tick(leaf)
     assert not bench.halt(leaf)
@@ -395,16 +395,16 @@ def test_a_leaf_may_ask_for_more_time() -> None:
 
 
 def test_an_exception_while_halting_settles_it(caplog: pytest.LogCaptureFixture) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet(), halts=fails_with(Boom("stuck")))
     bench.tick(leaf)
     assert bench.halt(leaf)
-    assert bench.settled == [BASE]
+    assert bench.safe_stops == [BASE]
     assert "raised while it stopped" in caplog.text
 
 
 def test_a_leaf_wanted_again_while_it_stops_comes_to_rest_first_and_starts_afresh() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet(), still_halting=2)
     bench.tick(leaf)
     assert not bench.halt(leaf)
@@ -417,7 +417,7 @@ def test_a_leaf_wanted_again_while_it_stops_comes_to_rest_first_and_starts_afres
 
 
 def test_a_deadline_of_an_earlier_halt_is_forgotten() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet(), still_halting=1)
     bench.tick(leaf)
     bench.halt(leaf)
@@ -425,7 +425,7 @@ def test_a_deadline_of_an_earlier_halt_is_forgotten() -> None:
     bench.tick(leaf, after=60.0)
     leaf.still_halting = 2
     assert not bench.halt(leaf)
-    assert bench.settled == []
+    assert bench.safe_stops == []
 
 
 # --- arguments and results -------------------------------------------------------------------------------------------
@@ -434,7 +434,7 @@ def test_a_deadline_of_an_earlier_halt_is_forgotten() -> None:
 class Poet(Leaf):
     """Recite."""
 
-    word = "poet"
+    tag = "poet"
     lines: int = argument("count", "how many", default=4, low=1)
     text: str = argument("text", "what", principal=True)
 
@@ -460,7 +460,7 @@ def test_a_subclass_adds_to_the_arguments_of_its_base() -> None:
 
 
 def test_computed_arguments_are_evaluated_at_each_start() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet(), works=gives(RUNNING, SUCCESS, SUCCESS))
     counter = iter(range(10))
     leaf.computed = {"count": lambda: next(counter)}
@@ -475,7 +475,7 @@ def test_computed_arguments_are_evaluated_at_each_start() -> None:
 def test_an_argument_that_cannot_be_computed_fails_the_leaf_before_it_starts(
     caplog: pytest.LogCaptureFixture, error: Exception
 ) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     other = bench.put(Puppet("other"))
     bench.tick(other)
     bench.run.preemptible.append(other)
@@ -488,7 +488,7 @@ def test_an_argument_that_cannot_be_computed_fails_the_leaf_before_it_starts(
 
 
 def test_as_keeps_the_result_of_a_success_only() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet(), keep_as="found")
 
     def find(value: object, status: Status) -> Callable[[], Any]:
@@ -510,7 +510,7 @@ def test_as_keeps_the_result_of_a_success_only() -> None:
 
 
 def test_as_keeps_what_a_running_leaf_knows_by_now() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Puppet(), keep_as="seen")
     bench.tick(leaf)
     assert bench.run.variables == {}
@@ -528,7 +528,7 @@ def test_as_keeps_what_a_running_leaf_knows_by_now() -> None:
 
 
 def test_what_gives_way_is_at_rest_before_a_leaf_that_drives_something_starts() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     slow = bench.put(Puppet("slow"), still_halting=1)
     bench.tick(slow)
     bench.run.preemptible.append(slow)
@@ -542,7 +542,7 @@ def test_what_gives_way_is_at_rest_before_a_leaf_that_drives_something_starts() 
 
 
 def test_a_leaf_that_still_waits_for_its_turn_has_nothing_to_stop() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     slow = bench.put(Puppet("slow"), still_halting=5)
     bench.tick(slow)
     bench.run.preemptible.append(slow)
@@ -558,7 +558,7 @@ def test_a_leaf_that_drives_nothing_halts_nobody() -> None:
 
         drives = frozenset()
 
-    bench = Bench()
+    bench = LeafTestBench()
     other = bench.put(Puppet("other"))
     bench.tick(other)
     bench.run.preemptible.append(other)
@@ -567,8 +567,8 @@ def test_a_leaf_that_drives_nothing_halts_nobody() -> None:
 
 
 def test_a_wake_up_from_another_thread_arrives() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     thread = threading.Thread(target=bench.run.wake)
     thread.start()
-    assert bench.run.woken.wait(5.0)
+    assert bench.run.wake_event.wait(5.0)
     thread.join()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from behaviours.run import BY_DEAD_RECKONING
+from behaviours.run import DEAD_RECKONING_REASON
 from config.faults import InvalidFileError
 from drivers.api import Attitude
 from drivers.witmotion.twin import ImuTwin
@@ -33,7 +33,7 @@ def lying(runner: Runner, found: Attitude, *, since: float, until: float) -> Non
     assert twins is not None
     imu = twins.parts["imu"]
     assert isinstance(imu, ImuTwin)
-    imu._felt = lambda now: found if since <= now < until else UPRIGHT  # type: ignore[method-assign]
+    imu._measure = lambda now: found if since <= now < until else UPRIGHT  # type: ignore[method-assign]
 
 
 UP = """
@@ -47,7 +47,7 @@ keyframes:
 def test_it_sits_and_stands_and_walks_off_from_the_sit(tmp_path: Path) -> None:
     knee = "{joint: left_knee, angle: 108 deg, tolerance: 5 deg}"
     steps = f"    - stand:\n    - sit:\n    - joint_at: {knee}\n    - walk: 20 cm\n"
-    assert ran(tmp_path, steps) == ("success", BY_DEAD_RECKONING)
+    assert ran(tmp_path, steps) == ("success", DEAD_RECKONING_REASON)
 
 
 @pytest.mark.parametrize("act", ["stand:", "sit:", "play_gait: stroll"])

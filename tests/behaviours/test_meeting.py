@@ -9,40 +9,40 @@ from py_trees.common import Status
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.sight import FaceCentred, FindFace, Meeting
 from drivers.api import BaseState, HeadPose, Pose2D, Velocity
-from missions.plugins.testing.recorders import Bench, face, good
+from missions.plugins.testing.recorders import LeafTestBench, face, good
 
 HOME = Pose2D(0.0, 0.0, 0.0)
 
 
 def test_somebody_is_known_by_id_wherever_they_have_gone() -> None:
     meeting = Meeting.of(face(1.0, number=3, yaw=0.0), HOME)
-    assert meeting.was_with(face(2.0, number=3, yaw=2.0), HOME)
+    assert meeting.is_with(face(2.0, number=3, yaw=2.0), HOME)
 
 
 @pytest.mark.parametrize(("degrees", "same"), [(0, True), (14, True), (-14, True), (16, False), (90, False)])
 def test_somebody_with_a_new_id_is_known_by_the_direction(degrees: float, same: bool) -> None:
     meeting = Meeting.of(face(1.0, number=1, yaw=math.pi), HOME)
     found = face(9.0, number=2, yaw=math.pi + math.radians(degrees) - math.tau)
-    assert meeting.was_with(found, HOME) is same
+    assert meeting.is_with(found, HOME) is same
 
 
 def test_the_place_holds_when_the_robot_has_moved() -> None:
     ahead = replace(face(1.0, number=1, yaw=0.0), distance=2.0)
     meeting = Meeting.of(ahead, HOME)
     aside = Pose2D(2.0, -2.0, 0.0)
-    assert meeting.was_with(face(9.0, number=2, yaw=math.pi / 2), aside)
-    assert not meeting.was_with(face(9.0, number=2, yaw=0.0), aside)
+    assert meeting.is_with(face(9.0, number=2, yaw=math.pi / 2), aside)
+    assert not meeting.is_with(face(9.0, number=2, yaw=0.0), aside)
 
 
-def see(bench: Bench, leaf: FindFace, *, number: int, yaw: float) -> Status:
+def see(bench: LeafTestBench, leaf: FindFace, *, number: int, yaw: float) -> Status:
     """Start to look, with one face in view from then on; return what comes of it."""
     bench.tick(leaf)
-    bench.sight.seen = [face(bench.clock.now() + 0.05, number=number, yaw=yaw)]
+    bench.sight.seen = [face(bench.clock.read_value() + 0.05, number=number, yaw=yaw)]
     return bench.tick(leaf)
 
 
 def test_find_face_finds_each_person_once_where_it_is_asked_for_new_ones() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(FindFace("find_face"), new=True)
     assert see(bench, leaf, number=1, yaw=0.0) is SUCCESS
     assert see(bench, leaf, number=2, yaw=0.0) is RUNNING, "the same person under another id"
@@ -51,7 +51,7 @@ def test_find_face_finds_each_person_once_where_it_is_asked_for_new_ones() -> No
 
 
 def test_find_face_takes_nobody_for_new_while_the_head_still_turns() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(FindFace("find_face"), new=True)
     bench.tick(leaf)
     bench.head.reading = good(HeadPose(0.5, 0.0))
@@ -61,7 +61,7 @@ def test_find_face_takes_nobody_for_new_while_the_head_still_turns() -> None:
 
 
 def test_find_face_knows_the_place_from_where_the_base_is_now() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(FindFace("find_face"), new=True)
     assert see(bench, leaf, number=1, yaw=0.0) is SUCCESS
     bench.base.reading = good(BaseState(Pose2D(1.5, -1.5, 0.0), Velocity(0.0, 0.0)))
@@ -70,15 +70,15 @@ def test_find_face_knows_the_place_from_where_the_base_is_now() -> None:
 
 
 def test_find_face_finds_anybody_again_where_it_is_not_asked_for_new_ones() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(FindFace("find_face"))
     for _ in range(2):
         assert see(bench, leaf, number=1, yaw=0.0) is SUCCESS
 
 
 def test_face_centred_looks_at_the_face_that_is_named_and_no_other() -> None:
-    bench = Bench()
-    now = bench.clock.now()
+    bench = LeafTestBench()
+    now = bench.clock.read_value()
     aside, centred = face(now, number=1, bearing=0.4), face(now, number=2)
     bench.sight.seen = [aside, centred]
     leaf = bench.put(FaceCentred("face_centred"))
@@ -91,8 +91,8 @@ def test_face_centred_looks_at_the_face_that_is_named_and_no_other() -> None:
 
 
 def test_what_is_no_face_is_refused_as_one() -> None:
-    bench = Bench()
-    bench.sight.seen = [face(bench.clock.now())]
+    bench = LeafTestBench()
+    bench.sight.seen = [face(bench.clock.read_value())]
     leaf = bench.put(FaceCentred("face_centred"), face="Anna")
     assert bench.tick(leaf) is FAILURE
     assert "'face' needs a face that a behaviour has found" in leaf.reason

@@ -6,23 +6,23 @@ from collections.abc import Mapping
 import pytest
 from py_trees.common import Status
 
-from behaviours.joint_motion import RUN_IN
+from behaviours.joint_motion import RUN_IN_SPEED
 from behaviours.leaf import FAILURE, RUNNING
-from behaviours.mirror import LEADING_TOLERANCE, LIMP, FollowJoint, Mirror
-from behaviours.robot import Other, Robot
+from behaviours.mirror import LEADING_TOLERANCE, LIMP_TIMEOUT, FollowJoint, Mirror
+from behaviours.robot import ExtraPart, Robot
 from drivers.api import Coupling, JointLimits, JointState, Reading
-from missions.plugins.testing.recorders import GONE, HOLD, RELAX, Bench, none
+from missions.plugins.testing.recorders import HOLD, OFFLINE_ERROR, RELAX, LeafTestBench, none
 from tests.behaviours.servo_arm import TICK, ServoArm, moves, tick, with_servos
 
 LEFT, RIGHT = ("left_shoulder", "left_elbow"), ("right_shoulder", "right_elbow")
 LIMITS = {name: JointLimits(-1.0, 1.5, speed=2.0) for name in (*LEFT, *RIGHT)}
 
 
-def bench_of_two_arms() -> tuple[Bench, ServoArm]:
+def bench_of_two_arms() -> tuple[LeafTestBench, ServoArm]:
     return with_servos(LIMITS, left_arm=LEFT, right_arm=RIGHT)
 
 
-def mirroring(bench: Bench, **arguments: object) -> Mirror:
+def mirroring(bench: LeafTestBench, **arguments: object) -> Mirror:
     return bench.put(Mirror("mirror"), **{"leader": ("left_arm",), "follower": ("right_arm",), **arguments})
 
 
@@ -57,7 +57,7 @@ def test_followers_that_are_far_off_come_slowly_before_they_are_led() -> None:
     leaf = mirroring(bench)
     tick(bench, leaf, 0.5)
     assert leaf.reason == "right_shoulder, right_elbow come to where they belong"
-    assert arm.speeds[-1] == dict.fromkeys(RIGHT, RUN_IN)
+    assert arm.speeds[-1] == dict.fromkeys(RIGHT, RUN_IN_SPEED)
     tick(bench, leaf, 2.0)
     assert arm.commands[-1] == couplings()
     assert moves(arm)[-1]["right_elbow"] == pytest.approx(1.2)
@@ -108,7 +108,7 @@ def test_after_a_lost_bus_the_followers_are_led_again() -> None:
     bench, arm = bench_of_two_arms()
     leaf = mirroring(bench)
     tick(bench, leaf, 1.0)
-    arm.trouble, arm.silent = GONE, {*LEFT, *RIGHT}
+    arm.trouble, arm.silent = OFFLINE_ERROR, {*LEFT, *RIGHT}
     assert tick(bench, leaf, 5.0) is RUNNING
     arm.trouble, arm.silent = None, set()
     arm.turn_by_hand("left_elbow", 1.0)
@@ -119,7 +119,7 @@ def test_after_a_lost_bus_the_followers_are_led_again() -> None:
 
 def test_a_bus_that_is_gone_when_it_begins_is_waited_for() -> None:
     bench, arm = bench_of_two_arms()
-    arm.trouble = GONE
+    arm.trouble = OFFLINE_ERROR
     leaf = mirroring(bench)
     assert tick(bench, leaf, 1.0) is RUNNING
     assert leaf.reason == "waiting: the cable is out"
@@ -154,8 +154,8 @@ def test_a_reading_that_goes_stale_within_a_tick_does_no_harm(word: str, monkeyp
     fresh, asked = arm.states, list[float]()
 
     def once_a_tick() -> Mapping[str, Reading[JointState]]:
-        stale = bench.clock.now() in asked
-        asked.append(bench.clock.now())
+        stale = bench.clock.read_value() in asked
+        asked.append(bench.clock.read_value())
         return dict.fromkeys(LIMITS, none()) if stale else fresh()
 
     monkeypatch.setattr(arm, "states", once_a_tick)
@@ -168,7 +168,7 @@ def test_a_follower_that_has_shut_down_ends_it() -> None:
     leaf = mirroring(bench)
     tick(bench, leaf, 1.0)
     arm.limp.add("right_elbow")
-    assert tick(bench, leaf, LIMP + 3 * TICK) is FAILURE
+    assert tick(bench, leaf, LIMP_TIMEOUT + 3 * TICK) is FAILURE
     assert leaf.reason == "right_elbow is limp, and cannot follow"
     assert arm.commands[-1] == (HOLD, *RIGHT, *LEFT)
 
@@ -176,7 +176,7 @@ def test_a_follower_that_has_shut_down_ends_it() -> None:
 # --- follow_joint ----------------------------------------------------------------------------------------------------
 
 
-def following(bench: Bench, **arguments: object) -> FollowJoint:
+def following(bench: LeafTestBench, **arguments: object) -> FollowJoint:
     given = {"leader": "left_elbow", "follower": "right_elbow", "past": math.radians(20), **arguments}
     return bench.put(FollowJoint("follow_joint"), **given)
 
@@ -202,9 +202,9 @@ def test_a_joint_that_waits_for_its_leader_may_be_limp() -> None:
     bench, arm = bench_of_two_arms()
     arm.relax(["right_elbow"])
     leaf = following(bench)
-    assert tick(bench, leaf, 3 * LIMP) is RUNNING
+    assert tick(bench, leaf, 3 * LIMP_TIMEOUT) is RUNNING
     arm.turn_by_hand("left_elbow", 0.5)
-    assert tick(bench, leaf, LIMP + 3 * TICK) is FAILURE
+    assert tick(bench, leaf, LIMP_TIMEOUT + 3 * TICK) is FAILURE
     assert leaf.reason == "right_elbow is limp, and cannot follow"
 
 
@@ -237,15 +237,17 @@ class TwoArms:
     """A robot whose first arm leads its ``right_arm``, which a mirror moves."""
 
     def __init__(self, **arguments: object) -> None:
-        self.bench = Bench()
+        self.bench = LeafTestBench()
         self.left = ServoArm(self.bench.clock, {name: JointLimits(-1.0, 1.0, speed=2.0) for name in ("elbow", "hand")})
         self.right = ServoArm(
             self.bench.clock,
             {"elbow": JointLimits(-0.5, 0.5, speed=2.0), "hand": JointLimits(0.0, 4.0, speed=2.0)},
         )
         self.right.short = 0.0
-        robot = Robot(arm_part=self.left, others={"right_arm": Other("arm", self.right, {"all": ("elbow", "hand")})})
-        self.bench.robot = robot.of({"arm": "right_arm"})
+        robot = Robot(
+            arm_part=self.left, extra_parts={"right_arm": ExtraPart("arm", self.right, {"all": ("elbow", "hand")})}
+        )
+        self.bench.robot = robot.with_named_parts({"arm": "right_arm"})
         self.leaf = self.bench.put(Mirror("mirror"), **{"on": "right_arm", "leader_arm": "arm", **arguments})
 
     def tick(self, seconds: float) -> Status:
@@ -253,7 +255,7 @@ class TwoArms:
 
     def at(self, joint: str = "elbow") -> float:
         """Return where it stands."""
-        return self.right.shafts[joint].advance(self.bench.clock.now())
+        return self.right.shafts[joint].advance(self.bench.clock.read_value())
 
 
 def test_an_arm_leads_another_joint_by_joint_of_one_name() -> None:
@@ -303,7 +305,7 @@ def test_a_leading_arm_that_falls_silent_leaves_the_other_where_it_is_and_brings
     arms.left.silent = set()
     arms.left.turn_by_hand("elbow", -0.5)
     arms.tick(3 * TICK)
-    assert arms.right.speeds[-1]["elbow"] <= RUN_IN
+    assert arms.right.speeds[-1]["elbow"] <= RUN_IN_SPEED
     arms.tick(2.0)
     assert arms.at() == pytest.approx(-0.5, abs=0.01)
 

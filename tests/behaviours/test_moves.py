@@ -5,23 +5,23 @@ from pathlib import Path
 
 import pytest
 
-from behaviours.joint_motion import AHEAD, RUN_IN, JointError
+from behaviours.joint_motion import GOAL_LEAD_TIME, RUN_IN_SPEED, JointError
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
-from behaviours.playing import PEAK, Play, RecordMove
+from behaviours.playing import PEAK_SPEED_FACTORS, Play, RecordMove
 from config.gesture import load_gesture
 from drivers.api import Gesture as Movement
 from drivers.api import Keyframe
-from missions.library.moves.record import NewMove
-from missions.plugins.testing.recorders import HOLD, Bench
+from missions.library.moves.record import NewMoveFile
+from missions.plugins.testing.recorders import HOLD, LeafTestBench
 from tests.behaviours.servo_arm import TICK, ServoArm, moves, play, tick, with_servos
 
 RISE = Movement(
     "rise", "", tuple(Keyframe(0.1 * n, {"elbow": 1.0 + 0.03 * n, "shoulder": 0.5}) for n in range(21)), "cubic"
 )
-RUN_IN_TIME = PEAK["cubic"] * 1.0 / RUN_IN
+RUN_IN_TIME = PEAK_SPEED_FACTORS["cubic"] * 1.0 / RUN_IN_SPEED
 
 
-def playing(bench: Bench, movement: Movement = RISE, **arguments: object) -> Play:
+def playing(bench: LeafTestBench, movement: Movement = RISE, **arguments: object) -> Play:
     return bench.put(Play("play"), move=movement, **arguments)
 
 
@@ -35,8 +35,8 @@ def test_it_comes_slowly_to_the_first_pose_and_then_keeps_the_times() -> None:
     assert leaf.status is SUCCESS
     assert took == pytest.approx(RUN_IN_TIME + 2.0, abs=3 * TICK)
     told = [move["elbow"] for move in moves(servos)]
-    run_in = told[: round((RUN_IN_TIME - AHEAD) / TICK)]
-    assert max(there - here for here, there in pairwise(run_in)) <= RUN_IN * TICK + 1e-9
+    run_in = told[: round((RUN_IN_TIME - GOAL_LEAD_TIME) / TICK)]
+    assert max(there - here for here, there in pairwise(run_in)) <= RUN_IN_SPEED * TICK + 1e-9
 
 
 def test_at_half_the_speed_it_takes_twice_as_long_after_the_run_in() -> None:
@@ -77,7 +77,7 @@ def test_a_pause_is_no_tracking_error() -> None:
 
 
 def test_a_movement_beyond_the_limits_fails_before_anything_moves() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = playing(bench, Movement("low", "", (Keyframe(0.0, {"elbow": 0.1}), Keyframe(1.0, {"elbow": -0.1})), "cubic"))
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "elbow at -5.7 deg is outside its limits (0 deg to 126.1 deg)"
@@ -98,11 +98,11 @@ def test_a_joint_that_does_not_arrive_fails_it() -> None:
 # --- record ----------------------------------------------------------------------------------------------------------
 
 
-def recording(bench: Bench, path: Path, **arguments: object) -> RecordMove:
-    return bench.put(RecordMove("record_move"), move=NewMove(str(path)), **arguments)
+def recording(bench: LeafTestBench, path: Path, **arguments: object) -> RecordMove:
+    return bench.put(RecordMove("record_move"), move=NewMoveFile(str(path)), **arguments)
 
 
-def bend(bench: Bench, servos: ServoArm, leaf: RecordMove, seconds: float = 1.0) -> None:
+def bend(bench: LeafTestBench, servos: ServoArm, leaf: RecordMove, seconds: float = 1.0) -> None:
     """Turn the elbow by hand at 1 rad/s."""
     for step in range(round(seconds / TICK)):
         servos.turn_by_hand("elbow", step * TICK)
@@ -189,10 +189,10 @@ def test_joints_that_are_not_there_are_told(tmp_path: Path) -> None:
     ("name", "file"), [("a", "a.yaml"), ("a.b", "a.b.yaml"), ("a.yml", "a.yml"), (" a ", "a.yaml")]
 )
 def test_the_name_of_a_new_move_becomes_that_of_a_file(name: str, file: str) -> None:
-    assert NewMove(name).path == Path(file)
+    assert NewMoveFile(name).path == Path(file)
 
 
 @pytest.mark.parametrize("name", ["", " ", "/", "."])
 def test_what_names_no_file_is_refused(name: str) -> None:
     with pytest.raises(LookupError, match="needs the name of a new file"):
-        NewMove(name)
+        NewMoveFile(name)

@@ -7,60 +7,60 @@ import pytest
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.sight import (
-    DECIDING,
-    GONE,
+    FACE_TIMEOUT,
+    NAME_TIMEOUT,
     FaceCentred,
     FacesAtLeast,
-    FaceSeen,
+    FaceSeenLeaf,
     FindFace,
     Identify,
     Meeting,
-    is_same,
-    may_be,
+    is_same_person,
+    may_be_same_person,
 )
 from behaviours.tracking.track import TrackFace
 from drivers.api import Pose2D
 from missions.executive.state import state_of
-from missions.plugins.testing.recorders import Bench, face
+from missions.plugins.testing.recorders import LeafTestBench, face
 from perception.api import UNKNOWN, Face
 
 HOME = Pose2D(0.0, 0.0, 0.0)
 
 
-def named(bench: Bench, name: str, *, number: int = 1, yaw: float = 0.0, distance: float = 1.5) -> Face:
+def named(bench: LeafTestBench, name: str, *, number: int = 1, yaw: float = 0.0, distance: float = 1.5) -> Face:
     """Return a face that is seen now."""
-    bench.sight.searched = bench.clock.now()
-    return replace(face(bench.clock.now() + 0.05, number=number, yaw=yaw), name=name, distance=distance)
+    bench.sight.searched = bench.clock.read_value()
+    return replace(face(bench.clock.read_value() + 0.05, number=number, yaw=yaw), name=name, distance=distance)
 
 
 @pytest.mark.parametrize(("whose", "found"), [("", 1), ("Anna", 2), ("ANNA", 2), (UNKNOWN, 3), ("Chidi", None)])
 def test_face_seen_asks_for_a_name_however_it_is_capitalised(whose: str, found: int | None) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     faces = [named(bench, "Ben"), named(bench, "Anna", number=2), named(bench, UNKNOWN, number=3)]
     bench.sight.seen = [*faces, named(bench, "", number=4)]
-    leaf = bench.put(FaceSeen("face_seen"), whose=whose)
+    leaf = bench.put(FaceSeenLeaf("face_seen"), whose=whose)
     assert bench.tick(leaf) is (FAILURE if found is None else SUCCESS)
     assert (None if leaf.result is None else getattr(leaf.result, "id", None)) == found
     assert found is not None or leaf.reason == "no face of Chidi in view"
 
 
 def test_a_stranger_who_is_not_there_is_missed_in_words() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.sight.seen = [named(bench, "Ben")]
-    leaf = bench.put(FaceSeen("face_seen"), whose=UNKNOWN)
+    leaf = bench.put(FaceSeenLeaf("face_seen"), whose=UNKNOWN)
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "no face of a stranger in view"
 
 
 @pytest.mark.parametrize(("nearer", "status"), [(None, SUCCESS), (2.0, SUCCESS), (1.2, FAILURE)])
 def test_face_seen_asks_how_near(nearer: float | None, status: object) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.sight.seen = [named(bench, "Ben", distance=1.5)]
-    assert bench.tick(bench.put(FaceSeen("face_seen"), nearer=nearer)) is status
+    assert bench.tick(bench.put(FaceSeenLeaf("face_seen"), nearer=nearer)) is status
 
 
 def test_faces_are_counted_and_centred_by_name() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.sight.seen = [named(bench, UNKNOWN, number=1), named(bench, "Ben", number=2), named(bench, UNKNOWN, number=3)]
     count = bench.put(FacesAtLeast("faces_at_least"), number=2, whose=UNKNOWN)
     assert bench.tick(count) is SUCCESS
@@ -70,16 +70,16 @@ def test_faces_are_counted_and_centred_by_name() -> None:
 
 
 def test_the_nodes_own_name_is_left_alone() -> None:
-    leaf = FaceSeen("wait for Anna")
-    assert (leaf.name, leaf.whose) == ("wait for Anna", "")
-    assert FaceSeen.arguments["name"].attribute == "whose"
+    leaf = FaceSeenLeaf("wait for Anna")
+    assert (leaf.name, leaf.person_name) == ("wait for Anna", "")
+    assert FaceSeenLeaf.arguments["name"].attribute == "whose"
     assert {"pan", "scans", "new", "name"} <= set(FindFace.arguments)
 
 
 def test_a_search_stays_on_a_face_until_it_is_decided_whose_it_is() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(FindFace("find_face"), whose="Anna", pause=0.2)
-    for _ in range(round(DECIDING / 0.05) - 4):
+    for _ in range(round(NAME_TIMEOUT / 0.05) - 4):
         bench.sight.seen = [named(bench, "")]
         assert bench.tick(leaf) is RUNNING
     assert len(set(map(str, bench.head.commands))) == 1, "the head has stayed where it was"
@@ -88,8 +88,8 @@ def test_a_search_stays_on_a_face_until_it_is_decided_whose_it_is() -> None:
 
 
 def test_a_search_goes_on_from_a_face_that_is_never_decided_or_is_anothers() -> None:
-    for name, seconds in (("", DECIDING + 0.5), ("Ben", 0.5)):
-        bench = Bench()
+    for name, seconds in (("", NAME_TIMEOUT + 0.5), ("Ben", 0.5)):
+        bench = LeafTestBench()
         leaf = bench.put(FindFace("find_face"), whose="Anna", pause=0.2)
         for _ in range(round(seconds / 0.05)):
             bench.sight.seen = [named(bench, name)]
@@ -98,7 +98,7 @@ def test_a_search_goes_on_from_a_face_that_is_never_decided_or_is_anothers() -> 
 
 
 def test_identify_waits_until_it_is_decided_and_keeps_the_face() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Identify("identify"))
     bench.sight.seen = [named(bench, "")]
     assert bench.tick(leaf) is RUNNING
@@ -109,13 +109,13 @@ def test_identify_waits_until_it_is_decided_and_keeps_the_face() -> None:
 
 
 def test_identify_gives_up_when_the_face_has_gone() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Identify("identify"), face=named(bench, "", number=1))
     ticks = 0
     while bench.tick(leaf) is RUNNING:
         bench.sight.seen = [named(bench, "Ben", number=2)]
         ticks += 1
-    assert ticks * 0.05 == pytest.approx(GONE, abs=0.15)
+    assert ticks * 0.05 == pytest.approx(FACE_TIMEOUT, abs=0.15)
     assert leaf.reason == "no face in view"
 
 
@@ -132,33 +132,33 @@ def test_identify_gives_up_when_the_face_has_gone() -> None:
     ],
 )
 def test_a_name_outlasts_the_id_of_a_face(name: str, kept: str, same: bool, possible: bool) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     now, before = named(bench, name, number=2), named(bench, kept, number=1)
-    assert (is_same(now, before), may_be(now, before)) == (same, possible)
-    assert is_same(replace(now, id=1), before)
+    assert (is_same_person(now, before), may_be_same_person(now, before)) == (same, possible)
+    assert is_same_person(replace(now, id=1), before)
 
 
 def test_who_was_met_is_known_by_name_before_the_place() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     meeting = Meeting.of(named(bench, "Anna", yaw=0.0), HOME)
-    assert meeting.was_with(named(bench, "Anna", number=2, yaw=2.0), HOME)
-    assert not meeting.was_with(named(bench, "Ben", number=3, yaw=0.0), HOME), "somebody else stands there now"
-    assert meeting.was_with(named(bench, UNKNOWN, number=4, yaw=0.0), HOME)
-    assert meeting.was_with(named(bench, "", number=5, yaw=0.0), HOME)
-    assert not meeting.was_with(named(bench, "", number=5, yaw=1.0), HOME)
+    assert meeting.is_with(named(bench, "Anna", number=2, yaw=2.0), HOME)
+    assert not meeting.is_with(named(bench, "Ben", number=3, yaw=0.0), HOME), "somebody else stands there now"
+    assert meeting.is_with(named(bench, UNKNOWN, number=4, yaw=0.0), HOME)
+    assert meeting.is_with(named(bench, "", number=5, yaw=0.0), HOME)
+    assert not meeting.is_with(named(bench, "", number=5, yaw=1.0), HOME)
 
 
 def test_track_face_takes_up_nobody_who_is_known_to_be_another() -> None:
     leaf = TrackFace("track_face")
-    bench = Bench()
+    bench = LeafTestBench()
     anna, ben, somebody = (named(bench, name, number=n) for n, name in enumerate(("Anna", "Ben", ""), start=1))
-    assert not leaf.may_be(ben, anna)
-    assert leaf.may_be(somebody, anna)
-    assert leaf.may_be(ben, somebody)
+    assert not leaf.may_be_target(ben, anna)
+    assert leaf.may_be_target(somebody, anna)
+    assert leaf.may_be_target(ben, somebody)
 
 
 def test_expressions_read_the_name_of_the_largest_face() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     state: Any = state_of(bench.robot, bench.clock)["face"]
     assert (state.name, state.undecided) == (None, False)
     bench.sight.seen = [named(bench, "Anna"), named(bench, "", number=2)]

@@ -4,13 +4,13 @@ import py_trees
 from py_trees.common import Status
 
 from behaviours.basics import Fail, Log, Pretend, Succeed, Wait
-from behaviours.driving.motion import Drive
+from behaviours.driving.motion import DriveLeaf
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.node import Node
-from behaviours.run import NodeByNode
+from behaviours.run import NodeCallback
 from missions.executive.composites import Sequence
-from missions.executive.parent import adopt
-from missions.plugins.testing.recorders import STOP, Bench
+from missions.executive.parent import set_children
+from missions.plugins.testing.recorders import STOP, LeafTestBench
 
 INVALID = Status.INVALID
 
@@ -18,21 +18,21 @@ INVALID = Status.INVALID
 class Slow(Leaf):
     """Move the base, and take for ever to stop."""
 
-    word = "slow"
+    tag = "slow"
     drives = frozenset({"base"})
 
     def halting(self) -> bool:
         return True
 
 
-def pretend(bench: Bench, *outcomes: Status) -> Pretend:
+def pretend(bench: LeafTestBench, *outcomes: Status) -> Pretend:
     return bench.put(Pretend("pretend"), outcomes=outcomes)
 
 
-def sequence(bench: Bench, *children: Node, name: str = "both") -> Sequence:
+def sequence(bench: LeafTestBench, *children: Node, name: str = "both") -> Sequence:
     composite = Sequence(name)
     composite.run, composite.kind = bench.run, "sequence"
-    adopt(composite, list(children))
+    set_children(composite, list(children))
     return composite
 
 
@@ -44,41 +44,41 @@ def statuses(root: py_trees.behaviour.Behaviour) -> list[Status]:
 
 
 def test_only_news_is_told() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = pretend(bench, RUNNING, RUNNING, SUCCESS, SUCCESS, FAILURE)
     for _ in range(5):
         bench.tick(leaf)
-    assert bench.news == [("pretend", RUNNING), ("pretend", SUCCESS), ("pretend", FAILURE)]
+    assert bench.status_changes == [("pretend", RUNNING), ("pretend", SUCCESS), ("pretend", FAILURE)]
 
 
 def test_the_observer_sees_the_new_status_and_its_reason() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Fail("fail"), because="too dark")
     seen: list[tuple[Status, str]] = []
-    bench.run.observer = NodeByNode(lambda node: seen.append((node.status, node.reason)))
+    bench.run.observer = NodeCallback(lambda node: seen.append((node.status, node.reason)))
     bench.tick(leaf)
     assert seen == [(FAILURE, "too dark")]
 
 
 def test_a_node_works_though_nobody_watches() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.run.observer = None
     assert bench.tick(bench.put(Succeed("ok"))) is SUCCESS
 
 
 def test_a_reset_forgets_the_result_and_its_reason_and_is_told_once() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Fail("fail"), because="too dark")
     bench.tick(leaf)
-    bench.news.clear()
+    bench.status_changes.clear()
     leaf.reset()
     leaf.reset()
     assert (leaf.status, leaf.reason) == (INVALID, "")
-    assert bench.news == [("fail", INVALID)]
+    assert bench.status_changes == [("fail", INVALID)]
 
 
 def test_a_reset_reaches_down_to_the_leaves() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     root = sequence(bench, bench.put(Succeed("a")), bench.put(Fail("b"), because="no"))
     bench.tick(root)
     root.reset()
@@ -86,18 +86,18 @@ def test_a_reset_reaches_down_to_the_leaves() -> None:
 
 
 def test_a_composite_that_starts_again_forgets_all_below_it_before_its_first_child_works() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     root = sequence(bench, bench.put(Succeed("a")), sequence(bench, bench.put(Succeed("b")), name="inner"))
     bench.tick(root)
-    bench.news.clear()
+    bench.status_changes.clear()
     bench.tick(root)
-    assert [name for name, status in bench.news if status is INVALID] == ["a", "b", "inner"]
-    assert bench.news[:4] == [("a", INVALID), ("b", INVALID), ("inner", INVALID), ("a", SUCCESS)]
+    assert [name for name, status in bench.status_changes if status is INVALID] == ["a", "b", "inner"]
+    assert bench.status_changes[:4] == [("a", INVALID), ("b", INVALID), ("inner", INVALID), ("a", SUCCESS)]
 
 
 def test_a_composite_claims_what_its_leaves_drive() -> None:
-    bench = Bench()
-    root = sequence(bench, bench.put(Drive("drive"), distance=1.0), bench.put(Succeed("ok")))
+    bench = LeafTestBench()
+    root = sequence(bench, bench.put(DriveLeaf("drive"), distance=1.0), bench.put(Succeed("ok")))
     assert root.claims == {"base"}
 
 
@@ -105,7 +105,7 @@ def test_a_composite_claims_what_its_leaves_drive() -> None:
 
 
 def test_py_trees_ticks_a_leaf() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = pretend(bench, RUNNING, SUCCESS)
     assert list(leaf.tick()) == [leaf]
     assert leaf.status is RUNNING
@@ -114,7 +114,7 @@ def test_py_trees_ticks_a_leaf() -> None:
 
 
 def test_py_trees_ticks_our_composites_and_passes_by_the_nodes_that_had_a_say() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     done, busy, later = bench.put(Succeed("a")), bench.put(Wait("b"), duration=1.0), bench.put(Succeed("c"))
     root = sequence(bench, done, busy, later)
     assert list(root.tick()) == [done, busy, root]
@@ -124,8 +124,8 @@ def test_py_trees_ticks_our_composites_and_passes_by_the_nodes_that_had_a_say() 
 
 
 def test_py_trees_stops_a_running_leaf_once() -> None:
-    bench = Bench()
-    leaf = bench.put(Drive("drive"), distance=1.0)
+    bench = LeafTestBench()
+    leaf = bench.put(DriveLeaf("drive"), distance=1.0)
     leaf.tick_once()
     bench.base.commands.clear()
     leaf.stop(INVALID)
@@ -135,8 +135,8 @@ def test_py_trees_stops_a_running_leaf_once() -> None:
 
 
 def test_py_trees_stop_of_an_ended_leaf_stops_nothing() -> None:
-    bench = Bench()
-    leaf = bench.put(Drive("drive"), distance=0.0)
+    bench = LeafTestBench()
+    leaf = bench.put(DriveLeaf("drive"), distance=0.0)
     leaf.tick_once()
     assert statuses(leaf) == [SUCCESS]
     bench.base.commands.clear()
@@ -146,12 +146,12 @@ def test_py_trees_stop_of_an_ended_leaf_stops_nothing() -> None:
 
 
 def test_py_trees_stop_does_not_ask_again_so_what_takes_time_is_brought_to_rest() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Slow("slow"))
     root = sequence(bench, leaf)
     root.tick_once()
     root.stop(INVALID)
-    assert set(bench.settled) == {frozenset({"base"})}
+    assert set(bench.safe_stops) == {frozenset({"base"})}
     assert statuses(root) == [INVALID, INVALID]
     root.tick_once()
     assert leaf.reason == ""
@@ -159,8 +159,8 @@ def test_py_trees_stop_does_not_ask_again_so_what_takes_time_is_brought_to_rest(
 
 
 def test_our_leaves_work_in_the_composites_of_py_trees() -> None:
-    bench = Bench()
-    drive = bench.put(Drive("drive"), distance=1.0)
+    bench = LeafTestBench()
+    drive = bench.put(DriveLeaf("drive"), distance=1.0)
     guard = pretend(bench, SUCCESS, FAILURE)
     root = py_trees.composites.Sequence("theirs", memory=False, children=[guard, drive])
     root.tick_once()
@@ -173,15 +173,15 @@ def test_our_leaves_work_in_the_composites_of_py_trees() -> None:
 
 
 def test_our_leaves_work_below_the_decorators_of_py_trees() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     root = py_trees.decorators.Inverter("not", bench.put(Fail("fail"), because="no"))
     root.tick_once()
     assert root.status is SUCCESS
 
 
 def test_py_trees_own_tree_ticks_visits_and_stops_our_nodes() -> None:
-    bench = Bench()
-    root = sequence(bench, bench.put(Succeed("ok")), bench.put(Drive("drive"), distance=1.0))
+    bench = LeafTestBench()
+    root = sequence(bench, bench.put(Succeed("ok")), bench.put(DriveLeaf("drive"), distance=1.0))
     tree = py_trees.trees.BehaviourTree(root)
     snapshot = py_trees.visitors.SnapshotVisitor()
     tree.add_visitor(snapshot)
@@ -197,7 +197,7 @@ def test_py_trees_own_tree_ticks_visits_and_stops_our_nodes() -> None:
 
 
 def test_py_trees_draws_our_nodes() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     root = sequence(bench, bench.put(Log("hello"), text="hi"), bench.put(Fail("give up"), because="too dark"))
     bench.tick(root)
     drawn = py_trees.display.ascii_tree(root, show_status=True)
@@ -209,7 +209,7 @@ def test_py_trees_draws_our_nodes() -> None:
 
 
 def test_py_trees_writes_our_nodes_as_a_graph() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     root = sequence(bench, bench.put(Succeed("ok")), bench.put(Wait("rest"), duration=1.0))
     graph = str(py_trees.display.dot_tree(root))
     assert "both" in graph

@@ -8,12 +8,12 @@ from behaviours.basics import Notify
 from behaviours.leaf import SUCCESS
 from missions.executive.events import Event, Notified
 from missions.executive.executive import Executive
-from missions.executive.stream import Stream
-from missions.plugins.testing.recorders import Bench
+from missions.executive.stream import EventStream
+from missions.plugins.testing.recorders import LeafTestBench
 
 
 def test_notify_tells_whoever_watches_and_succeeds_at_once() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     told: list[str] = []
     bench.run.notify = told.append
     leaf = bench.put(Notify("notify"), text="Ana has the message")
@@ -23,18 +23,18 @@ def test_notify_tells_whoever_watches_and_succeeds_at_once() -> None:
 
 
 def test_where_nobody_watches_it_is_logged(caplog: pytest.LogCaptureFixture) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     with caplog.at_level(logging.INFO, logger="missiontree"):
         bench.tick(bench.put(Notify("notify"), text="done"))
     assert [record.message for record in caplog.records] == ["notice: done"]
 
 
 def test_in_a_run_it_is_an_event() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     heard: list[Event] = []
     leaf = bench.put(Notify("notify"), text="done")
-    executive = Executive(leaf, bench.run, Stream([heard.append]))
+    executive = Executive(leaf, bench.run, EventStream([heard.append]))
     assert executive.tick() is SUCCESS
     (event,) = (each for each in heard if isinstance(each, Notified))
-    assert (event.tick, event.text, event.t) == (1, "done", bench.clock.now())
+    assert (event.tick, event.text, event.t) == (1, "done", bench.clock.read_value())
     assert event.as_dict()["event"] == "notice"

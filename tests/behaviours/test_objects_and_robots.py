@@ -5,72 +5,72 @@ from collections.abc import Sequence
 import pytest
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
-from behaviours.robots import FindRobot, RobotSeen
-from behaviours.search import FindObject, ObjectSeen
+from behaviours.robots import FindRobot, RobotSeenLeaf
+from behaviours.search import FindObject, ObjectSeenLeaf
 from drivers.api import HeadPose
-from missions.plugins.testing.recorders import STOP, Bench, good
-from perception.api import Marker, Thing, Wanted
-from perception.tracks import common
+from missions.plugins.testing.recorders import STOP, LeafTestBench, good
+from perception.api import Marker, Thing, ThingSpec
+from perception.tracks import common_fields
 from tests.behaviours.percepts import percept
 
-RED_BALL = Wanted("red ball", "red", "ball")
+RED_BALL = ThingSpec("red ball", "red", "ball")
 
 
-def thing(bench: Bench, name: str = "red ball", *, age: float = 0.1, number: int = 1) -> Thing:
-    seen = percept(bench.clock.now() - age, number=number)
-    return Thing(**common(seen), name=name, colour="red", shape="ball")
+def thing(bench: LeafTestBench, name: str = "red ball", *, age: float = 0.1, number: int = 1) -> Thing:
+    seen = percept(bench.clock.read_value() - age, number=number)
+    return Thing(**common_fields(seen), name=name, colour="red", shape="ball")
 
 
-def marker(bench: Bench, number: int, name: str = "", *, age: float = 0.1) -> Marker:
-    seen = percept(bench.clock.now() - age, number=number)
-    return Marker(**common(seen), number=number, name=name, heading=0.0)
+def marker(bench: LeafTestBench, number: int, name: str = "", *, age: float = 0.1) -> Marker:
+    seen = percept(bench.clock.read_value() - age, number=number)
+    return Marker(**common_fields(seen), number=number, name=name, heading=0.0)
 
 
 def test_an_object_that_was_asked_for_is_seen_and_kept() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.sight.found = [thing(bench, "blue box", number=1), thing(bench, number=2), thing(bench, number=3)]
-    leaf = bench.put(ObjectSeen("object_seen"), what=RED_BALL, keep_as="ball")
+    leaf = bench.put(ObjectSeenLeaf("object_seen"), what=RED_BALL, keep_as="ball")
     assert bench.tick(leaf) is SUCCESS
     assert bench.run.variables == {"ball": bench.sight.found[1]}
 
 
 @pytest.mark.parametrize(("age", "status"), [(0.3, SUCCESS), (0.9, FAILURE)])
 def test_an_object_seen_too_long_ago_does_not_count(age: float, status: object) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.sight.found = [thing(bench, age=age)]
-    assert bench.tick(bench.put(ObjectSeen("object_seen"), what=RED_BALL)) is status
+    assert bench.tick(bench.put(ObjectSeenLeaf("object_seen"), what=RED_BALL)) is status
 
 
 def test_within_says_how_long_ago_still_counts() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.sight.found = [thing(bench, age=2.0)]
-    assert bench.tick(bench.put(ObjectSeen("object_seen"), what=RED_BALL, within=3.0)) is SUCCESS
+    assert bench.tick(bench.put(ObjectSeenLeaf("object_seen"), what=RED_BALL, within=3.0)) is SUCCESS
 
 
 @pytest.mark.parametrize(
     ("leaf", "reason"),
     [
-        (ObjectSeen("object_seen"), "no red ball in view"),
-        (RobotSeen("robot_seen"), "no robot in view"),
+        (ObjectSeenLeaf("object_seen"), "no red ball in view"),
+        (RobotSeenLeaf("robot_seen"), "no robot in view"),
     ],
 )
 def test_what_is_not_in_view_is_a_failure_with_its_reason(leaf: Leaf, reason: str) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.put(leaf, what=RED_BALL)
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == reason
     bench.sight.searched = None
     assert bench.tick(leaf) is RUNNING
-    assert (leaf.suspended, leaf.reason) == (True, "waiting: the camera does not report")
+    assert (leaf.is_suspended, leaf.reason) == (True, "waiting: the camera does not report")
 
 
 @pytest.mark.parametrize(
     ("which", "seen"), [("", 3), ("7", 7), (" 7 ", 7), ("R2", 7), ("3", 3), ("8", None), ("Ann", None)]
 )
 def test_a_robot_is_meant_by_number_by_name_or_not_at_all(which: str, seen: int | None) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.sight.marked = [marker(bench, 3), marker(bench, 7, "R2")]
-    leaf = bench.put(RobotSeen("robot_seen"), which=which)
+    leaf = bench.put(RobotSeenLeaf("robot_seen"), which=which)
     assert bench.tick(leaf) is (FAILURE if seen is None else SUCCESS)
     assert getattr(leaf.result, "number", None) == seen
     assert seen is not None or leaf.reason == f"robot {which} is not in view"
@@ -78,11 +78,11 @@ def test_a_robot_is_meant_by_number_by_name_or_not_at_all(which: str, seen: int 
 
 @pytest.mark.parametrize("leaf", [FindObject("find_object"), FindRobot("find_robot")])
 def test_a_search_goes_on_until_the_right_one_is_in_view(leaf: Leaf) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.put(leaf, what=RED_BALL, which="7", keep_as="it")
     bench.sight.found, bench.sight.marked = [thing(bench, "blue box")], [marker(bench, 3)]
     for _ in range(40):
-        bench.sight.searched = bench.clock.now()
+        bench.sight.searched = bench.clock.read_value()
         assert bench.tick(leaf) is RUNNING
         bench.head.reading = good(_last_pose(bench.head.commands))
     assert len({command.pan for command in bench.head.commands if isinstance(command, HeadPose)}) > 3
@@ -94,11 +94,11 @@ def test_a_search_goes_on_until_the_right_one_is_in_view(leaf: Leaf) -> None:
 
 @pytest.mark.parametrize(("leaf", "noun"), [(FindObject("find_object"), "object"), (FindRobot("find_robot"), "robot")])
 def test_a_search_ends_after_its_scans(leaf: Leaf, noun: str) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.put(leaf, what=RED_BALL, pan=(-0.4, 0.4), tilt=(0.0, 0.0), step=0.4, scans=1)
     status: object = RUNNING
     for _ in range(200):
-        bench.sight.searched = bench.clock.now()
+        bench.sight.searched = bench.clock.read_value()
         status = bench.tick(leaf)
         if status is not RUNNING:
             break

@@ -6,21 +6,21 @@ from typing import Any
 
 import pytest
 
-from behaviours.docking import Dock
+from behaviours.docking import DockLeaf
 from behaviours.driving.go_to import GoTo
-from behaviours.head import Look
+from behaviours.head import LookLeaf
 from behaviours.head_motion import Nod, SweepHead
 from behaviours.joints import MoveJoints, Torque
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.ros2 import Navigate, NavigateThrough, Ros2Action
 from behaviours.scan import Scan
 from behaviours.sight import FindFace
-from behaviours.sweep_joints import Sweep
-from drivers.api import COMMAND_LIFE, BaseState, GoalState, HeadPose, Pose2D, Progress, Velocity
+from behaviours.sweep_joints import SweepLeaf
+from drivers.api import COMMAND_TIMEOUT, BaseState, GoalState, HeadPose, Pose2D, Progress, Velocity
 from drivers.errors import NotConnected
 from missions.executive.composites import ReactiveSequence
-from missions.executive.parent import adopt
-from missions.plugins.testing.recorders import HOLD, Bench, good
+from missions.executive.parent import set_children
+from missions.plugins.testing.recorders import HOLD, LeafTestBench, good
 
 PLACES = {"kitchen": (1.0, 2.0, 0.5, "map")}
 RUNS, CANCELLED = Progress(GoalState.RUNNING), Progress(GoalState.CANCELLED, "it was cancelled")
@@ -29,53 +29,53 @@ AGAIN: tuple[tuple[type[Leaf], dict[str, object]], ...] = (
     (Navigate, {"to": "kitchen"}),
     (NavigateThrough, {"through": ["kitchen"]}),
     (GoTo, {"x": 1.0, "y": 1.0}),
-    (Dock, {}),
+    (DockLeaf, {}),
 )
 
 
 @pytest.fixture
-def bench() -> Bench:
-    made = Bench()
+def bench() -> LeafTestBench:
+    made = LeafTestBench()
     made.robot = replace(made.robot, places=PLACES)
     made.ros2.nav2 = True
     made.base.reading = good(BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0)))
     return made
 
 
-def begun(bench: Bench, leaf: type[Leaf], arguments: dict[str, object]) -> Any:
-    it = bench.put(leaf(leaf.word), **arguments)
+def begun(bench: LeafTestBench, leaf: type[Leaf], arguments: dict[str, object]) -> Any:
+    it = bench.put(leaf(leaf.tag), **arguments)
     assert bench.tick(it) is RUNNING
     return it
 
 
-def stands_still(bench: Bench, leaf: Leaf, seconds: float, *, tick: float = 0.05) -> None:
+def stands_still(bench: LeafTestBench, leaf: Leaf, seconds: float, *, tick: float = 0.05) -> None:
     """Let a composite above the leaf stand still for so long."""
-    end = bench.clock.now() + seconds - 1e-6
-    while bench.clock.now() < end:
-        bench.run.ticked_at = bench.clock.now()
+    end = bench.clock.read_value() + seconds - 1e-6
+    while bench.clock.read_value() < end:
+        bench.run.last_tick_at = bench.clock.read_value()
         bench.clock.advance(tick)
         bench.run.tick += 1
-        assert leaf.stand_still() is RUNNING
+        assert leaf.pass_time() is RUNNING
 
 
-def begins(bench: Bench) -> int:
+def begins(bench: LeafTestBench) -> int:
     return sum(str(command).startswith(("('begin'", "('navigate'")) for command in bench.ros2.commands)
 
 
-def cancels(bench: Bench) -> int:
+def cancels(bench: LeafTestBench) -> int:
     return sum(str(command).startswith("('cancel'") for command in bench.ros2.commands)
 
 
 @pytest.mark.parametrize("tick", [0.05, 0.1, 1.0])
 @pytest.mark.parametrize(("leaf", "arguments"), [*AGAIN, (Ros2Action, {"action": "/drive"})])
 def test_an_action_of_ros_2_is_cancelled_when_its_leaf_is_not_ticked(
-    leaf: type[Leaf], arguments: dict[str, object], tick: float, bench: Bench
+    leaf: type[Leaf], arguments: dict[str, object], tick: float, bench: LeafTestBench
 ) -> None:
     it = begun(bench, leaf, arguments)
-    if tick < COMMAND_LIFE:
+    if tick < COMMAND_TIMEOUT:
         stands_still(bench, it, tick, tick=tick)
         assert cancels(bench) == 0  # a sensor that misses one tick interrupts nothing
-    stands_still(bench, it, COMMAND_LIFE, tick=tick)
+    stands_still(bench, it, COMMAND_TIMEOUT, tick=tick)
     assert cancels(bench) == 1
     stands_still(bench, it, 2.0, tick=tick)
     assert cancels(bench) == 1
@@ -84,7 +84,7 @@ def test_an_action_of_ros_2_is_cancelled_when_its_leaf_is_not_ticked(
 class SensorGuard(Leaf):
     """Is the way free?"""
 
-    word = "sensor_guard"
+    tag = "sensor_guard"
     instant = True
     needs = frozenset({"range"})
     silent = False
@@ -95,18 +95,18 @@ class SensorGuard(Leaf):
 
 @pytest.mark.parametrize(("leaf", "arguments"), AGAIN)
 def test_a_silent_sensor_stops_the_base_that_ros_2_drives_behind_a_guard(
-    leaf: type[Leaf], arguments: dict[str, object], bench: Bench
+    leaf: type[Leaf], arguments: dict[str, object], bench: LeafTestBench
 ) -> None:
-    guard, drives = bench.put(SensorGuard("free")), bench.put(leaf(leaf.word), **arguments)
+    guard, drives = bench.put(SensorGuard("free")), bench.put(leaf(leaf.tag), **arguments)
     tree = ReactiveSequence("guarded")
     tree.run, tree.scope = bench.run, bench.run.variables
-    adopt(tree, [guard, drives])
+    set_children(tree, [guard, drives])
     assert bench.tick(tree) is RUNNING
     guard.silent = True
     for _ in range(5):
         assert bench.tick(tree, after=0.1) is RUNNING
     assert cancels(bench) == 1
-    guard.silent, bench.ros2.comes = False, CANCELLED
+    guard.silent, bench.ros2.goal_progress = False, CANCELLED
     assert bench.tick(tree) is RUNNING
     assert begins(bench) == 2
 
@@ -114,31 +114,31 @@ def test_a_silent_sensor_stops_the_base_that_ros_2_drives_behind_a_guard(
 @pytest.mark.parametrize("end", [GoalState.CANCELLED, GoalState.FAILED])
 @pytest.mark.parametrize(("leaf", "arguments"), AGAIN)
 def test_a_cancelled_action_begins_again_once_it_has_ended(
-    leaf: type[Leaf], arguments: dict[str, object], end: GoalState, bench: Bench
+    leaf: type[Leaf], arguments: dict[str, object], end: GoalState, bench: LeafTestBench
 ) -> None:
     it = begun(bench, leaf, arguments)
     stands_still(bench, it, 1.0)
-    bench.ros2.comes = Progress(GoalState.CANCELLING)
+    bench.ros2.goal_progress = Progress(GoalState.CANCELLING)
     assert bench.tick(it) is RUNNING
     assert begins(bench) == 1
-    bench.ros2.comes = Progress(end, "it was cancelled")
+    bench.ros2.goal_progress = Progress(end, "it was cancelled")
     assert bench.tick(it) is RUNNING
     assert begins(bench) == 2
-    bench.ros2.comes = RUNS
+    bench.ros2.goal_progress = RUNS
     assert bench.tick(it) is RUNNING
     stands_still(bench, it, 1.0)
     assert cancels(bench) == 2
-    bench.ros2.comes = CANCELLED
+    bench.ros2.goal_progress = CANCELLED
     assert bench.tick(it) is RUNNING
-    bench.ros2.comes = Progress(GoalState.SUCCEEDED)
+    bench.ros2.goal_progress = Progress(GoalState.SUCCEEDED)
     assert bench.tick(it) is SUCCESS
     assert begins(bench) == 3
 
 
-def test_an_action_of_any_kind_is_not_repeated(bench: Bench) -> None:
+def test_an_action_of_any_kind_is_not_repeated(bench: LeafTestBench) -> None:
     it = begun(bench, Ros2Action, {"action": "/drive_distance"})
     stands_still(bench, it, 1.0)
-    bench.ros2.comes = CANCELLED
+    bench.ros2.goal_progress = CANCELLED
     assert bench.tick(it) is FAILURE
     assert it.feedback_message == "cancelled, since it was not ticked while a sensor was silent"
     assert begins(bench) == 1
@@ -146,11 +146,11 @@ def test_an_action_of_any_kind_is_not_repeated(bench: Bench) -> None:
 
 @pytest.mark.parametrize(("leaf", "arguments"), [*AGAIN, (Ros2Action, {"action": "/drive"})])
 def test_an_action_that_reaches_its_end_before_the_cancel_does_not_begin_again(
-    leaf: type[Leaf], arguments: dict[str, object], bench: Bench
+    leaf: type[Leaf], arguments: dict[str, object], bench: LeafTestBench
 ) -> None:
     it = begun(bench, leaf, arguments)
     stands_still(bench, it, 1.0)
-    bench.ros2.comes = Progress(GoalState.SUCCEEDED)
+    bench.ros2.goal_progress = Progress(GoalState.SUCCEEDED)
     assert bench.tick(it) is SUCCESS
     assert begins(bench) == 1
 
@@ -164,11 +164,11 @@ def test_an_action_that_reaches_its_end_before_the_cancel_does_not_begin_again(
     ],
 )
 def test_an_action_that_does_not_end_after_its_cancel_fails(
-    leaf: type[Leaf], arguments: dict[str, object], comes: Progress, said: str, bench: Bench
+    leaf: type[Leaf], arguments: dict[str, object], comes: Progress, said: str, bench: LeafTestBench
 ) -> None:
     it = begun(bench, leaf, arguments)
     stands_still(bench, it, 4.0)
-    bench.ros2.comes = comes
+    bench.ros2.goal_progress = comes
     assert bench.tick(it) is FAILURE
     assert said in it.feedback_message
     assert begins(bench) == 1
@@ -176,34 +176,34 @@ def test_an_action_that_does_not_end_after_its_cancel_fails(
 
 @pytest.mark.parametrize(("leaf", "arguments"), AGAIN)
 def test_a_base_that_is_latched_meanwhile_begins_nothing_again(
-    leaf: type[Leaf], arguments: dict[str, object], bench: Bench
+    leaf: type[Leaf], arguments: dict[str, object], bench: LeafTestBench
 ) -> None:
     it = begun(bench, leaf, arguments)
     stands_still(bench, it, 1.0)
-    bench.base.latched, bench.ros2.comes = "the stop button", CANCELLED
+    bench.base.latched, bench.ros2.goal_progress = "the stop button", CANCELLED
     assert bench.tick(it) is FAILURE
     assert begins(bench) == 1
 
 
 @pytest.mark.parametrize(("leaf", "arguments"), AGAIN)
 def test_a_node_that_has_gone_meanwhile_is_waited_for(
-    leaf: type[Leaf], arguments: dict[str, object], bench: Bench
+    leaf: type[Leaf], arguments: dict[str, object], bench: LeafTestBench
 ) -> None:
     it = begun(bench, leaf, arguments)
     stands_still(bench, it, 1.0)
-    bench.ros2.comes, bench.ros2.trouble = CANCELLED, NotConnected("ros2: nobody offers it")
+    bench.ros2.goal_progress, bench.ros2.trouble = CANCELLED, NotConnected("ros2: nobody offers it")
     assert bench.tick(it) is RUNNING
     bench.ros2.trouble = None
     assert bench.tick(it) is RUNNING
-    bench.ros2.comes = Progress(GoalState.SUCCEEDED)
+    bench.ros2.goal_progress = Progress(GoalState.SUCCEEDED)
     assert bench.tick(it) is SUCCESS
     assert cancels(bench) == 1
 
 
-def test_go_to_does_not_drive_by_itself_where_nav2_has_gone(bench: Bench) -> None:
+def test_go_to_does_not_drive_by_itself_where_nav2_has_gone(bench: LeafTestBench) -> None:
     it = begun(bench, GoTo, {"x": 1.0, "y": 1.0})
     stands_still(bench, it, 1.0)
-    bench.ros2.comes, bench.ros2.nav2 = CANCELLED, False
+    bench.ros2.goal_progress, bench.ros2.nav2 = CANCELLED, False
     bench.base.commands.clear()
     assert bench.tick(it) is FAILURE
     assert "has gone" in it.feedback_message
@@ -212,12 +212,12 @@ def test_go_to_does_not_drive_by_itself_where_nav2_has_gone(bench: Bench) -> Non
 
 MOVES: tuple[tuple[type[Leaf], dict[str, object]], ...] = (
     (MoveJoints, {"to": {"elbow": 1.0}}),
-    (Sweep, {"joints": ("elbow",), "between": (0.0, 0.5)}),
+    (SweepLeaf, {"joints": ("elbow",), "between": (0.0, 0.5)}),
 )
 
 
 @pytest.mark.parametrize(("leaf", "arguments"), MOVES)
-def test_joints_that_move_are_held(leaf: type[Leaf], arguments: dict[str, object], bench: Bench) -> None:
+def test_joints_that_move_are_held(leaf: type[Leaf], arguments: dict[str, object], bench: LeafTestBench) -> None:
     it = begun(bench, leaf, arguments)
     bench.arm.commands.clear()
     stands_still(bench, it, 0.1)
@@ -229,17 +229,17 @@ def test_joints_that_move_are_held(leaf: type[Leaf], arguments: dict[str, object
     assert len(bench.arm.commands) == 2  # it goes on
 
 
-def test_joints_that_were_made_limp_stay_limp(bench: Bench) -> None:
+def test_joints_that_were_made_limp_stay_limp(bench: LeafTestBench) -> None:
     bench.arm.place({"elbow": 0.0})
     it = begun(bench, Torque, {"stiff": False, "joints": ("elbow",)})
     bench.arm.commands.clear()
     stands_still(bench, it, 1.0)
     assert bench.arm.commands == []
-    assert bench.settled == []
+    assert bench.safe_stops == []
 
 
 HEADS: tuple[tuple[Callable[..., Leaf], dict[str, object]], ...] = (
-    (Look, {"pan": 1.0}),
+    (LookLeaf, {"pan": 1.0}),
     (Scan, {}),
     (Nod, {}),
     (SweepHead, {}),
@@ -248,18 +248,20 @@ HEADS: tuple[tuple[Callable[..., Leaf], dict[str, object]], ...] = (
 
 
 @pytest.mark.parametrize(("leaf", "arguments"), HEADS)
-def test_a_head_stops_and_its_leaf_goes_on(leaf: type[Leaf], arguments: dict[str, object], bench: Bench) -> None:
+def test_a_head_stops_and_its_leaf_goes_on(
+    leaf: type[Leaf], arguments: dict[str, object], bench: LeafTestBench
+) -> None:
     bench.head.reading = good(HeadPose(0.0, 0.0))
     it = begun(bench, leaf, arguments)
     stands_still(bench, it, 1.0)
-    assert bench.settled == [frozenset({"head"})]
+    assert bench.safe_stops == [frozenset({"head"})]
     bench.head.commands.clear()
-    bench.head.reading = replace(bench.head.reading, stamp=bench.clock.now())
+    bench.head.reading = replace(bench.head.reading, stamp=bench.clock.read_value())
     assert bench.tick(it) is RUNNING
     assert bench.head.commands
 
 
-def test_a_nod_makes_up_for_a_pause(bench: Bench) -> None:
+def test_a_nod_makes_up_for_a_pause(bench: LeafTestBench) -> None:
     bench.head.reading = good(HeadPose(0.0, 0.0))
     it = begun(bench, Nod, {})
     stands_still(bench, it, 4.0)
@@ -267,26 +269,26 @@ def test_a_nod_makes_up_for_a_pause(bench: Bench) -> None:
     assert it.feedback_message == "1 of 2"
 
 
-def test_a_leaf_of_somebody_else_that_says_nothing_of_pauses_is_brought_to_rest(bench: Bench) -> None:
+def test_a_leaf_of_somebody_else_that_says_nothing_of_pauses_is_brought_to_rest(bench: LeafTestBench) -> None:
     class Wave(Leaf):
         """Wave."""
 
-        word = "wave_it"
+        tag = "wave_it"
         drives = frozenset({"arm", "base", "voice"})
 
     it = begun(bench, Wave, {})
     stands_still(bench, it, 1.0)
-    assert bench.settled == [frozenset({"arm"})]
+    assert bench.safe_stops == [frozenset({"arm"})]
     bench.tick(it)
     stands_still(bench, it, 1.0)
-    assert bench.settled == [frozenset({"arm"})] * 2
+    assert bench.safe_stops == [frozenset({"arm"})] * 2
 
 
-def test_a_pause_that_raises_brings_everything_to_rest(bench: Bench) -> None:
+def test_a_pause_that_raises_brings_everything_to_rest(bench: LeafTestBench) -> None:
     class Broken(Leaf):
         """Wave."""
 
-        word = "broken"
+        tag = "broken"
         drives = frozenset({"arm"})
 
         def on_pause(self) -> None:
@@ -294,15 +296,15 @@ def test_a_pause_that_raises_brings_everything_to_rest(bench: Bench) -> None:
 
     it = begun(bench, Broken, {})
     stands_still(bench, it, 1.0)
-    assert bench.settled == [frozenset({"arm"})]
+    assert bench.safe_stops == [frozenset({"arm"})]
     assert bench.tick(it) is RUNNING
 
 
-def test_a_leaf_that_suspends_itself_is_brought_to_rest(bench: Bench) -> None:
+def test_a_leaf_that_suspends_itself_is_brought_to_rest(bench: LeafTestBench) -> None:
     class Feeling(Leaf):
         """Reach for something that is felt."""
 
-        word = "feeling"
+        tag = "feeling"
         drives = frozenset({"arm"})
         silent = False
 
@@ -313,7 +315,7 @@ def test_a_leaf_that_suspends_itself_is_brought_to_rest(bench: Bench) -> None:
     it.silent = True
     for _ in range(3):
         bench.tick(it, after=0.1)
-    assert bench.settled == []
+    assert bench.safe_stops == []
     for _ in range(5):
         bench.tick(it, after=0.1)
-    assert bench.settled == [frozenset({"arm"})]
+    assert bench.safe_stops == [frozenset({"arm"})]

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.playing import PEAK, Playing, slowed
+from behaviours.playing import PEAK_SPEED_FACTORS, KeyframeMotion, lay_out
 from drivers.api import Interpolation, Keyframe
 
 JOINTS = ("shoulder", "elbow", "wrist")
@@ -27,10 +27,10 @@ def gestures(draw: st.DrawFn) -> list[Keyframe]:
 
 starts = st.fixed_dictionaries(dict.fromkeys(JOINTS, angles))
 paces = st.floats(0.1, 2.0)
-ways = st.sampled_from(list(PEAK))
+ways = st.sampled_from(list(PEAK_SPEED_FACTORS))
 
 
-def sampled(playing: Playing, count: int = 400) -> list[tuple[float, Mapping[str, float]]]:
+def sampled(playing: KeyframeMotion, count: int = 400) -> list[tuple[float, Mapping[str, float]]]:
     times = [playing.duration * n / count for n in range(count + 1)]
     return [(time, playing.at(time)) for time in times]
 
@@ -42,7 +42,7 @@ def test_no_joint_is_ever_asked_to_go_faster_than_it_can(
     pace: float,
     way: Interpolation,
 ) -> None:
-    samples = sampled(slowed(start, keyframes, SPEEDS, pace=pace, interpolation=way))
+    samples = sampled(lay_out(start, keyframes, SPEEDS, pace=pace, interpolation=way))
     for (before, here), (after, there) in pairwise(samples):
         for joint in JOINTS:
             assert abs(there[joint] - here[joint]) <= SPEEDS[joint] * (after - before) * (1 + 1e-6) + 1e-9
@@ -55,7 +55,7 @@ def test_it_passes_through_every_keyframe_no_earlier_than_recorded(
     pace: float,
     way: Interpolation,
 ) -> None:
-    playing = slowed(start, keyframes, SPEEDS, pace=pace, interpolation=way)
+    playing = lay_out(start, keyframes, SPEEDS, pace=pace, interpolation=way)
     expected = dict(start)
     for frame, time in zip(keyframes, playing.times[1:], strict=True):
         expected |= frame.positions
@@ -73,7 +73,7 @@ def test_it_never_leaves_the_range_between_two_keyframes(
     share: float,
     way: Interpolation,
 ) -> None:
-    playing = slowed(start, keyframes, SPEEDS, interpolation=way)
+    playing = lay_out(start, keyframes, SPEEDS, interpolation=way)
     at = playing.at(share * playing.duration)
     for joint in JOINTS:
         stops = [start[joint], *(frame.positions[joint] for frame in keyframes if joint in frame.positions)]
@@ -82,24 +82,24 @@ def test_it_never_leaves_the_range_between_two_keyframes(
 
 def test_a_gesture_that_the_joints_can_follow_keeps_its_times() -> None:
     keyframes = [Keyframe(1.0, {"elbow": 0.5}), Keyframe(3.0, {"elbow": 0.0})]
-    assert slowed({"elbow": 0.0}, keyframes, SPEEDS).times == (0.0, 1.0, 3.0)
-    assert slowed({"elbow": 0.0}, keyframes, SPEEDS, pace=0.5).times == (0.0, 2.0, 6.0)
+    assert lay_out({"elbow": 0.0}, keyframes, SPEEDS).times == (0.0, 1.0, 3.0)
+    assert lay_out({"elbow": 0.0}, keyframes, SPEEDS, pace=0.5).times == (0.0, 2.0, 6.0)
 
 
 def test_only_the_segments_that_are_too_fast_are_slowed_and_the_rest_follows_later() -> None:
     keyframes = [Keyframe(0.1, {"elbow": 1.6}), Keyframe(1.1, {"elbow": 1.5})]
-    needed = PEAK["minimum_jerk"] * 1.6 / SPEEDS["elbow"]
-    assert slowed({"elbow": 0.0}, keyframes, SPEEDS).times == pytest.approx((0.0, needed, needed + 1.0))
+    needed = PEAK_SPEED_FACTORS["minimum_jerk"] * 1.6 / SPEEDS["elbow"]
+    assert lay_out({"elbow": 0.0}, keyframes, SPEEDS).times == pytest.approx((0.0, needed, needed + 1.0))
 
 
 def test_the_slowest_joint_sets_the_time_of_a_segment() -> None:
-    playing = slowed({"shoulder": 0.0, "wrist": 0.0}, [Keyframe(0.1, {"shoulder": 0.8, "wrist": 0.8})], SPEEDS)
-    assert playing.duration == pytest.approx(PEAK["minimum_jerk"])
+    playing = lay_out({"shoulder": 0.0, "wrist": 0.0}, [Keyframe(0.1, {"shoulder": 0.8, "wrist": 0.8})], SPEEDS)
+    assert playing.duration == pytest.approx(PEAK_SPEED_FACTORS["minimum_jerk"])
     assert playing.at(playing.duration / 2) == pytest.approx({"shoulder": 0.4, "wrist": 0.4})
 
 
 def test_it_starts_and_ends_each_segment_at_rest_and_is_fastest_in_the_middle() -> None:
-    playing = slowed({"wrist": 0.0}, [Keyframe(2.0, {"wrist": 1.0})], SPEEDS)
+    playing = lay_out({"wrist": 0.0}, [Keyframe(2.0, {"wrist": 1.0})], SPEEDS)
     step = 1e-4
 
     def speed(time: float) -> float:
@@ -107,11 +107,11 @@ def test_it_starts_and_ends_each_segment_at_rest_and_is_fastest_in_the_middle() 
 
     assert speed(step) == pytest.approx(0.0, abs=1e-3)
     assert speed(2.0 - step) == pytest.approx(0.0, abs=1e-3)
-    assert speed(1.0) == pytest.approx(PEAK["minimum_jerk"] / 2.0, rel=1e-4)
+    assert speed(1.0) == pytest.approx(PEAK_SPEED_FACTORS["minimum_jerk"] / 2.0, rel=1e-4)
 
 
 def test_a_joint_that_a_keyframe_does_not_name_stays() -> None:
-    playing = slowed(
+    playing = lay_out(
         {"elbow": 0.3, "wrist": 0.0}, [Keyframe(1.0, {"wrist": 1.0}), Keyframe(2.0, {"elbow": 0.0})], SPEEDS
     )
     assert playing.at(0.7)["elbow"] == 0.3
@@ -119,13 +119,13 @@ def test_a_joint_that_a_keyframe_does_not_name_stays() -> None:
 
 
 def test_before_the_start_and_after_the_end_it_stands_still() -> None:
-    playing = slowed({"wrist": 0.2}, [Keyframe(1.0, {"wrist": 1.0})], SPEEDS)
+    playing = lay_out({"wrist": 0.2}, [Keyframe(1.0, {"wrist": 1.0})], SPEEDS)
     assert playing.at(-math.inf) == {"wrist": 0.2}
     assert playing.at(math.inf) == {"wrist": 1.0}
 
 
 def test_keyframes_at_the_same_time_and_place_take_no_time() -> None:
-    playing = slowed({"wrist": 0.2}, [Keyframe(0.0, {"wrist": 0.2}), Keyframe(0.0, {"wrist": 0.2})], SPEEDS)
+    playing = lay_out({"wrist": 0.2}, [Keyframe(0.0, {"wrist": 0.2}), Keyframe(0.0, {"wrist": 0.2})], SPEEDS)
     assert playing.duration == 0.0
     assert playing.at(0.0) == {"wrist": 0.2}
 
@@ -133,7 +133,7 @@ def test_keyframes_at_the_same_time_and_place_take_no_time() -> None:
 # --- through the keyframes instead of halting at them ----------------------------------------------------------------
 
 
-def slope(playing: Playing, time: float, joint: str = "wrist", step: float = 1e-4) -> float:
+def slope(playing: KeyframeMotion, time: float, joint: str = "wrist", step: float = 1e-4) -> float:
     return (playing.at(time + step)[joint] - playing.at(time - step)[joint]) / (2 * step)
 
 
@@ -141,32 +141,32 @@ RISE = [Keyframe(0.1 * n, {"wrist": 0.05 * n}) for n in range(1, 11)]
 
 
 def test_cubic_goes_evenly_through_keyframes_that_lie_on_a_line() -> None:
-    playing = slowed({"wrist": 0.05}, RISE, SPEEDS, interpolation="cubic")
+    playing = lay_out({"wrist": 0.05}, RISE, SPEEDS, interpolation="cubic")
     assert [slope(playing, time) for time in playing.times[2:-1]] == pytest.approx([0.5] * 8, rel=1e-3)
 
 
 def test_cubic_rests_at_the_start_at_the_first_keyframe_and_in_the_end() -> None:
-    playing = slowed({"wrist": 0.3}, RISE, SPEEDS, interpolation="cubic")
+    playing = lay_out({"wrist": 0.3}, RISE, SPEEDS, interpolation="cubic")
     for time in (1e-4, playing.times[1], playing.duration - 1e-4):
         assert slope(playing, time) == pytest.approx(0.0, abs=0.02)
 
 
 def test_cubic_is_smooth_at_every_keyframe() -> None:
     turns = [Keyframe(0.5 * n, {"wrist": angle}) for n, angle in enumerate([0.1, 0.4, 0.5, 0.2, 0.2, 0.9], 1)]
-    playing = slowed({"wrist": 0.0}, turns, SPEEDS, interpolation="cubic")
+    playing = lay_out({"wrist": 0.0}, turns, SPEEDS, interpolation="cubic")
     for time in playing.times[1:-1]:
         assert slope(playing, time - 2e-4) == pytest.approx(slope(playing, time + 2e-4), abs=0.02)
 
 
 def test_cubic_with_one_keyframe_goes_there_and_rests() -> None:
-    playing = slowed({"wrist": 0.0}, [Keyframe(1.0, {"wrist": 1.0})], SPEEDS, interpolation="cubic")
+    playing = lay_out({"wrist": 0.0}, [Keyframe(1.0, {"wrist": 1.0})], SPEEDS, interpolation="cubic")
     assert playing.at(0.5) == pytest.approx({"wrist": 0.5})
-    assert slope(playing, 0.5) == pytest.approx(PEAK["cubic"], rel=1e-3)
+    assert slope(playing, 0.5) == pytest.approx(PEAK_SPEED_FACTORS["cubic"], rel=1e-3)
 
 
 def test_linear_goes_straight_from_each_keyframe_to_the_next_as_fast_as_a_joint_can_where_it_has_to() -> None:
     throw = [Keyframe(1.0, {"wrist": 1.0}), Keyframe(1.1, {"wrist": 0.0})]
-    playing = slowed({"wrist": 0.0}, throw, SPEEDS, interpolation="linear")
+    playing = lay_out({"wrist": 0.0}, throw, SPEEDS, interpolation="linear")
     assert playing.times == pytest.approx((0.0, 1.0, 1.0 + 1.0 / SPEEDS["wrist"]))
     assert [slope(playing, time) for time in (0.1, 0.9, 1.01)] == pytest.approx([1.0, 1.0, -SPEEDS["wrist"]])
 
@@ -178,8 +178,8 @@ def test_the_run_in_is_slow_and_the_rest_is_not(
     way: Interpolation,
     run_in: float,
 ) -> None:
-    usual = slowed(start, keyframes, SPEEDS, interpolation=way)
-    slow = slowed(start, keyframes, SPEEDS, interpolation=way, run_in=run_in)
+    usual = lay_out(start, keyframes, SPEEDS, interpolation=way)
+    slow = lay_out(start, keyframes, SPEEDS, interpolation=way, run_in=run_in)
     later = slow.times[1] - usual.times[1]
     assert slow.times[1:] == pytest.approx([time + later for time in usual.times[1:]])
     count = 200

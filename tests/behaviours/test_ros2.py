@@ -6,76 +6,78 @@ from typing import Any
 
 import pytest
 
-from behaviours.docking import Dock
+from behaviours.docking import DockLeaf
 from behaviours.driving.go_to import GoTo
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
-from behaviours.ros2 import CallService, Navigate, NavigateThrough, Publish, Ros2Action, Topic
+from behaviours.ros2 import CallService, Navigate, NavigateThrough, Publish, Ros2Action, TopicLeaf
 from drivers.api import BaseState, GoalState, Pose2D, Progress, Quality, Reading, Velocity
 from drivers.errors import NotConnected
-from missions.plugins.testing.recorders import STOP, Bench, good
+from missions.plugins.testing.recorders import STOP, LeafTestBench, good
 
 PLACES = {"kitchen": (1.0, 2.0, 0.5, "map"), "hall": (0.0, 1.0, 0.0, "map"), "ramp": (3.0, 0.0, 0.0, "odom")}
 
 
-def put(bench: Bench, leaf: Any, **arguments: object) -> Any:
+def put(bench: LeafTestBench, leaf: Any, **arguments: object) -> Any:
     bench.robot = replace(bench.robot, places=PLACES)
     return bench.put(leaf, **arguments)
 
 
 def test_it_drives_to_a_place_by_name_and_says_how_far_it_is() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = put(bench, Navigate("navigate"), to="kitchen")
-    bench.ros2.comes = Progress(GoalState.RUNNING, feedback='{"distance_remaining": 2.34, "number_of_recoveries": 1}')
+    bench.ros2.goal_progress = Progress(
+        GoalState.RUNNING, feedback='{"distance_remaining": 2.34, "number_of_recoveries": 1}'
+    )
     assert bench.tick(leaf) is RUNNING
     assert bench.ros2.commands == [("navigate", ((1.0, 2.0, 0.5),), "map")]
     assert leaf.feedback_message == "2.34 m to go, 1 times stuck"
-    bench.ros2.comes = Progress(GoalState.SUCCEEDED, result='{"error_code": 0}')
+    bench.ros2.goal_progress = Progress(GoalState.SUCCEEDED, result='{"error_code": 0}')
     assert bench.tick(leaf) is SUCCESS
     assert leaf.result == {"error_code": 0}
 
 
 @pytest.mark.parametrize("state", [GoalState.FAILED, GoalState.UNKNOWN, GoalState.CANCELLED])
 def test_a_goal_that_does_not_succeed_fails_with_its_reason_and_the_base_is_stopped(state: GoalState) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = put(bench, Navigate("navigate"), to="kitchen")
     bench.tick(leaf)
-    bench.ros2.comes = Progress(state, "/navigate_to_pose: there is no way to the goal (error 208)")
+    bench.ros2.goal_progress = Progress(state, "/navigate_to_pose: there is no way to the goal (error 208)")
     assert bench.tick(leaf) is FAILURE
     assert leaf.feedback_message == "/navigate_to_pose: there is no way to the goal (error 208)"
     assert STOP in bench.base.commands
 
 
 def test_halted_it_cancels_and_waits_for_the_end() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = put(bench, Navigate("navigate"), to="kitchen")
     bench.tick(leaf)
     assert not bench.halt(leaf)
     assert bench.ros2.commands[-1] == ("cancel", 1)
-    bench.ros2.comes = Progress(GoalState.CANCELLING)
+    bench.ros2.goal_progress = Progress(GoalState.CANCELLING)
     assert not bench.halt(leaf)
-    bench.ros2.comes = Progress(GoalState.CANCELLED)
+    bench.ros2.goal_progress = Progress(GoalState.CANCELLED)
     assert bench.halt(leaf)
-    assert bench.settled == []
+    assert bench.safe_stops == []
 
 
 def test_a_halt_whose_end_does_not_come_stops_the_base_by_force() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = put(bench, Navigate("navigate"), to="kitchen")
     bench.tick(leaf)
     while not bench.halt(leaf, after=0.5):
-        assert bench.clock.now() < 110.0
-    assert bench.settled == [frozenset({"base"})]
+        assert bench.clock.read_value() < 110.0
+    assert bench.safe_stops == [frozenset({"base"})]
 
 
 def test_a_place_that_is_not_known_fails_with_those_that_are() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = put(bench, Navigate("navigate"), to="cellar")
     assert bench.tick(leaf) is FAILURE
     assert leaf.feedback_message == "there is no place 'cellar': there are hall, kitchen, ramp"
 
 
 def test_without_nav2_it_waits_for_it() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.ros2.trouble = NotConnected("ros2: nobody offers /navigate_to_pose")
     leaf = put(bench, Navigate("navigate"), x=1.0, y=1.0)
     assert bench.tick(leaf) is RUNNING
@@ -85,23 +87,23 @@ def test_without_nav2_it_waits_for_it() -> None:
 
 
 def test_it_drives_through_places_of_one_frame() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = put(bench, NavigateThrough("through"), through=["hall", "kitchen"])
     assert bench.tick(leaf) is RUNNING
     assert bench.ros2.commands == [("navigate", ((0.0, 1.0, 0.0), (1.0, 2.0, 0.5)), "map")]
-    other = put(Bench(), NavigateThrough("through"), through=["hall", "ramp"])
+    other = put(LeafTestBench(), NavigateThrough("through"), through=["hall", "ramp"])
     assert bench.tick(other) is FAILURE
     assert "several frames: map, odom" in other.feedback_message
 
 
 def test_go_to_drives_by_nav2_where_there_is_one() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.ros2.nav2 = True
     bench.base.reading = good(BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0)))
     leaf = put(bench, GoTo("go_to"), x=1.0, y=1.0)
     assert bench.tick(leaf) is RUNNING
     assert bench.ros2.commands == [("navigate", ((1.0, 1.0, pytest.approx(0.785, abs=1e-3)),), "start")]
-    bench.ros2.comes = Progress(GoalState.FAILED, "/navigate_to_pose: it made no progress (error 105)")
+    bench.ros2.goal_progress = Progress(GoalState.FAILED, "/navigate_to_pose: it made no progress (error 105)")
     assert bench.tick(leaf) is FAILURE
     assert leaf.feedback_message == "/navigate_to_pose: it made no progress (error 105)"
 
@@ -110,16 +112,16 @@ LEAVES: tuple[tuple[type[Leaf], dict[str, object]], ...] = (
     (Navigate, {"to": "kitchen"}),
     (NavigateThrough, {"through": ["hall", "kitchen"]}),
     (GoTo, {"x": 1.0, "y": 1.0}),
-    (Dock, {}),
+    (DockLeaf, {}),
     (Ros2Action, {"action": "/dock"}),
 )
 
 
 @pytest.mark.parametrize(("leaf", "arguments"), LEAVES)
 def test_nothing_is_begun_while_the_base_is_latched(leaf: type[Leaf], arguments: dict[str, object]) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.ros2.nav2, bench.base.latched = True, "the stop button"
-    it = put(bench, leaf(leaf.word), **arguments)
+    it = put(bench, leaf(leaf.tag), **arguments)
     assert bench.tick(it) is FAILURE
     assert it.feedback_message == "the base is stopped: the stop button"
     assert bench.ros2.commands == []
@@ -129,9 +131,9 @@ def test_nothing_is_begun_while_the_base_is_latched(leaf: type[Leaf], arguments:
 def test_a_base_that_latches_by_itself_fails_and_cancels_what_nodes_do(
     leaf: type[Leaf], arguments: dict[str, object]
 ) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.ros2.nav2 = True
-    it = put(bench, leaf(leaf.word), **arguments)
+    it = put(bench, leaf(leaf.tag), **arguments)
     assert bench.tick(it) is RUNNING
     bench.base.latched = "it was away for a while"
     assert bench.tick(it) is FAILURE
@@ -140,17 +142,17 @@ def test_a_base_that_latches_by_itself_fails_and_cancels_what_nodes_do(
 
 
 def test_a_service_is_asked_and_its_answer_kept() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = put(bench, CallService("call"), service="/reset", type="std_srvs/srv/SetBool", values={"data": True})
     assert bench.tick(leaf) is RUNNING
     assert bench.ros2.commands == [("call", "/reset", "std_srvs/srv/SetBool", '{"data": true}')]
-    bench.ros2.comes = Progress(GoalState.SUCCEEDED, result='{"success": true, "message": ""}')
+    bench.ros2.goal_progress = Progress(GoalState.SUCCEEDED, result='{"success": true, "message": ""}')
     assert bench.tick(leaf) is SUCCESS
     assert leaf.result == {"success": True, "message": ""}
 
 
 def test_an_action_of_any_type_is_begun_and_cancelled_by_a_halt() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = put(bench, Ros2Action("dock"), action="/dock")
     bench.tick(leaf)
     bench.halt(leaf)
@@ -158,7 +160,7 @@ def test_an_action_of_any_type_is_begun_and_cancelled_by_a_halt() -> None:
 
 
 def test_a_message_is_sent_at_once() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = put(bench, Publish("publish"), topic="/chatter", type="std_msgs/msg/String", values={"data": "hello"})
     assert bench.tick(leaf) is SUCCESS
     assert bench.ros2.commands == [("publish", "/chatter", "std_msgs/msg/String", '{"data": "hello"}')]
@@ -182,18 +184,18 @@ MESSAGE = {"percentage": 0.8, "pose": {"x": 1.5}, "ranges": [0.5, 2.0], "present
     ],
 )
 def test_a_topic_is_a_condition_on_any_of_its_fields(asked: dict[str, object], holds: bool) -> None:
-    bench = Bench()
-    bench.ros2.says["/it"] = Reading(json.dumps(MESSAGE), bench.clock.now(), Quality.GOOD)
-    leaf = put(bench, Topic("topic"), topic="/it", **asked)
+    bench = LeafTestBench()
+    bench.ros2.messages["/it"] = Reading(json.dumps(MESSAGE), bench.clock.read_value(), Quality.GOOD)
+    leaf = put(bench, TopicLeaf("topic"), topic="/it", **asked)
     assert bench.tick(leaf) is (SUCCESS if holds else FAILURE)
     assert leaf.feedback_message
 
 
 def test_a_message_that_is_old_does_not_count() -> None:
-    bench = Bench()
-    leaf = put(bench, Topic("topic"), topic="/it")
+    bench = LeafTestBench()
+    leaf = put(bench, TopicLeaf("topic"), topic="/it")
     assert bench.tick(leaf) is RUNNING
     assert (leaf.suspended, leaf.reason) == (True, "waiting: the topic /it does not report")
-    bench.ros2.says["/it"] = Reading("{}", bench.clock.now() - 5.0, Quality.STALE)
+    bench.ros2.messages["/it"] = Reading("{}", bench.clock.read_value() - 5.0, Quality.STALE)
     assert bench.tick(leaf) is RUNNING
     assert leaf.suspended

@@ -3,18 +3,18 @@
 import pytest
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
-from behaviours.scene import Dark, MotionSeen
-from missions.plugins.testing.recorders import Bench
+from behaviours.scene import Dark, MotionSeenLeaf
+from missions.plugins.testing.recorders import LeafTestBench
 from perception.api import Scene
 
 
-def show(bench: Bench, *, brightness: float = 100.0, motion: float | None = 0.0, age: float = 0.1) -> None:
-    bench.sight.shown = Scene(bench.clock.now() - age, brightness, 40.0, motion)
+def show(bench: LeafTestBench, *, brightness: float = 100.0, motion: float | None = 0.0, age: float = 0.1) -> None:
+    bench.sight.shown = Scene(bench.clock.read_value() - age, brightness, 40.0, motion)
 
 
 @pytest.mark.parametrize(("brightness", "status"), [(20.0, SUCCESS), (80.0, FAILURE)])
 def test_dark_is_a_picture_below_a_share_of_white(brightness: float, status: object) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Dark("dark"))
     show(bench, brightness=brightness)
     assert bench.tick(leaf) is status
@@ -23,28 +23,28 @@ def test_dark_is_a_picture_below_a_share_of_white(brightness: float, status: obj
 
 @pytest.mark.parametrize(("motion", "status"), [(0.01, SUCCESS), (0.001, FAILURE), (0.005, SUCCESS)])
 def test_motion_is_a_share_of_the_picture_that_changed(motion: float, status: object) -> None:
-    bench = Bench()
-    leaf = bench.put(MotionSeen("motion_seen"))
+    bench = LeafTestBench()
+    leaf = bench.put(MotionSeenLeaf("motion_seen"))
     show(bench, motion=motion)
     assert bench.tick(leaf) is status
     assert leaf.reason == f"{motion:.1%} of the picture moves"
 
 
 def test_eyes_that_do_not_look_for_motion_say_so() -> None:
-    bench = Bench()
-    leaf = bench.put(MotionSeen("motion_seen"))
+    bench = LeafTestBench()
+    leaf = bench.put(MotionSeenLeaf("motion_seen"))
     show(bench, motion=None)
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "the eyes do not look for motion"
 
 
-@pytest.mark.parametrize("leaf", [Dark("dark"), MotionSeen("motion_seen")])
+@pytest.mark.parametrize("leaf", [Dark("dark"), MotionSeenLeaf("motion_seen")])
 def test_both_wait_for_a_picture_that_is_new_enough(leaf: Leaf) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.put(leaf)
     assert bench.tick(leaf) is RUNNING
     show(bench, age=3.0)
     assert bench.tick(leaf) is RUNNING
-    assert (leaf.suspended, leaf.reason) == (True, "waiting: the camera does not report")
+    assert (leaf.is_suspended, leaf.reason) == (True, "waiting: the camera does not report")
     show(bench)
     assert bench.tick(leaf) is not RUNNING

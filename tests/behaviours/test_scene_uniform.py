@@ -5,16 +5,16 @@ from py_trees.common import Status
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.scene import SceneUniform
-from missions.plugins.testing.recorders import Bench
+from missions.plugins.testing.recorders import LeafTestBench
 from perception.api import Scene
 
 
-def asking(bench: Bench, **arguments: object) -> SceneUniform:
+def asking(bench: LeafTestBench, **arguments: object) -> SceneUniform:
     return bench.put(SceneUniform("scene_uniform"), **arguments)
 
 
-def show(bench: Bench, contrast: float, *, age: float = 0.0) -> None:
-    bench.sight.shown = Scene(bench.clock.now() - age, 120.0, contrast)
+def show(bench: LeafTestBench, contrast: float, *, age: float = 0.0) -> None:
+    bench.sight.shown = Scene(bench.clock.read_value() - age, 120.0, contrast)
 
 
 @pytest.mark.parametrize(
@@ -26,7 +26,7 @@ def show(bench: Bench, contrast: float, *, age: float = 0.0) -> None:
     ],
 )
 def test_a_picture_without_edges_is_uniform(contrast: float, status: Status, reason: str) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = asking(bench)
     show(bench, contrast)
     assert bench.tick(leaf) is status
@@ -34,16 +34,16 @@ def test_a_picture_without_edges_is_uniform(contrast: float, status: Status, rea
 
 
 def test_how_much_contrast_is_none_the_mission_may_say() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     show(bench, 23.0)
     assert bench.tick(asking(bench, contrast=30.0)) is SUCCESS
 
 
 def test_it_waits_for_a_picture_that_is_new_enough() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = asking(bench)
     assert bench.tick(leaf) is RUNNING
-    assert (leaf.suspended, leaf.reason) == (True, "waiting: the camera does not report")
+    assert (leaf.is_suspended, leaf.reason) == (True, "waiting: the camera does not report")
     show(bench, 1.0, age=3.0)
     assert bench.tick(leaf) is RUNNING
     show(bench, 1.0)
@@ -51,7 +51,7 @@ def test_it_waits_for_a_picture_that_is_new_enough() -> None:
 
 
 def test_a_picture_from_before_it_asked_can_be_ruled_out() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = asking(bench, within=0.0)
     show(bench, 1.0)
     assert bench.tick(leaf) is RUNNING, "taken before it began"

@@ -1,38 +1,38 @@
 """Faces and words on the screen: for good, or for a time."""
 
 from behaviours.leaf import RUNNING, SUCCESS
-from behaviours.screen import MOODS, Face, Show
+from behaviours.screen import MOODS, FaceLeaf, Show
 from drivers.api import Mood
-from drivers.api.keys import declared
+from drivers.api.keys import declared_keys
 from drivers.api.sections import ScreenKeys
-from missions.plugins.testing.recorders import Bench
+from missions.plugins.testing.recorders import LeafTestBench
 
 
 def test_a_face_is_shown_at_once_and_stays() -> None:
-    bench = Bench()
-    assert bench.tick(bench.put(Face("face"), mood="happy")) is SUCCESS
+    bench = LeafTestBench()
+    assert bench.tick(bench.put(FaceLeaf("face"), mood="happy")) is SUCCESS
     assert bench.screen.commands == [Mood.HAPPY]
 
 
 def test_for_a_time_the_face_is_another_and_then_what_it_was() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.screen.mood(Mood.SAD)
-    leaf = bench.put(Face("face"), mood="surprised", seconds=2.0)
+    leaf = bench.put(FaceLeaf("face"), mood="surprised", seconds=2.0)
     assert bench.tick(leaf) is RUNNING
     assert bench.tick(leaf, after=2.0) is SUCCESS
     assert bench.screen.commands == [Mood.SAD, Mood.SURPRISED, Mood.SAD]
 
 
 def test_a_face_that_is_halted_is_what_it_was() -> None:
-    bench = Bench()
-    leaf = bench.put(Face("face"), mood="asleep", seconds=2.0)
+    bench = LeafTestBench()
+    leaf = bench.put(FaceLeaf("face"), mood="asleep", seconds=2.0)
     bench.tick(leaf)
     bench.halt(leaf)
     assert bench.screen.now.mood is Mood.NEUTRAL
 
 
 def test_words_stay_or_go_after_their_time() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     assert bench.tick(bench.put(Show("show"), text="Hello")) is SUCCESS
     assert bench.screen.now.text == "Hello"
     leaf = bench.put(Show("show"), text="Bye", seconds=1.0)
@@ -42,5 +42,5 @@ def test_words_stay_or_go_after_their_time() -> None:
 
 
 def test_the_moods_of_files_are_those_of_drivers() -> None:
-    (mood,) = declared(ScreenKeys)
+    (mood,) = declared_keys(ScreenKeys)
     assert MOODS == mood.among == tuple(Mood)

@@ -10,71 +10,71 @@ from hypothesis import strategies as st
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.search import serpentine
-from behaviours.sight import FaceCentred, FacesAtLeast, FaceSeen, FindFace
+from behaviours.sight import FaceCentred, FacesAtLeast, FaceSeenLeaf, FindFace
 from drivers.api import HeadPose, Reading
 from drivers.errors import DeviceFault
-from missions.plugins.testing.recorders import GONE, STOP, Bench, face, good, none, stale
+from missions.plugins.testing.recorders import OFFLINE_ERROR, STOP, LeafTestBench, face, good, none, stale
 
 AHEAD = HeadPose(0.0, 0.0)
 
 
-def seen(bench: Bench, *, age: float = 0.1, number: int = 1, bearing: float = 0.0, drop: float = 0.0) -> None:
+def seen(bench: LeafTestBench, *, age: float = 0.1, number: int = 1, bearing: float = 0.0, drop: float = 0.0) -> None:
     """Show a face that was seen ``age`` seconds ago, and the camera at work."""
-    bench.sight.seen = [face(bench.clock.now() - age, number=number, bearing=bearing, elevation=drop)]
-    bench.sight.searched = bench.clock.now()
+    bench.sight.seen = [face(bench.clock.read_value() - age, number=number, bearing=bearing, elevation=drop)]
+    bench.sight.searched = bench.clock.read_value()
 
 
 # --- conditions ------------------------------------------------------------------------------------------------------
 
 
 def test_face_seen_is_true_of_a_face_seen_lately_and_keeps_it() -> None:
-    bench = Bench()
-    leaf = bench.put(FaceSeen("face_seen"), keep_as="visitor")
+    bench = LeafTestBench()
+    leaf = bench.put(FaceSeenLeaf("face_seen"), keep_as="visitor")
     seen(bench)
     assert bench.tick(leaf) is SUCCESS
     assert bench.run.variables == {"visitor": bench.sight.seen[0]}
 
 
-@pytest.mark.parametrize("kind", [FaceSeen, FaceCentred])
+@pytest.mark.parametrize("kind", [FaceSeenLeaf, FaceCentred])
 def test_nobody_there_is_a_failure_with_its_reason(kind: Callable[[str], Leaf]) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(kind("see"))
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "no face in view"
     assert bench.run.variables == {}
 
 
-@pytest.mark.parametrize("kind", [FaceSeen, FaceCentred])
+@pytest.mark.parametrize("kind", [FaceSeenLeaf, FaceCentred])
 @pytest.mark.parametrize(("age", "status"), [(0.3, SUCCESS), (0.9, FAILURE)])
 def test_a_face_seen_too_long_ago_does_not_count(kind: Callable[[str], Leaf], age: float, status: object) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(kind("see"))
     seen(bench, age=age)
     assert bench.tick(leaf) is status
 
 
-@pytest.mark.parametrize("kind", [FaceSeen, FaceCentred])
+@pytest.mark.parametrize("kind", [FaceSeenLeaf, FaceCentred])
 def test_face_conditions_are_suspended_without_pictures(kind: Callable[[str], Leaf]) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(kind("see"))
-    for searched in (None, bench.clock.now() - 10.0):
+    for searched in (None, bench.clock.read_value() - 10.0):
         bench.sight.searched = searched
         assert bench.tick(leaf) is RUNNING
-        assert (leaf.suspended, leaf.reason) == (True, "waiting: the camera does not report")
+        assert (leaf.is_suspended, leaf.reason) == (True, "waiting: the camera does not report")
 
 
 def test_the_largest_of_the_faces_seen_lately_counts() -> None:
-    bench = Bench()
-    now = bench.clock.now()
+    bench = LeafTestBench()
+    now = bench.clock.read_value()
     bench.sight.seen = [face(now - 2.0, number=1), face(now, number=2), face(now, number=3)]
-    leaf = bench.put(FaceSeen("face_seen"), keep_as="visitor")
+    leaf = bench.put(FaceSeenLeaf("face_seen"), keep_as="visitor")
     assert bench.tick(leaf) is SUCCESS
     assert bench.run.variables["visitor"] == bench.sight.seen[1]
 
 
 @given(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(0.01, 0.3))
 def test_a_face_is_centred_within_an_angle_on_both_axes(bearing: float, drop: float, within: float) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(FaceCentred("face_centred"), within=within)
     seen(bench, bearing=bearing, drop=drop)
     centred = max(abs(bearing), abs(drop)) <= within
@@ -83,7 +83,7 @@ def test_a_face_is_centred_within_an_angle_on_both_axes(bearing: float, drop: fl
 
 
 def test_a_face_off_the_middle_says_how_far() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(FaceCentred("face_centred"))
     seen(bench, bearing=math.radians(12), drop=math.radians(-7))
     assert bench.tick(leaf) is FAILURE
@@ -101,9 +101,9 @@ def test_a_face_off_the_middle_says_how_far() -> None:
     ],
 )
 def test_several_faces_count_when_all_were_seen_lately(ages: list[float], status: object, reason: str) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(FacesAtLeast("faces_at_least"), number=2, keep_as="people")
-    now = bench.clock.now()
+    now = bench.clock.read_value()
     bench.sight.seen = [face(now - age, number=number) for number, age in enumerate(ages)]
     assert bench.tick(leaf) is status
     assert leaf.reason == reason
@@ -111,8 +111,8 @@ def test_several_faces_count_when_all_were_seen_lately(ages: list[float], status
 
 
 def test_within_says_how_long_ago_a_face_still_counts() -> None:
-    bench = Bench()
-    leaf = bench.put(FaceSeen("face_seen"), within=2.0)
+    bench = LeafTestBench()
+    leaf = bench.put(FaceSeenLeaf("face_seen"), within=2.0)
     seen(bench, age=1.8)
     assert bench.tick(leaf) is SUCCESS
     bench.clock.advance(1.0)
@@ -126,12 +126,12 @@ class Search:
     """A search whose head is where it was told to be, and whose camera shows an empty room."""
 
     def __init__(self, **arguments: object) -> None:
-        self.bench = Bench()
+        self.bench = LeafTestBench()
         self.leaf = self.bench.put(FindFace("find_face"), **arguments)
 
     def tick(self, *, arrives: bool = True) -> object:
         """Let one tick pass; the picture that it sees was taken 0.1 s before."""
-        self.bench.sight.searched = self.bench.clock.now() - 0.05
+        self.bench.sight.searched = self.bench.clock.read_value() - 0.05
         status = self.bench.tick(self.leaf)
         poses = self.poses
         if arrives and poses:
@@ -207,10 +207,10 @@ def test_a_face_ends_it_and_the_head_stays() -> None:
 def test_a_face_from_before_the_search_does_not_count_but_one_behind_it_does() -> None:
     search = Search(**SMALL)
     bench = search.bench
-    before = bench.clock.now()
+    before = bench.clock.read_value()
     bench.sight.seen = [face(before, number=1)]
     assert search.run(2) is RUNNING
-    bench.sight.seen = [face(before, number=1), face(bench.clock.now(), number=2)]
+    bench.sight.seen = [face(before, number=1), face(bench.clock.read_value(), number=2)]
     assert search.tick() is SUCCESS
     assert search.leaf.result == bench.sight.seen[1]
 
@@ -249,7 +249,7 @@ def test_a_halt_stops_the_head_once() -> None:
 def test_a_head_that_is_not_there_costs_no_place_of_the_route(reading: Reading[HeadPose]) -> None:
     search = Search(**SMALL, scans=1)
     search.bench.head.reading = reading
-    search.bench.head.trouble = GONE
+    search.bench.head.trouble = OFFLINE_ERROR
     for _ in range(50):
         assert search.tick() is RUNNING
     assert search.leaf.reason == "waiting: the cable is out"
@@ -264,7 +264,7 @@ def test_a_head_lost_on_the_way_is_told_again_and_the_place_is_looked_at() -> No
         search.tick()
     goal = search.poses[-1]
     search.bench.head.reading = stale(AHEAD)
-    search.bench.head.trouble = GONE
+    search.bench.head.trouble = OFFLINE_ERROR
     for _ in range(50):
         search.tick(arrives=False)
     search.bench.head.trouble = None

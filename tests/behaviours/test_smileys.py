@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.voice import split
+from behaviours.voice import split_mood
 from drivers.api import Mood
 
 
@@ -31,12 +31,12 @@ from drivers.api import Mood
     ],
 )
 def test_smileys_set_the_mood_and_are_not_spoken(text: str, left: str, mood: Mood | None) -> None:
-    assert split(text) == (left, mood)
+    assert split_mood(text) == (left, mood)
 
 
 @given(st.text())
 def test_only_smileys_are_taken_out_of_a_text(text: str) -> None:
-    left, mood = split(text)
+    left, mood = split_mood(text)
     if mood is None:
         assert left == text
     else:

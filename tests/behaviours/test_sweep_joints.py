@@ -7,17 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.joint_motion import RUN_IN
+from behaviours.joint_motion import RUN_IN_SPEED
 from behaviours.leaf import FAILURE, RUNNING
-from behaviours.sweep_joints import Sweep, Swing
-from missions.plugins.testing.recorders import HOLD, Bench
+from behaviours.sweep_joints import SweepLeaf, SwingPath
+from missions.plugins.testing.recorders import HOLD, LeafTestBench
 from tests.behaviours.servo_arm import TICK, moves, tick, with_servos
 
 BETWEEN = (0.2, 1.2)
 
 
-def sweeping(bench: Bench, joints: tuple[str, ...] = ("elbow",), **arguments: object) -> Sweep:
-    return bench.put(Sweep("sweep"), **{"joints": joints, "between": BETWEEN, **arguments})
+def sweeping(bench: LeafTestBench, joints: tuple[str, ...] = ("elbow",), **arguments: object) -> SweepLeaf:
+    return bench.put(SweepLeaf("sweep"), **{"joints": joints, "between": BETWEEN, **arguments})
 
 
 @given(
@@ -29,15 +29,15 @@ def sweeping(bench: Bench, joints: tuple[str, ...] = ("elbow",), **arguments: ob
 def test_a_swing_stays_between_its_ends_and_below_its_steepest(
     sine: bool, period: float, phase: float, time: float
 ) -> None:
-    swing = Swing(0.2, 1.2, period, {"elbow": phase}, sine=sine)
+    swing = SwingPath(0.2, 1.2, period, {"elbow": phase}, sine=sine)
     here, there = swing.at(time)["elbow"], swing.at(time + 1e-3)["elbow"]
     assert 0.2 - 1e-9 <= here <= 1.2 + 1e-9
-    assert abs(there - here) <= swing.steepest * 1e-3 * (1 + 1e-6)
+    assert abs(there - here) <= swing.max_speed * 1e-3 * (1 + 1e-6)
     assert swing.at(time + period)["elbow"] == pytest.approx(here, abs=1e-6)
 
 
 def test_a_phase_is_how_far_ahead_a_joint_is() -> None:
-    swing = Swing(0.0, 1.0, 4.0, {"one": 0.0, "other": math.pi / 2}, sine=True)
+    swing = SwingPath(0.0, 1.0, 4.0, {"one": 0.0, "other": math.pi / 2}, sine=True)
     assert swing.at(2.0)["other"] == pytest.approx(swing.at(3.0)["one"])
 
 
@@ -46,7 +46,7 @@ def test_it_comes_slowly_to_the_first_end_then_swings_evenly() -> None:
     servos.turn_by_hand("elbow", 2.0)
     assert tick(bench, sweeping(bench, period=4.0), 12.0) is RUNNING
     told = [move["elbow"] for move in moves(servos)]
-    assert max(abs(there - here) for here, there in pairwise(told)) <= RUN_IN * TICK + 1e-9
+    assert max(abs(there - here) for here, there in pairwise(told)) <= RUN_IN_SPEED * TICK + 1e-9
     swinging = told[round(4.0 / TICK) :]
     assert (min(swinging), max(swinging)) == pytest.approx(BETWEEN, abs=0.03)
     steps = [abs(there - here) for here, there in pairwise(swinging)]
@@ -78,7 +78,7 @@ def test_a_halt_holds_only_the_joints_that_swing() -> None:
 
 
 def test_what_cannot_be_is_told_before_anything_moves() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = sweeping(bench, ("elbow",), between=(-1.0, 3.0), phases={"hand": 1.0})
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == (

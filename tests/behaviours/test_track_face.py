@@ -7,31 +7,31 @@ import pytest
 from behaviours.leaf import FAILURE, RUNNING
 from behaviours.robot import Robot
 from behaviours.tracking.follow import RuleBases
-from behaviours.tracking.track import COAST, TrackFace
+from behaviours.tracking.track import COAST_TIME, TrackFace
 from config.controller import load_controller
-from config.library import shipped
-from drivers.api import COMMAND_LIFE, STILL, BaseState, HeadPose, Pose2D, Source, Steering, Velocity
+from config.library import shipped_files
+from drivers.api import COMMAND_TIMEOUT, ZERO_VELOCITY, BaseState, HeadPose, Pose2D, Source, Steering, Velocity
 from drivers.errors import DeviceFault
-from missions.plugins.testing.recorders import GONE, STOP, Bench, face, good, none, stale
+from missions.plugins.testing.recorders import OFFLINE_ERROR, STOP, LeafTestBench, face, good, none, stale
 
 LEFT, RIGHT = 0.3, -0.3
 
 
 @pytest.fixture(scope="module")
 def rules() -> RuleBases:
-    return RuleBases.from_mapping(load_controller(shipped("controllers")["face"]).values)
+    return RuleBases.from_mapping(load_controller(shipped_files("controllers")["face"]).values)
 
 
-def tracking(bench: Bench, rules: RuleBases, **arguments: object) -> TrackFace:
+def tracking(bench: LeafTestBench, rules: RuleBases, **arguments: object) -> TrackFace:
     return bench.put(TrackFace("track_face"), controller=rules, **arguments)
 
 
-def show(bench: Bench, *, yaw: float = 0.0, pitch: float = 0.0, number: int = 1) -> None:
+def show(bench: LeafTestBench, *, yaw: float = 0.0, pitch: float = 0.0, number: int = 1) -> None:
     """Show one face, seen now."""
-    bench.sight.seen = [face(bench.clock.now(), number=number, yaw=yaw, pitch=pitch)]
+    bench.sight.seen = [face(bench.clock.read_value(), number=number, yaw=yaw, pitch=pitch)]
 
 
-def follow(bench: Bench, leaf: TrackFace, *, yaw: float, pitch: float = 0.0, ticks: int = 20) -> None:
+def follow(bench: LeafTestBench, leaf: TrackFace, *, yaw: float, pitch: float = 0.0, ticks: int = 20) -> None:
     """Tick with a face in view, seen at each tick, while the head goes where it is told."""
     for _ in range(ticks):
         show(bench, yaw=yaw, pitch=pitch)
@@ -39,7 +39,7 @@ def follow(bench: Bench, leaf: TrackFace, *, yaw: float, pitch: float = 0.0, tic
         bench.head.reading = good(looks(bench)[-1])
 
 
-def looks(bench: Bench) -> list[HeadPose]:
+def looks(bench: LeafTestBench) -> list[HeadPose]:
     return [command for command in bench.head.commands if isinstance(command, HeadPose)]
 
 
@@ -47,7 +47,7 @@ def looks(bench: Bench) -> list[HeadPose]:
 
 
 def test_the_head_goes_to_the_face_and_the_base_stands_while_it_is_ahead(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = tracking(bench, rules)
     follow(bench, leaf, yaw=LEFT, pitch=-0.2)
     assert looks(bench)[-1].pan == pytest.approx(LEFT, abs=0.02)
@@ -57,7 +57,7 @@ def test_the_head_goes_to_the_face_and_the_base_stands_while_it_is_ahead(rules: 
 
 
 def test_the_base_turns_when_the_head_nears_its_limit_and_no_faster_than_it_may(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = tracking(bench, rules, max_turn=0.5)
     follow(bench, leaf, yaw=1.5, ticks=40)
     turns = [command.angular for command in bench.base.commands if isinstance(command, Velocity)]
@@ -66,7 +66,7 @@ def test_the_base_turns_when_the_head_nears_its_limit_and_no_faster_than_it_may(
 
 
 def test_a_robot_without_a_base_follows_with_the_head_alone(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.robot = Robot(head_part=bench.head, sight_part=bench.sight)
     leaf = tracking(bench, rules)
     follow(bench, leaf, yaw=LEFT)
@@ -76,7 +76,7 @@ def test_a_robot_without_a_base_follows_with_the_head_alone(rules: RuleBases) ->
 
 
 def test_as_keeps_the_face_while_it_is_followed(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = tracking(bench, rules, keep_as="visitor")
     bench.tick(leaf)
     assert bench.run.variables == {}
@@ -86,7 +86,7 @@ def test_as_keeps_the_face_while_it_is_followed(rules: RuleBases) -> None:
 
 
 def test_where_the_head_looks_is_where_it_starts(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.head.reading = good(HeadPose(0.8, -0.1))
     leaf = tracking(bench, rules)
     show(bench, yaw=0.8, pitch=-0.1)
@@ -98,9 +98,9 @@ def test_where_the_head_looks_is_where_it_starts(rules: RuleBases) -> None:
 
 
 def test_it_takes_the_largest_and_stays_with_it(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = tracking(bench, rules)
-    now = bench.clock.now()
+    now = bench.clock.read_value()
     first, second = face(now, number=1, yaw=LEFT), face(now, number=2, yaw=RIGHT)
     bench.sight.seen = [first, second]
     bench.tick(leaf)
@@ -110,21 +110,21 @@ def test_it_takes_the_largest_and_stays_with_it(rules: RuleBases) -> None:
 
 
 def test_when_that_face_is_lost_it_takes_the_largest_there_is(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = tracking(bench, rules)
     show(bench, number=1)
     bench.tick(leaf)
-    bench.sight.seen = [face(bench.clock.now(), number=3), face(bench.clock.now(), number=2)]
+    bench.sight.seen = [face(bench.clock.read_value(), number=3), face(bench.clock.read_value(), number=2)]
     bench.tick(leaf)
     assert leaf.result == bench.sight.seen[0]
 
 
 def test_a_face_unseen_for_its_patience_gives_way_to_one_in_view(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = tracking(bench, rules, patience=0.5)
-    lost = face(bench.clock.now(), number=1)
+    lost = face(bench.clock.read_value(), number=1)
     for _ in range(20):
-        bench.sight.seen = [lost, face(bench.clock.now(), number=2)]
+        bench.sight.seen = [lost, face(bench.clock.read_value(), number=2)]
         assert bench.tick(leaf) is RUNNING
     assert leaf.reason == "face 2, 0 deg off"
 
@@ -133,7 +133,7 @@ def test_a_face_unseen_for_its_patience_gives_way_to_one_in_view(rules: RuleBase
 
 
 def test_it_fails_once_no_face_was_seen_for_its_patience(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = tracking(bench, rules, patience=1.0)
     show(bench)
     bench.tick(leaf, after=0.0)
@@ -146,9 +146,9 @@ def test_it_fails_once_no_face_was_seen_for_its_patience(rules: RuleBases) -> No
 
 
 def test_the_patience_counts_from_the_start_where_there_never_was_a_face(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = tracking(bench, rules, patience=1.0)
-    bench.sight.seen = [face(bench.clock.now() - 5.0)]
+    bench.sight.seen = [face(bench.clock.read_value() - 5.0)]
     assert bench.tick(leaf, after=0.0) is RUNNING
     assert looks(bench) == []
     assert bench.tick(leaf, after=1.0) is RUNNING
@@ -156,14 +156,14 @@ def test_the_patience_counts_from_the_start_where_there_never_was_a_face(rules: 
 
 
 def test_a_face_missed_for_a_moment_is_followed_on_and_then_the_base_stands(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = tracking(bench, rules)
     follow(bench, leaf, yaw=1.3)
     bench.sight.seen = ()
-    assert bench.tick(leaf, after=0.8 * COMMAND_LIFE) is RUNNING
+    assert bench.tick(leaf, after=0.8 * COMMAND_TIMEOUT) is RUNNING
     assert bench.base.commands[-1] != Velocity(0.0, 0.0)
     told = len(looks(bench))
-    assert bench.tick(leaf, after=COAST) is RUNNING
+    assert bench.tick(leaf, after=COAST_TIME) is RUNNING
     assert bench.base.commands[-1] == Velocity(0.0, 0.0)
     assert len(looks(bench)) == told
 
@@ -172,7 +172,7 @@ def test_a_face_missed_for_a_moment_is_followed_on_and_then_the_base_stands(rule
 
 
 def test_a_halt_stops_head_and_base_once(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = tracking(bench, rules)
     follow(bench, leaf, yaw=LEFT)
     assert bench.halt(leaf)
@@ -183,9 +183,9 @@ def test_a_halt_stops_head_and_base_once(rules: RuleBases) -> None:
 
 
 def test_a_lost_head_is_waited_for_and_the_base_is_not_driven(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = tracking(bench, rules)
-    bench.head.trouble = GONE
+    bench.head.trouble = OFFLINE_ERROR
     bench.head.reading = none()
     show(bench, yaw=1.4)
     assert bench.tick(leaf) is RUNNING
@@ -198,9 +198,9 @@ def test_a_lost_head_is_waited_for_and_the_base_is_not_driven(rules: RuleBases) 
 
 
 def test_a_lost_base_leaves_the_head_following(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = tracking(bench, rules)
-    bench.base.trouble = GONE
+    bench.base.trouble = OFFLINE_ERROR
     bench.base.reading = none()
     follow(bench, leaf, yaw=LEFT)
     assert looks(bench)[-1].pan == pytest.approx(LEFT, abs=0.02)
@@ -208,16 +208,16 @@ def test_a_lost_base_leaves_the_head_following(rules: RuleBases) -> None:
 
 
 def test_even_a_lost_device_does_not_outlast_the_patience(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = tracking(bench, rules, patience=1.0)
-    bench.base.trouble = GONE
+    bench.base.trouble = OFFLINE_ERROR
     assert bench.tick(leaf) is RUNNING
     assert bench.tick(leaf, after=1.1) is FAILURE
     assert leaf.reason == "no face for 1 s"
 
 
 def test_a_base_that_no_longer_reports_counts_as_standing_where_it_was(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     moving = BaseState(Pose2D(0.0, 0.0, 0.5), Velocity(0.0, 1.0))
     leaf = tracking(bench, rules)
     bench.base.reading = stale(moving)
@@ -226,7 +226,7 @@ def test_a_base_that_no_longer_reports_counts_as_standing_where_it_was(rules: Ru
 
 
 def test_a_fault_of_the_head_fails_it_and_stops_both(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = tracking(bench, rules)
     show(bench)
     bench.head.trouble = DeviceFault("head: servo 1 stalls")
@@ -237,7 +237,7 @@ def test_a_fault_of_the_head_fails_it_and_stops_both(rules: RuleBases) -> None:
 
 
 def test_a_face_that_is_nowhere_fails_it_and_stops_both(rules: RuleBases, caplog: pytest.LogCaptureFixture) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = tracking(bench, rules)
     show(bench, yaw=math.nan)
     assert bench.tick(leaf) is FAILURE
@@ -248,7 +248,7 @@ def test_a_face_that_is_nowhere_fails_it_and_stops_both(rules: RuleBases, caplog
 
 @pytest.mark.parametrize("ending", ["lost", "halted"])
 def test_a_second_run_knows_nothing_of_the_first(rules: RuleBases, ending: str) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = tracking(bench, rules, patience=1.0)
     follow(bench, leaf, yaw=LEFT)
     bench.sight.seen = ()
@@ -261,24 +261,24 @@ def test_a_second_run_knows_nothing_of_the_first(rules: RuleBases, ending: str) 
     assert leaf.result is None
     assert looks(bench) == []
     assert bench.tick(leaf, after=0.9) is RUNNING
-    bench.sight.seen = [face(bench.clock.now(), number=2), face(bench.clock.now(), number=1)]
+    bench.sight.seen = [face(bench.clock.read_value(), number=2), face(bench.clock.read_value(), number=1)]
     bench.tick(leaf, after=0.0)
     assert leaf.result == bench.sight.seen[0]
 
 
 def test_what_is_known_of_the_bases_lag_counts_before_what_the_mission_says(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     for known, expected in ((False, 0.3), (True, 0.18)):
-        bench.robot.lag.believe(0.18, learnt=known)
+        bench.robot.lag.set_prior(0.18, learnt=known)
         tracking(bench, rules, lag=0.3).initialise()
         assert bench.robot.lag.seconds == expected
         assert bench.robot.lag.acceleration == bench.base.limits.turn_acceleration
 
 
 def test_a_base_that_does_not_do_what_it_is_told_fails_it(rules: RuleBases) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = tracking(bench, rules)
     assert bench.tick(leaf) is RUNNING
-    bench.base.steers = Steering(Source.MISSION, Velocity(0.0, 0.5), STILL, "blocked", "blocked")
+    bench.base.steers = Steering(Source.MISSION, Velocity(0.0, 0.5), ZERO_VELOCITY, "blocked", "blocked")
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "blocked"

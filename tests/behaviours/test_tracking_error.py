@@ -4,13 +4,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.joint_motion import JointError, Sample, Tracking
+from behaviours.joint_motion import JointError, JointSample, TrackingErrors
 
 
 def test_each_joint_has_its_mean_square_and_its_worst_with_its_time() -> None:
-    tracking = Tracking()
-    tracking.take([Sample(0.1, "elbow", 0.0, 0.3), Sample(0.1, "wrist", 1.0, 1.0)])
-    tracking.take([Sample(0.2, "elbow", 1.0, 0.6)])
+    tracking = TrackingErrors()
+    tracking.add([JointSample(0.1, "elbow", 0.0, 0.3), JointSample(0.1, "wrist", 1.0, 1.0)])
+    tracking.add([JointSample(0.2, "elbow", 1.0, 0.6)])
     errors = tracking.errors()
     assert list(errors) == ["elbow", "wrist"]
     assert errors["elbow"].rms == pytest.approx(0.125**0.5)
@@ -20,20 +20,20 @@ def test_each_joint_has_its_mean_square_and_its_worst_with_its_time() -> None:
 
 
 def test_a_reading_that_comes_again_is_not_counted_again() -> None:
-    tracking = Tracking()
+    tracking = TrackingErrors()
     for _ in range(3):
-        tracking.take([Sample(0.1, "elbow", 0.0, 0.3)])
+        tracking.add([JointSample(0.1, "elbow", 0.0, 0.3)])
     assert len(tracking.samples) == 1
 
 
 def test_without_readings_there_are_no_figures() -> None:
-    assert Tracking().errors() == {}
+    assert TrackingErrors().errors() == {}
 
 
 @given(st.lists(st.floats(-3.0, 3.0), min_size=1, max_size=50))
 def test_the_root_of_the_mean_square_is_never_above_the_worst(errors: list[float]) -> None:
-    tracking = Tracking()
-    tracking.take(Sample(float(n), "elbow", 0.0, error) for n, error in enumerate(errors))
+    tracking = TrackingErrors()
+    tracking.add(JointSample(float(n), "elbow", 0.0, error) for n, error in enumerate(errors))
     found = tracking.errors()["elbow"]
     assert 0.0 <= found.rms <= found.worst * (1 + 1e-9)
     assert found.worst == max(map(abs, errors))

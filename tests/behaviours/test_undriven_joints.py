@@ -10,23 +10,23 @@ from behaviours.joint_motion import REPORT_TIMEOUT
 from behaviours.joints import MoveJoints
 from behaviours.leaf import FAILURE, RUNNING, Leaf
 from behaviours.mirror import FollowJoint
-from behaviours.sweep_joints import Sweep
-from missions.plugins.testing.recorders import Bench
+from behaviours.sweep_joints import SweepLeaf
+from missions.plugins.testing.recorders import LeafTestBench
 from tests.behaviours.servo_arm import ServoArm, tick, with_servos
 
 DETAIL = "arm: elbow (servo 2) does not go to positions (operating mode 1, not 3)"
 FIX = "mission servo set 2 operating_mode 3 --robot FILE"
 
-Make = Callable[[Bench], Leaf]
+Make = Callable[[LeafTestBench], Leaf]
 
 LEAVES: list[Make] = [
     lambda bench: bench.put(MoveJoints("move_joints"), to={"elbow": 1.0}),
-    lambda bench: bench.put(Sweep("sweep_joints"), joints=("elbow",), between=(0.2, 0.6)),
+    lambda bench: bench.put(SweepLeaf("sweep_joints"), joints=("elbow",), between=(0.2, 0.6)),
     lambda bench: bench.put(FollowJoint("follow_joint"), leader="shoulder", follower="elbow"),
 ]
 
 
-def silent_arm(*, online: bool) -> tuple[Bench, ServoArm]:
+def silent_arm(*, online: bool) -> tuple[LeafTestBench, ServoArm]:
     bench, servos = with_servos()
     servos.silent = {"elbow"}
     health = servos.health()

@@ -6,18 +6,18 @@ from pathlib import Path
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.robot import Robot
 from behaviours.voice import PlaySound, Say
-from drivers.api import Manner, Mood, Priority
+from drivers.api import Mood, Priority, SpeechStyle
 from drivers.errors import BadRequest, DeviceFault
 from drivers.sound.printed import PrintedVoice
-from missions.plugins.testing.recorders import CANCEL, GONE, Bench
+from missions.plugins.testing.recorders import CANCEL, OFFLINE_ERROR, LeafTestBench
 
 
-def saying(bench: Bench, text: str = "Hello!") -> Say:
+def saying(bench: LeafTestBench, text: str = "Hello!") -> Say:
     return bench.put(Say("say"), text=text)
 
 
 def test_say_runs_until_it_is_spoken() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = saying(bench)
     assert bench.tick(leaf) is RUNNING
     assert leaf.reason == 'saying "Hello!"'
@@ -27,7 +27,7 @@ def test_say_runs_until_it_is_spoken() -> None:
 
 
 def test_a_halt_makes_it_fall_silent_once() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = saying(bench)
     bench.tick(leaf)
     bench.halt(leaf)
@@ -36,7 +36,7 @@ def test_a_halt_makes_it_fall_silent_once() -> None:
 
 
 def test_words_that_are_broken_off_are_said_once_more_and_then_fail() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = saying(bench)
     bench.tick(leaf)
     for number in (0, 1):
@@ -51,7 +51,7 @@ def test_words_that_are_broken_off_are_said_once_more_and_then_fail() -> None:
 
 
 def test_a_smiley_is_not_spoken_and_sets_the_mood_of_a_face_where_there_is_one() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.tick(saying(bench, "Hello :)"))
     assert bench.voice.commands == ["Hello"]
     assert bench.screen.commands == [Mood.HAPPY]
@@ -62,7 +62,7 @@ def test_a_smiley_is_not_spoken_and_sets_the_mood_of_a_face_where_there_is_one()
 
 
 def test_each_start_says_it_again() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = saying(bench)
     bench.tick(leaf)
     bench.voice.said[0].ended = True
@@ -74,8 +74,8 @@ def test_each_start_says_it_again() -> None:
 
 
 def test_a_voice_that_is_not_there_yet_is_waited_for_and_speaks_once() -> None:
-    bench = Bench()
-    bench.voice.trouble = GONE
+    bench = LeafTestBench()
+    bench.voice.trouble = OFFLINE_ERROR
     leaf = saying(bench)
     assert bench.tick(leaf) is RUNNING
     assert leaf.reason == "waiting: the cable is out"
@@ -86,19 +86,19 @@ def test_a_voice_that_is_not_there_yet_is_waited_for_and_speaks_once() -> None:
 
 
 def test_a_halt_before_it_could_speak_cancels_nothing_of_an_earlier_run() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = saying(bench)
     bench.tick(leaf)
     bench.voice.said[0].ended = True
     bench.tick(leaf)
-    bench.voice.trouble = GONE
+    bench.voice.trouble = OFFLINE_ERROR
     bench.tick(leaf)
     bench.halt(leaf)
     assert bench.voice.commands == ["Hello!"]
 
 
 def test_a_voice_that_complains_is_a_failure() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.voice.trouble = DeviceFault("voice: no sound card")
     leaf = saying(bench)
     assert bench.tick(leaf) is FAILURE
@@ -106,7 +106,7 @@ def test_a_voice_that_complains_is_a_failure() -> None:
 
 
 def test_it_takes_as_long_as_the_words_and_whatever_is_said_before() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     printed: list[str] = []
     voice = PrintedVoice(bench.clock, printed.append)
     voice.open()
@@ -122,14 +122,14 @@ def test_it_takes_as_long_as_the_words_and_whatever_is_said_before() -> None:
 
 
 def test_how_it_is_said_goes_to_the_voice() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(Say("say"), text="Hallo!", voice="+f2", speed=200.0, language="de", priority="high")
     assert bench.tick(leaf) is RUNNING
-    assert bench.voice.commands == [("Hallo!", Manner("+f2", 200.0, "de"), Priority.HIGH)]
+    assert bench.voice.commands == [("Hallo!", SpeechStyle("+f2", 200.0, "de"), Priority.HIGH)]
 
 
 def test_a_sound_is_played_to_its_end_and_silent_when_it_is_halted() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = bench.put(PlaySound("play_sound"), sound=Path("bells/bell.wav"))
     assert bench.tick(leaf) is RUNNING
     assert leaf.reason == "playing bell.wav"
@@ -142,7 +142,7 @@ def test_a_sound_is_played_to_its_end_and_silent_when_it_is_halted() -> None:
 
 
 def test_a_sound_that_is_none_is_a_failure() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.voice.trouble = BadRequest("voice: bell.wav: is no WAV, MP3, FLAC or Ogg file")
     leaf = bench.put(PlaySound("play_sound"), sound=Path("bell.wav"))
     assert bench.tick(leaf) is FAILURE

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from behaviours.run import BY_DEAD_RECKONING
+from behaviours.run import DEAD_RECKONING_REASON
 from missions.request import RunRequest
 from missions.runner import Runner
 
@@ -16,7 +16,7 @@ def walked(tmp_path: Path, step: str) -> tuple[str, str]:
 
 def test_a_walk_in_a_curve_ends_when_its_steps_have_covered_the_way(tmp_path: Path) -> None:
     ended = walked(tmp_path, "walk: {distance: 1 m, turn: 20 deg/s}\n      timeout: 20 s")
-    assert ended == ("success", BY_DEAD_RECKONING)
+    assert ended == ("success", DEAD_RECKONING_REASON)
 
 
 def test_a_walk_with_no_velocity_fails_and_says_so(tmp_path: Path) -> None:

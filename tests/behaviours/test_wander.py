@@ -8,40 +8,40 @@ import pytest
 
 from behaviours.leaf import FAILURE, RUNNING
 from behaviours.robot import Robot
-from behaviours.wander import BACK, BLIND, CHOOSE_EVERY, SHUT_IN, Wander
+from behaviours.wander import BACK_OFF_DISTANCE, BLIND_SPEED, CHOICE_INTERVAL, SHUT_IN_TIMEOUT, Wander
 from drivers.api import BaseState, Pose2D, Sides, Source, Steering, Velocity
-from missions.plugins.testing.recorders import STOP, Bench, good, none
+from missions.plugins.testing.recorders import STOP, LeafTestBench, good, none
 
 STILL = Velocity(0.0, 0.0)
 HERE = BaseState(Pose2D(0.0, 0.0, 0.0), STILL)
 ROUND = range(360)
 
 
-def wandering(bench: Bench, *, blind: bool = False, **arguments: object) -> Wander:
+def wandering(bench: LeafTestBench, *, blind: bool = False, **arguments: object) -> Wander:
     leaf = bench.put(Wander("wander"), **arguments)
     if blind:
         leaf.robot = Robot(base_part=bench.base)
     return leaf
 
 
-def told(bench: Bench) -> Velocity:
+def told(bench: LeafTestBench) -> Velocity:
     velocity = bench.base.commands[-1]
     assert isinstance(velocity, Velocity)
     return velocity
 
 
-def stand(bench: Bench, x: float = 0.0, heading: float = 0.0, **felt: Any) -> None:
+def stand(bench: LeafTestBench, x: float = 0.0, heading: float = 0.0, **felt: Any) -> None:
     bench.base.reading = good(replace(BaseState(Pose2D(x, 0.0, heading), STILL), **felt))
 
 
 def test_with_nothing_about_it_drives_straight_ahead_at_its_speed() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     assert bench.tick(wandering(bench, speed=0.4)) is RUNNING
     assert told(bench) == Velocity(0.4, 0.0)
 
 
 def test_it_turns_to_where_there_is_room() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.ranger.show({angle: 3.0 if 50 <= angle <= 130 else 0.6 for angle in ROUND})
     bench.tick(wandering(bench))
     assert told(bench).linear == 0.0
@@ -51,7 +51,7 @@ def test_it_turns_to_where_there_is_room() -> None:
 def test_the_nearer_things_are_ahead_the_slower_it_goes() -> None:
     speeds = []
     for distance in (2.0, 1.0, 0.6, 0.4):
-        bench = Bench()
+        bench = LeafTestBench()
         bench.ranger.show(dict.fromkeys(ROUND, distance))
         leaf = wandering(bench, speed=0.5)
         bench.tick(leaf)
@@ -62,19 +62,19 @@ def test_the_nearer_things_are_ahead_the_slower_it_goes() -> None:
 
 
 def test_it_goes_rather_where_it_has_not_been() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.ranger.show(dict.fromkeys(ROUND, 2.5))
     leaf = wandering(bench)
     for x in (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5):
         stand(bench, x)
-        bench.tick(leaf, after=CHOOSE_EVERY)
+        bench.tick(leaf, after=CHOICE_INTERVAL)
     stand(bench, 1.5, heading=math.pi)  # back where it came from
-    bench.tick(leaf, after=CHOOSE_EVERY)
+    bench.tick(leaf, after=CHOICE_INTERVAL)
     assert abs(told(bench).angular) > 0.3
 
 
 def test_a_finder_that_falls_silent_makes_it_stand_and_wait() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = wandering(bench)
     bench.tick(leaf)
     bench.ranger.reading = none()
@@ -84,15 +84,15 @@ def test_a_finder_that_falls_silent_makes_it_stand_and_wait() -> None:
 
 
 def test_without_a_finder_it_goes_so_slowly_that_it_may_bump() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.tick(wandering(bench, blind=True, speed=0.5))
-    assert told(bench) == Velocity(BLIND, 0.0)
+    assert told(bench) == Velocity(BLIND_SPEED, 0.0)
 
 
 @pytest.mark.parametrize("blind", [True, False])
 @pytest.mark.parametrize("what", ["bumper", "cliff"])
 def test_from_what_it_meets_it_drives_straight_back_and_goes_elsewhere(what: str, *, blind: bool) -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = wandering(bench, blind=blind)
     bench.tick(leaf)
     felt: dict[str, Any] = {what: Sides(centre=True)}
@@ -100,17 +100,17 @@ def test_from_what_it_meets_it_drives_straight_back_and_goes_elsewhere(what: str
     assert bench.tick(leaf) is RUNNING
     assert told(bench).linear < 0.0
     assert told(bench).angular == 0.0
-    stand(bench, 1.0 - BACK / 2)
+    stand(bench, 1.0 - BACK_OFF_DISTANCE / 2)
     bench.tick(leaf)
     assert told(bench).linear < 0.0
-    stand(bench, 1.0 - BACK - 0.01)
+    stand(bench, 1.0 - BACK_OFF_DISTANCE - 0.01)
     bench.tick(leaf)
     assert told(bench).linear == 0.0
     assert abs(told(bench).angular) > 0.3
 
 
 def test_it_waits_while_the_base_backs_off_by_itself() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = wandering(bench)
     bench.tick(leaf)
     stand(bench, 1.0, bumper=Sides(left=True))
@@ -122,12 +122,12 @@ def test_it_waits_while_the_base_backs_off_by_itself() -> None:
 
 
 def test_shut_in_it_stands_and_gives_up_after_a_while() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.ranger.show(dict.fromkeys(ROUND, 0.25))
     leaf = wandering(bench)
     assert bench.tick(leaf) is RUNNING
     assert told(bench) == STILL
-    assert bench.tick(leaf, after=SHUT_IN + 0.1) is FAILURE
+    assert bench.tick(leaf, after=SHUT_IN_TIMEOUT + 0.1) is FAILURE
     assert leaf.reason == "no way out"
 
 
@@ -137,7 +137,7 @@ def test_a_dropped_wheel_and_a_latched_base_fail_it() -> None:
         ("button 0 was pressed", {}, "the base is stopped: button 0 was pressed"),
     )
     for latched, felt, reason in cases:
-        bench = Bench()
+        bench = LeafTestBench()
         leaf = wandering(bench)
         bench.tick(leaf)
         stand(bench, **felt)
@@ -148,7 +148,7 @@ def test_a_dropped_wheel_and_a_latched_base_fail_it() -> None:
 
 
 def test_a_halt_stops_the_base() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     leaf = wandering(bench)
     bench.tick(leaf)
     assert bench.halt(leaf)

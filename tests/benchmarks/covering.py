@@ -14,13 +14,13 @@ import cv2
 import cv2.data
 import numpy as np
 
-from drivers.sim.looks import LOOKS
+from drivers.sim.looks import APPEARANCES
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
-from drivers.sim.viewpoint import Pinhole, Viewpoint
-from drivers.sim.world import World
+from drivers.sim.viewpoint import PinholeLens, Viewpoint
+from drivers.sim.world import SimulatedWorld
 from perception.api import Box, Image
-from perception.faces import HaarFaces
+from perception.faces import HaarFaceDetector
 from perception.finder import FaceFinder
 from perception.geometry import FACE_WIDTH
 from tests.footage import FOOTAGE
@@ -73,11 +73,11 @@ def clips() -> Iterator[Film]:
 
 def rendered() -> Iterator[Film]:
     """Yield each of the drawn people, walking to and fro before the camera."""
-    lens, view = Pinhole(640, 480, math.radians(60)), Viewpoint(z=1.1, pitch=math.radians(-12))
-    for number, look in enumerate(sorted(LOOKS)):
+    lens, view = PinholeLens(640, 480, math.radians(60)), Viewpoint(z=1.1, pitch=math.radians(-12))
+    for number, look in enumerate(sorted(APPEARANCES)):
         x, y = 1.2 + 0.25 * number, 0.35 + 0.05 * number
         person = Person("somebody", look=look, x=x, y=y, path=((x, -y),), speed=0.4 + 0.08 * number)
-        world = World(people=(person,))
+        world = SimulatedWorld(people=(person,))
         renderer = Renderer(world, lens, seed=number)
         yield [
             (renderer.draw(view, count / RATE), [_face(world, lens, view, count / RATE)])
@@ -85,10 +85,10 @@ def rendered() -> Iterator[Film]:
         ]
 
 
-def _face(world: World, lens: Pinhole, view: Viewpoint, time: float) -> Box:
+def _face(world: SimulatedWorld, lens: PinholeLens, view: Viewpoint, time: float) -> Box:
     """Return where the face of the one person in a world is in the picture."""
     (who,) = world.people_at(time)
-    right, down, ahead = view.sees(who.x, who.y, who.eyes - 0.03)
+    right, down, ahead = view.to_camera_axes(who.x, who.y, who.eye_height - 0.03)
     side = FACE_WIDTH * lens.focal / ahead
     x, y = lens.width / 2 + lens.focal * right / ahead, lens.height / 2 + lens.focal * down / ahead
     return Box(x - side / 2, y - side / 2, side, side)
@@ -122,7 +122,7 @@ LIGHTS: dict[str, Callable[[Image], Image]] = {
 }
 
 
-def score(films: list[Film], light: Callable[[Image], Image], detector: HaarFaces) -> tuple[Score, Score]:
+def score(films: list[Film], light: Callable[[Image], Image], detector: HaarFaceDetector) -> tuple[Score, Score]:
     """Return how the finder does on films, and how the course's call does, frame by frame in turns."""
     course = cv2.CascadeClassifier(cv2.data.haarcascades + "haarcascade_frontalface_default.xml")
     ours, theirs = Score(), Score()
@@ -143,7 +143,7 @@ def score(films: list[Film], light: Callable[[Image], Image], detector: HaarFace
 def main() -> None:
     """Print the table."""
     cv2.setNumThreads(1)
-    detector = HaarFaces()
+    detector = HaarFaceDetector()
     detector.detect(np.zeros((480, 640), np.uint8))  # the cascade is read before anything is timed
     print(f"{'':<28} {'frames':>6} {'covered':>8} {'wrong':>7} {'course covers':>14} {'cost, of its':>13}")
     for what, films in (("clips", list(clips())), ("rendered", list(rendered()))):

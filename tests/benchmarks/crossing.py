@@ -8,14 +8,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from random import Random
 
-from drivers.sim.looks import LOOKS
+from drivers.sim.looks import APPEARANCES
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
-from drivers.sim.viewpoint import Pinhole as Lens
+from drivers.sim.viewpoint import PinholeLens as Lens
 from drivers.sim.viewpoint import Viewpoint
-from drivers.sim.world import World
+from drivers.sim.world import SimulatedWorld
 from perception.api import Face, Image
-from perception.faces import HaarFaces
+from perception.faces import HaarFaceDetector
 from perception.finder import FaceFinder
 from perception.geometry import Pinhole
 from perception.senses import FaceSense
@@ -41,7 +41,7 @@ class Frame:
 class Crossing:
     """Two people, the view of them, and how long it takes both to get to where the other came from."""
 
-    world: World
+    world: SimulatedWorld
     view: Viewpoint
     seconds: float
     seed: int
@@ -50,7 +50,7 @@ class Crossing:
 def crossing(seed: int) -> Crossing:
     """Return two people who cross, drawn from ``seed``: their looks, heights, distances and speeds."""
     chance = Random(seed)  # noqa: S311 - chance, not a secret
-    looks = chance.sample(sorted(LOOKS), 2)
+    looks = chance.sample(sorted(APPEARANCES), 2)
     near = chance.uniform(1.2, 1.8)
     places = [near, near + chance.uniform(0.5, 1.0)]
     chance.shuffle(places)
@@ -64,14 +64,14 @@ def crossing(seed: int) -> Crossing:
         )
         seconds = max(seconds, 0.6 + 2 * abs(y) / speed + 0.6)
     view = Viewpoint(z=1.1, pitch=-math.radians(chance.uniform(10, 16)))
-    return Crossing(World(people=tuple(people)), view, seconds, seed)
+    return Crossing(SimulatedWorld(people=tuple(people)), view, seconds, seed)
 
 
 def kept(scene: Crossing) -> bool:
     """Whether both have the id at the end that they had at the beginning."""
     lens, camera = Lens(640, 480, math.radians(60)), Pinhole(640, 480, math.radians(60))
     renderer = Renderer(scene.world, lens, seed=scene.seed)
-    sense = FaceSense(FaceFinder(HaarFaces()), Tracker())
+    sense = FaceSense(FaceFinder(HaarFaceDetector()), Tracker())
     first: dict[str, int] = {}
     last: dict[str, int] = {}
     for number in range(int(scene.seconds * RATE)):

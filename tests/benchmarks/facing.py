@@ -17,11 +17,11 @@ import cv2.data
 import numpy as np
 
 from perception.api import Box, Face, Image
-from perception.faces import HaarFaces
+from perception.faces import HaarFaceDetector
 from perception.finder import FaceDetector, FaceFinder, Floats
 from perception.geometry import Pinhole
 from perception.tracks import Tracker
-from perception.yunet import YuNetFaces
+from perception.yunet import YuNetFaceDetector
 from tests.benchmarks.covering import on
 from tests.benchmarks.hardships import EMPTY, HARD, Shot, films, mirrored, together
 from tests.footage import FOOTAGE
@@ -113,9 +113,9 @@ def course() -> Way:
     return look
 
 
-DETECTORS: dict[str, Callable[[], HaarFaces | YuNetFaces]] = {
-    "haar": HaarFaces,
-    "yunet": lambda: YuNetFaces(MODEL),
+DETECTORS: dict[str, Callable[[], HaarFaceDetector | YuNetFaceDetector]] = {
+    "haar": HaarFaceDetector,
+    "yunet": lambda: YuNetFaceDetector(MODEL),
 }
 
 
@@ -125,7 +125,7 @@ def begin(name: str) -> Callable[[], Way]:
     if name in DETECTORS:
         detector = DETECTORS[name]()
         detector.detect(start)
-        detector.agrees(start, Box(40, 40, 60, 60))
+        detector.is_confirmed(start, Box(40, 40, 60, 60))
         return lambda: followed(detector)
     look = course() if name == "course" else bare(int(name.removeprefix("bare")))
     look(start, 0.0)

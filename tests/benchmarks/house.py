@@ -4,7 +4,7 @@
 
 The figures are those of the table "Effects to show" (docs/decisions/0008 and 0009), measured on the working tree in
 ``FOLDER``, or on this one; there, without those that must run it. Arrows are imports anywhere in a module, also within
-functions and for types alone, and dotted names such as ``missions.plugins.teleop.pad:pad_at``.
+functions and for types alone, and dotted names such as ``missions.plugins.teleop.pad:make_pad``.
 """
 
 import ast

@@ -25,12 +25,12 @@ import numpy as np
 
 from missions.plugins.testing.sweep.summary import wilson
 from perception.api import Box, Image
-from perception.crops import face_in
-from perception.dlib_people import DlibDescriber, DlibPeople
-from perception.identity import ENOUGH, Look, Recogniser, agreed
-from perception.people import KnownPeople
-from perception.sface import SFacePeople
-from perception.yunet import YuNetFaces
+from perception.crops import portrait_face_box
+from perception.dlib_people import DlibDescriber, DlibRecogniser
+from perception.identity import MIN_CLEAR_LOOKS, FaceMatch, FaceRecogniser, combine_matches
+from perception.people import PatchRecogniser
+from perception.sface import SFaceRecogniser
+from perception.yunet import YuNetFaceDetector
 from tests.benchmarks.portraits import TAUGHT, Portraits, changed, clips, drawn, folder, hundred
 from tests.footage import FOOTAGE
 
@@ -43,7 +43,7 @@ KNOWN = 10
 FALSE = 0.01
 """Share of looks at strangers that may be accepted, where recognisers are compared."""
 
-Make = Callable[[Portraits], Recogniser]
+Make = Callable[[Portraits], FaceRecogniser]
 
 
 @dataclass(frozen=True)
@@ -51,13 +51,13 @@ class Asked:
     """What a recogniser said of the pictures of one person, who is called ``name``; empty for a stranger."""
 
     name: str
-    looks: Sequence[Look]
+    looks: Sequence[FaceMatch]
 
     def tracks(self) -> "Asked":
         """Return the same of tracks of pictures: all together where they are ``ENOUGH`` but fewer than ``TRACK``."""
-        shortest = TRACK if len(self.looks) >= TRACK else ENOUGH
+        shortest = TRACK if len(self.looks) >= TRACK else MIN_CLEAR_LOOKS
         begins = range(0, len(self.looks) - shortest + 1, TRACK)
-        return Asked(self.name, [agreed(self.looks[begin : begin + TRACK]) for begin in begins])
+        return Asked(self.name, [combine_matches(self.looks[begin : begin + TRACK]) for begin in begins])
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def ask(make: Make, taught: Portraits, asked: Portraits, known: Sequence[str]) -
     recogniser = make({name: taught[name] for name in known})
     found = []
     for name, pictures in asked.items():
-        looks = [recogniser.look(each, face_in(each)) for each in pictures]
+        looks = [recogniser.match(each, portrait_face_box(each)) for each in pictures]
         found.append(Asked(name if name in known else "", [look for look in looks if look is not None]))
     return found
 
@@ -125,29 +125,29 @@ class Histograms:
         self._model = face.face.LBPHFaceRecognizer_create()
         self._model.train([each for each, _ in shown], np.array([number for _, number in shown]))
 
-    def look(self, image: Image, face: Box) -> Look | None:
+    def match(self, image: Image, face: Box) -> FaceMatch | None:
         """Return who is nearest; the face must be that of a portrait."""
         del face
         number, distance = self._model.predict(_box(image))
-        return Look(self._names[number], -distance)
+        return FaceMatch(self._names[number], -distance)
 
 
 def _box(shown: Image) -> Any:
-    box = face_in(shown)
+    box = portrait_face_box(shown)
     rows, columns = (slice(round(begin), round(begin + box.width)) for begin in (box.y, box.x))
     return cv2.resize(cv2.cvtColor(shown, cv2.COLOR_BGR2GRAY)[rows, columns], (100, 100), interpolation=cv2.INTER_AREA)
 
 
 def recognisers(sface: Path | None, yunet: Path | None) -> Iterator[tuple[str, Make]]:
     """Yield the recognisers that are here."""
-    yield "own", KnownPeople
+    yield "own", PatchRecogniser
     if hasattr(cv2, "face"):
         yield "LBPH", Histograms
     if sface is not None and yunet is not None:
-        yield "SFace", lambda people: SFacePeople(sface, YuNetFaces(yunet), people)
+        yield "SFace", lambda people: SFaceRecogniser(sface, YuNetFaceDetector(yunet), people)
     if find_spec("dlib") is not None:
         describe = DlibDescriber()
-        yield "dlib", lambda people: DlibPeople(people, describe)
+        yield "dlib", lambda people: DlibRecogniser(people, describe)
 
 
 def row(cells: Sequence[str], asked: Sequence[Asked], seconds: float) -> str:

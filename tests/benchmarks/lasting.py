@@ -66,7 +66,7 @@ def measure(asks: argparse.Namespace) -> dict[str, object]:
             if studio.stdout is None:
                 raise RuntimeError("a process without pipes")
             host, _, token = studio.stdout.readline().split()[1].partition("/?token=")
-            wait_until(lambda: sockets.path_of(str(run.pid)).exists())
+            wait_until(lambda: sockets.socket_path(str(run.pid)).exists())
             held = asyncio.run(watched(host.removeprefix("http://"), token, str(run.pid), studio.pid, asks))
         finally:
             for process in (run, studio):

@@ -12,17 +12,17 @@ from typing import Any
 
 from drivers.clock import ManualClock, SystemClock
 from drivers.microphone.wav import WavMicrophone
-from drivers.transport.pipe import Worker
-from perception.hearing.acceptance import Acceptance
-from perception.hearing.engines import NOTHING, Judgement, Sphinx
-from perception.hearing.features import Decoding, features
-from perception.hearing.grammar import Grammar
-from perception.hearing.lexicon import english
-from perception.hearing.listener import Listener
+from drivers.transport.pipe import WorkerProcess
+from perception.hearing.acceptance import AcceptanceModel
+from perception.hearing.engines import NO_PHRASE, Judgement, SphinxEngine
+from perception.hearing.features import Decoding, acceptance_features
+from perception.hearing.grammar import PhraseGrammar
+from perception.hearing.lexicon import load_english
+from perception.hearing.listener import SpeechListener
 from perception.hearing.sound import Clip
 from tests.benchmarks.spoken import RATE, Samples, Stream
 
-UNTAUGHT = Acceptance((), (), (), (), 0.0)
+UNTAUGHT = AcceptanceModel((), (), (), (), 0.0)
 """What judges before anything was learned."""
 
 
@@ -54,11 +54,11 @@ class Result:
     takes: tuple[Take, ...]
 
 
-class NotingSphinx(Sphinx):
+class NotingSphinx(SphinxEngine):
     """Pocketsphinx that keeps what it is shown."""
 
-    def __init__(self, grammar: Grammar) -> None:
-        lexicon = english()
+    def __init__(self, grammar: PhraseGrammar) -> None:
+        lexicon = load_english()
         if lexicon is None:
             raise SystemExit("pocketsphinx is not installed\n  try: pip install 'missiontree[listen]'")
         super().__init__(grammar, lexicon, UNTAUGHT)
@@ -67,33 +67,33 @@ class NotingSphinx(Sphinx):
 
     def judge(self, clip: Clip, answer: Mapping[str, Any]) -> Judgement:
         """Note it, and accept everything."""
-        said = Decoding.of(answer)
-        figures = {} if said is None else features(said, clip)
+        said = Decoding.from_answer(answer)
+        figures = {} if said is None else acceptance_features(said, clip)
         phrase, margin = "" if said is None else said.phrase, answer.get("margin")
         self.takes.append(Take(clip.start, clip.end, phrase, figures, margin))
         self.spent += float(answer["spent"])
-        return NOTHING if said is None else (said.phrase, 0.0)
+        return NO_PHRASE if said is None else (said.phrase, 0.0)
 
 
 def hear(stream: Stream, folder: Path) -> Result:
     """Play one stream to the ears, as fast as they can follow."""
     path = folder / "stream.wav"
     write(path, stream.samples)
-    engine, clock, heard = NotingSphinx(Grammar.of(stream.phrases)), ManualClock(), Event()
-    worker = Worker("ears", engine.program, SystemClock())
-    listener = Listener(worker, engine, changed=heard.set)
+    engine, clock, heard = NotingSphinx(PhraseGrammar.from_texts(stream.phrases)), ManualClock(), Event()
+    worker = WorkerProcess("ears", engine.program, SystemClock())
+    listener = SpeechListener(worker, engine, changed=heard.set)
     microphone = WavMicrophone(path, clock)
     worker.open(listener)
     began = time.process_time()
     try:
         microphone.open()
         newest = -1
-        while clock.now() < len(stream.samples) / RATE + 1:
+        while clock.read_value() < len(stream.samples) / RATE + 1:
             clock.advance(0.1)
             for piece in microphone.read(newest):
                 newest = piece.number
-                listener.take(piece)
-            while listener.pending:
+                listener.process(piece)
+            while listener.is_pending:
                 heard.wait(0.2)
                 heard.clear()
     finally:

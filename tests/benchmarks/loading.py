@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import yaml
 
 from behaviours.catalogue import LEAVES
-from config.faults import Source
+from config.faults import SourceText
 from missions.language.document import check_plan
 from tests.benchmarks.table import Row, compare
 
@@ -20,9 +20,9 @@ def text(nodes: int) -> str:
 def rows() -> Iterator[Row]:
     """Yield a row for each size."""
     for nodes in (50, 500):
-        yield _row(nodes, Source("bench.yaml", text(nodes)))
+        yield _row(nodes, SourceText("bench.yaml", text(nodes)))
 
 
-def _row(nodes: int, source: Source) -> Row:
+def _row(nodes: int, source: SourceText) -> Row:
     name = f"load and check {nodes} nodes"
     return compare(name, lambda: check_plan(source, LEAVES, {}), lambda: yaml.safe_load(source.text), calls=3, rounds=5)

@@ -8,20 +8,20 @@ import cv2
 import cv2.data
 
 from config.colours import COLOURS
-from config.library import find
+from config.library import find_file
 from config.object import HUES
 from config.world import load_world
 from drivers.api import CameraFrame
 from drivers.sim.render import Renderer
-from drivers.sim.viewpoint import Pinhole as Lens
+from drivers.sim.viewpoint import PinholeLens as Lens
 from drivers.sim.viewpoint import Viewpoint
 from missions.library.worlds import build_world
-from perception.api import Wanted
+from perception.api import ThingSpec
 from perception.change import MotionSense
 from perception.geometry import Pinhole
 from perception.markers import MarkerSense
 from perception.spots import ThingSense
-from perception.tracks import MarkerKind
+from perception.tracks import MarkerSet
 from tests.benchmarks.table import Row, compare
 
 FRAMES = 20
@@ -30,7 +30,7 @@ CAMERA = Pinhole(640, 480, math.radians(60))
 
 def frames() -> list[CameraFrame]:
     """Render the world of coloured things, past which a robot drives, from the height of a head."""
-    renderer = Renderer(build_world(load_world(find("worlds", "objects"))), Lens(640, 480, math.radians(60)))
+    renderer = Renderer(build_world(load_world(find_file("worlds", "objects"))), Lens(640, 480, math.radians(60)))
     view = Viewpoint(z=0.8, pitch=math.radians(10))
     return [CameraFrame(renderer.draw(view, number / 20), number / 20, number) for number in range(FRAMES)]
 
@@ -49,9 +49,9 @@ def rows() -> Iterator[Row]:
 
     motion = MotionSense()
     ours: dict[str, Callable[[], object]] = {
-        "one colour": searching(ThingSense([Wanted("red ball", "red", "ball")], COLOURS)),
-        "seven colours": searching(ThingSense([Wanted(hue, hue) for hue in HUES], COLOURS)),
-        "markers": searching(MarkerSense(MarkerKind())),
+        "one colour": searching(ThingSense([ThingSpec("red ball", "red", "ball")], COLOURS)),
+        "seven colours": searching(ThingSense([ThingSpec(hue, hue) for hue in HUES], COLOURS)),
+        "markers": searching(MarkerSense(MarkerSet())),
         "motion": lambda: [motion.measure(picture) for picture in pictures],
     }
     before = cv2.getNumThreads()

@@ -6,7 +6,7 @@ from itertools import islice
 import cv2
 import numpy as np
 
-from perception.faces import HaarFaces
+from perception.faces import HaarFaceDetector
 from tests.benchmarks.covering import Film, clips, rendered, score
 from tests.benchmarks.table import Row
 
@@ -31,7 +31,7 @@ def rows() -> Iterator[Row]:
 
 
 def _row(name: str, films: list[Film]) -> Row:
-    detector = HaarFaces()
+    detector = HaarFaceDetector()
     detector.detect(np.zeros((480, 640), np.uint8))  # the cascade is read before anything is timed
     ours, theirs = score(films, lambda image: image, detector)
     mine, other = ours.seconds / ours.frames, theirs.seconds / theirs.frames

@@ -8,14 +8,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from drivers.sim.looks import LOOKS
+from drivers.sim.looks import APPEARANCES
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import Viewpoint
-from drivers.sim.world import World
+from drivers.sim.world import SimulatedWorld
 from perception.api import Box, Image
-from perception.crops import MARGIN, portrait
-from perception.faces import HaarFaces
+from perception.crops import PORTRAIT_MARGIN, make_portrait
+from perception.faces import HaarFaceDetector
 from tests.footage import FOOTAGE
 from tests.perception.people_drawn import EYE, FAR_DISTANCES, LENS, NEAR_DISTANCES, strangers
 
@@ -45,7 +45,7 @@ def folder(where: Path, half: str = "") -> Portraits:
 
 def changed(shown: Image, random: np.random.Generator) -> Image:
     """Return a portrait turned, framed, lit and packed otherwise, and 30 to 100 pixels large."""
-    size, face = shown.shape[0], shown.shape[0] / MARGIN
+    size, face = shown.shape[0], shown.shape[0] / PORTRAIT_MARGIN
     narrow, lean, zoom = random.uniform(0.84, 1.0), random.normal(0, 0.06), np.exp(random.normal(0, 0.07))
     turn = np.asarray(cv2.getRotationMatrix2D((0, 0), random.normal(0, 7), 1.0))[:, :2]
     linear = zoom * np.array([[narrow, lean / zoom], [0.0, 1.0]]) @ turn
@@ -68,8 +68,8 @@ def _portrait(image: Image) -> tuple[Image] | None:
         edge = image.shape[1] // 3
         image = np.asarray(cv2.copyMakeBorder(image, edge, edge, edge, edge, cv2.BORDER_REPLICATE), np.uint8)
         image = np.asarray(cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC), np.uint8)
-    faces = HaarFaces().detect(image)
-    return (portrait(image, faces[0].box),) if faces else None
+    faces = HaarFaceDetector().detect(image)
+    return (make_portrait(image, faces[0].box),) if faces else None
 
 
 def drawn(
@@ -86,19 +86,19 @@ def drawn(
 
 def _around(distances: Sequence[float], *, each: int, seed: int) -> dict[str, list[Image]]:
     """Return portraits of the drawn people, who stand in a circle around the camera and are looked at one by one."""
-    random, detector = np.random.default_rng(seed), HaarFaces()
-    places = {look: 2 * pi * number / len(LOOKS) for number, look in enumerate(LOOKS)}
-    found: dict[str, list[Image]] = {look: [] for look in LOOKS}
+    random, detector = np.random.default_rng(seed), HaarFaceDetector()
+    places = {look: 2 * pi * number / len(APPEARANCES) for number, look in enumerate(APPEARANCES)}
+    found: dict[str, list[Image]] = {look: [] for look in APPEARANCES}
     for number, away in enumerate(distances):
         people = (Person(look, look, x=away * cos(yaw), y=away * sin(yaw)) for look, yaw in places.items())
-        renderer = Renderer(World(people=tuple(people)), LENS, seed=seed + number)
+        renderer = Renderer(SimulatedWorld(people=tuple(people)), LENS, seed=seed + number)
         for look, yaw in places.items():
             for _ in range(each):
                 pitch = -atan2(0.5, away) + random.uniform(-0.1, 0.1)
                 view = Viewpoint(0.0, 0.0, EYE, yaw=yaw + random.uniform(-0.25, 0.25), pitch=pitch)
                 image = renderer.draw(view, 0.0)
                 faces = detector.detect(image)
-                found[look] += [portrait(image, faces[0].box)] if faces else []
+                found[look] += [make_portrait(image, faces[0].box)] if faces else []
     return found
 
 
@@ -109,11 +109,11 @@ def clips(where: Path = FOOTAGE, *, step: int = 1, pictures: int = TAUGHT) -> tu
     """
     taught, asked = {}, {}
     for name in CLIPS:
-        detector, found = HaarFaces(), list[Image]()
+        detector, found = HaarFaceDetector(), list[Image]()
         ends: list[int] = []
         for image in islice(_frames(where / f"{name}.mkv"), 0, None, step):
             faces = detector.detect(image)
-            found += [portrait(image, faces[0].box)] if faces else []
+            found += [make_portrait(image, faces[0].box)] if faces else []
             ends.append(len(found))
         first = found[: ends[len(ends) // 2]]
         taught[name] = [first[place] for place in np.linspace(0, len(first) - 1, pictures).astype(int)]
@@ -133,4 +133,4 @@ def _frames(path: Path) -> Iterator[Image]:
 def hundred() -> dict[str, list[Image]]:
     """Return the faces of ``people_drawn.strangers`` as portraits, each that of somebody else."""
     whole = Box(0.0, 0.0, 96.0, 96.0)
-    return {f"stranger {number}": [portrait(each, whole)] for number, each in enumerate(strangers())}
+    return {f"stranger {number}": [make_portrait(each, whole)] for number, each in enumerate(strangers())}

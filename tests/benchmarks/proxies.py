@@ -18,9 +18,9 @@ from typing import Any
 
 from behaviours.basics import Succeed
 from behaviours.robot import Robot
-from drivers.api import STILL, BaseLimits, Coupling, HeadPose, Mood, Velocity
-from missions.executive.answers import Answers
-from missions.executive.asked import asked
+from drivers.api import ZERO_VELOCITY, BaseLimits, Coupling, HeadPose, Mood, Velocity
+from missions.executive.answers import TickCache
+from missions.executive.asked import with_proxies
 from tests.benchmarks.table import Row, compare
 
 CALLS_TIMED = 500
@@ -62,7 +62,7 @@ CALLS: Mapping[str, Mapping[str, tuple[Any, ...] | None]] = {
 """The members of each part with the arguments that they are called with; None for a property."""
 
 ANSWERS: Mapping[str, object] = {
-    "drive": STILL,
+    "drive": ZERO_VELOCITY,
     "look": HeadPose(0.1, 0.2),
     "move": {"elbow": 0.5},
     "recover": (),
@@ -95,11 +95,11 @@ class Asker:
 
     def __init__(self) -> None:
         self.devices: dict[str, Any] = {part: Still(part) for part in CALLS}
-        self._answers = Answers()
+        self._answers = TickCache()
         parts: Any = {f"{part}_part": device for part, device in self.devices.items()}
         leaf = Succeed("succeed")
         leaf.kind = leaf.key = "succeed"
-        self.robot = robot_for()(leaf, asked(Robot(**parts), self._answers, lambda _: None), lambda *_: None)
+        self.robot = robot_for()(leaf, with_proxies(Robot(**parts), self._answers, lambda _: None), lambda *_: None)
 
     def calls(self) -> Iterator[tuple[str, Callable[[], object], Callable[[], object]]]:
         """Yield each member with what calls it on the part, and on the bare device."""
@@ -112,19 +112,19 @@ class Asker:
     def seconds(self, call: Callable[[], object], *, recorded: bool) -> float:
         """Return what a call takes: each in a recorded moment of its own, or all in one moment without a record."""
         answers, times = self._answers, range(CALLS_TIMED)
-        answers.kept = answers.open = recorded
+        answers.is_recording = answers.is_open = recorded
         start = time.process_time()
         if recorded:
             for _ in times:
-                answers.open = True
+                answers.is_open = True
                 call()
-                answers.take()
+                answers.take_answers()
         else:
-            answers.open = True
+            answers.is_open = True
             for _ in times:
                 call()
         seconds = time.process_time() - start
-        answers.take()
+        answers.take_answers()
         return seconds / CALLS_TIMED
 
 

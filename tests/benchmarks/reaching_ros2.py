@@ -14,19 +14,19 @@ from typing import Any
 import numpy as np
 
 from drivers.api import Velocity
-from drivers.api.driver import Site
+from drivers.api.driver import DriverContext
 from drivers.base.diff_drive import DiffDriveBase
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
 from drivers.ros2.base import TWISTS
 from drivers.ros2.declared import Ros2BaseKeys, Ros2CameraKeys, Ros2RangeKeys, ZenohKeys
 from drivers.ros2.make import base, camera, graph, ranger
-from drivers.ros2.node import Node
-from drivers.ros2.session import Access, open_session
+from drivers.ros2.node import Ros2Node
+from drivers.ros2.session import ZenohAccess, open_session
 from drivers.ros2.types import types
-from drivers.ros2.virtual import Ros2Terminal, Served, free_address
-from drivers.ros2.virtual_topics import VirtualBase, VirtualPictures, VirtualScan
-from drivers.sim.body import Body
+from drivers.ros2.virtual import Ros2Terminal, RouterSettings, free_address
+from drivers.ros2.virtual_topics import VirtualPictures, VirtualRos2Base, VirtualScan
+from drivers.sim.body import BaseBody
 
 COMMANDS, SECONDS = 300, 10.0
 """Velocities that are timed; seconds over which a share is taken."""
@@ -35,8 +35,8 @@ COMMANDS, SECONDS = 300, 10.0
 def serve(address: str, what: frozenset[str], over: Any) -> None:
     """Be the robot, until it is over."""
     picture = np.random.default_rng(0).integers(0, 255, (480, 640, 3), np.uint8)
-    robot = Ros2Terminal(Served(0, "", address), SystemClock())
-    robot.devices.append(VirtualBase(Body(), {"cmd_vel": "/cmd_vel", "odom": "/odom"}))
+    robot = Ros2Terminal(RouterSettings(0, "", address), SystemClock())
+    robot.devices.append(VirtualRos2Base(BaseBody(), {"cmd_vel": "/cmd_vel", "odom": "/odom"}))
     if "scans" in what:
         robot.devices.append(VirtualScan(lambda rays, _: np.full(len(rays), 2.0), "/scan", beams=720, rate=20.0))
     if "pictures" in what:
@@ -56,8 +56,8 @@ def driven(what: frozenset[str]) -> Iterator[tuple[str, DiffDriveBase, Any, Any]
         process.start()
         closed.callback(process.join)
         closed.callback(over.set)
-        nodes = closed.enter_context(closing(graph(ZenohKeys(router=address, domain=0), Site(clock))))
-        site = Site(clock, parts={"ros2": nodes})
+        nodes = closed.enter_context(closing(graph(ZenohKeys(router=address, domain=0), DriverContext(clock))))
+        site = DriverContext(clock, needed_parts={"ros2": nodes})
         parts: list[Any] = [base(Ros2BaseKeys(), site), ranger(Ros2RangeKeys(), site), camera(Ros2CameraKeys(), site)]
         wanted = [part for part, word in zip(parts, ("odometry", "scans", "pictures"), strict=True) if word in what]
         nodes.open()
@@ -72,9 +72,9 @@ def reached() -> list[float]:
     """Return the seconds from each ``drive`` of a base at rest until the robot's side has a velocity that is not 0."""
     found, heard, chance = list[float](), Event(), np.random.default_rng(1)
     with driven(frozenset({"odometry"})) as (address, wheels, _, _), ExitStack() as closed:
-        session = open_session("beside", Access((address,)))
+        session = open_session("beside", ZenohAccess((address,)))
         closed.callback(session.close)
-        node = closed.enter_context(closing(Node(session, SystemClock(), name="beside")))
+        node = closed.enter_context(closing(Ros2Node(session, SystemClock(), name="beside")))
 
         def hear(kind: str, payload: bytes) -> None:
             if types().decode(kind, payload).linear.x:

@@ -22,34 +22,34 @@ import cv2
 
 from behaviours.catalogue import LEAVES
 from behaviours.robot import Robot
-from behaviours.run import Run
-from config.faults import Source
-from config.library import DEFAULT_ROBOT, find
+from behaviours.run import RunState
+from config.faults import SourceText
+from config.library import DEFAULT_ROBOT, find_file
 from drivers.api import Head, HeadPose
-from drivers.api.driver import Site
+from drivers.api.driver import DriverContext
 from drivers.arduino.declared import ArduinoKeys
 from drivers.arduino.driver import make as make_head
 from drivers.arduino.virtual import VirtualRodney
 from drivers.clock import Clock, SystemClock
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
-from drivers.sim.viewpoint import Pinhole, Viewpoint
-from drivers.sim.world import World
-from drivers.virtual.terminal import Terminal
-from missions.executive.answers import Answers
-from missions.executive.asked import asked, robot_for
+from drivers.sim.viewpoint import PinholeLens, Viewpoint
+from drivers.sim.world import SimulatedWorld
+from drivers.virtual.terminal import PseudoTerminal
+from missions.executive.answers import TickCache
+from missions.executive.asked import robot_for, with_proxies
 from missions.executive.build import build
 from missions.executive.executive import Executive
-from missions.executive.proxy import Tell
-from missions.executive.stream import Stream
+from missions.executive.proxy import CommandReport
+from missions.executive.stream import EventStream
 from missions.language.document import check_plan
 from missions.library.drivers import load_robot
-from missions.library.things import THINGS
+from missions.library.things import LOOKUPS
 from perception.api import Gaze, Image, View
 from perception.eyes import Eyes, Vision
-from perception.faces import HaarFaces
+from perception.faces import HaarFaceDetector
 from perception.finder import FaceFinder
-from perception.senses import FaceSense, Senses
+from perception.senses import ActiveSenses, FaceSense
 from perception.tracks import Tracker
 from tests.benchmarks.table import Row
 
@@ -78,9 +78,9 @@ class Stage:
     """Shows a face at one of two places from where the head looks: a ``perception.senses.FrameSource``."""
 
     def __init__(self, clock: Clock, head: Head) -> None:
-        lens = Pinhole(640, 480, math.radians(60))
+        lens = PinholeLens(640, 480, math.radians(60))
         places = [(1.4 * math.cos(angle), 1.4 * math.sin(angle)) for angle in PLACES]
-        worlds = [World(people=(Person("Ben", look="ben", x=x, y=y),)) for x, y in places]
+        worlds = [SimulatedWorld(people=(Person("Ben", look="ben", x=x, y=y),)) for x, y in places]
         self._renderers = [Renderer(world, lens) for world in worlds]
         self._clock = clock
         self._head = head
@@ -98,13 +98,13 @@ class Stage:
 
     def read(self, timeout: float) -> Frame | None:
         """Wait for the next picture."""
-        wait = self._due - self._clock.now()
+        wait = self._due - self._clock.read_value()
         if wait > 0:
             Event().wait(min(wait, timeout))
-        self._due = max(self._due + PERIOD, self._clock.now())
+        self._due = max(self._due + PERIOD, self._clock.read_value())
         place, pose = self._place, self._head.pose().value or HeadPose(0.0, 0.0)
         image = self._renderers[place].draw(Viewpoint(z=1.1, yaw=pose.pan, pitch=pose.tilt), 0.0)
-        now = self._clock.now()
+        now = self._clock.read_value()
         if place == self._place and self._arrived is None:
             self._arrived = now
         return Frame(image, now)
@@ -122,7 +122,7 @@ class Board(VirtualRodney):
         """Take bytes from the computer; return the answers."""
         count = len(self.commands)
         answer = super().feed(data, now)
-        self.times += [self._clock.now()] * (len(self.commands) - count)
+        self.times += [self._clock.read_value()] * (len(self.commands) - count)
         return answer
 
     def rests(self, now: float) -> bool:
@@ -157,24 +157,24 @@ class Reaction:
 def measured(count: int = REACTIONS) -> list[Reaction]:
     """Return how the head reacted to so many leaps."""
     clock = SystemClock()
-    config = load_robot(find("robots", DEFAULT_ROBOT)).head
+    config = load_robot(find_file("robots", DEFAULT_ROBOT)).head
     if not isinstance(config, ArduinoKeys):
         raise TypeError(f"{DEFAULT_ROBOT}: has no head on an Arduino")
-    board, run = Board(clock, config.baud), Run(clock)
-    terminal = Terminal("nano", board, clock)
-    head = make_head(config, Site(clock, terminal.path))
+    board, run = Board(clock, config.baud), RunState(clock)
+    terminal = PseudoTerminal("nano", board, clock)
+    head = make_head(config, DriverContext(clock, terminal.path))
     stage = Stage(clock, head)
     searches = Searches(clock)
     vision = _vision(clock, head, lambda view: searches.note(view, vision, run))
     eyes = Eyes(stage, vision)
     told: list[float] = []
     robot = Robot(head_part=head, sight_part=vision)
-    executive = _executive(run, robot, lambda *_: told.append(clock.now()))
+    executive = _executive(run, robot, lambda *_: told.append(clock.read_value()))
     loop = threading.Thread(target=executive.loop)
     try:
         terminal.open()
         head.open()
-        _until(lambda: board.rests(clock.now()))  # straight ahead: on the way there it could lose the face again
+        _until(lambda: board.rests(clock.read_value()))  # straight ahead: on the way there it could lose the face again
         eyes.open()
         loop.start()
         _until(lambda: bool(told) and board.times[-1] > told[0])  # it is turning to the face
@@ -193,8 +193,8 @@ def _vision(clock: Clock, head: Head, seen: Callable[[View], None]) -> Vision:
         pose = head.pose_at(stamp)
         return None if pose is None else Gaze(pose.pan, pose.tilt)
 
-    senses = Senses(faces=FaceSense(FaceFinder(HaarFaces()), Tracker()))
-    return Vision(gaze, field_of_view=math.radians(60), senses=senses, now=clock.now, on_view=seen)
+    senses = ActiveSenses(faces=FaceSense(FaceFinder(HaarFaceDetector()), Tracker()))
+    return Vision(gaze, field_of_view=math.radians(60), senses=senses, now=clock.read_value, on_view=seen)
 
 
 class Searches:
@@ -206,29 +206,31 @@ class Searches:
         self.took: dict[float, float] = {}
         self.done: dict[float, float] = {}
 
-    def note(self, view: View, vision: Vision, run: Run) -> None:
+    def note(self, view: View, vision: Vision, run: RunState) -> None:
         """Note the newest frame, and wake the mission, as a run does."""
         if view.looked is not None:
             self.took[view.looked] = vision.effort.seconds - self._sum
             self._sum = vision.effort.seconds
-            self.done[view.looked] = self._clock.now()
+            self.done[view.looked] = self._clock.read_value()
         run.wake()
 
 
-def _executive(run: Run, robot: Robot, commanded: Tell) -> Executive:
-    plan = check_plan(Source("react.yaml", MISSION), LEAVES, THINGS)
-    answers = Answers()
-    asking = asked(robot, answers)
+def _executive(run: RunState, robot: Robot, commanded: CommandReport) -> Executive:
+    plan = check_plan(SourceText("react.yaml", MISSION), LEAVES, LOOKUPS)
+    answers = TickCache()
+    asking = with_proxies(robot, answers)
     root = build(plan, run, lambda leaf: robot_for(leaf, asking, commanded))
-    return Executive(root, run, Stream(), rate=20.0, answers=answers)
+    return Executive(root, run, EventStream(), rate=20.0, cache=answers)
 
 
 def _reaction(stage: Stage, board: Board, told: list[float], searches: Searches, clock: Clock, number: int) -> Reaction:
     """Let the head come to rest and the face leap; return how long it took until the driver and the board heard."""
-    _until(lambda: board.rests(clock.now()))
+    _until(lambda: board.rests(clock.read_value()))
     Event().wait(Random(number).uniform(0, 0.05))  # noqa: S311 - chance, not a secret
     stage.leap()
-    _until(lambda: searches.done.get(stage.arrived() or -1.0, clock.now() + 1.0) <= min(board.times[-1], told[-1]))
+    _until(
+        lambda: searches.done.get(stage.arrived() or -1.0, clock.read_value() + 1.0) <= min(board.times[-1], told[-1])
+    )
     arrived = stage.arrived() or 0.0
     done = searches.done[arrived]
     # What the head was told before the search was done, it was not told because of it.
@@ -239,7 +241,7 @@ def _reaction(stage: Stage, board: Board, told: list[float], searches: Searches,
 def _until(holds: Callable[[], bool], seconds: float = 30.0) -> None:
     clock = SystemClock()
     while not holds():
-        if clock.now() > seconds:
+        if clock.read_value() > seconds:
             raise TimeoutError(f"it did not come true within {seconds:g} s")
         Event().wait(0.005)
 

@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from mcap.reader import make_reader
 
-from config.reading import files_read
+from config.reading import collect_read_files
 from missions.executive.events import Event
 from missions.plugins.records.recording.gather import contents_of
 from missions.plugins.records.recording.recorder import Recorder
@@ -70,10 +70,10 @@ def run(path: Path, *, ticks: int = TICKS) -> Outcome:
     """Make so many ticks of the mission with and without a record at ``path``."""
     order = RunRequest(MISSION, {"rounds": "1000"}, simulate="fast", eyes="truth")
     recorder = Recorder(path)
-    with files_read() as files:
+    with collect_read_files() as files:
         recorded = Runner(order, listeners=[recorder])
-        recorded.observe(recorder.moment, recorder.view)
-    recorder.watch(recorded.root)
+        recorded.observe(recorder.on_tick, recorder.on_view)
+    recorder.watch_tree(recorded.root)
     bare = Runner(order, listeners=[_unheard])
     contents = contents_of(order, recorded.plan, recorded.config, files, started=datetime(2026, 11, 21, tzinfo=UTC))
     outcome = Outcome(Costs(), Costs(), {}, {})
@@ -81,7 +81,7 @@ def run(path: Path, *, ticks: int = TICKS) -> Outcome:
         closing.enter_context(recorder)
         recorder.open(contents, recorded.clock)
         for runner in (recorded, bare):
-            runner.executive.tell_start(file="", robot="", params={})
+            runner.executive.emit_start(file="", robot="", params={})
             closing.enter_context(runner.ready())
         pair = ((recorded, outcome.recorded), (bare, outcome.bare))
         for number in range(ticks):
@@ -107,7 +107,7 @@ def _tick(runner: Runner, costs: Costs) -> None:
     executive.tick()
     costs.work.append(time.thread_time() - work)
     costs.wall.append(time.perf_counter() - wall)
-    executive.pass_period()
+    executive.wait_period()
     time.sleep(PAUSE)
 
 

@@ -18,10 +18,10 @@ from threading import Event, Thread
 
 import cv2
 
-from config.library import DEFAULT_ROBOT, find
+from config.library import DEFAULT_ROBOT, find_file
 from config.world import load_world
 from drivers.api import Camera, Image
-from drivers.api.kinds import WIRED
+from drivers.api.kinds import PORT_KINDS
 from drivers.clock import SystemClock
 from missions.assembly.simulation import Simulation
 from missions.library.drivers import load_robot
@@ -59,8 +59,10 @@ def robot_beside(world: str) -> Iterator[Beside]:
 
 def main(world: str) -> None:
     """Be the robot."""
-    clock, config = SystemClock(), load_robot(find("robots", DEFAULT_ROBOT))
-    simulation = Simulation(config, frozenset(WIRED) & config.parts, clock, world=load_world(find("worlds", world)))
+    clock, config = SystemClock(), load_robot(find_file("robots", DEFAULT_ROBOT))
+    simulation = Simulation(
+        config, frozenset(PORT_KINDS) & config.parts, clock, world=load_world(find_file("worlds", world))
+    )
     door = socket.create_server(("127.0.0.1", 0))
     simulation.open()
     try:
@@ -79,7 +81,7 @@ def _serve(door: socket.socket, simulation: Simulation) -> None:
         with line, suppress(OSError):
             line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 500_000)
             line.recv(4096)
-            camera = simulation.rendered(rate=RATE)
+            camera = simulation.rendered_camera(rate=RATE)
             camera.open()
             _show(line, camera)
 

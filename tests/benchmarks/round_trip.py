@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from perception.hearing.acceptance import Acceptance, learned
-from perception.hearing.engines import weighed
+from perception.hearing.acceptance import AcceptanceModel, load_acceptance
+from perception.hearing.engines import limit_by_decoys
 from tests.benchmarks.listening import Result, hear_all, read
 from tests.benchmarks.speaking import Speaking
 from tests.benchmarks.spoken import BACKGROUNDS, STRANGERS, TRIAL
@@ -48,19 +48,19 @@ class Row:
     cost: float
 
 
-def outcomes(result: Result, acceptance: Acceptance) -> Iterator[Outcome]:
+def outcomes(result: Result, acceptance: AcceptanceModel) -> Iterator[Outcome]:
     """Yield what became of everything said in a stream: of several clips of it, the surest counts."""
     for said in result.said:
         heard = [take for take in result.takes if take.start < said["end"] and take.end > said["start"]]
         scores = [
-            (weighed(acceptance.score(take.figures), take.margin) if take.figures else NEVER, take.phrase)
+            (limit_by_decoys(acceptance.score(take.figures), take.margin) if take.figures else NEVER, take.phrase)
             for take in heard
         ]
         score, phrase = max(scores, default=(NEVER, ""))
         yield Outcome(bool(said["phrase"]), phrase == said["phrase"], score)
 
 
-def row(background: str, results: Sequence[Result], acceptance: Acceptance) -> Row:
+def row(background: str, results: Sequence[Result], acceptance: AcceptanceModel) -> Row:
     """Return the figures of some streams."""
     found = [outcome for result in results for outcome in outcomes(result, acceptance)]
     phrases = [outcome for outcome in found if outcome.phrase]
@@ -83,7 +83,7 @@ def row(background: str, results: Sequence[Result], acceptance: Acceptance) -> R
 
 def rows(results: Iterable[Result]) -> list[Row]:
     """Return the figures of all streams, by background."""
-    found, acceptance = list(results), learned()
+    found, acceptance = list(results), load_acceptance()
     kinds = {kind: [result for result in found if result.background == kind] for kind in BACKGROUNDS}
     return [row(kind, some, acceptance) for kind, some in kinds.items() if some]
 

@@ -15,12 +15,12 @@ from collections.abc import Callable, Sequence
 
 from behaviours.robot import Robot
 from behaviours.voice import Say
-from drivers.api import Manner
+from drivers.api import SpeechStyle
 from drivers.clock import SystemClock
-from drivers.sound.engines import Espeak
-from drivers.sound.player import Player, SoundState
+from drivers.sound.engines import EspeakEngine
+from drivers.sound.player import SoundPlayer, SoundState
 from drivers.voice.speech import SpeechVoice
-from missions.plugins.testing.recorders import Bench
+from missions.plugins.testing.recorders import LeafTestBench
 from tests.waiting import wait_until
 
 PERIOD = 0.05
@@ -41,27 +41,27 @@ class Trial:
 
     def __init__(self) -> None:
         self.clock = SystemClock()
-        self.player = Player(self.clock, backend="null")
-        self.voice = SpeechVoice(self.clock, Espeak(self.clock, usual=Manner()), self.player, print)
+        self.player = SoundPlayer(self.clock, backend="null")
+        self.voice = SpeechVoice(self.clock, EspeakEngine(self.clock, default_manner=SpeechStyle()), self.player, print)
 
     def timed(self, work: Callable[[], object]) -> float:
         """Return how long something takes."""
-        begin = self.clock.now()
+        begin = self.clock.read_value()
         work()
-        return self.clock.now() - begin
+        return self.clock.read_value() - begin
 
     def ticks(self, texts: int, *, aloud: bool) -> tuple[list[float], list[float]]:
         """Say a new text every quarter of a second, ``aloud`` or to a recorder; return how late ticks are, and take."""
-        bench = Bench()
+        bench = LeafTestBench()
         if aloud:
             bench.robot = Robot(voice_part=self.voice)
         late, took, quarter = list[float](), list[float](), round(0.25 / PERIOD)
-        begin = self.clock.now()
+        begin = self.clock.read_value()
         leaf = bench.put(Say("say"), text="")
         for number in range(texts * quarter):
             due = begin + (number + 1) * PERIOD
-            threading.Event().wait(max(0.0, due - self.clock.now()))
-            late.append(self.clock.now() - due)
+            threading.Event().wait(max(0.0, due - self.clock.read_value()))
+            late.append(self.clock.read_value() - due)
             before = time.thread_time()
             self.tick(bench, leaf, f"{LONG} {number}", new=number % quarter == 0)
             took.append(time.thread_time() - before)
@@ -69,7 +69,7 @@ class Trial:
         return late, took
 
     @staticmethod
-    def tick(bench: Bench, leaf: Say, text: str, *, new: bool) -> None:
+    def tick(bench: LeafTestBench, leaf: Say, text: str, *, new: bool) -> None:
         """Tick once; with a new text, halt the old one first."""
         if new:
             bench.halt(leaf)
@@ -87,14 +87,14 @@ class Trial:
 
         def halt() -> None:
             self.voice.rest()
-            with self.player._news:
-                self.player._news.wait_for(lambda: self.player._sound is SoundState.ENDED, 1.0)
+            with self.player._condition:
+                self.player._condition.wait_for(lambda: self.player._sound_state is SoundState.ENDED, 1.0)
 
         return self.timed(halt)
 
     def killed(self) -> float:
         """Return how long it takes from a halt to the end of a player that does not listen."""
-        wait_until(lambda: self.player._ready)  # again
+        wait_until(lambda: self.player._is_ready)  # again
         self.begin()
         process = self.player._worker._process
         if process is None:

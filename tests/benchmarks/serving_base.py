@@ -14,7 +14,7 @@ from drivers.clock import SystemClock
 from drivers.errors import NotConnected
 from drivers.kobuki.driver import kobuki_base
 from drivers.kobuki.wire import BAUD
-from drivers.transport.link import Link
+from drivers.transport.link import SerialLink
 from tests.benchmarks.table import Row
 from tests.missions.lone_base import lone_base
 
@@ -35,7 +35,7 @@ def rows() -> Iterator[Row]:
 def serve(port: str) -> tuple[float, float]:
     """Drive the base behind ``port``; return the share of a core, and the reports a second."""
     clock, pause = SystemClock(), threading.Event()
-    base = kobuki_base(Link("base", port, BAUD), clock)
+    base = kobuki_base(SerialLink("base", port, BAUD), clock)
     base.open()
     try:
         while not base.health().online:

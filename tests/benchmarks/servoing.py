@@ -16,14 +16,14 @@ from collections.abc import Iterator
 
 from drivers.api import Coupling
 from drivers.clock import SystemClock
-from drivers.servos.attention import SENT
-from drivers.servos.bus import At, Bus
+from drivers.servos.attention import MOVING_INTERVAL
+from drivers.servos.bus import ServoAddress, ServoBus
 from drivers.servos.driver import DynamixelJoints
 from drivers.servos.joint import JointSpec
 from drivers.servos.models import MODELS
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
-from drivers.virtual.terminal import Terminal
+from drivers.virtual.terminal import PseudoTerminal
 from tests.benchmarks.table import Row
 
 SERVOS = 10
@@ -41,7 +41,7 @@ AWAKE = 0.003
 WATCHED = 2.0
 """Seconds for which the driver is watched in one run."""
 
-BLOCK = MODELS["AX-12A"].table.fast
+BLOCK = MODELS["AX-12A"].table.fast_block
 ORDER = 4
 """Bytes of a goal with its speed."""
 
@@ -55,7 +55,7 @@ def rows() -> Iterator[Row]:
         period = min(round_time(port) for _ in range(RUNS))
         yield Row(f"{SERVOS} servos read, {SERVOS} goals, beside the wire", period, WIRE, period / WIRE, 1.3)
         period, share = map(min, zip(*(loop(port, SERVOS, RATE, moving=True) for _ in range(RUNS)), strict=True))
-        yield Row(f"{SERVOS} joints on their way: period", period, SENT, period / SENT, 1.05)
+        yield Row(f"{SERVOS} joints on their way: period", period, MOVING_INTERVAL, period / MOVING_INTERVAL, 1.05)
         yield Row(f"{SERVOS} joints on their way: share of a core", share, 1.0, share, 0.15)
     with chain(SERVOS - 1) as port:
         pairs = [(loop(port, SERVOS - 1, FASTEST), loop(port, SERVOS, FASTEST)) for _ in range(RUNS)]
@@ -65,14 +65,14 @@ def rows() -> Iterator[Row]:
 
 def round_time(port: str) -> float:
     """Return the median seconds from one round to the next, as fast as the bus can."""
-    bus = Bus(port, SystemClock(), patience=REPLY_TIMEOUT)
+    bus = ServoBus(port, SystemClock(), reply_timeout=REPLY_TIMEOUT)
     bus.open()
     starts = []
     try:
         for number in range(ROUNDS):
             starts.append(time.perf_counter())
             for servo in range(1, SERVOS + 1):
-                bus.read_block(At(servo), BLOCK.address, BLOCK.size)
+                bus.read_block(ServoAddress(servo), BLOCK.address, BLOCK.size)
             goal = (500 + number % 20).to_bytes(2, "little") + b"\x64\x00"
             bus.sync_write_block(1, 30, dict.fromkeys(range(1, SERVOS + 1), goal))
     finally:
@@ -89,7 +89,7 @@ def loop(port: str, servos: int, rate: float, *, moving: bool = False) -> tuple[
     joints = {f"joint {number}": JointSpec(number) for number in range(1, servos + 1)}
     turn = threading.Semaphore(0)
     clock = SystemClock()
-    bus = Bus(port, clock)
+    bus = ServoBus(port, clock)
     arm = DynamixelJoints(bus, joints, clock, rate=rate, changed=turn.release)
     arm.open()
     try:
@@ -110,9 +110,9 @@ def loop(port: str, servos: int, rate: float, *, moving: bool = False) -> tuple[
         arm.close()
 
 
-def readings(bus: Bus) -> float:
+def readings(bus: ServoBus) -> float:
     """Return how often each of the servos that every chain has was read, on average."""
-    tallies = [bus.tally(servo) for servo in range(1, SERVOS)]
+    tallies = [bus.statistics(servo) for servo in range(1, SERVOS)]
     return statistics.mean(tally.tries - tally.misses - tally.corrupt for tally in tallies)
 
 
@@ -133,7 +133,7 @@ def run_chain(servos: int, model: str) -> None:
     bus = VirtualServoBus(members, BAUD, paced=True)
     for servo in members:
         servo.set("return_delay", 0)
-    terminal = Terminal("servos", bus, SystemClock(), awake=AWAKE)
+    terminal = PseudoTerminal("servos", bus, SystemClock(), busy_wait=AWAKE)
     terminal.open()
     try:
         print(terminal.path, flush=True)

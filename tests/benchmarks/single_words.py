@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from perception.hearing.acceptance import learned
+from perception.hearing.acceptance import load_acceptance
 from tests.benchmarks.listening import Result, hear_all, read
 from tests.benchmarks.round_trip import Outcome, outcomes
 from tests.benchmarks.spoken import HISS, RATE, Floats, Said, Stream
@@ -71,7 +71,7 @@ def equal_error(found: Sequence[Outcome]) -> float:
 
 def summary(name: str, half: str, results: Sequence[Result]) -> str:
     """Return a row of the table of both halves."""
-    found = [outcome for result in results for outcome in outcomes(result, learned())]
+    found = [outcome for result in results for outcome in outcomes(result, load_acceptance())]
     phrases, others = ([each for each in found if each.phrase is wanted] for wanted in (True, False))
     shares = (
         np.mean([each.right and each.score > 0 for each in phrases]),
@@ -87,7 +87,7 @@ def by_word(results: Iterable[Result]) -> Mapping[str, tuple[int, int, int]]:
     """Return for each word how often it was said, was found (refused where it is none), and was taken for another."""
     counts: dict[str, tuple[int, int, int]] = {}
     for result in results:
-        for said, outcome in zip(result.said, outcomes(result, learned()), strict=True):
+        for said, outcome in zip(result.said, outcomes(result, load_acceptance()), strict=True):
             times, good, wrong = counts.get(said["text"], (0, 0, 0))
             taken = outcome.score > 0
             right = (outcome.right and taken) if outcome.phrase else not taken

@@ -15,7 +15,7 @@ from threading import active_count
 
 import click
 
-from config.reading import files_read
+from config.reading import collect_read_files
 from drivers.clock import SystemClock, time_of_day
 from missions.executive.tick_record import TickRecord
 from missions.plugins.records.recording.gather import contents_of
@@ -61,11 +61,11 @@ class Soak:
         order = RunRequest(
             str(mission), {"time": f"{hours} h"}, "turtlebot2_arm", "fast", "living_room", eyes="truth", seed=1
         )
-        self._recorder = Recorder(self._path, patient=True, frames=0.0)
-        with files_read() as files:
+        self._recorder = Recorder(self._path, lossless=True, frame_rate=0.0)
+        with collect_read_files() as files:
             self._runner = Runner(order, listeners=[self._recorder])
             self._runner.observe(self._moment)
-        self._recorder.watch(self._runner.root)
+        self._recorder.watch_tree(self._runner.root)
         self._contents = contents_of(order, self._runner.plan, self._runner.config, files, started=time_of_day())
         self._clock, self._ticks, self._since = SystemClock(), 0, 0.0
         self.samples: list[Sequence[float]] = []
@@ -74,8 +74,8 @@ class Soak:
     def run(self) -> None:
         """Let it run to its end."""
         self._recorder.open(self._contents, self._runner.clock)
-        self._since = self._clock.now()
-        self._runner.twins.timeline.every(EVERY, self._sample)  # type: ignore[union-attr]  # it is simulated
+        self._since = self._clock.read_value()
+        self._runner.twins.timeline.call_every(EVERY, self._sample)  # type: ignore[union-attr]  # it is simulated
         try:
             self.result = self._runner.run().result
         finally:
@@ -83,10 +83,10 @@ class Soak:
 
     def _moment(self, moment: TickRecord) -> None:
         self._ticks += 1
-        self._recorder.moment(moment)
+        self._recorder.on_tick(moment)
 
     def _sample(self) -> None:
-        now = self._clock.now()
+        now = self._clock.read_value()
         pages = int(Path("/proc/self/statm").read_text("ascii").split()[1])
         memory = pages * os.sysconf("SC_PAGE_SIZE") / 1e6
         tick = 1000 * (now - self._since) / max(self._ticks, 1)

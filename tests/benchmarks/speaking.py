@@ -10,9 +10,9 @@ import numpy as np
 
 import drivers.sound
 from drivers.clock import SystemClock
-from drivers.microphone.wav import resampled
-from drivers.sound.program import request, speech
-from drivers.transport.pipe import Worker
+from drivers.microphone.wav import resample
+from drivers.sound.program import make_request, parse_speech
+from drivers.transport.pipe import WorkerProcess
 from tests.benchmarks.spoken import Samples
 
 PROGRAM = Path(drivers.sound.__file__).with_name("espeak_worker.py")
@@ -24,7 +24,7 @@ class Speaking:
     """A synthesiser, and the talker of its program; for one thread."""
 
     def __init__(self) -> None:
-        self._worker = Worker("voice", PROGRAM, SystemClock())
+        self._worker = WorkerProcess("voice", PROGRAM, SystemClock())
         self._running, self._answered = Event(), Event()
         self._trouble = ""
         self._sound: Samples = np.zeros(0, np.int16)
@@ -47,7 +47,7 @@ class Speaking:
                 raise TimeoutError("the synthesiser does not start")
             self._answered.clear()
             self._trouble = ""
-            self._worker.send(request(len(self._spoken), text, voice, "", speed))
+            self._worker.send(make_request(len(self._spoken), text, voice, "", speed))
             if not self._answered.wait(SPEECH_TIMEOUT):
                 raise TimeoutError(f"the synthesiser does not say {text!r}: {self._worker.health().detail}")
             if self._trouble:
@@ -55,19 +55,19 @@ class Speaking:
             self._spoken[key] = self._sound
         return self._spoken[key]
 
-    def started(self) -> None:
+    def on_started(self) -> None:
         """Note that it runs."""
         self._running.set()
 
-    def received(self, message: Mapping[str, Any], body: bytes) -> None:
+    def on_message(self, message: Mapping[str, Any], body: bytes) -> None:
         """Take a sound."""
         if "id" not in message:
             return
-        answer = speech(message, body)
+        answer = parse_speech(message, body)
         self._trouble = answer.trouble
-        self._sound = resampled(np.frombuffer(answer.samples, "<i2").astype(np.float64), answer.rate)
+        self._sound = resample(np.frombuffer(answer.samples, "<i2").astype(np.float64), answer.rate)
         self._answered.set()
 
-    def lost(self, why: str) -> None:  # noqa: ARG002 - who waits will say so
+    def on_exit(self, reason: str) -> None:  # noqa: ARG002 - who waits will say so
         """Note that it does not run."""
         self._running.clear()

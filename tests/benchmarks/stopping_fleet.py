@@ -17,9 +17,9 @@ from typing import Any
 from config.fleet import FleetKeys
 from drivers.clock import SystemClock
 from missions.plugins.fleet.body import Telemetry
-from missions.plugins.fleet.line import Roster, ZenohLine
-from missions.plugins.fleet.member import Member, Own
-from missions.plugins.fleet.operator import operating
+from missions.plugins.fleet.line import Roster, ZenohTransport
+from missions.plugins.fleet.member import FleetMember, RobotInfo
+from missions.plugins.fleet.operator import connect_operator
 from missions.plugins.fleet.place import open_session
 from missions.plugins.fleet.words import Address
 from missions.plugins.tasks.fleet_latch import FleetLatch
@@ -32,7 +32,7 @@ class Body:
     def __init__(self, where: Any, place: int) -> None:
         self._where, self._place = where, place
 
-    def look(self) -> Telemetry:
+    def read_telemetry(self) -> Telemetry:
         """Tell nothing that changes."""
         return Telemetry(battery=0.5)
 
@@ -53,11 +53,11 @@ def serve(first: int, count: int, port: int, folder: str, where: Any, over: Any)
             clock = SystemClock()
             roster = Roster(clock)
             keys = FleetKeys(fleet="trial", connect=(f"tcp/127.0.0.1:{port}",))
-            line = ZenohLine(open_session(keys, mode="client"), keys.fleet, roster)
-            line.follow()
-            own = Own(Address(f"r{number}", f"{number:08x}"), "note", ("base",), simulated=True)
+            line = ZenohTransport(open_session(keys, mode="client"), keys.fleet, roster)
+            line.subscribe()
+            own = RobotInfo(Address(f"r{number}", f"{number:08x}"), "note", ("base",), simulated=True)
             latch = FleetLatch(Path(folder) / f"r{number}")
-            closed.enter_context(Member(own, line, roster, Body(where, number), latch, clock=clock))
+            closed.enter_context(FleetMember(own, line, roster, Body(where, number), latch, clock=clock))
         over.wait()
 
 
@@ -75,12 +75,12 @@ def main(processes: int, sessions: int, rounds: int) -> None:
             closed.callback(each.join)
         closed.callback(over.set)
         keys = FleetKeys(fleet="trial", mode="client", connect=(f"tcp/127.0.0.1:{port}",))
-        operator = closed.enter_context(operating(keys))
-        while sum(each.online for each in operator.members().values()) < count:
+        operator = closed.enter_context(connect_operator(keys))
+        while sum(each.is_online for each in operator.members().values()) < count:
             pause.wait(0.1)
         for _ in range(rounds):
             pause.wait(2.0)
-            begun, at, ask = time.monotonic(), dict[Address, float](), operator.line.ask
+            begun, at, ask = time.monotonic(), dict[Address, float](), operator.transport.send_request
 
             def timed(wanted: Any, whom: str, on_answer: Any, timeout: float, at: Any = at, ask: Any = ask) -> None:
                 def heard(who: Any, answer: Any) -> None:
@@ -90,9 +90,9 @@ def main(processes: int, sessions: int, rounds: int) -> None:
 
                 ask(wanted, whom, heard, timeout)
 
-            operator.line.ask = timed  # type: ignore[assignment,method-assign]
+            operator.transport.send_request = timed  # type: ignore[assignment,method-assign]
             operator.stop()
-            operator.line.ask = ask  # type: ignore[method-assign]
+            operator.transport.send_request = ask  # type: ignore[method-assign]
             stood += [when - begun for when in where if when >= begun]
             confirmed += [when - begun for when in at.values()]
             pause.wait(1.0)

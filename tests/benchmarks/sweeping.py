@@ -2,11 +2,11 @@
 
 from collections.abc import Iterator
 
-from config.library import DEFAULT_WORLD, find
+from config.library import DEFAULT_WORLD, find_file
 from config.marked import read_source
 from missions.plugins.testing.sweep.processes import run_here
-from missions.plugins.testing.sweep.sweep import Sweep
-from missions.plugins.testing.sweep.variation import Span, Variation
+from missions.plugins.testing.sweep.sweep import SweepPlan
+from missions.plugins.testing.sweep.variation import ValueRange, Variation
 from missions.plugins.testing.sweep.worlds import plain_world
 from tests.benchmarks.table import Row, compare
 
@@ -16,9 +16,9 @@ RUNS = 50
 
 def rows() -> Iterator[Row]:
     """Yield one row: two workers with twice the runs against one, which would take as long on cores of their own."""
-    world = plain_world(read_source(find("worlds", DEFAULT_WORLD)))
-    far = Variation("person.distance", "m", Span(0.6, 3.0))
-    sweep = Sweep("greet", world, DEFAULT_WORLD, variations=(far,))
+    world = plain_world(read_source(find_file("worlds", DEFAULT_WORLD)))
+    far = Variation("person.distance", "m", ValueRange(0.6, 3.0))
+    sweep = SweepPlan("greet", world, DEFAULT_WORLD, variations=(far,))
 
     def one() -> None:
         assert len(list(run_here(sweep, range(RUNS), 1))) == RUNS

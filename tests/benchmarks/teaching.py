@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from perception.hearing.acceptance import FAR, LEARNED
+from perception.hearing.acceptance import MAX_DEVIATIONS, MODEL_FILE
 from tests.benchmarks.listening import Result, Take, hear_all, read
 from tests.benchmarks.speaking import Speaking
 from tests.benchmarks.spoken import LESSON, Floats
@@ -50,7 +50,7 @@ def teach(results: Iterable[Result]) -> dict[str, object]:
     values = np.array([[figures[name] for name in names] for figures, _ in examples])
     right = np.array([float(truth) for _, truth in examples])
     mean, deviation = values.mean(axis=0), values.std(axis=0) + 1e-9
-    *weights, bias = fit(np.clip((values - mean) / deviation, -FAR, FAR), right)
+    *weights, bias = fit(np.clip((values - mean) / deviation, -MAX_DEVIATIONS, MAX_DEVIATIONS), right)
     print(f"{len(examples)} examples, {int(right.sum())} of them right")
     return {
         "names": names,
@@ -69,7 +69,7 @@ def main() -> None:
     os.nice(5)
     with Speaking() as speaking:
         hear_all(LESSON.streams(speaking.say, {result.key for result in read(results)}), results)
-    LEARNED.write_text(json.dumps(teach(read(results)), indent=1) + "\n", encoding="utf-8")
+    MODEL_FILE.write_text(json.dumps(teach(read(results)), indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -20,16 +20,16 @@ from threading import Event, Thread
 from types import MethodType
 from typing import Any
 
-from behaviours.joint_motion import Mirroring
+from behaviours.joint_motion import JointMirror
 from drivers.api import Coupling
 from drivers.clock import SystemClock
-from drivers.servos.bus import At, Bus
+from drivers.servos.bus import ServoAddress, ServoBus
 from drivers.servos.driver import DynamixelJoints
 from drivers.servos.joint import JointSpec
 from drivers.servos.models import MODELS
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
-from drivers.virtual.terminal import Terminal
+from drivers.virtual.terminal import PseudoTerminal
 from tests.benchmarks.servoing import AWAKE, BAUD, ROUNDS, RUNS, chain
 from tests.benchmarks.table import Row
 
@@ -37,7 +37,7 @@ STS = "STS3215"
 SERVOS = range(1, 7)
 PATIENCE = 0.5
 """Seconds for which a reply is waited for where only the median counts: a shared machine may stop for a while."""
-BLOCK = MODELS[STS].table.fast
+BLOCK = MODELS[STS].table.fast_block
 ORDER = 6
 """Bytes of a goal, no time, and its speed."""
 
@@ -85,12 +85,12 @@ def on_wire(read: int, order: int) -> float:
 
 def ours(port: str) -> float:
     """Return the median seconds from one round to the next, as fast as the bus can."""
-    bus = Bus(port, SystemClock(), patience=PATIENCE)
+    bus = ServoBus(port, SystemClock(), reply_timeout=PATIENCE)
     bus.open()
-    wanted = {At(number, "STS"): BLOCK for number in SERVOS}
+    wanted = {ServoAddress(number, "STS"): BLOCK for number in SERVOS}
 
     def turn(number: int) -> bool:
-        found = bus.read_many(wanted, how="sync")
+        found = bus.read_many(wanted, mode="sync")
         goal = (2000 + number % 20).to_bytes(2, "little") + b"\0\0\xe8\x03"
         bus.sync_write_block("STS", 42, dict.fromkeys(SERVOS, goal))
         for at in wanted.keys() - found.keys():
@@ -160,20 +160,22 @@ def watched() -> tuple[float, float]:
     """Mirror for a while; return the median and the 99th percentile of how late (s) the follower is."""
     with swinging() as (process, ports):
         clock = SystemClock()
-        leader, follower = (DynamixelJoints(Bus(port, clock, patience=PATIENCE), NAMES, clock) for port in ports)
+        leader, follower = (
+            DynamixelJoints(ServoBus(port, clock, reply_timeout=PATIENCE), NAMES, clock) for port in ports
+        )
         try:
             for arm in (leader, follower):
                 arm.open()
                 while not all(reading.good for reading in arm.states().values()):
                     Event().wait(0.05)
             leader.relax()
-            read, end = Event(), clock.now() + WATCHED
-            leader.attend(NAMES, read.set)
-            mirroring = Mirroring(leader, follower, [Coupling(name, name) for name in NAMES])
-            while clock.now() < end:
+            read, end = Event(), clock.read_value() + WATCHED
+            leader.poll_fast(NAMES, read.set)
+            mirroring = JointMirror(leader, follower, [Coupling(name, name) for name in NAMES])
+            while clock.read_value() < end:
                 read.wait(0.05)
                 read.clear()
-                mirroring.step(clock.now())
+                mirroring.step(clock.read_value())
             told, _ = process.communicate("")
         finally:
             follower.close()
@@ -196,19 +198,19 @@ def run_arms() -> None:
     """Be both arms, swing the leader and look at both, until the input ends; tell the ports first, all lags at last."""
     clock, ended, lags = SystemClock(), Event(), list[tuple[float, float]]()
     chains = [VirtualServoBus([VirtualServo(n, model=STS) for n in SERVOS], BAUD, paced=True) for _ in range(2)]
-    leader, follower = (Terminal(f"arm{n}", chain, clock, awake=AWAKE) for n, chain in enumerate(chains))
+    leader, follower = (PseudoTerminal(f"arm{n}", chain, clock, busy_wait=AWAKE) for n, chain in enumerate(chains))
     for terminal in (leader, follower):
         terminal.open()
     print(leader.path, follower.path, flush=True)
     Thread(target=wait_for_the_end, args=(ended,), daemon=True).start()
-    now = clock.now()
+    now = clock.read_value()
     while not ended.wait(LOOK):
-        now = clock.now()
+        now = clock.read_value()
         turns, part = divmod(now * PACE / SWING, 2.0)  # it turns round where a part is 0
         way = 1 if turns % 2 else -1
         place = way * (part - 1.0) * SWING
-        leader.ask(partial(turn, chains[0].servos, place))
-        angles = follower.ask(partial(seen, chains[1].servos, now))
+        leader.call_paused(partial(turn, chains[0].servos, place))
+        angles = follower.call_paused(partial(seen, chains[1].servos, now))
         if now > WARM and part * SWING / PACE > SETTLED:
             lags += [(now, (place - there) * way / PACE) for there in angles]
     for terminal in (leader, follower):

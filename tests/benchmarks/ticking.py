@@ -8,13 +8,13 @@ from py_trees.behaviour import Behaviour
 from behaviours.catalogue import LEAVES
 from behaviours.node import Node
 from behaviours.robot import Robot
-from behaviours.run import Run
-from config.faults import Source
+from behaviours.run import RunState
+from config.faults import SourceText
 from drivers.clock import SystemClock
 from missions.executive.build import build
 from missions.executive.events import STATUS_WORDS, Event, NodeChanged
 from missions.executive.executive import Executive
-from missions.executive.stream import Stream
+from missions.executive.stream import EventStream
 from missions.language.document import check_plan
 from tests.benchmarks.table import Row, compare
 
@@ -39,8 +39,8 @@ def shapes(size: int) -> dict[str, Shape]:
 def ours(shape: Shape) -> Node:
     """Build a shape from a mission."""
     text = "mission: bench\ntree:\n" + "\n".join(_lines(shape, "  "))
-    plan = check_plan(Source("bench.yaml", text), LEAVES, {})
-    return build(plan, Run(SystemClock()), lambda leaf: Robot())  # noqa: ARG005 - a leaf here needs no robot
+    plan = check_plan(SourceText("bench.yaml", text), LEAVES, {})
+    return build(plan, RunState(SystemClock()), lambda leaf: Robot())  # noqa: ARG005 - a leaf here needs no robot
 
 
 def _lines(shape: Shape, indent: str) -> Iterator[str]:
@@ -83,7 +83,7 @@ def rows() -> Iterator[Row]:
             )
             told = ours(shape)
             heard: list[Event] = []
-            stream = Stream([heard.append])
+            stream = EventStream([heard.append])
             Executive(told, told.run, stream)
             stream.open()
             yield compare(
@@ -93,4 +93,4 @@ def rows() -> Iterator[Row]:
             last = {event.node: event.status for event in heard if isinstance(event, NodeChanged)}
             nodes = [node for node in told.iterate() if isinstance(node, Node)]
             assert all(last.get(node.key, "idle") == STATUS_WORDS[node.status] for node in nodes)
-            assert not stream.dropped
+            assert not stream.dropped_count

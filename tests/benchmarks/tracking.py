@@ -6,10 +6,10 @@ from math import radians
 
 from behaviours.tracking.fuzzy import Controller
 from config.controller import load_controller
-from config.library import shipped
-from missions.library.things import controller
-from missions.plugins.testing.controllers.bench import bench
-from missions.plugins.testing.controllers.trial import SCENARIOS, Body
+from config.library import shipped_files
+from missions.library.things import find_controller
+from missions.plugins.testing.controllers.bench import run_bench
+from missions.plugins.testing.controllers.trial import SCENARIOS, TrackingBody
 from tests.benchmarks.table import Row, compare
 
 PLACES = [(radians(error), radians(rate)) for error, rate in ((0.3, 5), (-1.7, 20), (4.0, -60), (-30, 0), (2.0, 130))]
@@ -19,8 +19,8 @@ def rows() -> Iterator[Row]:
     """Yield the costs, and the times of the step by head and by base."""
     for name, limit in (("face", 0.06), ("mamdani", 0.03)):
         yield _cost(name, limit)
-    rules = {name: controller(name) for name in ("pd", "mamdani", "face")}
-    for row in bench(rules, scenarios=SCENARIOS[:1], bodies=(Body.HEAD, Body.BASE)):
+    rules = {name: find_controller(name) for name in ("pd", "mamdani", "face")}
+    for row in run_bench(rules, scenarios=SCENARIOS[:1], bodies=(TrackingBody.HEAD, TrackingBody.BASE)):
         if row.score.centred is not None and row.score.ratio is not None:
             limit_of_ours = None if row.controller == "pd" else 1.15
             name = f"{row.scenario.name}, {row.body}: {row.controller}, and the bound"
@@ -28,7 +28,7 @@ def rows() -> Iterator[Row]:
 
 
 def _cost(name: str, limit: float) -> Row:
-    values = load_controller(shipped("controllers")[name]).values["pan"]
+    values = load_controller(shipped_files("controllers")[name]).values["pan"]
     if not isinstance(values, dict):
         raise TypeError(f"controller '{name}': its 'pan' is no rule base")
     direct = Controller.from_mapping(name, values)

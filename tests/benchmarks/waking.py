@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator
 from py_trees.common import Status
 
 from behaviours.leaf import RUNNING, Leaf
-from behaviours.run import Run
+from behaviours.run import RunState
 from drivers.clock import SystemClock
 from missions.executive.executive import Executive
-from missions.executive.stream import Stream
+from missions.executive.stream import EventStream
 from tests.benchmarks.table import Row
 
 WAKES = 300
@@ -37,8 +37,8 @@ def rows() -> Iterator[Row]:
 
 def _through_the_executive() -> list[float]:
     leaf = Listener("listener")
-    leaf.run = Run(SystemClock())
-    executive = Executive(leaf, leaf.run, Stream(), rate=1.0)
+    leaf.run = RunState(SystemClock())
+    executive = Executive(leaf, leaf.run, EventStream(), rate=1.0)
     loop = threading.Thread(target=executive.loop)
     loop.start()
     try:

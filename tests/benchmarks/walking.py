@@ -24,13 +24,13 @@ import numpy as np
 
 from config.world import load_world
 from drivers.api import Pose2D
-from drivers.legs.body import Body, Floats, body_of
+from drivers.legs.body import Floats, LeggedBody, body_of
 from drivers.legs.declared import LegsKeys, StrideKeys
-from drivers.legs.engine import manner_of, standing
-from drivers.legs.gait import generated
-from drivers.sim.rigid.scene import Scene
+from drivers.legs.engine import standing_angles, walk_parameters
+from drivers.legs.gait import generate_gait
+from drivers.sim.rigid.scene import PhysicsScene
 from missions.assembly.physics import scene_of
-from missions.library.drivers import robot_named
+from missions.library.drivers import load_named_robot
 from missions.request import RunRequest
 from missions.runner import Runner
 
@@ -68,9 +68,9 @@ class Watch:
         self.fell: float | None = None
         self.seen: list[tuple[float, Pose2D, float]] = []
 
-    def look(self, now: float, scene: Scene) -> None:
+    def look(self, now: float, scene: PhysicsScene) -> None:
         """Take in where it is."""
-        if self.fell is None and scene.fallen:
+        if self.fell is None and scene.has_fallen:
             self.fell = now
         if now >= BEGINS:
             self.seen.append((now, scene.pose(), scene.energy))
@@ -111,15 +111,15 @@ def by_engine(robot: str, seed: int, folder: Path) -> Walked:
         raise RuntimeError(f"{robot}: no physics")
     scene = twins.scene
     for tenth in range(1, round(10 * ENDS)):
-        twins.timeline.at(tenth / 10, partial(watch.look, tenth / 10, scene))
-    twins.timeline.at(ENDS, lambda: runner.executive.stop("far enough"))
+        twins.timeline.call_at(tenth / 10, partial(watch.look, tenth / 10, scene))
+    twins.timeline.call_at(ENDS, lambda: runner.executive.stop("far enough"))
     runner.run()
     return watch.told()
 
 
-def by_wave(robot: str, wave: Callable[[Body, StrideKeys], Wave], seed: int, folder: Path) -> Walked:
+def by_wave(robot: str, wave: Callable[[LeggedBody, StrideKeys], Wave], seed: int, folder: Path) -> Walked:
     """Walk by goals over time alone, from the stand in which the engine begins."""
-    config = robot_named(robot)
+    config = load_named_robot(robot)
     keys, arm = config.keys(LegsKeys), config.arm
     if keys is None or arm is None:
         raise RuntimeError(f"{robot}: no legs")
@@ -127,13 +127,16 @@ def by_wave(robot: str, wave: Callable[[Body, StrideKeys], Wave], seed: int, fol
     world = load_world(folder / "rough.yaml")
     scene, watch = scene_of(config, world, Pose2D(0.0, 0.0, 0.0), seed), Watch(seed)
     body = body_of(keys.body)
-    goals, ready = wave(body, keys.stride), standing(body, keys.stride, manner_of(body, keys.stride).feet)
+    goals, ready = (
+        wave(body, keys.stride),
+        standing_angles(body, keys.stride, walk_parameters(body, keys.stride).foot_spacing),
+    )
     for tick in range(1, round(ENDS / PERIOD)):
         now = tick * PERIOD
         share = min(now / 2, 1.0)
         wanted = share * ready if now < 2.0 else goals(now - 2.0)
-        for name, goal in zip(body.walking, wanted.tolist(), strict=True):
-            scene.go(name, goal, arm.limits[name].speed)
+        for name, goal in zip(body.leg_joints, wanted.tolist(), strict=True):
+            scene.set_goal(name, goal, arm.limits[name].speed)
         scene.advance(now)
         if tick % 10 == 0:
             watch.look(now, scene)
@@ -142,16 +145,16 @@ def by_wave(robot: str, wave: Callable[[Body, StrideKeys], Wave], seed: int, fol
     return watch.told()
 
 
-def sheet(body: Body, stride: StrideKeys) -> Wave:
+def sheet(body: LeggedBody, stride: StrideKeys) -> Wave:
     """Return the angles of a cycle, over and over."""
-    angles, _ = generated("cycle", body, stride, stride.longest, 0.0, 0.0).angles(body)
+    angles, _ = generate_gait("cycle", body, stride, stride.longest, 0.0, 0.0).angles(body)
     return lambda time: angles[int(time / stride.period * len(angles)) % len(angles)]
 
 
-def sine(body: Body, stride: StrideKeys) -> Wave:
+def sine(body: LeggedBody, stride: StrideKeys) -> Wave:
     """Return sines about the stand: both hips and ankles roll the body over one foot, while the other leg swings."""
-    ready = standing(body, stride, manner_of(body, stride).feet)
-    signs = np.array([body.axis[place].sum() for place in body.leg_places])
+    ready = standing_angles(body, stride, walk_parameters(body, stride).foot_spacing)
+    signs = np.array([body.axis[place].sum() for place in body.leg_indices])
     leg = stride.height - 0.03
     swing, lift, sway = math.asin(stride.longest / 2 / leg), 2 * math.sqrt(stride.rise / leg), -0.12
 

@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import label
 
-from config.library import shipped
+from config.library import shipped_files
 from config.world import WorldConfig, load_world
 from drivers.api import BASE_RADIUS, Pose2D
 from drivers.base.twin import BaseTwin
-from drivers.sim.world import World
+from drivers.sim.world import SimulatedWorld
 from missions.library.worlds import build_world
 from missions.request import RunRequest
 from missions.runner import Runner
@@ -47,7 +47,7 @@ class Walk:
 class Floor:
     """The spots of a room that a base can come to from where it starts; ``seen`` are those that it has been over."""
 
-    def __init__(self, config: WorldConfig, world: World) -> None:
+    def __init__(self, config: WorldConfig, world: SimulatedWorld) -> None:
         half_length, half_width = config.length / 2, config.width / 2
         x, y = config.centre
         self._xs = np.arange(x - half_length + CELL / 2, x + half_length, CELL)
@@ -56,8 +56,8 @@ class Floor:
         self.seen: Grid = np.zeros_like(self.free)
 
     @staticmethod
-    def _fits(world: World, x: float, y: float) -> bool:
-        return not world.touched(x, y, BASE_RADIUS, 0.0) and world.has_floor(x, y)
+    def _fits(world: SimulatedWorld, x: float, y: float) -> bool:
+        return not world.contact_directions(x, y, BASE_RADIUS, 0.0) and world.has_floor(x, y)
 
     def start(self, random: Random) -> Pose2D:
         """Return a place to start at, some way off everything."""
@@ -83,7 +83,7 @@ class Floor:
 
 def wander(seed: int, *, minutes: float, world: str = "living_room", robot: str = "turtlebot2") -> Walk:
     """Run the mission in simulated time, from a start that belongs to the seed."""
-    config = load_world(shipped("worlds")[world])
+    config = load_world(shipped_files("worlds")[world])
     floor = Floor(config, build_world(config))
     start = floor.start(Random(f"wander {seed}"))  # noqa: S311 - chance, not a secret
     config = replace(config, start=replace(config.start, at=(start.x, start.y), heading=start.heading))
@@ -93,7 +93,7 @@ def wander(seed: int, *, minutes: float, world: str = "living_room", robot: str 
     if runner.twins is None or runner.twins.base is None:
         raise TypeError(f"{robot} has no base in simulated time")
     watch = Watch(runner.twins.base, floor)
-    runner.twins.timeline.every(BaseTwin.PERIOD, watch.look)
+    runner.twins.timeline.call_every(BaseTwin.PERIOD, watch.look)
     result = runner.run()
     return Walk(result.result, floor.share(start), tuple(watch.bumps), watch.fell)
 

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from config.faults import Diagnostic, InvalidFileError, Source
-from config.gesture import beyond
-from config.library import shipped
-from drivers.servos.declared import DYNAMIXEL, UNDRIVEN, DynamixelKeys, JointKeys, Ticks
-from drivers.servos.make import joints as specs
+from config.faults import Diagnostic, InvalidFileError, SourceText
+from config.gesture import limit_error
+from config.library import shipped_files
+from drivers.servos.declared import DYNAMIXEL_MODELS, UNSUPPORTED_HINT, DynamixelKeys, JointKeys, Ticks
+from drivers.servos.make import joint_specs as specs
 from drivers.servos.models import MODELS
-from missions.library.drivers import load_robot, robot_of
+from missions.library.drivers import load_robot, parse_robot
 
 TICK = math.radians(300) / 1024
 
@@ -21,7 +21,7 @@ TICK = math.radians(300) / 1024
 def arm_of(joints: str, rest: str = "") -> DynamixelKeys:
     """Read an arm; the joints stand from line 6 on, at column 5."""
     text = f"robot: r\narm:\n  driver: dynamixel\n  port: x\n  joints:\n{joints}{rest}"
-    arm = robot_of(Source("robot.yaml", text)).keys(DynamixelKeys)
+    arm = parse_robot(SourceText("robot.yaml", text)).keys(DynamixelKeys)
     assert arm is not None
     return arm
 
@@ -34,7 +34,7 @@ def joint_of(line: str) -> JointKeys:
 def mistakes(joints: str, rest: str = "") -> list[Diagnostic]:
     with pytest.raises(InvalidFileError) as caught:
         arm_of(joints, rest)
-    return list(caught.value.faults)
+    return list(caught.value.diagnostics)
 
 
 def test_a_joint_of_an_old_file_is_what_it_was() -> None:
@@ -64,10 +64,10 @@ def test_limits_that_are_not_given_are_what_the_servo_can_do() -> None:
     assert turned.upper == 2.6
 
 
-@given(st.sampled_from(sorted(DYNAMIXEL)), st.integers(-100, 100), st.booleans())
+@given(st.sampled_from(sorted(DYNAMIXEL_MODELS)), st.integers(-100, 100), st.booleans())
 def test_a_joint_without_limits_is_one_that_its_driver_takes(model: str, zero: int, reverse: bool) -> None:
     arm = arm_of(f"    elbow: {{id: 6, model: {model}, zero: {zero} deg, reverse: {str(reverse).lower()}}}\n")
-    assert specs(arm)["elbow"].faults() == []
+    assert specs(arm)["elbow"].errors() == []
 
 
 def test_limits_beyond_the_servo_are_a_fault_where_they_stand() -> None:
@@ -90,7 +90,7 @@ def test_an_unknown_model_says_which_may_be_meant(written: str, meant: str) -> N
     (fault,) = mistakes(f"    elbow: {{id: 6, model: {written}}}\n")
     assert (fault.mark.line, fault.mark.column) == (6, 27)
     assert fault.message == f"'model' cannot be '{written}'"
-    assert fault.suggestion == f"did you mean '{meant}'?; {UNDRIVEN}"
+    assert fault.suggestion == f"did you mean '{meant}'?; {UNSUPPORTED_HINT}"
 
 
 def test_ticks_say_where_a_joint_is_at_zero_and_how_far_it_goes() -> None:
@@ -103,7 +103,7 @@ def test_ticks_say_where_a_joint_is_at_zero_and_how_far_it_goes() -> None:
 
 
 @given(
-    st.sampled_from(sorted(DYNAMIXEL)),
+    st.sampled_from(sorted(DYNAMIXEL_MODELS)),
     st.integers(0, 1023),
     st.integers(0, 1023),
     st.integers(0, 1023),
@@ -115,7 +115,7 @@ def test_ticks_mean_the_same_servo_positions_as_in_ros(
     assume(low != high)
     arm = arm_of(f"    elbow: {{id: 6, model: {model}, ticks: {{init: {init}, min: {low}, max: {high}}}}}\n")
     spec, tick = specs(arm)["elbow"], MODELS[model].tick
-    assert spec.faults() == []
+    assert spec.errors() == []
     goal = spec.lower + share * (spec.upper - spec.lower)
     ros = init + round(goal / tick) if low < high else init - round(goal / tick)
     assert MODELS[model].ticks(spec.zero + spec.direction * goal) == pytest.approx(ros, abs=1)
@@ -176,22 +176,24 @@ def test_id_253_is_no_servo_of_protocol_2_and_not_beside_one() -> None:
 
 
 def test_an_angle_is_within_limits_up_to_what_a_file_rounds() -> None:
-    assert beyond("elbow", math.pi / 2 + 5e-7, (0.0, math.pi / 2)) == ""
-    assert beyond("elbow", 2.0, (0.0, math.pi / 2)) == "'elbow' at 114.592 deg is outside its limits, 0 deg to 90 deg"
-    assert beyond("elbow", -0.1, (0.0, 1.0))
+    assert limit_error("elbow", math.pi / 2 + 5e-7, (0.0, math.pi / 2)) == ""
+    assert (
+        limit_error("elbow", 2.0, (0.0, math.pi / 2)) == "'elbow' at 114.592 deg is outside its limits, 0 deg to 90 deg"
+    )
+    assert limit_error("elbow", -0.1, (0.0, 1.0))
 
 
 @pytest.mark.parametrize("name", ["humanoid", "turtlebot2_arm", "so101", "so101_leader", "koch"])
 def test_the_joints_of_every_shipped_robot_are_ones_that_its_driver_takes(name: str) -> None:
-    arm = load_robot(shipped("robots")[name]).keys(DynamixelKeys)
+    arm = load_robot(shipped_files("robots")[name]).keys(DynamixelKeys)
     assert arm is not None
     for joint, spec in specs(arm).items():
-        assert spec.faults() == [], joint
+        assert spec.errors() == [], joint
         assert spec.speed <= MODELS[spec.model].free_speed, joint
 
 
 def test_the_humanoid_is_made_as_it_is_described() -> None:
-    robot = load_robot(shipped("robots")["humanoid"])
+    robot = load_robot(shipped_files("robots")["humanoid"])
     arm = robot.keys(DynamixelKeys)
     assert arm is not None
     assert sorted(joint.id for joint in arm.joints.values()) == [*range(1, 23)]
@@ -203,7 +205,7 @@ def test_the_humanoid_is_made_as_it_is_described() -> None:
 
 
 def test_the_left_and_the_right_of_the_humanoid_are_mirror_images() -> None:
-    arm = load_robot(shipped("robots")["humanoid"]).keys(DynamixelKeys)
+    arm = load_robot(shipped_files("robots")["humanoid"]).keys(DynamixelKeys)
     assert arm is not None
     for name, left in arm.joints.items():
         if name.startswith("left_"):

@@ -5,35 +5,35 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import Diagnostic, InvalidFileError, Source
-from config.library import find, shipped
+from config.faults import Diagnostic, InvalidFileError, SourceText
+from config.library import find_file, shipped_files
 from drivers.api import Reflexes
-from drivers.api.steering import BUTTONS
+from drivers.api.steering import BUTTON_COUNT
 from drivers.kobuki.declared import KobukiKeys
 from drivers.kobuki.virtual import BUTTONS as BUTTONS_OF_A_KOBUKI
 from drivers.rplidar.declared import RPLidarKeys
-from missions.library.drivers import load_robot, robot_of
+from missions.library.drivers import load_robot, parse_robot
 
 BASE = "robot: r\nbase:\n  driver: kobuki\n  port: /dev/base\n"
 RANGE = "robot: r\nrange:\n  driver: rplidar\n  port: /dev/rplidar\n"
 
 
 def base(*lines: str) -> KobukiKeys:
-    found = robot_of(Source("r.yaml", BASE + "".join(f"  {line}\n" for line in lines))).keys(KobukiKeys)
+    found = parse_robot(SourceText("r.yaml", BASE + "".join(f"  {line}\n" for line in lines))).keys(KobukiKeys)
     assert found is not None
     return found
 
 
 def ranger(*lines: str) -> RPLidarKeys:
-    found = robot_of(Source("r.yaml", RANGE + "".join(f"  {line}\n" for line in lines))).keys(RPLidarKeys)
+    found = parse_robot(SourceText("r.yaml", RANGE + "".join(f"  {line}\n" for line in lines))).keys(RPLidarKeys)
     assert found is not None
     return found
 
 
 def mistakes(text: str) -> list[Diagnostic]:
     with pytest.raises(InvalidFileError) as caught:
-        robot_of(Source("r.yaml", text))
-    return list(caught.value.faults)
+        parse_robot(SourceText("r.yaml", text))
+    return list(caught.value.diagnostics)
 
 
 def told(*lines: str, section: str = BASE) -> list[tuple[int, int, str, str]]:
@@ -66,7 +66,7 @@ def test_reflexes_are_read_in_si_units_and_the_battery_in_percent() -> None:
         cliff="latch",
         wheel_drop="latch",
         bumper="stop",
-        back_off_way=0.08,
+        back_off_distance=0.08,
         back_off_speed=0.2,
         battery_low=30.0,
         battery_critical=12.5,
@@ -81,7 +81,7 @@ def test_a_battery_that_never_counts_as_low_may_still_be_critical() -> None:
 
 
 def test_a_base_has_as_many_buttons_as_files_may_name() -> None:
-    assert range(BUTTONS) == range(len(BUTTONS_OF_A_KOBUKI))
+    assert range(BUTTON_COUNT) == range(len(BUTTONS_OF_A_KOBUKI))
 
 
 def test_all_mistakes_with_reflexes_come_at_once_each_under_its_word() -> None:
@@ -146,7 +146,7 @@ def test_where_a_range_finder_sits_and_what_it_does_not_see_is_read_in_si_units(
 
 
 def test_a_range_finder_is_a_part_of_the_robot() -> None:
-    assert robot_of(Source("r.yaml", RANGE)).parts == {"range"}
+    assert parse_robot(SourceText("r.yaml", RANGE)).parts == {"range"}
 
 
 def test_all_mistakes_with_a_range_finder_come_at_once_each_under_its_word() -> None:
@@ -173,7 +173,7 @@ def test_all_mistakes_with_a_range_finder_come_at_once_each_under_its_word() -> 
 
 
 def test_the_turtlebot_without_an_arm_ships() -> None:
-    robot = load_robot(find("robots", "turtlebot2"))
+    robot = load_robot(find_file("robots", "turtlebot2"))
     assert robot.parts == {"base", "range", "camera", "voice"}
     assert robot.base is not None
     assert robot.base.max_speed == 0.23
@@ -184,6 +184,6 @@ def test_the_turtlebot_without_an_arm_ships() -> None:
     assert (finder.model, finder.port, base.port) == ("a1", "/dev/rplidar", "/dev/kobuki")
 
 
-@pytest.mark.parametrize("path", shipped("robots").values(), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", shipped_files("robots").values(), ids=lambda path: path.stem)
 def test_every_robot_that_ships_can_be_read(path: Path) -> None:
     assert load_robot(path).name == path.stem

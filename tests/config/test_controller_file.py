@@ -5,8 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from config.controller import ControllerConfig, figures, load_controller, parse_controller, renamed, rewritten
-from config.faults import Diagnostic, InvalidFileError, Source
+from config.controller import (
+    ControllerConfig,
+    load_controller,
+    name_changes,
+    parse_controller,
+    replace_words,
+    tunable_numbers,
+)
+from config.faults import Diagnostic, InvalidFileError, SourceText
 
 
 @pytest.fixture
@@ -22,7 +29,7 @@ def load(file: Path, text: str) -> ControllerConfig:
 def mistakes(file: Path, text: str) -> list[Diagnostic]:
     with pytest.raises(InvalidFileError) as caught:
         load(file, text)
-    return list(caught.value.faults)
+    return list(caught.value.diagnostics)
 
 
 def test_a_controller_is_plain_values_with_its_quantities_in_si(file: Path) -> None:
@@ -85,11 +92,11 @@ pan: &same
 turn: *same
 tilt: {p: 4, d: .5, most: 120 deg/s}
 """
-SMALL = Source("small.yaml", TEXT)
+SMALL = SourceText("small.yaml", TEXT)
 
 
 def test_the_numbers_of_the_rule_bases_are_known_with_their_units_each_once() -> None:
-    found = [(figure.keys, figure.number, figure.unit) for figure in figures(SMALL)]
+    found = [(figure.keys, figure.number, figure.unit) for figure in tunable_numbers(SMALL)]
     assert found == [
         (("pan", "inputs", "error", "left"), -4.0, "deg"),
         (("pan", "inputs", "error", "left"), 0.0, "deg"),
@@ -100,15 +107,15 @@ def test_the_numbers_of_the_rule_bases_are_known_with_their_units_each_once() ->
 
 
 def test_a_file_is_rewritten_in_place_and_keeps_all_else() -> None:
-    first, _, third, *_ = figures(SMALL)
-    text = rewritten(SMALL, {first.mark: "-12.25 deg", third.mark: "9 deg"})
+    first, _, third, *_ = tunable_numbers(SMALL)
+    text = replace_words(SMALL, {first.mark: "-12.25 deg", third.mark: "9 deg"})
     assert text == TEXT.replace("-4 deg", "-12.25 deg").replace("1.5e1 deg", "9 deg")
-    assert rewritten(SMALL, {}) == TEXT
+    assert replace_words(SMALL, {}) == TEXT
 
 
 def test_a_file_gets_another_name_and_summary_whatever_is_in_them() -> None:
-    text = rewritten(SMALL, renamed(SMALL, "new one", 'Says: "no" # twice.'))
-    config = parse_controller(Source("new.yaml", text))
+    text = replace_words(SMALL, name_changes(SMALL, "new one", 'Says: "no" # twice.'))
+    config = parse_controller(SourceText("new.yaml", text))
     assert (config.name, config.summary) == ("new one", 'Says: "no" # twice.')
     assert config.values == parse_controller(SMALL).values
     assert "# A comment." in text
@@ -116,6 +123,6 @@ def test_a_file_gets_another_name_and_summary_whatever_is_in_them() -> None:
 
 
 def test_a_summary_of_several_lines_is_left_as_it_is() -> None:
-    source = Source("long.yaml", TEXT.replace("For 5 tests.", "For 5\n  tests."))
-    text = rewritten(source, renamed(source, "new", "Short."))
-    assert parse_controller(Source("new.yaml", text)).summary == "For 5 tests."
+    source = SourceText("long.yaml", TEXT.replace("For 5 tests.", "For 5\n  tests."))
+    text = replace_words(source, name_changes(source, "new", "Short."))
+    assert parse_controller(SourceText("new.yaml", text)).summary == "For 5 tests."

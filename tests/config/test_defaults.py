@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from config.defaults import config_folder, keep_default, load_defaults, own_files, unreadable_folders
+from config.defaults import config_folder, load_defaults, set_default, unreadable_folders, user_files
 from config.faults import InvalidFileError
-from config.library import UnknownNameError, find
+from config.library import UnknownNameError, find_file
 from tests.missions.command import command
 
 
@@ -32,10 +32,10 @@ def test_a_mistake_in_it_is_told_at_its_line() -> None:
 
 
 def test_one_default_is_written_and_the_rest_of_the_file_stays() -> None:
-    path = keep_default("robot", "humanoid")
+    path = set_default("robot", "humanoid")
     assert path.read_text().endswith("robot: humanoid\n")
     path.write_text(path.read_text() + "world: square_arena  # for laps\n")
-    keep_default("robot", "turtlebot2")
+    set_default("robot", "turtlebot2")
     assert path.read_text().endswith("robot: turtlebot2\nworld: square_arena  # for laps\n")
     assert load_defaults().robot == "turtlebot2"
 
@@ -45,25 +45,25 @@ def test_files_of_ones_own_are_found_by_name_and_those_that_ship_stay_themselves
     for folder, name in ((config_folder(), "rosie"), (tmp_path, "rosie"), (tmp_path, "kit"), (tmp_path, "humanoid")):
         (folder / "robots").mkdir(parents=True, exist_ok=True)
         (folder / "robots" / f"{name}.yaml").write_text(f"robot: {name}\n")
-    assert find("robots", "rosie") == config_folder() / "robots/rosie.yaml"
-    assert find("robots", "kit") == tmp_path / "robots/kit.yaml"
-    assert find("robots", "humanoid").parent.parent.name == "config"
-    assert set(own_files("robots")) == {"rosie", "kit", "humanoid"}
-    assert own_files("worlds") == {}
+    assert find_file("robots", "rosie") == config_folder() / "robots/rosie.yaml"
+    assert find_file("robots", "kit") == tmp_path / "robots/kit.yaml"
+    assert find_file("robots", "humanoid").parent.parent.name == "config"
+    assert set(user_files("robots")) == {"rosie", "kit", "humanoid"}
+    assert user_files("worlds") == {}
 
 
 def test_mine_is_this_computers_robot_and_without_one_says_how_to_have_it() -> None:
     with pytest.raises(UnknownNameError, match="mission robot use NAME"):
-        find("robots", "mine")
-    keep_default("robot", "humanoid")
-    assert find("robots", "mine").stem == "humanoid"
+        find_file("robots", "mine")
+    set_default("robot", "humanoid")
+    assert find_file("robots", "mine").stem == "humanoid"
 
 
 def test_a_folder_that_cannot_be_read_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     config_folder().mkdir(parents=True, exist_ok=True)
     (config_folder() / "robots").write_text("no folder")
     told = f"{config_folder() / 'robots'} cannot be read: Not a directory"
-    assert (own_files("robots"), unreadable_folders("robots")) == ({}, [told])
+    assert (user_files("robots"), unreadable_folders("robots")) == ({}, [told])
     assert unreadable_folders("worlds") == []
     listed = command(capsys, "list", "robots")
     assert listed.code == 0

@@ -11,15 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from config.editing import NotEditableError, rewrite, with_value
-from config.faults import Source
+from config.faults import SourceText
 from config.marked import Mapping, compose
 from drivers.arduino.declared import ArduinoKeys
 from missions.library.drivers import load_robot
-from missions.library.tuning import keep
+from missions.library.tuning import save_values
 
 
 def keep_trims(path: Path, pan: float, tilt: float) -> list[str]:
-    return keep(path, {"head.pan.trim": pan, "head.tilt.trim": tilt}, "mission head trim --robot FILE --keep")
+    return save_values(path, {"head.pan.trim": pan, "head.tilt.trim": tilt}, "mission head trim --robot FILE --keep")
 
 
 ROBOT = """\
@@ -45,7 +45,7 @@ def robot(tmp_path: Path) -> Path:
 
 
 def edited(text: str, *keys: str, value: str = "3 deg") -> str:
-    return with_value(Source("mine.yaml", text), keys, value)
+    return with_value(SourceText("mine.yaml", text), keys, value)
 
 
 def test_a_value_that_stands_there_is_replaced_and_nothing_else() -> None:
@@ -77,7 +77,7 @@ def test_whatever_the_mapping_only_the_one_entry_changes(entries: dict[str, str]
         text = f"top: {body}\nend: 1\n"
     else:
         text = "top:\n" + "".join(f"  '{name}':   {value}  # why\n" for name, value in entries.items()) + "end: 1\n"
-    root = compose(Source("x", edited(text, "top", key, value="here")))
+    root = compose(SourceText("x", edited(text, "top", key, value="here")))
     assert isinstance(root, Mapping)
     top = root.get("top")
     assert isinstance(top, Mapping)

@@ -5,19 +5,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from config.faults import (
-    MAX_FAULTS,
+    MAX_DIAGNOSTICS,
     Diagnostic,
     InvalidFileError,
     Mark,
-    Source,
+    SourceText,
+    add_diagnostic,
     closest,
     did_you_mean,
-    note,
-    one_of,
-    place_of,
+    mark_at,
+    suggest_from,
 )
 
-SOURCE = Source("greet.yaml", "mission: greet\ntree:\n  - face_sen: 3\n")
+SOURCE = SourceText("greet.yaml", "mission: greet\ntree:\n  - face_sen: 3\n")
 
 
 def test_a_fault_shows_its_place_the_line_and_carets_under_the_word() -> None:
@@ -32,11 +32,11 @@ def test_a_fault_shows_its_place_the_line_and_carets_under_the_word() -> None:
 
 def test_a_fault_in_an_empty_line_or_past_the_end_shows_no_line() -> None:
     assert str(Diagnostic(SOURCE, Mark(9, 1), "the file ends too early")) == "greet.yaml:9:1: the file ends too early"
-    assert str(Diagnostic(Source("m", "a\n\n"), Mark(2, 1), "empty")) == "m:2:1: empty"
+    assert str(Diagnostic(SourceText("m", "a\n\n"), Mark(2, 1), "empty")) == "m:2:1: empty"
 
 
 def carets(text: str, mark: Mark) -> tuple[str, str]:
-    _, shown, under = str(Diagnostic(Source("m", text), mark, "wrong")).splitlines()
+    _, shown, under = str(Diagnostic(SourceText("m", text), mark, "wrong")).splitlines()
     return shown, under
 
 
@@ -62,7 +62,7 @@ def test_a_long_line_is_shown_around_the_mistake() -> None:
 
 @given(st.text(max_size=300), st.integers(1, 9), st.integers(1, 400), st.integers(1, 400))
 def test_every_fault_can_be_shown(text: str, line: int, column: int, length: int) -> None:
-    lines = str(Diagnostic(Source("m", text), Mark(line, column, length), "wrong")).split("\n")
+    lines = str(Diagnostic(SourceText("m", text), Mark(line, column, length), "wrong")).split("\n")
     assert lines[0] == f"m:{line}:{column}: wrong"
     assert len(lines) in {1, 3}
     assert all(len(shown) < 200 for shown in lines[1:])
@@ -71,24 +71,24 @@ def test_every_fault_can_be_shown(text: str, line: int, column: int, length: int
 @given(st.text("ab\n\r\u2028é", min_size=1), st.data())
 def test_a_place_is_where_its_character_stands(text: str, data: st.DataObject) -> None:
     position = data.draw(st.integers(0, len(text) - 1).filter(lambda at: text[at] not in "\n\r\u2028"))
-    mark = place_of(text, position)
-    assert Source("m", text).line(mark.line)[mark.column - 1] == text[position]
+    mark = mark_at(text, position)
+    assert SourceText("m", text).line(mark.line)[mark.column - 1] == text[position]
 
 
 def test_faults_come_in_the_order_of_the_file_and_each_once() -> None:
     late, early = Diagnostic(SOURCE, Mark(3, 5), "late"), Diagnostic(SOURCE, Mark(1, 1), "early")
     error = InvalidFileError([late, early, late])
-    assert error.faults == (early, late)
+    assert error.diagnostics == (early, late)
     assert str(error) == f"{early}\n{late}"
 
 
 def test_noting_ends_with_an_error_once_there_are_too_many() -> None:
     faults: list[Diagnostic] = []
-    for line in range(1, MAX_FAULTS):
-        note(faults, Diagnostic(SOURCE, Mark(line), "wrong"))
+    for line in range(1, MAX_DIAGNOSTICS):
+        add_diagnostic(faults, Diagnostic(SOURCE, Mark(line), "wrong"))
     with pytest.raises(InvalidFileError) as caught:
-        note(faults, Diagnostic(SOURCE, Mark(MAX_FAULTS), "wrong"))
-    assert len(caught.value.faults) == MAX_FAULTS
+        add_diagnostic(faults, Diagnostic(SOURCE, Mark(MAX_DIAGNOSTICS), "wrong"))
+    assert len(caught.value.diagnostics) == MAX_DIAGNOSTICS
 
 
 def test_the_closest_word_is_suggested_whatever_its_case() -> None:
@@ -115,8 +115,8 @@ def test_any_letter_may_be_missing_from_a_short_word(word: str, data: st.DataObj
 
 
 def test_where_nothing_is_close_all_words_are_listed_once() -> None:
-    assert one_of("xyz", ["say", "drive", "say"]) == "known are: drive, say"
-    assert one_of("xyz", []) == ""
+    assert suggest_from("xyz", ["say", "drive", "say"]) == "known are: drive, say"
+    assert suggest_from("xyz", []) == ""
 
 
 @pytest.mark.parametrize(

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from config.faults import Diagnostic, InvalidFileError, Source
-from drivers.servos.calibration import load, text
+from config.faults import Diagnostic, InvalidFileError, SourceText
+from drivers.servos.calibration import format_calibration, load_calibration
 from drivers.servos.feetech import FeetechKeys
-from drivers.servos.make import joints as specs
-from missions.library.drivers import robot_of
+from drivers.servos.make import joint_specs as specs
+from missions.library.drivers import parse_robot
 from tests.cases import each
 
 ELBOW = {"id": 3, "drive_mode": 0, "homing_offset": -1024, "range_min": 1000, "range_max": 3000}
@@ -21,7 +21,9 @@ JAW = {"id": 6, "drive_mode": 0, "homing_offset": 10, "range_min": 2000, "range_
 def arm_of(calibration: Path | None, elbow: str = "id: 3") -> FeetechKeys:
     named = "" if calibration is None else f"  calibration: {calibration}\n"
     joints = f"    elbow: {{{elbow}}}\n    jaw: {{id: 6, zero_at: lowest}}\n"
-    found = robot_of(Source("robot.yaml", f"robot: r\narm:\n  driver: feetech\n  port: x\n{named}  joints:\n{joints}"))
+    found = parse_robot(
+        SourceText("robot.yaml", f"robot: r\narm:\n  driver: feetech\n  port: x\n{named}  joints:\n{joints}")
+    )
     arm = found.keys(FeetechKeys)
     assert arm is not None
     return arm
@@ -30,7 +32,7 @@ def arm_of(calibration: Path | None, elbow: str = "id: 3") -> FeetechKeys:
 def faults_of(calibration: Path) -> list[Diagnostic]:
     with pytest.raises(InvalidFileError) as caught:
         arm_of(calibration)
-    return list(caught.value.faults)
+    return list(caught.value.diagnostics)
 
 
 def written(folder: Path, **motors: object) -> Path:
@@ -48,21 +50,21 @@ def test_without_a_calibration_file_a_joint_is_what_the_robot_file_says() -> Non
 def test_a_calibration_file_says_where_0_lies_how_far_it_goes_and_its_offset(tmp_path: Path) -> None:
     arm = arm_of(written(tmp_path))
     elbow, jaw = arm.servos["elbow"], arm.servos["jaw"]
-    tick = elbow.kind.tick
+    tick = elbow.servo_model.tick
     assert elbow.zero == pytest.approx((2000 - 2048) * tick)
     assert (elbow.lower, elbow.upper) == pytest.approx((-1000 * tick, 1000 * tick))
     assert (jaw.lower, jaw.upper) == pytest.approx((0.0, 1500 * tick))
     assert arm.offsets == {"elbow": -1024, "jaw": 10}
     assert {name: spec.offset for name, spec in specs(arm).items()} == arm.offsets
-    assert not any(spec.faults() for spec in specs(arm).values())
+    assert not any(spec.errors() for spec in specs(arm).values())
 
 
 def test_drive_mode_1_turns_the_joint_round(tmp_path: Path) -> None:
     arm = arm_of(written(tmp_path, jaw=JAW | {"drive_mode": 1}))
     jaw = arm.servos["jaw"]
     assert jaw.reverse
-    assert (jaw.lower, jaw.upper) == pytest.approx((0.0, 1500 * jaw.kind.tick))
-    assert jaw.zero == pytest.approx((3500 - 2048) * jaw.kind.tick)
+    assert (jaw.lower, jaw.upper) == pytest.approx((0.0, 1500 * jaw.servo_model.tick))
+    assert jaw.zero == pytest.approx((3500 - 2048) * jaw.servo_model.tick)
 
 
 def test_what_the_robot_file_says_of_a_joint_holds(tmp_path: Path) -> None:
@@ -130,14 +132,14 @@ def test_a_motor_that_the_file_lacks_a_file_that_is_none_and_one_that_is_not_the
 
 def test_a_file_is_written_as_it_was_read(tmp_path: Path) -> None:
     path = written(tmp_path)
-    assert json.loads(text(load(str(path)))) == {"elbow": ELBOW, "jaw": JAW}
+    assert json.loads(format_calibration(load_calibration(str(path)))) == {"elbow": ELBOW, "jaw": JAW}
 
 
 def test_a_dynamixel_is_no_feetech_and_the_other_way_round() -> None:
     for driver, model in (("feetech", "AX-12A"), ("dynamixel", "STS3215")):
         with pytest.raises(InvalidFileError, match="model"):
-            robot_of(
-                Source(
+            parse_robot(
+                SourceText(
                     "robot.yaml",
                     f"robot: r\narm: {{driver: {driver}, port: x, joints: {{elbow: {{id: 1, model: {model}}}}}}}\n",
                 )

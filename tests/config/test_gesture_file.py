@@ -22,7 +22,7 @@ def load(file: Path, text: str) -> GestureConfig:
 def mistakes(file: Path, text: str) -> list[Diagnostic]:
     with pytest.raises(InvalidFileError) as caught:
         load(file, text)
-    return list(caught.value.faults)
+    return list(caught.value.diagnostics)
 
 
 def test_a_gesture_is_read_in_seconds_and_radians(file: Path) -> None:
@@ -96,7 +96,7 @@ def test_a_gesture_can_be_held_to_the_joints_of_a_robot(file: Path) -> None:
     load(file, text)
     with pytest.raises(InvalidFileError) as caught:
         load_gesture(file, {"neck": (0.0, math.pi / 2)})
-    assert [(f.mark.line, f.mark.column, f.message, f.suggestion) for f in caught.value.faults] == [
+    assert [(f.mark.line, f.mark.column, f.message, f.suggestion) for f in caught.value.diagnostics] == [
         (3, 15, "there is no joint 'nek'", "did you mean 'neck'?"),
         (4, 21, "'neck' at 91 deg is outside its limits, 0 deg to 90 deg", ""),
     ]

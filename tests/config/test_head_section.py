@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import InvalidFileError, Source
+from config.faults import InvalidFileError, SourceText
 from drivers.api.sections import HeadKeys
 from drivers.arduino.declared import ArduinoKeys, PanKeys, TiltKeys
 from drivers.servos.declared import NeckJointKeys, NeckKeys
-from missions.library.drivers import load_robot, robot_of
+from missions.library.drivers import load_robot, parse_robot
 
 ARM = """
 arm:
@@ -22,13 +22,13 @@ arm:
 
 
 def head_of(section: str, rest: str = "") -> HeadKeys | None:
-    return robot_of(Source("mine.yaml", f"robot: mine\nhead:\n{section}\n{rest}")).head
+    return parse_robot(SourceText("mine.yaml", f"robot: mine\nhead:\n{section}\n{rest}")).head
 
 
 def faults_of(section: str, rest: str = "") -> list[str]:
     with pytest.raises(InvalidFileError) as caught:
         head_of(section, rest)
-    return [f"{fault.mark.line}: {fault.message}" for fault in caught.value.faults]
+    return [f"{fault.mark.line}: {fault.message}" for fault in caught.value.diagnostics]
 
 
 def test_rodneys_own_parameters_can_be_written_as_they_are() -> None:

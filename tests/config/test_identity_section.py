@@ -2,14 +2,14 @@
 
 import pytest
 
-from config.faults import InvalidFileError, Source
-from config.world import read_world
+from config.faults import InvalidFileError, SourceText
+from config.world import parse_world
 from drivers.api.senses import CameraKeys, IdentityKeys
-from missions.library.drivers import robot_of
+from missions.library.drivers import parse_robot
 
 
 def camera(identity: str) -> CameraKeys:
-    found = robot_of(Source("r.yaml", f"robot: r\ncamera:\n  source: 0\n{identity}")).camera
+    found = parse_robot(SourceText("r.yaml", f"robot: r\ncamera:\n  source: 0\n{identity}")).camera
     assert found is not None
     return found
 
@@ -39,4 +39,4 @@ def test_mistakes_are_shown(section: str, said: str) -> None:
 
 def test_people_of_a_world_are_known_unless_it_says_otherwise() -> None:
     text = "world: w\npeople:\n  - {name: Anna, at: [1.5 m, 0 m]}\n  - {name: Zoe, at: [2.5 m, 1 m], known: false}\n"
-    assert [person.known for person in read_world(Source("w.yaml", text)).people] == [True, False]
+    assert [person.known for person in parse_world(SourceText("w.yaml", text)).people] == [True, False]

@@ -6,11 +6,11 @@ import pytest
 
 from config.editing import NotEditableError
 from config.faults import InvalidFileError
-from config.library import shipped
-from config.units import in_dimension
+from config.library import shipped_files
+from config.units import si_value
 from drivers.api.senses import CameraKeys
 from missions.library.drivers import load_robot
-from missions.plugins.setup.camera import keep_lens, lens_entries
+from missions.plugins.setup.camera import lens_entries, write_lens
 
 ENTRIES = lens_entries(1.0123, (0.515, 0.48), (0.08, -0.2, 0.001, -0.0015, 0.0))
 PLAIN = """\
@@ -37,25 +37,25 @@ def file(tmp_path: Path) -> Path:
 
 def test_without_a_calibration_the_lens_is_ideal_and_faces_are_found_by_haar(file: Path) -> None:
     camera = camera_in(file)
-    assert (camera.centre, camera.bent) == ((0.5, 0.5), ())
+    assert (camera.centre, camera.distortion_coefficients) == ((0.5, 0.5), ())
     assert (camera.detector, camera.model) == ("haar", "")
 
 
 def test_what_was_kept_is_read_again_and_nothing_else_has_changed(file: Path) -> None:
-    keep_lens(file, ENTRIES)
+    write_lens(file, ENTRIES)
     camera = camera_in(file)
     assert camera.field_of_view == pytest.approx(1.0123, abs=1e-5)
     assert camera.centre == pytest.approx((0.515, 0.48))
-    assert camera.bent == (0.08, -0.2, 0.001, -0.0015, 0.0)
+    assert camera.distortion_coefficients == (0.08, -0.2, 0.001, -0.0015, 0.0)
     lines = file.read_text().splitlines()
     assert set(PLAIN.splitlines()) - set(lines) == {"  field_of_view: 60 deg   # a guess"}
     assert any(line.endswith("# a guess") for line in lines)
 
 
 def test_a_second_calibration_takes_the_place_of_the_first(file: Path) -> None:
-    keep_lens(file, ENTRIES)
-    keep_lens(file, lens_entries(0.9, (0.5, 0.51), (0.1, 0.0, 0.0, 0.0, 0.0)))
-    assert camera_in(file).bent == (0.1, 0.0, 0.0, 0.0, 0.0)
+    write_lens(file, ENTRIES)
+    write_lens(file, lens_entries(0.9, (0.5, 0.51), (0.1, 0.0, 0.0, 0.0, 0.0)))
+    assert camera_in(file).distortion_coefficients == (0.1, 0.0, 0.0, 0.0, 0.0)
     assert camera_in(file).field_of_view == pytest.approx(0.9, abs=1e-5)
     assert file.read_text().count("distortion") == 1
 
@@ -63,16 +63,16 @@ def test_a_second_calibration_takes_the_place_of_the_first(file: Path) -> None:
 def test_a_camera_in_braces_can_be_changed_too(tmp_path: Path) -> None:
     path = tmp_path / "short.yaml"
     path.write_text("robot: short\ncamera: {source: 1}\n")
-    keep_lens(path, ENTRIES)
+    write_lens(path, ENTRIES)
     assert camera_in(path).source == "1"
     assert camera_in(path).centre == pytest.approx((0.515, 0.48))
 
 
 def test_a_robot_that_ships_is_to_be_copied_first() -> None:
-    path = shipped("robots")["turtlebot2_arm"]
+    path = shipped_files("robots")["turtlebot2_arm"]
     before = path.read_text()
     with pytest.raises(NotEditableError, match=r"(?s)ships with MissionTree.*cp .*--keep my_turtlebot2_arm.yaml"):
-        keep_lens(path, ENTRIES)
+        write_lens(path, ENTRIES)
     assert path.read_text() == before
 
 
@@ -80,7 +80,7 @@ def test_a_robot_without_a_camera_says_so(tmp_path: Path) -> None:
     path = tmp_path / "blind.yaml"
     path.write_text("robot: blind\n")
     with pytest.raises(NotEditableError, match="blind has no camera"):
-        keep_lens(path, ENTRIES)
+        write_lens(path, ENTRIES)
 
 
 def test_a_value_that_stands_for_two_things_is_left_alone(tmp_path: Path) -> None:
@@ -91,7 +91,7 @@ def test_a_value_that_stands_for_two_things_is_left_alone(tmp_path: Path) -> Non
     )
     before = path.read_text()
     with pytest.raises((NotEditableError, InvalidFileError)):
-        keep_lens(path, ENTRIES)
+        write_lens(path, ENTRIES)
     assert path.read_text() == before
 
 
@@ -112,6 +112,6 @@ def test_mistakes_in_the_camera_section_are_named(tmp_path: Path, line: str, com
 
 
 def test_entries_are_written_with_their_units() -> None:
-    assert in_dimension(ENTRIES["field_of_view"], "angle") == pytest.approx(1.0123, abs=1e-5)
+    assert si_value(ENTRIES["field_of_view"], "angle") == pytest.approx(1.0123, abs=1e-5)
     assert ENTRIES["centre_x"] == "51.5 %"
     assert ENTRIES["distortion"].startswith("{k1: 0.08000, k2: -0.20000")

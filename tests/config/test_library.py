@@ -7,18 +7,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from config.library import UnknownNameError, find, kinds_of, shipped
+from config.library import UnknownNameError, find_file, kinds_of, shipped_files
 
 KINDS = ("robots", "gestures", "worlds", "controllers")
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_ships_files_that_are_found_by_name(kind: str) -> None:
-    library = shipped(kind)
+    library = shipped_files(kind)
     assert library
     assert list(library) == sorted(library)
     for name, path in library.items():
-        assert find(kind, name) == path
+        assert find_file(kind, name) == path
         assert path.is_file()
 
 
@@ -26,13 +26,13 @@ def test_a_file_is_found_by_its_path(tmp_path: Path) -> None:
     with_suffix, without = tmp_path / "mine.yaml", tmp_path / "mine"
     for file in (with_suffix, without):
         file.write_text("robot: mine\n", encoding="utf-8")
-        assert find("robots", str(file)) == file
+        assert find_file("robots", str(file)) == file
 
 
 def test_the_library_comes_before_a_file_of_the_same_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("hello").write_text("gesture: mine\n", encoding="utf-8")
-    assert find("gestures", "hello") == shipped("gestures")["hello"]
+    assert find_file("gestures", "hello") == shipped_files("gestures")["hello"]
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_the_library_comes_before_a_file_of_the_same_name(tmp_path: Path, monkey
 def test_an_unknown_name_says_what_there_is(name: str, message: str) -> None:
     library = {"hello": Path("hello.yaml"), "wave": Path("wave.yaml")}
     with pytest.raises(UnknownNameError) as caught:
-        find("gestures", name, library=library)
+        find_file("gestures", name, library=library)
     assert caught.value.args[0] == message
 
 
@@ -61,7 +61,7 @@ def test_a_path_that_leads_to_no_regular_file_is_not_called_missing(folder: Path
     (folder / "device.yaml").symlink_to("/dev/zero")
     for name in ("pipe.yaml", "folder.yaml", "loop.yaml", "device.yaml"):
         with pytest.raises(UnknownNameError, match=rf"^'{name}': not a regular file$"):
-            find("gestures", name, library={})
+            find_file("gestures", name, library={})
 
 
 @pytest.fixture
@@ -85,7 +85,7 @@ MISSIONS = {name: Path(name) for name in ("greet", "asking", "patrol", "patrol_t
 
 def said_of(kind: str, name: str, *, library: dict[str, Path] | None = None, beside: Path = Path()) -> str:
     with pytest.raises(UnknownNameError) as caught:
-        find(kind, name, library=library, folder=beside)
+        find_file(kind, name, library=library, folder=beside)
     return str(caught.value.args[0])
 
 
@@ -122,7 +122,7 @@ def test_many_names_that_would_do_are_not_all_told(folder: Path) -> None:
 
 def test_a_file_beside_the_one_that_names_it_is_meant_from_there(folder: Path) -> None:
     assert said_of("missions", "ask", library={}, beside=folder).endswith("did you mean the file 'ask.yaml'?")
-    assert find("missions", "ask.yaml", library={}, folder=folder) == folder / "ask.yaml"
+    assert find_file("missions", "ask.yaml", library={}, folder=folder) == folder / "ask.yaml"
 
 
 @pytest.mark.parametrize(
@@ -144,23 +144,23 @@ def test_a_file_of_another_kind_says_what_it_is_for(folder: Path, kind: str, nam
 @pytest.mark.parametrize("text", ["", "sumary: a world: of things\n", "{mission: m}", "tree:\n  world: x\n", "\xff"])
 def test_a_file_that_does_not_say_what_it_is_is_read_as_what_was_asked_for(folder: Path, text: str) -> None:
     (folder / "x.yaml").write_bytes(text.encode("latin-1"))
-    assert find("worlds", "x.yaml") == Path("x.yaml")
+    assert find_file("worlds", "x.yaml") == Path("x.yaml")
 
 
 def test_a_file_that_has_the_key_of_its_kind_may_have_others(folder: Path) -> None:
     (folder / "x.yaml").write_text("robot: marvin\nworld: x\n", encoding="utf-8")
-    assert find("worlds", "x.yaml") == Path("x.yaml")
+    assert find_file("worlds", "x.yaml") == Path("x.yaml")
 
 
 @pytest.mark.parametrize("kind", [*KINDS, "objects"])
 def test_every_file_that_ships_is_known_for_what_it_is(kind: str) -> None:
-    assert {tuple(kinds_of(path)[:1]) for path in shipped(kind).values()} == {(kind,)}
+    assert {tuple(kinds_of(path)[:1]) for path in shipped_files(kind).values()} == {(kind,)}
 
 
 @given(st.text())
 def test_any_name_is_a_file_or_unknown(name: str) -> None:
     try:
-        found = find("gestures", name)
+        found = find_file("gestures", name)
     except UnknownNameError:
         found = None
     assert found is None or found.is_file()

@@ -6,8 +6,19 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from config.faults import Diagnostic, InvalidFileError, Mark, Source
-from config.marked import MAX_BYTES, MAX_DEPTH, MAX_NODES, Listing, Mapping, Node, Scalar, compose, plain, read_source
+from config.faults import Diagnostic, InvalidFileError, Mark, SourceText
+from config.marked import (
+    MAX_BYTES,
+    MAX_DEPTH,
+    MAX_NODES,
+    Listing,
+    Mapping,
+    Node,
+    Scalar,
+    compose,
+    plain_value,
+    read_source,
+)
 
 GREET = (Path(__file__).parents[2] / "missions" / "greet.yaml").read_text(encoding="utf-8")
 
@@ -17,13 +28,13 @@ BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
 
 
 def read(text: str) -> Node:
-    return compose(Source("robot.yaml", text))
+    return compose(SourceText("robot.yaml", text))
 
 
 def mistakes(text: str) -> tuple[Diagnostic, ...]:
     with pytest.raises(InvalidFileError) as caught:
         read(text)
-    return caught.value.faults
+    return caught.value.diagnostics
 
 
 def the_mistake(text: str) -> Diagnostic:
@@ -52,7 +63,7 @@ def the_mistake(text: str) -> Diagnostic:
     ],
 )
 def test_plain_words_and_numbers_mean_what_yaml_1_2_says(written: str, meant: object) -> None:
-    found = plain(written)
+    found = plain_value(written)
     assert found == meant
     assert type(found) is type(meant)
 
@@ -62,12 +73,12 @@ def test_plain_words_and_numbers_mean_what_yaml_1_2_says(written: str, meant: ob
     ["yes", "on", "off", "True", "12:30", "0x1F", "0o17", "1__0", "1_", "_1", "1_.5", ".", "-", "e5", "٣", "½", ".inf"],
 )
 def test_everything_else_stays_the_text_it_is(word: str) -> None:
-    assert plain(word) == word
+    assert plain_value(word) == word
 
 
 @pytest.mark.parametrize("number", ["1e999", "-1e999", "9" * 400, "9" * 5000, "1" + "_0" * 5000])
 def test_a_number_too_large_to_be_meant_stays_a_text(number: str) -> None:
-    assert plain(number) == number
+    assert plain_value(number) == number
 
 
 def test_nodes_know_where_they_stand_and_keep_the_order_of_the_file() -> None:
@@ -113,7 +124,7 @@ def test_a_key_that_stands_twice_is_told_with_its_first_line() -> None:
 
 def test_mistakes_after_which_reading_goes_on_can_be_gathered() -> None:
     faults: list[Diagnostic] = []
-    root = compose(Source("m.yaml", "a: 1\na: 2\nb: !x 3\n"), faults)
+    root = compose(SourceText("m.yaml", "a: 1\na: 2\nb: !x 3\n"), faults)
     assert isinstance(root, Mapping)
     assert [fault.mark.line for fault in faults] == [2, 3]
 
@@ -213,7 +224,7 @@ def test_a_byte_that_is_not_utf_8_is_told_at_its_place(tmp_path: Path) -> None:
     file.write_bytes("é: 1\nsay: größe\n".encode() + b"name: caf\xe9\n")
     with pytest.raises(InvalidFileError) as caught:
         read_source(file, "latin.yaml")
-    (fault,) = caught.value.faults
+    (fault,) = caught.value.diagnostics
     assert (fault.mark, fault.message) == (Mark(3, 10), "not UTF-8: byte 0xe9")
     assert fault.suggestion == "save the file as UTF-8"
 
@@ -221,16 +232,16 @@ def test_a_byte_that_is_not_utf_8_is_told_at_its_place(tmp_path: Path) -> None:
 def test_a_source_can_go_by_another_name(tmp_path: Path) -> None:
     file = tmp_path / "a.yaml"
     file.write_text("x: 1\n", encoding="utf-8")
-    assert read_source(file, "shown.yaml") == Source("shown.yaml", "x: 1\n")
+    assert read_source(file, "shown.yaml") == SourceText("shown.yaml", "x: 1\n")
 
 
 def composes_or_says_why(text: str) -> None:
-    source = Source("any.yaml", text)
+    source = SourceText("any.yaml", text)
     try:
         compose(source)
     except InvalidFileError as error:
         lines = (text + "x").splitlines()
-        for fault in error.faults:
+        for fault in error.diagnostics:
             assert fault.message
             assert 1 <= fault.mark.line <= len(lines) + 1
             assert str(fault).startswith(fault.place)

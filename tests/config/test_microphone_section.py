@@ -6,18 +6,18 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from config.faults import InvalidFileError, Source
+from config.faults import InvalidFileError, SourceText
 from config.robot import RobotConfig
 from drivers.api.senses import PHONES, MicrophoneKeys
-from drivers.microphone.declared import FileKeys
+from drivers.microphone.declared import WavFileKeys
 from drivers.screen.declared import PageKeys
-from missions.library.drivers import robot_of
-from perception.hearing.grammar import Grammar, normalised
+from missions.library.drivers import parse_robot
+from perception.hearing.grammar import PhraseGrammar, normalise
 from perception.hearing.lexicon import KIND_OF
 
 
 def robot(text: str) -> RobotConfig:
-    return robot_of(Source("r.yaml", f"robot: r\n{text}\n"))
+    return parse_robot(SourceText("r.yaml", f"robot: r\n{text}\n"))
 
 
 def test_a_robot_without_the_sections_has_no_such_parts() -> None:
@@ -37,8 +37,8 @@ def test_all_of_them_is_read() -> None:
         "screen: {driver: print, port: 8400, mood: happy}"
     )
     said = {"rodney": "R AA D N IY"}
-    assert found.microphone == FileKeys(
-        source="a.wav", recogniser="vosk", model="m", threshold=1.5, said={"Rodney": "r aa d n iy"}
+    assert found.microphone == WavFileKeys(
+        source="a.wav", recogniser="vosk", model="m", threshold=1.5, pronunciation_texts={"Rodney": "r aa d n iy"}
     )
     assert found.microphone.pronunciations == said
     assert found.screen == PageKeys(port=8400, mood="happy")
@@ -65,7 +65,7 @@ def test_all_of_them_is_read() -> None:
 def test_what_is_wrong_is_told(text: str, said: str) -> None:
     with pytest.raises(InvalidFileError) as caught:
         robot(text)
-    (fault,) = caught.value.faults
+    (fault,) = caught.value.diagnostics
     assert said in str(fault)
 
 
@@ -80,8 +80,8 @@ def test_what_is_pronounced_is_a_word_as_it_is_listened_for(key: str) -> None:
         return
     assert section is not None
     (word,) = section.pronunciations
-    assert normalised(key) == word
-    assert Grammar.of([key]).words == (word,)
+    assert normalise(key) == word
+    assert PhraseGrammar.from_texts([key]).words == (word,)
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import Diagnostic, InvalidFileError, Source
-from config.move import JointSource, MoveConfig, is_move, move_of
+from config.faults import Diagnostic, InvalidFileError, SourceText
+from config.move import JointSource, MoveConfig, is_move, parse_move
 
 WHOLE = """\
 move: reach
@@ -24,13 +24,13 @@ joints:
 
 
 def read(text: str, joints: tuple[str, ...] | None = None) -> MoveConfig:
-    return move_of(Source("move.yaml", text), Path("folder"), joints)
+    return parse_move(SourceText("move.yaml", text), Path("folder"), joints)
 
 
 def mistakes(text: str, joints: tuple[str, ...] | None = None) -> list[Diagnostic]:
     with pytest.raises(InvalidFileError) as caught:
         read(text, joints)
-    return list(caught.value.faults)
+    return list(caught.value.diagnostics)
 
 
 def test_a_move_says_of_what_its_joints_are_made() -> None:
@@ -58,9 +58,9 @@ def test_a_joint_names_the_columns_that_it_is_made_of() -> None:
 
 
 def test_a_move_is_told_from_a_gesture() -> None:
-    assert is_move(Source("x", WHOLE))
-    assert is_move(Source("x", "# a sheet\nsheet: x.csv\n"))
-    assert not is_move(Source("x", "gesture: move\nsummary: sheet\nkeyframes:\n  - {at: 1 s, sheet: 1 deg}\n"))
+    assert is_move(SourceText("x", WHOLE))
+    assert is_move(SourceText("x", "# a sheet\nsheet: x.csv\n"))
+    assert not is_move(SourceText("x", "gesture: move\nsummary: sheet\nkeyframes:\n  - {at: 1 s, sheet: 1 deg}\n"))
 
 
 def test_all_that_is_wrong_is_said_at_its_word() -> None:

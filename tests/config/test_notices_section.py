@@ -2,22 +2,22 @@
 
 import pytest
 
-from config.faults import InvalidFileError, Source
+from config.faults import InvalidFileError, SourceText
 from config.notices import (
     CommandNotice,
     MqttNotice,
     NoticeConfig,
     TerminalNotice,
     WebhookNotice,
-    named,
-    read_written,
-    written,
+    decode_notice,
+    encode_notice,
+    public_text,
 )
-from missions.library.drivers import robot_of
+from missions.library.drivers import parse_robot
 
 
 def notices(text: str) -> tuple[NoticeConfig, ...]:
-    return robot_of(Source("robot.yaml", f"robot: mine\nnotices:\n{text}")).notices
+    return parse_robot(SourceText("robot.yaml", f"robot: mine\nnotices:\n{text}")).notices
 
 
 def test_each_way_is_read() -> None:
@@ -43,7 +43,7 @@ def test_each_way_is_read() -> None:
 
 
 def test_a_robot_that_says_nothing_has_none() -> None:
-    assert robot_of(Source("robot.yaml", "robot: mine")).notices == ()
+    assert parse_robot(SourceText("robot.yaml", "robot: mine")).notices == ()
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ def test_a_robot_that_says_nothing_has_none() -> None:
 def test_what_is_wrong_is_told_at_its_place(text: str, fault: str, hint: str) -> None:
     with pytest.raises(InvalidFileError) as raised:
         notices(text)
-    (found, *_) = raised.value.faults
+    (found, *_) = raised.value.diagnostics
     assert fault in found.message
     assert hint in found.suggestion
     assert found.mark.line == 3
@@ -91,21 +91,21 @@ WAYS: list[NoticeConfig] = [
 
 @pytest.mark.parametrize("way", WAYS, ids=lambda way: type(way).__name__)
 def test_what_is_written_can_be_read_again(way: NoticeConfig) -> None:
-    assert read_written(written(way)) == way
+    assert decode_notice(encode_notice(way)) == way
 
 
 def test_people_see_a_way_without_its_secrets() -> None:
-    assert [named(written(way)) for way in WAYS] == [
+    assert [public_text(encode_notice(way)) for way in WAYS] == [
         "terminal", "command sh", "webhook https://x", "webhook CHAT_URL", "mqtt h:1",
     ]  # fmt: skip
-    assert named("an old way") == "an old way"
+    assert public_text("an old way") == "an old way"
 
 
 def test_a_way_that_was_written_before_addresses_could_come_from_elsewhere_is_read() -> None:
-    assert read_written('{"webhook": {"headers": {}, "url": "https://x"}}') == WebhookNotice("https://x")
+    assert decode_notice('{"webhook": {"headers": {}, "url": "https://x"}}') == WebhookNotice("https://x")
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"terminal": {"x": 1}}', '{"terminal": {}, "command": {}}', "null"])
 def test_what_was_never_written_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="no way to send notices"):
-        read_written(text)
+        decode_notice(text)

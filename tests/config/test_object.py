@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from config.colours import COLOURS
 from config.faults import InvalidFileError
-from config.library import shipped
+from config.library import shipped_files
 from config.object import FORMS, HUES, SHAPES, SIZES, load_object, read_phrase
 
 
@@ -65,9 +65,9 @@ def test_the_colours_are_those_that_worlds_have() -> None:
     assert set(HUES) < set(COLOURS)
 
 
-@pytest.mark.parametrize("name", shipped("objects"))
+@pytest.mark.parametrize("name", shipped_files("objects"))
 def test_every_shipped_object_bears_its_name(name: str) -> None:
-    found = load_object(shipped("objects")[name])
+    found = load_object(shipped_files("objects")[name])
     assert found.name == name
     assert found.summary
     assert found.size is not None
@@ -78,7 +78,7 @@ def test_a_file_is_told_all_its_mistakes_at_once(tmp_path: Path) -> None:
     path.write_text("object: cup\ncolour: grey\nshape: cone\nsize: 9\nheight: 3 cm\n")
     with pytest.raises(InvalidFileError) as caught:
         load_object(path)
-    assert [fault.mark.line for fault in caught.value.faults] == [2, 3, 4, 5]
+    assert [fault.mark.line for fault in caught.value.diagnostics] == [2, 3, 4, 5]
 
 
 def test_a_file_may_leave_out_shape_and_size(tmp_path: Path) -> None:

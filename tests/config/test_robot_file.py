@@ -48,7 +48,7 @@ def load(file: Path, text: str) -> RobotConfig:
 def mistakes(file: Path, text: str) -> list[Diagnostic]:
     with pytest.raises(InvalidFileError) as caught:
         load(file, text)
-    return list(caught.value.faults)
+    return list(caught.value.diagnostics)
 
 
 def test_a_robot_is_read_in_si_units(file: Path) -> None:
@@ -174,7 +174,7 @@ def test_how_long_a_base_may_be_away_is_said_in_its_section(tmp_path: Path) -> N
     path.write_text("robot: r\nbase:\n  driver: kobuki\n  port: /dev/kobuki\n  away: {decide_after: 500 ms}\n")
     base = load_robot(path).base
     assert base is not None
-    assert (base.away.decide, base.away.latch) == (0.5, 5.0)
+    assert (base.away.decide_after, base.away.latch_after) == (0.5, 5.0)
     path.write_text(path.read_text().replace("500 ms", "6 s, latch_after: 2 s"))
     with pytest.raises(InvalidFileError, match=r"'latch_after' \(2 s\) is below 'decide_after' \(6 s\)"):
         load_robot(path)

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from config.faults import Diagnostic, InvalidFileError, Source
+from config.faults import Diagnostic, InvalidFileError, SourceText
 from drivers.servos.declared import DynamixelKeys, JointKeys, Ticks
 from drivers.servos.models import MODELS
-from missions.library.drivers import robot_of
-from missions.plugins.setup.servo.foreign_joints import PAIRED
+from missions.library.drivers import parse_robot
+from missions.plugins.setup.servo.foreign_joints import PAIRED_MESSAGE
 from missions.plugins.setup.servo.importing import RosJoints, load_ros_joints, robot_text, ros_joints_of
 
 TEN = Path(__file__).parent / "ten_joints.ros.yaml"
@@ -20,7 +20,7 @@ PLAIN = "elbow_controller:\n  joint_name: elbow\n  motor: {id: 5, init: 512, min
 
 
 def read(text: str, model: str = "AX-12A") -> RosJoints:
-    return ros_joints_of(Source("tilt.yaml", text), model=model)
+    return ros_joints_of(SourceText("tilt.yaml", text), model=model)
 
 
 def joint_of(text: str, model: str = "AX-12A") -> JointKeys:
@@ -31,7 +31,7 @@ def joint_of(text: str, model: str = "AX-12A") -> JointKeys:
 def mistakes(text: str) -> list[Diagnostic]:
     with pytest.raises(InvalidFileError) as caught:
         read(text)
-    return list(caught.value.faults)
+    return list(caught.value.diagnostics)
 
 
 def test_ten_joints_come_by_their_names_and_ids() -> None:
@@ -142,7 +142,7 @@ def test_ends_beyond_the_servo_are_brought_within_and_said() -> None:
         (
             "two:\n  joint_name: a\n  motor_master: {id: 1, init: 5, min: 0, max: 9}\n  motor_slave: {id: 2}\n",
             3,
-            PAIRED.format("a", 1, 2),
+            PAIRED_MESSAGE.format("a", 1, 2),
         ),
         (
             "wheel:\n  controller: {type: JointTorqueController}\n  joint_name: a\n  motor: {id: 1}\n",
@@ -184,7 +184,7 @@ def test_all_mistakes_of_all_controllers_come_at_once() -> None:
 def test_the_joints_become_a_robot_file_that_says_the_same() -> None:
     joints = load_ros_joints(TEN).joints
     text = robot_text("ten", joints, port="/dev/u2d2")
-    arm = robot_of(Source("ten.yaml", text)).keys(DynamixelKeys)
+    arm = parse_robot(SourceText("ten.yaml", text)).keys(DynamixelKeys)
     assert arm is not None
     assert arm.joints == joints
     assert "    waist_bend: {id: 2, model: AX-12A, ticks: {init: 512, min: 716, max: 478}, speed: 0.8 rad/s" in text

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from config.reading import PRIVATE, save_file, whole_file
+from config.reading import PRIVATE_MODE, replace_file, save_file
 
 ROOT = Path(__file__).parents[2]
 
@@ -41,7 +41,7 @@ def test_what_fails_half_way_leaves_the_file_that_was_there(tmp_path: Path, erro
     path.write_text("good")
 
     def write_half() -> None:
-        with whole_file(path) as file:
+        with replace_file(path) as file:
             file.write(b"half")
             raise error
 
@@ -52,7 +52,7 @@ def test_what_fails_half_way_leaves_the_file_that_was_there(tmp_path: Path, erro
 
 
 def test_a_full_disk_names_the_file(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match=r"report\.html"), whole_file(tmp_path / "report.html"):
+    with pytest.raises(OSError, match=r"report\.html"), replace_file(tmp_path / "report.html"):
         raise OSError(errno.ENOSPC, "No space left on device")
 
 
@@ -68,8 +68,8 @@ def test_a_file_keeps_its_rights_and_a_link_stays_one(tmp_path: Path) -> None:
 def test_a_private_file_is_for_its_owner_only(tmp_path: Path) -> None:
     path = tmp_path / "film.webm"
     path.write_text("old")
-    save_file(path, b"new", PRIVATE)
-    assert stat.S_IMODE(path.stat().st_mode) == PRIVATE
+    save_file(path, b"new", PRIVATE_MODE)
+    assert stat.S_IMODE(path.stat().st_mode) == PRIVATE_MODE
 
 
 def test_a_pipe_is_written_as_it_is(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from config.units import EXAMPLES, UNITS, Quantity, article, in_dimension, quantity, seen, written
+from config.units import EXAMPLES, UNITS, Quantity, parse_quantity, quantity_text, quoted_value, si_value, with_article
 
 PAIRS = [(dimension, unit) for dimension, units in UNITS.items() for unit in units]
 
@@ -33,8 +33,8 @@ PAIRS = [(dimension, unit) for dimension, units in UNITS.items() for unit in uni
     ],
 )
 def test_a_quantity_is_its_value_in_si_units(text: str, dimension: str, si: float) -> None:
-    assert in_dimension(text, dimension) == pytest.approx(si)
-    found = quantity(text)
+    assert si_value(text, dimension) == pytest.approx(si)
+    found = parse_quantity(text)
     assert found is not None
     assert (found.dimension, found.text) == (dimension, text.strip())
 
@@ -66,19 +66,19 @@ def test_a_quantity_is_its_value_in_si_units(text: str, dimension: str, si: floa
 )
 def test_what_is_no_quantity_is_told_with_what_to_write(value: object, message: str) -> None:
     with pytest.raises(ValueError, match="needs") as caught:
-        in_dimension(value, "angle")
+        si_value(value, "angle")
     assert str(caught.value) == message
 
 
 @pytest.mark.parametrize("text", ["5", "deg", "5 apples", "5 m m", "1e999 m", "1e308 h", "--5 m", "5 m\0", ""])
 def test_other_texts_are_no_quantities(text: str) -> None:
-    assert quantity(text) is None
+    assert parse_quantity(text) is None
 
 
 def test_each_dimension_has_an_example_of_its_own() -> None:
     assert EXAMPLES.keys() == UNITS.keys()
     for dimension, example in EXAMPLES.items():
-        found = quantity(example)
+        found = parse_quantity(example)
         assert found is not None
         assert found.dimension == dimension
 
@@ -91,19 +91,19 @@ def test_no_unit_belongs_to_two_dimensions() -> None:
 @given(st.sampled_from(list(UNITS)), st.floats(-1e4, 1e4))
 def test_what_is_written_is_read_as_the_same_quantity(dimension: str, value: float) -> None:
     factor = next(iter(UNITS[dimension].values()))
-    assert in_dimension(written(value, dimension), dimension) == pytest.approx(value, rel=1e-5, abs=1e-4 * factor)
+    assert si_value(quantity_text(value, dimension), dimension) == pytest.approx(value, rel=1e-5, abs=1e-4 * factor)
 
 
 @given(st.sampled_from(PAIRS), st.floats(-1e9, 1e9), st.sampled_from(["", " ", "  "]))
 def test_every_unit_scales_its_number(pair: tuple[str, str], number: float, blanks: str) -> None:
     dimension, unit = pair
-    assert in_dimension(f"{number!r}{blanks}{unit}", dimension) == pytest.approx(number * UNITS[dimension][unit])
+    assert si_value(f"{number!r}{blanks}{unit}", dimension) == pytest.approx(number * UNITS[dimension][unit])
 
 
 @given(st.text(max_size=40), st.sampled_from(list(UNITS)))
 def test_any_text_is_a_finite_quantity_or_refused(text: str, dimension: str) -> None:
     try:
-        value = in_dimension(text, dimension)
+        value = si_value(text, dimension)
     except ValueError as error:
         value, refused = 0.0, str(error)
     else:
@@ -113,9 +113,9 @@ def test_any_text_is_a_finite_quantity_or_refused(text: str, dimension: str) -> 
 
 
 def test_zero_is_written_without_a_sign() -> None:
-    assert written(-0.0, "length") == "0 m"
-    assert written(-1e-9, "length") == "0 m"
-    assert written(math.pi, "turn rate") == "180 deg/s"
+    assert quantity_text(-0.0, "length") == "0 m"
+    assert quantity_text(-1e-9, "length") == "0 m"
+    assert quantity_text(math.pi, "turn rate") == "180 deg/s"
 
 
 def test_a_quantity_shows_as_it_was_written_and_calculates_in_si() -> None:
@@ -132,7 +132,7 @@ def test_a_quantity_survives_pickling() -> None:
 
 
 def test_values_are_shown_as_the_file_has_them_and_never_at_length() -> None:
-    assert [seen(value) for value in (None, True, 3, "x", [1], {"a": 1})] == [
+    assert [quoted_value(value) for value in (None, True, 3, "x", [1], {"a": 1})] == [
         "nothing",
         "'true'",
         "'3'",
@@ -140,5 +140,5 @@ def test_values_are_shown_as_the_file_has_them_and_never_at_length() -> None:
         "a list",
         "a mapping",
     ]
-    assert seen("x" * 1000) == f"'{'x' * 60}...'"
-    assert (article("angle"), article("length")) == ("an angle", "a length")
+    assert quoted_value("x" * 1000) == f"'{'x' * 60}...'"
+    assert (with_article("angle"), with_article("length")) == ("an angle", "a length")

@@ -2,18 +2,20 @@
 
 import pytest
 
-from config.faults import InvalidFileError, Source
-from drivers.api import Manner
+from config.faults import InvalidFileError, SourceText
+from drivers.api import SpeechStyle
 from drivers.clock import SystemClock
 from drivers.sound.program import Synthesiser
-from drivers.table import HOUSE
-from drivers.voice.declared import FILLED, PiperKeys, SpeechKeys
-from drivers.voice.speech import Wish, make_voice
-from missions.library.drivers import robot_of
+from drivers.table import BUILT_IN_DRIVERS
+from drivers.voice.declared import PLACEHOLDERS, PiperKeys, SpeechKeys
+from drivers.voice.speech import VoiceSettings, make_voice
+from missions.library.drivers import parse_robot
 
 
 def voice(*lines: str) -> SpeechKeys:
-    found = robot_of(Source("r.yaml", "robot: r\nvoice:\n" + "".join(f"  {line}\n" for line in lines))).keys(SpeechKeys)
+    found = parse_robot(SourceText("r.yaml", "robot: r\nvoice:\n" + "".join(f"  {line}\n" for line in lines))).keys(
+        SpeechKeys
+    )
     assert found is not None
     return found
 
@@ -21,7 +23,7 @@ def voice(*lines: str) -> SpeechKeys:
 def mistake(*lines: str) -> str:
     with pytest.raises(InvalidFileError) as caught:
         voice(*lines)
-    (fault,) = caught.value.faults
+    (fault,) = caught.value.diagnostics
     return f"{fault.message} | {fault.suggestion}"
 
 
@@ -45,15 +47,15 @@ def test_what_is_left_out_is_as_usual() -> None:
 
 
 def test_every_driver_makes_a_voice() -> None:
-    for driver in HOUSE["voice"]:
-        made = make_voice(Wish(driver, model="amy.onnx", command="my_tts"), SystemClock(), print)
+    for driver in BUILT_IN_DRIVERS["voice"]:
+        made = make_voice(VoiceSettings(driver, model="amy.onnx", command="my_tts"), SystemClock(), print)
         assert not made.health().online
 
 
 def test_what_a_command_may_name_is_what_is_filled_in() -> None:
-    line = "my_tts " + " ".join(f"{{{each}}}" for each in FILLED)
+    line = "my_tts " + " ".join(f"{{{each}}}" for each in PLACEHOLDERS)
     assert voice("driver: command", f'command: "{line}"').command == line
-    said = Synthesiser("my_tts", tuple(line.split()[1:])).command(Manner("Anna", 150.0, "de"))
+    said = Synthesiser("my_tts", tuple(line.split()[1:])).command(SpeechStyle("Anna", 150.0, "de"))
     assert said == ["my_tts", "Anna", "de", "Anna", "150", "100"]
     assert voice("driver: command", "command: my_tts '{ print }'").command == "my_tts '{ print }'"
 

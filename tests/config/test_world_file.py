@@ -22,7 +22,7 @@ def load(file: Path, text: str) -> WorldConfig:
 def mistakes(file: Path, text: str) -> list[Diagnostic]:
     with pytest.raises(InvalidFileError) as caught:
         load(file, text)
-    return list(caught.value.faults)
+    return list(caught.value.diagnostics)
 
 
 def test_a_world_is_read_in_si_units(file: Path) -> None:

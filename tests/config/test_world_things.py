@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from config.faults import Diagnostic, InvalidFileError
-from config.library import shipped
+from config.library import shipped_files
 from config.things import ActConfig, BoxConfig, DockConfig, EdgeConfig, ThingConfig, WallConfig
 from config.world import BatteryConfig, LightConfig, StartConfig, WorldConfig, load_world
 
@@ -21,7 +21,7 @@ def load(folder: Path, text: str) -> WorldConfig:
 def mistake(folder: Path, text: str) -> Diagnostic:
     with pytest.raises(InvalidFileError) as caught:
         load(folder, text)
-    (fault,) = caught.value.faults
+    (fault,) = caught.value.diagnostics
     return fault
 
 
@@ -185,17 +185,17 @@ def test_pictures_are_lost_as_reports_are_unless_the_camera_says_else(tmp_path: 
     assert (apart.physics.dropouts, apart.dropouts, apart.noise) == pytest.approx((0.04, 0.01, 7.0))
 
 
-@pytest.mark.parametrize("name", list(shipped("worlds")))
+@pytest.mark.parametrize("name", list(shipped_files("worlds")))
 def test_every_mark_of_a_broken_world_is_inside_the_file(name: str, tmp_path: Path) -> None:
     """Each line of a shipped file is left out in turn: what then is wrong must be told without an accident."""
-    lines = shipped("worlds")[name].read_text(encoding="utf-8").splitlines()
+    lines = shipped_files("worlds")[name].read_text(encoding="utf-8").splitlines()
     file = tmp_path / "world.yaml"
     for left_out in range(len(lines)):
         file.write_text("\n".join(lines[:left_out] + lines[left_out + 1 :]), encoding="utf-8")
         try:
             load_world(file)
         except InvalidFileError as error:
-            for fault in error.faults:
+            for fault in error.diagnostics:
                 assert 1 <= fault.mark.line <= len(lines)
 
 
@@ -253,7 +253,7 @@ def test_all_that_is_wrong_with_a_dock_and_a_battery_comes_at_once(tmp_path: Pat
     file.write_text("world: hall\ndock: {at: 1 m, heading: 3 m}\nphysics: {battery: {level: 2, drain: x}}\n")
     with pytest.raises(InvalidFileError) as caught:
         load_world(file)
-    assert [(fault.mark.line, fault.mark.column) for fault in caught.value.faults] == [
+    assert [(fault.mark.line, fault.mark.column) for fault in caught.value.diagnostics] == [
         (2, 12),
         (2, 26),
         (3, 28),

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from config.faults import InvalidFileError, Source
-from config.gesture import GestureConfig, gesture_of, load_gesture
+from config.faults import InvalidFileError, SourceText
+from config.gesture import GestureConfig, load_gesture, parse_gesture
 from config.writing import gesture_text, write_new
 from drivers.servos.declared import DynamixelKeys, JointKeys
-from missions.library.drivers import robot_of
+from missions.library.drivers import parse_robot
 from missions.plugins.setup.servo.importing import robot_text
 
 NOD = GestureConfig("nod", "Nod: once.", ((0.0, {"neck": 0.0}), (0.5, {"neck": 0.5, "waist": -0.25})), "cubic")
@@ -57,7 +57,7 @@ def test_a_joint_that_stood_still_is_not_written_again() -> None:
 
 @given(MOVES)
 def test_what_is_written_is_read_again(gesture: GestureConfig) -> None:
-    again = gesture_of(Source("x.yaml", gesture_text(gesture)))
+    again = parse_gesture(SourceText("x.yaml", gesture_text(gesture)))
     assert (again.name, again.interpolation) == (gesture.name, gesture.interpolation)
     for (time, angles), (was, meant) in zip(whole(again), whole(gesture), strict=True):
         assert isclose(time, was, abs_tol=6e-5)
@@ -105,9 +105,9 @@ def test_a_file_that_the_disk_has_no_room_for_is_not_left_behind(
 
 def test_joints_in_angles_are_written_as_well_as_those_in_ticks() -> None:
     joint = JointKeys(
-        id=3, written_model="MX-28", written_zero=0.5, turned=True, limits=(-1.0, 1.5), speed=2.0, torque=0.8
+        id=3, written_model="MX-28", written_zero=0.5, written_reverse=True, limits=(-1.0, 1.5), speed=2.0, torque=0.8
     )
-    arm = robot_of(Source("r.yaml", robot_text("on", {"left elbow": joint}, port="/dev/x y", baud=57_600))).keys(
+    arm = parse_robot(SourceText("r.yaml", robot_text("on", {"left elbow": joint}, port="/dev/x y", baud=57_600))).keys(
         DynamixelKeys
     )
     assert arm is not None

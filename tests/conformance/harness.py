@@ -32,14 +32,14 @@ from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
 from behaviours.node import Node
 from behaviours.robot import Robot
-from config.faults import Source
-from config.units import in_dimension
+from config.faults import SourceText
+from config.units import si_value
 from drivers.clock import ManualClock
 from drivers.errors import SensorSilent
 from missions.executive.build import build
 from missions.executive.events import Event, NodeChanged
 from missions.executive.executive import Executive
-from missions.executive.stream import Stream
+from missions.executive.stream import EventStream
 from missions.language.document import check_plan
 from missions.language.nodes import MODIFIERS
 from missions.language.plan import Plan
@@ -70,7 +70,7 @@ class Case:
 
     def plan(self) -> Plan:
         """Check the mission. Raises InvalidFileError with every mistake in it."""
-        return check_plan(Source(self.subject, self.mission), WORDS, {})
+        return check_plan(SourceText(self.subject, self.mission), WORDS, {})
 
 
 def all_cases() -> list[Case]:
@@ -91,7 +91,7 @@ def read_cases(subject: str, text: str) -> Iterator[Case]:
         rest = {key: told[key] for key in ("state", "reasons", "variables") if key in told}
         for key in ("ticks", "refused"):
             rest[key] = tuple(told.get(key, ()))
-        step = in_dimension(told.get("step", "100 ms"), "duration")
+        step = si_value(told.get("step", "100 ms"), "duration")
         yield Case(told["case"], subject, _mission(node, lines), step, **rest)
 
 
@@ -126,7 +126,7 @@ class Play:
         self._state = _copied(state)
         self.bench.variables.update(self._state)
         self.root = build(plan, self.bench, lambda _: Robot())
-        self.executive = Executive(self.root, self.bench, Stream([self._hear]))
+        self.executive = Executive(self.root, self.bench, EventStream([self._hear]))
         self.nodes = {_label(node.name, node.kind): node for node in self.root.iterate() if isinstance(node, Node)}
 
     def line(self, line: str, step: float) -> str:
@@ -139,7 +139,7 @@ class Play:
         for entry in told:
             match entry.split():
                 case ["after", *duration]:
-                    step = in_dimension(" ".join(duration), "duration")
+                    step = si_value(" ".join(duration), "duration")
                 case ["with", path, "=", *value]:
                     self.change(path, yaml.safe_load(" ".join(value)))
                 case [part, "silent"]:

@@ -6,7 +6,7 @@ from typing import Any
 from py_trees.common import Status
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf, argument
-from behaviours.run import Run
+from behaviours.run import RunState
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, NoReply, NotConnected, SensorSilent
 
@@ -24,7 +24,7 @@ OUTCOMES: dict[str, Any] = {"running": RUNNING, "success": SUCCESS, "failure": F
 """What a probe may be told to return; ``nonsense`` is no status."""
 
 
-class Bench(Run):
+class Bench(RunState):
     """A run that keeps, in order, what its probes were called for, and what was settled in their place."""
 
     def __init__(self, clock: Clock) -> None:
@@ -45,8 +45,8 @@ class Probe(Leaf):
     A halt takes it ``halts_in`` more ticks. It fails with the reason ``because``.
     """
 
-    word = "probe"
-    stores = "what it was told to find"
+    tag = "probe"
+    output_doc = "what it was told to find"
     outcomes: Any = argument("value", "statuses, nonsense or errors, in turn", principal=True)
     starting: Any = argument("value", "well, or an error, in turn", default="well")
     stopping: Any = argument("value", "well, or an error, in turn", default="well")
@@ -100,28 +100,28 @@ class Probe(Leaf):
 class BaseProbe(Probe):
     """A probe that drives the base."""
 
-    word = "base_probe"
+    tag = "base_probe"
     drives = frozenset({"base"})
 
 
 class ArmProbe(Probe):
     """A probe that moves the arm."""
 
-    word = "arm_probe"
+    tag = "arm_probe"
     drives = frozenset({"arm"})
 
 
 class PatientProbe(BaseProbe):
     """A probe that drives the base and has three seconds to come to rest."""
 
-    word = "patient_probe"
+    tag = "patient_probe"
     halt_limit = 3.0
 
 
 class Echo(Leaf):
     """Write down a value as it was when this leaf started. Succeeds at once."""
 
-    word = "echo"
+    tag = "echo"
     value: Any = argument("value", "what to write down", principal=True)
 
     run: Bench
@@ -132,7 +132,7 @@ class Echo(Leaf):
         return SUCCESS
 
 
-PROBES: dict[str, type[Leaf]] = {leaf.word: leaf for leaf in (Probe, BaseProbe, ArmProbe, PatientProbe, Echo)}
+PROBES: dict[str, type[Leaf]] = {leaf.tag: leaf for leaf in (Probe, BaseProbe, ArmProbe, PatientProbe, Echo)}
 """The words that the cases add to the language."""
 
 

@@ -28,13 +28,13 @@ class Waiting(Event):
 
     def wait(self, timeout: float | None = None) -> bool:
         assert timeout is not None, "the loop waits for what may never come"
-        end = self._clock.now() + timeout
+        end = self._clock.read_value() + timeout
         while not self.is_set():
             due = min(self.script, default=math.inf)
             if due > end:
-                self._clock.advance(max(0.0, end - self._clock.now()))
+                self._clock.advance(max(0.0, end - self._clock.read_value()))
                 return False
-            self._clock.advance(max(0.0, due - self._clock.now()))
+            self._clock.advance(max(0.0, due - self._clock.read_value()))
             self.script.pop(due)()
         return True
 
@@ -45,11 +45,11 @@ class Scene:
     def __init__(self, tree: str, clock: Clock, *, woken: Event | None = None, rate: float = 1 / PERIOD) -> None:
         self.run = Bench(clock)
         if woken is not None:
-            self.run.woken = woken
+            self.run.wake_event = woken
         root = build(Case("a run", "run", f"mission: run\ntree:\n  {tree}\n").plan(), self.run, lambda _: Robot())
         self.told: list[events.Event] = []
         self.at_tick: Callable[[int], None] = lambda _: None
-        self.executive = Executive(root, self.run, stream.Stream([self._hear]), rate=rate, mission="run")
+        self.executive = Executive(root, self.run, stream.EventStream([self._hear]), rate=rate, mission="run")
 
     @property
     def ticks(self) -> list[float]:
@@ -80,5 +80,5 @@ class Simulated(Scene):
     def settled(self) -> list[float]:
         """Let the run write down when, rather than what, it settles; return that list."""
         times: list[float] = []
-        self.run.safe_stop = lambda claims: times.append(self.clock.now()) if claims else None
+        self.run.safe_stop = lambda claims: times.append(self.clock.read_value()) if claims else None
         return times

@@ -23,7 +23,7 @@ def test_the_tree_does_what_its_table_says(case: Case) -> None:
 def test_the_mission_is_refused(case: Case) -> None:
     with pytest.raises(InvalidFileError) as caught:
         case.plan()
-    found = [f"{fault.mark.line}: {fault.message}" for fault in caught.value.faults]
+    found = [f"{fault.mark.line}: {fault.message}" for fault in caught.value.diagnostics]
     assert [line[: len(told)] for line, told in zip(found, case.refused, strict=True)] == list(case.refused)
 
 

@@ -169,7 +169,7 @@ def _checked(case: Case) -> Plan | None:
         return case.plan()
     except InvalidFileError as error:
         known = ("at the same time", "never reached", "cannot matter", "no 'else'", "must be at most", "never does")
-        if not all(any(words in fault.message for words in known) for fault in error.faults):
+        if not all(any(words in fault.message for words in known) for fault in error.diagnostics):
             raise
         return None
 

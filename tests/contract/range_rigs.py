@@ -6,18 +6,18 @@ from drivers.api import Pose2D, Ranger, RangeScan
 from drivers.base.range_twin import RangerTwin
 from drivers.ros2.ranger import Ros2Ranger
 from drivers.ros2.virtual_topics import VirtualScan
-from drivers.rplidar.make import GATHER, RPLidar
-from drivers.rplidar.virtual import VirtualLidar
+from drivers.rplidar.make import GATHER_TIME, RPLidar
+from drivers.rplidar.virtual import VirtualRPLidar
 from drivers.sim.room import Room
-from drivers.sim.scanner import looking
-from drivers.sim.things import Box
-from drivers.sim.world import World
+from drivers.sim.scanner import make_range_function
+from drivers.sim.things import WorldBox
+from drivers.sim.world import SimulatedWorld
 from tests.contract.rigs import InSimulatedTime, Rig
 from tests.drivers.cranked import HandWire
 
-WORLD = World(
+WORLD = SimulatedWorld(
     room=Room(8.0, 30.0, 2.6, (1.0, 0.0), fixtures=()),
-    furniture=(Box("pillar", 0.0, 1.3, (0.6, 0.6, 2.0), (90, 90, 90)),),
+    furniture=(WorldBox("pillar", 0.0, 1.3, (0.6, 0.6, 2.0), (90, 90, 90)),),
 )
 """A hall: walls 5 m ahead of (0, 0) and 3 m behind it, none in reach to the right, and a pillar on the left."""
 
@@ -32,7 +32,7 @@ class RangeRig(Rig):
     def __init__(self) -> None:
         super().__init__()
         self.base = START
-        self.look = looking(WORLD, PLACE, lambda _: self.base)
+        self.look = make_range_function(WORLD, PLACE, lambda _: self.base)
 
     def start(self) -> None:
         self.device.open()
@@ -55,9 +55,9 @@ class WireRange(InSimulatedTime, RangeRig):
 
     def __init__(self) -> None:
         super().__init__()
-        self.lidar = VirtualLidar(self.look, model=self.model, yaw=PLACE[2], seed=4)
+        self.lidar = VirtualRPLidar(self.look, model=self.model, yaw=PLACE[2], seed=4)
         self.wire = HandWire(self.lidar, self.timeline)
-        link = self.wire.link("range", gather=GATHER, report=self.notices.append)
+        link = self.wire.link("range", gather=GATHER_TIME, report=self.notices.append)
         self.device = RPLidar(
             link,
             self.clock,
@@ -121,7 +121,7 @@ class TwinRange(InSimulatedTime, RangeRig):
             seed=4,
         )
         self.device = self.twin
-        self.timeline.every(self.twin.PERIOD, self.twin.step)
+        self.timeline.call_every(self.twin.PERIOD, self.twin.step)
 
     def unplug(self) -> None:
         self.twin.plug.unplug()

@@ -27,7 +27,7 @@ class Rig(ABC):
 
     def told(self, kind: str, text: str = "") -> bool:
         """Whether a notice of that kind, with these words in it, has come."""
-        return any(notice.kind == kind and text in notice.what for notice in list(self.notices))
+        return any(notice.kind == kind and text in notice.message for notice in list(self.notices))
 
     @abstractmethod
     def wait(self, seconds: float) -> None:
@@ -58,8 +58,8 @@ class InRealTime(Rig):
         self.clock = SystemClock()
 
     def wait(self, seconds: float) -> None:
-        end = self.clock.now() + seconds
-        wait_until(lambda: self.clock.now() >= end)
+        end = self.clock.read_value() + seconds
+        wait_until(lambda: self.clock.read_value() >= end)
 
     def until(self, holds: Callable[[], object]) -> None:
         wait_until(holds)
@@ -74,7 +74,7 @@ class InSimulatedTime(Rig):
         self.clock = self.timeline.clock
 
     def wait(self, seconds: float) -> None:
-        self.timeline.run(self.clock.now() + seconds)
+        self.timeline.run_until(self.clock.read_value() + seconds)
 
     def until(self, holds: Callable[[], object]) -> None:
         pass_until(self.timeline, holds)

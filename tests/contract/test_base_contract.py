@@ -8,8 +8,8 @@ import pytest
 
 from drivers.api import (
     BASE_RADIUS,
-    COMMAND_LIFE,
-    STILL,
+    COMMAND_TIMEOUT,
+    ZERO_VELOCITY,
     Base,
     BaseState,
     Lamp,
@@ -25,7 +25,7 @@ from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.kobuki.driver import kobuki_base
 from drivers.kobuki.twin import KobukiTwinOdometry
 from drivers.kobuki.virtual import VirtualKobuki
-from drivers.sim.body import NOTHING, Body
+from drivers.sim.body import NO_SIDES, BaseBody
 from drivers.sim.things import OpenFloor
 from tests.contract.rigs import InSimulatedTime, Rig, simulated
 from tests.drivers.cranked import HandWire
@@ -40,7 +40,7 @@ WALL = 0.5
 class Room(OpenFloor):
     """A ``Ground`` with one wall."""
 
-    def touched(self, x: float, y: float, radius: float, time: float) -> Sequence[float]:
+    def contact_directions(self, x: float, y: float, radius: float, time: float) -> Sequence[float]:
         del y, time
         return (0.0,) if x + radius >= WALL else ()
 
@@ -53,7 +53,7 @@ class BaseRig(Rig):
         """Where the base really is."""
 
     @abstractmethod
-    def touch(self, bumper: Sides = NOTHING, cliff: Sides = NOTHING) -> None:
+    def touch(self, bumper: Sides = NO_SIDES, cliff: Sides = NO_SIDES) -> None:
         """Make it feel this."""
 
     @abstractmethod
@@ -84,7 +84,7 @@ class BaseRig(Rig):
 
     def stands(self) -> bool:
         """Whether it stands still by its own account, which is fresh."""
-        return self.device.state().good and self.state().velocity == STILL
+        return self.device.state().good and self.state().velocity == ZERO_VELOCITY
 
     def comes_to_rest(self) -> None:
         """Wait until it really moves no more."""
@@ -106,9 +106,9 @@ class WireBase(InSimulatedTime, BaseRig):
         self.device = kobuki_base(link, self.clock, report=self.notices.append, changed=self.changed)
 
     def truth(self) -> Pose2D:
-        return self.kobuki.pose(self.clock.now())
+        return self.kobuki.pose(self.clock.read_value())
 
-    def touch(self, bumper: Sides = NOTHING, cliff: Sides = NOTHING) -> None:
+    def touch(self, bumper: Sides = NO_SIDES, cliff: Sides = NO_SIDES) -> None:
         self.kobuki.bumper, self.kobuki.cliff = bumper, cliff
 
     def lift(self, *, up: bool) -> None:
@@ -139,16 +139,16 @@ class TwinBase(InSimulatedTime, BaseRig):
             odometry=KobukiTwinOdometry(),
             report=self.notices.append,
             changed=self.changed,
-            body=Body(ground=Room()),
+            body=BaseBody(ground=Room()),
             seed=3,
         )
         self.device = self.twin
-        self.timeline.every(self.twin.PERIOD, self.twin.step)
+        self.timeline.call_every(self.twin.PERIOD, self.twin.step)
 
     def truth(self) -> Pose2D:
-        return self.twin.true_pose(self.clock.now())
+        return self.twin.true_pose(self.clock.read_value())
 
-    def touch(self, bumper: Sides = NOTHING, cliff: Sides = NOTHING) -> None:
+    def touch(self, bumper: Sides = NO_SIDES, cliff: Sides = NO_SIDES) -> None:
         self.twin.press(bumper, cliff=cliff)
 
     def lift(self, *, up: bool) -> None:
@@ -185,7 +185,7 @@ def test_before_it_is_opened_it_says_so_and_knows_nothing(rig: BaseRig) -> None:
     health = rig.device.health()
     assert (health.online, health.detail != "") == (False, True)
     assert (rig.device.state().value, rig.device.state().quality) == (None, Quality.NONE)
-    assert rig.device.heading_at(rig.clock.now()) is None
+    assert rig.device.heading_at(rig.clock.read_value()) is None
     with pytest.raises(NotConnected, match="base"):
         rig.device.drive(Velocity(0.1, 0.0))
     rig.device.stop()
@@ -232,9 +232,9 @@ def test_a_command_that_nobody_renews_ends_by_itself(base: BaseRig) -> None:
     base.drive(-0.3, 0.0, lambda: base.state().velocity.linear < -0.25)
     base.until(base.stands)
     at_rest = base.truth()
-    base.wait(COMMAND_LIFE)
+    base.wait(COMMAND_TIMEOUT)
     assert base.truth() == at_rest
-    assert base.state().velocity == STILL
+    assert base.state().velocity == ZERO_VELOCITY
 
 
 def test_stop_is_at_once_and_without_a_ramp(base: BaseRig) -> None:
@@ -257,7 +257,7 @@ def test_a_velocity_that_is_no_number_is_refused_and_changes_nothing(base: BaseR
         base.device.drive(wrong)
     assert caught.value.hint
     base.wait(0.1)
-    assert base.state().velocity == STILL
+    assert base.state().velocity == ZERO_VELOCITY
 
 
 def test_unplugged_it_says_why_refuses_to_drive_and_comes_to_rest(base: BaseRig) -> None:
@@ -323,12 +323,12 @@ def test_a_bumper_forbids_forward_but_not_back_and_round(base: BaseRig, side: st
 def test_at_an_edge_it_goes_straight_back_and_nowhere_else_until_that_is_behind(base: BaseRig, side: str) -> None:
     base.touch(cliff=Sides(**{side: True}))
     base.until(lambda: base.told("fault", f"cliff {side}"))
-    assert base.device.drive(Velocity(0.2, 0.5)) == STILL
-    assert base.device.drive(Velocity(0.0, 0.5)) == STILL
+    assert base.device.drive(Velocity(0.2, 0.5)) == ZERO_VELOCITY
+    assert base.device.drive(Velocity(0.0, 0.5)) == ZERO_VELOCITY
     assert base.device.drive(Velocity(-0.2, 0.5)) == Velocity(-0.2, 0.0)
     base.touch()
     base.until(lambda: not base.state().cliff)
-    assert base.device.drive(Velocity(0.0, 0.5)) == STILL
+    assert base.device.drive(Velocity(0.0, 0.5)) == ZERO_VELOCITY
     here = base.state().pose.x
     base.drive(-0.2, 0.0, lambda: base.state().pose.x < here - 0.1)
     base.until(lambda: base.device.drive(Velocity(0.2, 0.5)) == Velocity(0.2, 0.5))
@@ -338,8 +338,8 @@ def test_driven_into_something_it_backs_off_by_itself(base: BaseRig) -> None:
     base.drive(0.3, 0.0, lambda: base.state().velocity.linear > 0.2)
     base.touch(bumper=Sides(left=True))
     base.until(lambda: base.device.steering().source is Source.SAFETY)
-    assert base.device.steering().because == "backing off: bumper left"
-    assert base.device.drive(Velocity(0.3, 0.0)) == STILL
+    assert base.device.steering().reason == "backing off: bumper left"
+    assert base.device.drive(Velocity(0.3, 0.0)) == ZERO_VELOCITY
     hit = base.state().pose
     base.until(lambda: base.state().velocity.linear < 0.0)
     base.touch()
@@ -357,15 +357,15 @@ def test_a_person_has_the_wheels_before_the_mission_and_a_while_after(base: Base
         return base.state().velocity.angular > 0.2
 
     base.until(steered)
-    assert device.drive(Velocity(-0.2, 0.0)) == STILL
+    assert device.drive(Velocity(-0.2, 0.0)) == ZERO_VELOCITY
     assert device.steering().source is Source.TELEOP
     device.stop(source=Source.MISSION)
     assert device.steering().source is Source.TELEOP
-    asked = base.clock.now()
+    asked = base.clock.read_value()
     device.drive(Velocity(0.0, 0.5), source=Source.TELEOP)
     base.until(base.stands)
     base.until(lambda: device.drive(Velocity(-0.2, 0.0)) == Velocity(-0.2, 0.0))
-    assert base.clock.now() - asked >= 0.99
+    assert base.clock.read_value() - asked >= 0.99
 
 
 def test_nobody_commands_in_the_name_of_safety(base: BaseRig) -> None:
@@ -432,7 +432,7 @@ def test_with_its_wheels_in_the_air_it_does_nothing(base: BaseRig) -> None:
     base.lift(up=True)
     base.until(lambda: base.state().wheel_drop)
     base.until(lambda: base.told("fault", "wheel drop"))
-    assert base.device.drive(Velocity(-0.2, 0.5)) == STILL
+    assert base.device.drive(Velocity(-0.2, 0.5)) == ZERO_VELOCITY
     base.lift(up=False)
     base.until(lambda: not base.state().wheel_drop)
     assert base.device.drive(Velocity(-0.2, 0.5)) == Velocity(-0.2, 0.5)
@@ -442,7 +442,7 @@ def test_a_wall_stops_it_and_it_can_back_off(base: BaseRig) -> None:
     base.drive(0.5, 0.0, lambda: base.state().bumper)
     assert base.state().bumper == Sides(centre=True)
     assert base.truth().x == pytest.approx(WALL - BASE_RADIUS, abs=0.001)
-    assert base.device.drive(Velocity(0.5, 0.0)) == STILL
+    assert base.device.drive(Velocity(0.5, 0.0)) == ZERO_VELOCITY
     base.drive(-0.2, 0.0, lambda: not base.state().bumper)
     assert base.truth().x < WALL - BASE_RADIUS
 

@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 
 from drivers.api import Camera, CameraFrame, Image
-from drivers.api.driver import Site
+from drivers.api.driver import DriverContext
 from drivers.camera.twin import CameraTwin
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.pictures.capture import ThreadedCamera
-from drivers.pictures.decode import UNWANTED
+from drivers.pictures.decode import SKIPPED_PICTURE
 from drivers.ros2.declared import Ros2CameraKeys, ZenohKeys
 from drivers.ros2.make import camera as make_camera
 from drivers.ros2.make import graph as make_graph
-from drivers.ros2.virtual import Ros2Terminal, Served, free_address
+from drivers.ros2.virtual import Ros2Terminal, RouterSettings, free_address
 from drivers.ros2.virtual_topics import VirtualPictures
 from drivers.sim.rendered import RenderedCamera
 from drivers.sim.viewpoint import Viewpoint
-from drivers.sim.world import World
+from drivers.sim.world import SimulatedWorld
 from tests.contract.rigs import InRealTime, InSimulatedTime, Rig
 
 PERIOD = 0.02
@@ -36,23 +36,23 @@ def picture(time: float) -> Image:
 class Cable:
     """A ``Feed`` of pictures that may be unplugged."""
 
-    what = "/dev/video9"
+    source_name = "/dev/video9"
     hint = "`mission ports` lists the cameras that are there"
 
     def __init__(self, clock: Clock) -> None:
         self.plugged = True
         self._clock = clock
 
-    def start(self, ending: Event) -> float | None:  # noqa: ARG002 - it waits for nothing
+    def start(self, closing: Event) -> float | None:  # noqa: ARG002 - it waits for nothing
         if not self.plugged:
-            raise NotConnected(f"camera: {self.what}: no such device", hint=self.hint)
+            raise NotConnected(f"camera: {self.source_name}: no such device", hint=self.hint)
         return None
 
-    def grab(self, spare: Callable[[], int]) -> Image | None:
+    def grab(self, skip_count: Callable[[], int]) -> Image | None:
         Event().wait(PERIOD)
         if not self.plugged:
             return None
-        return UNWANTED if spare() else picture(self._clock.now())
+        return SKIPPED_PICTURE if skip_count() else picture(self._clock.read_value())
 
     def stop(self) -> None:
         """Hold nothing that would have to be let go."""
@@ -103,13 +103,13 @@ class TopicRig(InRealTime, CameraRig):
 
     def __init__(self) -> None:
         super().__init__()
-        self.robot = Ros2Terminal(Served(0, "", free_address()), self.clock)
+        self.robot = Ros2Terminal(RouterSettings(0, "", free_address()), self.clock)
         self.robot.devices.append(VirtualPictures(picture, "/image", rate=1 / PERIOD))
         self.robot.open()
-        self.nodes = make_graph(ZenohKeys(router=self.robot.path, domain=0), Site(self.clock))
+        self.nodes = make_graph(ZenohKeys(router=self.robot.path, domain=0), DriverContext(self.clock))
         self.nodes.open()
         self.until(lambda: self.nodes.offers("/image"))
-        site = Site(self.clock, report=self.notices.append, parts={"ros2": self.nodes})
+        site = DriverContext(self.clock, report=self.notices.append, needed_parts={"ros2": self.nodes})
         self.device = make_camera(Ros2CameraKeys(image="/image", field_of_view=FIELD_OF_VIEW), site)
 
     def unplug(self) -> None:
@@ -128,7 +128,12 @@ class RenderedRig(InRealTime, CameraRig):
     def __init__(self) -> None:
         super().__init__()
         self.device = RenderedCamera(
-            World(), lambda _: Viewpoint(z=1.0), self.clock, rate=1 / PERIOD, size=(64, 48), field_of_view=FIELD_OF_VIEW
+            SimulatedWorld(),
+            lambda _: Viewpoint(z=1.0),
+            self.clock,
+            rate=1 / PERIOD,
+            size=(64, 48),
+            field_of_view=FIELD_OF_VIEW,
         )
 
     def unplug(self) -> None:
@@ -184,7 +189,7 @@ def test_before_it_is_opened_it_says_so_and_gives_nothing(camera: CameraRig) -> 
 
 
 def test_pictures_come_in_order_each_with_its_time(camera: CameraRig) -> None:
-    opened = camera.clock.now()
+    opened = camera.clock.read_value()
     camera.device.open()
     camera.device.open()
     frames = [camera.frame() for _ in range(5)]
@@ -192,7 +197,7 @@ def test_pictures_come_in_order_each_with_its_time(camera: CameraRig) -> None:
     numbers, stamps = [frame.number for frame in frames], [frame.stamp for frame in frames]
     assert numbers == sorted(set(numbers))
     assert stamps == sorted(set(stamps))
-    assert opened <= stamps[0] < stamps[-1] <= camera.clock.now()
+    assert opened <= stamps[0] < stamps[-1] <= camera.clock.read_value()
     assert all(frame.image.ndim == 3 and frame.image.dtype == np.uint8 for frame in frames)
     health = camera.device.health()
     assert (health.online, health.detail, health.hint) == (True, "", "")
@@ -213,7 +218,7 @@ def test_the_newest_wins_and_those_that_nobody_read_are_dropped(camera: CameraRi
     camera.wait(10 * PERIOD)
     second = camera.frame()
     assert second.number > first.number + 2
-    assert camera.clock.now() - second.stamp <= 5 * PERIOD
+    assert camera.clock.read_value() - second.stamp <= 5 * PERIOD
     assert camera.device.health().counters["dropped"] >= 2
 
 
@@ -224,9 +229,9 @@ def test_closed_it_gives_nothing_and_opened_again_it_counts_from_0(camera: Camer
     camera.device.close()
     assert camera.device.read(0.01) is None
     assert not camera.device.health().online
-    opened = camera.clock.now()
+    opened = camera.clock.read_value()
     camera.device.open()
-    assert camera.frame().number <= (camera.clock.now() - opened) / PERIOD
+    assert camera.frame().number <= (camera.clock.read_value() - opened) / PERIOD
 
 
 def test_unplugged_it_says_why_and_plugged_in_again_it_goes_on(plugged: CameraRig) -> None:

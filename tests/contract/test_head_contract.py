@@ -9,22 +9,22 @@ from typing import Protocol
 import pytest
 
 from drivers.api import HEAD_ACCELERATION, Head, HeadPose, JointLimits, Quality
-from drivers.arduino.board import Board
+from drivers.arduino.board import ArduinoBoard
 from drivers.arduino.driver import ArduinoHead
 from drivers.arduino.virtual import VirtualRodney
 from drivers.errors import BadRequest, NotConnected
 from drivers.head.axis import ServoAxis
-from drivers.head.guardian_head import KeeperHead
+from drivers.head.guardian_head import GuardianHead
 from drivers.head.joints_head import JointAxis, NeckDriver
 from drivers.head.pantilt import Trimmable
-from drivers.head.twin import HeadTwin
+from drivers.head.twin import ServoHeadTwin
 from drivers.ros2.joints import TopicJoints
-from drivers.ros2.joints_twin import HeadTwin as TopicHeadTwin
+from drivers.ros2.joints_twin import Ros2HeadTwin as TopicHeadTwin
 from drivers.ros2.joints_twin import StiffJoints
 from drivers.ros2.make import Ros2Head
 from drivers.ros2.virtual_joints import VirtualJoints
 from drivers.ros2.ways import ARRAY, TRAJECTORY, TopicJoint
-from drivers.servos.bus import Bus
+from drivers.servos.bus import ServoBus
 from drivers.servos.driver import DynamixelJoints
 from drivers.servos.joint import JointSpec
 from drivers.servos.twin import JointsTwin, NeckTwin
@@ -88,11 +88,11 @@ class WireHead(InSimulatedTime, HeadRig):
         self.rodney = VirtualRodney()
         self.wire = HandWire(self.rodney, self.timeline)
         link = self.wire.link("head", report=self.notices.append)
-        board = Board(link, self.clock, boot_delay=0.0, report=self.notices.append)
+        board = ArduinoBoard(link, self.clock, boot_delay=0.0, report=self.notices.append)
         self.device = ArduinoHead(board, self.clock, pan=PAN, tilt=TILT, speed=SPEED, start=START, changed=self.changed)
 
     def truth(self) -> HeadPose:
-        now = self.clock.now()
+        now = self.clock.read_value()
         return HeadPose(PAN.to_radians(self.rodney.angle(0, now)), TILT.to_radians(self.rodney.angle(1, now)))
 
     def unplug(self) -> None:
@@ -110,7 +110,7 @@ class KeptHead(InSimulatedTime, HeadRig):
         super().__init__()
         self.servos = VirtualServos((90, 120))
         self.wire = HandWire(self.servos, self.timeline)
-        self.device = KeeperHead(
+        self.device = GuardianHead(
             self.wire.link("head", report=self.notices.append),
             self.clock,
             pan=PAN,
@@ -122,7 +122,7 @@ class KeptHead(InSimulatedTime, HeadRig):
         )
 
     def truth(self) -> HeadPose:
-        now = self.clock.now()
+        now = self.clock.read_value()
         return HeadPose(PAN.to_radians(self.servos.angle(0, now)), TILT.to_radians(self.servos.angle(1, now)))
 
     def unplug(self) -> None:
@@ -138,7 +138,7 @@ class KeptHead(InSimulatedTime, HeadRig):
 class TwinHead(InSimulatedTime, HeadRig):
     def __init__(self) -> None:
         super().__init__()
-        self.twin = HeadTwin(
+        self.twin = ServoHeadTwin(
             self.clock,
             pan=PAN,
             tilt=TILT,
@@ -148,10 +148,10 @@ class TwinHead(InSimulatedTime, HeadRig):
             changed=self.changed,
         )
         self.device = self.twin
-        self.timeline.every(self.twin.PERIOD, self.twin.step)
+        self.timeline.call_every(self.twin.PERIOD, self.twin.step)
 
     def truth(self) -> HeadPose:
-        return self.twin.true_pose(self.clock.now())
+        return self.twin.true_pose(self.clock.read_value())
 
     def unplug(self) -> None:
         self.twin.plug.unplug()
@@ -170,8 +170,8 @@ class WireNeck(InSimulatedTime, HeadRig):
         super().__init__()
         self.chain = chain(2)
         self.line = DirectLine(self.chain, self.timeline.clock)
-        self.timeline.every(PERIOD, self.line.poll)
-        bus = Bus("/dev/servos", self.clock, name="arm", dial=self.line.dial)
+        self.timeline.call_every(PERIOD, self.line.poll)
+        bus = ServoBus("/dev/servos", self.clock, name="arm", dial=self.line.dial)
         self.joints = DynamixelJoints(bus, SPECS, self.clock, loop=by_hand(self.timeline))
         self.joints.open()
         self.device = NeckDriver(
@@ -218,10 +218,10 @@ class TwinNeck(InSimulatedTime, HeadRig):
             changed=self.changed,
         )
         self.device = self.twin
-        self.timeline.every(self.twin.PERIOD, self.twin.step)
+        self.timeline.call_every(self.twin.PERIOD, self.twin.step)
 
     def truth(self) -> HeadPose:
-        now = self.clock.now()
+        now = self.clock.read_value()
         return HeadPose(self.joints.true_angle("neck_pan", now), self.joints.true_angle("neck_tilt", now))
 
     def unplug(self) -> None:
@@ -265,7 +265,7 @@ class TopicHead(InSimulatedTime, HeadRig):
         self.device.make_loop = by_hand(self.timeline)
 
     def truth(self) -> HeadPose:
-        now = self.clock.now()
+        now = self.clock.read_value()
         return HeadPose(self.robot.position("head_1_joint", now), -self.robot.position("head_2_joint", now))
 
     def unplug(self) -> None:
@@ -301,10 +301,10 @@ class TwinTopicHead(InSimulatedTime, HeadRig):
             changed=self.changed,
         )
         self.device = self.twin
-        self.timeline.every(self.twin.PERIOD, self.twin.step)
+        self.timeline.call_every(self.twin.PERIOD, self.twin.step)
 
     def truth(self) -> HeadPose:
-        return self.twin.true_pose(self.clock.now())
+        return self.twin.true_pose(self.clock.read_value())
 
     def unplug(self) -> None:
         self.twin.plug.unplug()
@@ -345,7 +345,7 @@ def test_before_it_is_opened_it_says_so_and_knows_nothing(rig: HeadRig) -> None:
     health = rig.device.health()
     assert (health.online, health.detail != "") == (False, True)
     assert (rig.device.pose().value, rig.device.pose().quality) == (None, Quality.NONE)
-    assert rig.device.pose_at(rig.clock.now()) is None
+    assert rig.device.pose_at(rig.clock.read_value()) is None
     with pytest.raises(NotConnected, match="head"):
         rig.device.look(START)
     rig.device.stop()
@@ -359,7 +359,7 @@ def test_opened_it_comes_online_and_goes_from_where_it_is_found_to_its_start(rig
     found, way = rig.pose(), abs(START.tilt - rig.awake.tilt) + START.pan
     assert abs(found.tilt - rig.awake.tilt) + abs(found.pan) < way - DEGREE
     rig.until(lambda: rig.looks(START))
-    rig.until(lambda: rig.device.pose_at(rig.clock.now()) == rig.device.pose().value)
+    rig.until(lambda: rig.device.pose_at(rig.clock.read_value()) == rig.device.pose().value)
     health = rig.device.health()
     assert (health.online, health.detail, health.hint) == (True, "", "")
     assert {notice.kind for notice in rig.notices} == {"online"}
@@ -396,10 +396,10 @@ def test_a_goal_that_is_no_number_is_refused_and_changes_nothing(head: HeadRig, 
 
 
 def test_it_turns_no_faster_than_its_speed_and_tells_of_every_degree(head: HeadRig) -> None:
-    began, changes = head.clock.now(), head.changes
+    began, changes = head.clock.read_value(), head.changes
     head.device.look(HeadPose(START.pan - radians(60), START.tilt))
     head.until(lambda: head.looks(HeadPose(START.pan - radians(60), START.tilt)))
-    assert head.clock.now() - began >= (radians(60) - 2 * DEGREE) / SPEED
+    assert head.clock.read_value() - began >= (radians(60) - 2 * DEGREE) / SPEED
     assert head.changes - changes >= 5
 
 

@@ -13,20 +13,20 @@ from drivers.api import Health
 from drivers.clock import ManualClock, SystemClock
 from drivers.microphone.twin import HearingTwin
 from drivers.microphone.wav import WavMicrophone
-from drivers.sim.acts import Reply
+from drivers.sim.acts import PersonReply
 from drivers.sim.timeline import Timeline
-from drivers.transport.pipe import Worker
+from drivers.transport.pipe import WorkerProcess
 from perception.api import Hearing, Words
-from perception.hearing.acceptance import learned
-from perception.hearing.engines import Sphinx
-from perception.hearing.grammar import Grammar
-from perception.hearing.lexicon import english
-from perception.hearing.listener import Ears, Listener
+from perception.hearing.acceptance import load_acceptance
+from perception.hearing.engines import SphinxEngine
+from perception.hearing.grammar import PhraseGrammar
+from perception.hearing.lexicon import load_english
+from perception.hearing.listener import Ears, SpeechListener
 from tests.benchmarks.speaking import Speaking
 from tests.contract.rigs import simulated
 from tests.waiting import wait_until
 
-PHRASES = Grammar.of(["yes", "hello robot", "turn left"])
+PHRASES = PhraseGrammar.from_texts(["yes", "hello robot", "turn left"])
 STEP = 0.1
 
 
@@ -62,14 +62,14 @@ class HearingRig:
 class RecordedEars(HearingRig):
     def __init__(self, folder: Path) -> None:
         super().__init__()
-        lexicon = english()
+        lexicon = load_english()
         assert lexicon is not None
-        engine = Sphinx(PHRASES, lexicon, learned())
-        worker = Worker("microphone", engine.program, SystemClock())
+        engine = SphinxEngine(PHRASES, lexicon, load_acceptance())
+        worker = WorkerProcess("microphone", engine.program, SystemClock())
         self.clock = ManualClock()
         self.path = folder / "people.wav"
         self.microphone = WavMicrophone(self.path, self.clock)
-        self.listener = Listener(worker, engine, deaf=self.deaf)
+        self.listener = SpeechListener(worker, engine, is_deaf=self.deaf)
         self.hearing = self.listener
         self.ears = Ears(self.microphone, self.listener, worker)
 
@@ -87,7 +87,7 @@ class RecordedEars(HearingRig):
 
     def open(self) -> None:
         self.ears.open()
-        wait_until(lambda: self.listener.ready)
+        wait_until(lambda: self.listener.is_ready)
         self.microphone.open()
 
     def close(self) -> None:
@@ -98,25 +98,25 @@ class RecordedEars(HearingRig):
         return self.microphone.health()
 
     def run(self, until: float) -> None:
-        while self.clock.now() < until:
+        while self.clock.read_value() < until:
             self.clock.advance(STEP)
             wait_until(self._caught_up)
 
     def _caught_up(self) -> bool:
-        return (self.hearing.listened() or 0.0) > self.clock.now() - STEP and not self.listener.pending
+        return (self.hearing.listened() or 0.0) > self.clock.read_value() - STEP and not self.listener.is_pending
 
 
 class TwinEars(HearingRig):
     def __init__(self, folder: Path) -> None:  # noqa: ARG002 - all rigs are made alike
         super().__init__()
         self.timeline = Timeline()
-        self.twin = HearingTwin(self.timeline.clock, PHRASES, Words, deaf=self.deaf)
+        self.twin = HearingTwin(self.timeline.clock, PHRASES, Words, is_deaf=self.deaf)
         self.hearing = self.twin
-        self.timeline.every(self.twin.PERIOD, self.twin.step)
+        self.timeline.call_every(self.twin.STEP_INTERVAL, self.twin.step)
 
     def people_say(self, *spoken: tuple[float, str]) -> None:
         for when, text in spoken:
-            self.timeline.at(when, partial(self.twin.hear, Reply("ann", text, when)))
+            self.timeline.call_at(when, partial(self.twin.on_reply, PersonReply("ann", text, when)))
 
     def open(self) -> None:
         self.twin.open()
@@ -128,7 +128,7 @@ class TwinEars(HearingRig):
         return self.twin.health()
 
     def run(self, until: float) -> None:
-        self.timeline.run(until)
+        self.timeline.run_until(until)
 
 
 @pytest.fixture(params=[pytest.param(RecordedEars, id="recorded"), simulated(TwinEars, "twin")])

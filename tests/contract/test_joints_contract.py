@@ -9,11 +9,11 @@ from typing import Literal
 
 import pytest
 
-from drivers.api import Away, Coupling, Joints, JointState, Quality
-from drivers.api.joints import FOLLOWING_TOLERANCE, RUN_IN
+from drivers.api import Coupling, Joints, JointState, Quality, ReconnectPolicy
+from drivers.api.joints import FOLLOWING_TOLERANCE, MAX_APPROACH_SPEED
 from drivers.errors import BadRequest, DeviceFault, NotConnected
-from drivers.servos.bus import Bus
-from drivers.servos.driver import FRESH, DynamixelJoints
+from drivers.servos.bus import ServoBus
+from drivers.servos.driver import STALE_AFTER, DynamixelJoints
 from drivers.servos.joint import JointSpec
 from drivers.servos.models import MODELS
 from drivers.servos.twin import JointsTwin
@@ -71,7 +71,7 @@ class JointsRig(Rig):
 
     def is_back(self, before: float | None) -> bool:
         """Whether it is back from a long absence, and not from the one that it was back from ``before``."""
-        return self.device.health().returned not in (None, before)
+        return self.device.health().reconnected_at not in (None, before)
 
     def near(self, joint: str, angle: float) -> bool:
         """Whether it is there in truth, within what two sensors round."""
@@ -79,26 +79,26 @@ class JointsRig(Rig):
 
     def fresh(self, joint: str) -> JointState:
         """Return what one joint feels after now."""
-        now = self.clock.now()
+        now = self.clock.read_value()
         self.until(lambda: self.device.states()[joint].stamp > now)
         return self.state(joint)
 
 
-PATIENT = Away(decide=30.0, latch=60.0)
+PATIENT = ReconnectPolicy(decide_after=30.0, latch_after=60.0)
 """So that a slow machine does not make a long absence of a short one."""
 
 
 class WireJoints(InSimulatedTime, JointsRig):
     framing: Framing = "own"
 
-    def __init__(self, at_rest: Literal["hold", "relax"] = "hold", away: Away = PATIENT) -> None:
+    def __init__(self, at_rest: Literal["hold", "relax"] = "hold", away: ReconnectPolicy = PATIENT) -> None:
         super().__init__()
         self.chain = chain(3, self.model)
         self.chain.servo(2).turn_by_hand(SPECS["elbow"].zero)
         self.line = DirectLine(self.chain, self.timeline.clock)
-        self.timeline.every(PERIOD, self.line.poll)
+        self.timeline.call_every(PERIOD, self.line.poll)
         self.device = DynamixelJoints(
-            Bus("/dev/servos", self.clock, name="arm", dial=self.line.dial, framing=self.framing),
+            ServoBus("/dev/servos", self.clock, name="arm", dial=self.line.dial, framing=self.framing),
             {name: replace(spec, model=self.model) for name, spec in SPECS.items()},
             self.clock,
             at_rest=at_rest,
@@ -109,7 +109,7 @@ class WireJoints(InSimulatedTime, JointsRig):
         )
 
     def make(self, specs: Mapping[str, JointSpec]) -> DynamixelJoints:
-        return DynamixelJoints(Bus("nowhere", self.clock), specs, self.clock)
+        return DynamixelJoints(ServoBus("nowhere", self.clock), specs, self.clock)
 
     def truth(self, joint: str) -> float:
         spec = SPECS[joint]
@@ -149,19 +149,19 @@ class FeetechJoints(WireJoints):
 
 
 class TwinJoints(InSimulatedTime, JointsRig):
-    def __init__(self, at_rest: Literal["hold", "relax"] = "hold", away: Away = PATIENT) -> None:
+    def __init__(self, at_rest: Literal["hold", "relax"] = "hold", away: ReconnectPolicy = PATIENT) -> None:
         super().__init__()
         self.device = JointsTwin(
             SPECS, self.clock, at_rest=at_rest, away=away, report=self.notices.append, changed=self.changed
         )
         self.twin = self.device
-        self.timeline.every(self.twin.PERIOD, self.twin.step)
+        self.timeline.call_every(self.twin.PERIOD, self.twin.step)
 
     def make(self, specs: Mapping[str, JointSpec]) -> JointsTwin:
         return JointsTwin(specs, self.clock)
 
     def truth(self, joint: str) -> float:
-        return self.twin.true_angle(joint, self.clock.now())
+        return self.twin.true_angle(joint, self.clock.read_value())
 
     def overload(self, joint: str) -> None:
         self.twin.overload(joint)
@@ -170,7 +170,7 @@ class TwinJoints(InSimulatedTime, JointsRig):
         self.twin.turn_by_hand(joint, angle)
 
     def exchange(self, joint: str, angle: float) -> None:
-        self.twin.exchange(joint, angle)
+        self.twin.replace_servo(joint, angle)
 
     def unplug(self) -> None:
         self.twin.plug.unplug()
@@ -240,7 +240,7 @@ def test_opened_it_comes_online_limp_and_says_so_once(arm: JointsRig) -> None:
     assert [notice.kind for notice in arm.notices] == ["online"]
     state = arm.state("elbow")
     assert (state.torque, state.goal, state.moving, state.velocity, state.load) == (False, None, False, 0.0, 0.0)
-    assert (state.voltage, state.temperature) == (MODELS[arm.model].volts, 35.0)
+    assert (state.voltage, state.temperature) == (MODELS[arm.model].nominal_voltage, 35.0)
     assert state.position == pytest.approx(0.0, abs=TICK)
     changes = arm.changes
     arm.until(lambda: arm.changes > changes)
@@ -266,7 +266,7 @@ def test_a_goal_beyond_the_limits_is_clamped(arm: JointsRig) -> None:
     assert all(notice.hint for notice in arm.notices if notice.kind == "fault")
     for _ in range(5):
         arm.device.move({"wrist": 2.0})
-    assert sum("of wrist was clamped" in notice.what for notice in arm.notices) == 1
+    assert sum("of wrist was clamped" in notice.message for notice in arm.notices) == 1
 
 
 def test_the_error_is_how_far_it_is_beyond_its_goal_whichever_way_it_is_mounted(arm: JointsRig) -> None:
@@ -279,14 +279,14 @@ def test_the_error_is_how_far_it_is_beyond_its_goal_whichever_way_it_is_mounted(
 
 
 def test_a_joint_goes_at_the_speed_asked_for_and_tells_of_it(arm: JointsRig) -> None:
-    began = arm.clock.now()
+    began = arm.clock.read_value()
     arm.device.move({"elbow": -0.5}, speeds={"elbow": 1.0})
     arm.until(lambda: arm.state("elbow").moving)
     state = arm.state("elbow")
     assert state.velocity == pytest.approx(-1.0, abs=0.02)
     assert -0.2 < state.load < 0.0
     arm.until(lambda: arm.at("elbow", -0.5))
-    assert arm.clock.now() - began > 0.45
+    assert arm.clock.read_value() - began > 0.45
 
 
 @pytest.mark.parametrize(
@@ -363,7 +363,7 @@ def test_a_follower_is_clamped_to_its_own_limits_and_that_is_told_once(arm: Join
     arm.device.follow([Coupling("elbow", "wrist", scale=2.0)])
     arm.turn_by_hand("elbow", 1.2)
     arm.until(lambda: arm.at("wrist", 1.0))
-    assert sum("goal of wrist was clamped" in notice.what for notice in arm.notices) == 1
+    assert sum("goal of wrist was clamped" in notice.message for notice in arm.notices) == 1
 
 
 def test_a_joint_that_follows_no_more_stands_where_it_is(arm: JointsRig) -> None:
@@ -449,7 +449,7 @@ def test_plugged_in_again_a_follower_goes_on_to_follow(arm: JointsRig) -> None:
 def test_away_for_long_it_rests_until_somebody_decides_anew_and_for_longer_until_it_is_enabled(
     kind: type[WireJoints | TwinJoints],
 ) -> None:
-    rig = kind(away=Away(decide=0.4, latch=1.5))
+    rig = kind(away=ReconnectPolicy(decide_after=0.4, latch_after=1.5))
     try:
         rig.device.open()
         rig.until(lambda: rig.device.health().online and all(each.good for each in rig.device.states().values()))
@@ -457,7 +457,7 @@ def test_away_for_long_it_rests_until_somebody_decides_anew_and_for_longer_until
             rig.device.follow([Coupling("elbow", "wrist")])
             rig.device.move({"shoulder": 1.2}, speeds={"shoulder": 0.3})
             rig.until(lambda: rig.state("shoulder").velocity > 0.1)
-            before = rig.device.health().returned
+            before = rig.device.health().reconnected_at
             rig.unplug()
             rig.wait(gone)
             rig.plug_in()
@@ -480,21 +480,21 @@ def test_away_for_long_it_rests_until_somebody_decides_anew_and_for_longer_until
 
 
 def test_a_follower_that_is_far_off_is_brought_over_slowly_also_after_a_lost_bus(arm: JointsRig) -> None:
-    began = arm.clock.now()
+    began = arm.clock.read_value()
     arm.turn_by_hand("elbow", 1.0)
     arm.device.follow([Coupling("elbow", "wrist")])
     arm.until(partial(arm.near, "wrist", 1.0))
-    assert arm.clock.now() - began > 0.95 * (1.0 - FOLLOWING_TOLERANCE) / RUN_IN
+    assert arm.clock.read_value() - began > 0.95 * (1.0 - FOLLOWING_TOLERANCE) / MAX_APPROACH_SPEED
     arm.turn_by_hand("elbow", -1.0)
-    arm.until(lambda: arm.state("wrist").velocity < -2 * RUN_IN)
+    arm.until(lambda: arm.state("wrist").velocity < -2 * MAX_APPROACH_SPEED)
     arm.until(partial(arm.near, "wrist", -1.0))
     arm.unplug()
     arm.until(lambda: arm.told("offline"))
     arm.turn_by_hand("elbow", 0.0)
-    began = arm.clock.now()
+    began = arm.clock.read_value()
     arm.plug_in()
     arm.until(partial(arm.near, "wrist", 0.0))
-    assert arm.clock.now() - began > 0.95 * (1.0 - FOLLOWING_TOLERANCE) / RUN_IN
+    assert arm.clock.read_value() - began > 0.95 * (1.0 - FOLLOWING_TOLERANCE) / MAX_APPROACH_SPEED
 
 
 @pytest.mark.parametrize("at_rest", ["hold", "relax"])
@@ -528,7 +528,7 @@ def test_unplugged_it_says_why_while_the_servos_come_to_rest_on_their_way(arm: J
     arm.wait(0.5)
     rested = arm.truth("elbow")
     assert 0.1 < rested < 1.1
-    arm.wait(FRESH)
+    arm.wait(STALE_AFTER)
     assert arm.truth("elbow") == rested
     readings = arm.device.states().values()
     assert {reading.quality for reading in readings} == {Quality.STALE}
@@ -546,8 +546,8 @@ def test_what_cannot_be_brought_to_rest_is_told_once_without_what_has_shut_down(
     arm.device.rest()
     arm.device.close()
     arm.device.rest()
-    (notice,) = [notice for notice in arm.notices if "could not be" in notice.what]
-    assert notice.what == "could not be held: wrist (servo 3), shoulder (servo 1)"
+    (notice,) = [notice for notice in arm.notices if "could not be" in notice.message]
+    assert notice.message == "could not be held: wrist (servo 3), shoulder (servo 1)"
     assert notice.hint == "switch their power off by hand"
 
 
@@ -558,8 +558,8 @@ def test_unplugged_it_tells_once_what_it_cannot_hold_and_holds_it_when_it_is_bac
     arm.until(lambda: arm.told("offline"))
     for _ in range(3):
         arm.device.hold(["elbow"])
-    (notice,) = [notice for notice in arm.notices if "could not be" in notice.what]
-    assert (notice.kind, notice.what) == ("fault", "could not be held: elbow (servo 2)")
+    (notice,) = [notice for notice in arm.notices if "could not be" in notice.message]
+    assert (notice.kind, notice.message) == ("fault", "could not be held: elbow (servo 2)")
     assert notice.hint
     arm.device.relax(["wrist"])
     assert arm.told("fault", "could not be relaxed: wrist (servo 3)")
@@ -601,19 +601,19 @@ def test_a_servo_that_was_exchanged_meanwhile_is_told_of_and_goes_on_slowly_from
     arm.plug_in()
     arm.until(lambda: arm.told("online") and arm.device.states()["elbow"].good)
     (notice,) = [notice for notice in arm.notices if notice.kind == "fault"]
-    there, before = (float(word) for word in notice.what.split() if word.strip("-").replace(".", "").isdigit())
-    assert notice.what.startswith("elbow (servo 2) stands at ")
+    there, before = (float(word) for word in notice.message.split() if word.strip("-").replace(".", "").isdigit())
+    assert notice.message.startswith("elbow (servo 2) stands at ")
     assert (there, before) == pytest.approx((0.0, degrees(0.7)), abs=0.4)
     assert "slowly" in notice.hint
     assert arm.fresh("elbow").torque
     assert arm.near("elbow", 0.0)
-    began = arm.clock.now()
+    began = arm.clock.read_value()
     arm.device.move({"elbow": 0.7})
     arm.until(lambda: arm.at("elbow", 0.7))
-    assert arm.clock.now() - began > 0.95 * (0.7 - FOLLOWING_TOLERANCE) / RUN_IN
-    began = arm.clock.now()
+    assert arm.clock.read_value() - began > 0.95 * (0.7 - FOLLOWING_TOLERANCE) / MAX_APPROACH_SPEED
+    began = arm.clock.read_value()
     arm.device.move({"elbow": 0.0})
-    arm.until(lambda: arm.state("elbow").velocity < -2 * RUN_IN)
+    arm.until(lambda: arm.state("elbow").velocity < -2 * MAX_APPROACH_SPEED)
 
 
 @pytest.mark.parametrize("after", [0.3, 0.31, 0.33])

@@ -8,12 +8,12 @@ from drivers.api import BASE_RADIUS, Lamp, Pose2D
 from drivers.base.diff_drive import DiffDriveBase
 from drivers.base.reckoning import TwoWheels
 from drivers.base.twin import BaseTwin, WheelTwinOdometry
-from drivers.pi_car.driver import KeeperProtocol
-from drivers.sim.body import Body
+from drivers.pi_car.driver import GuardianProtocol
+from drivers.sim.body import BaseBody
 from drivers.virtual.guardian import VirtualCar
 from drivers.waveshare.driver import waveshare_base
 from drivers.waveshare.virtual import VirtualWaveshare
-from drivers.waveshare.wire import FULL
+from drivers.waveshare.wire import FULL_POWER
 from tests.contract.rigs import InSimulatedTime, simulated
 from tests.contract.test_base_contract import (  # noqa: F401 - what a base without senses promises as well
     WALL,
@@ -69,8 +69,8 @@ class Waveshare(InSimulatedTime, PlainRig):
 
     def __init__(self) -> None:
         super().__init__()
-        unit = FULL / 1.25 if self.reckoned else 1.0
-        self.rover = VirtualWaveshare(Body(ground=Room()), track=TRACK, unit=unit, encoders=not self.reckoned)
+        unit = FULL_POWER / 1.25 if self.reckoned else 1.0
+        self.rover = VirtualWaveshare(BaseBody(ground=Room()), track=TRACK, unit=unit, encoders=not self.reckoned)
         self.wire = HandWire(self.rover, self.timeline)
         self.device = waveshare_base(
             self.wire.link("base", report=self.notices.append),
@@ -83,7 +83,7 @@ class Waveshare(InSimulatedTime, PlainRig):
         )
 
     def truth(self) -> Pose2D:
-        return self.rover.pose(self.clock.now())
+        return self.rover.pose(self.clock.read_value())
 
     def unplug(self) -> None:
         self.wire.unplug()
@@ -101,18 +101,18 @@ class PiCar(InSimulatedTime, PlainRig):
 
     def __init__(self) -> None:
         super().__init__()
-        self.car = VirtualCar(Body(ground=Room()), TwoWheels(TRACK, 1.25))
+        self.car = VirtualCar(BaseBody(ground=Room()), TwoWheels(TRACK, 1.25))
         self.wire = HandWire(self.car, self.timeline)
         self.device = DiffDriveBase(
             self.wire.link("base", report=self.notices.append),
             self.clock,
-            KeeperProtocol(TRACK, 1.25, hint="look at it"),
+            GuardianProtocol(TRACK, 1.25, hint="look at it"),
             report=self.notices.append,
             changed=self.changed,
         )
 
     def truth(self) -> Pose2D:
-        return self.car.pose(self.clock.now())
+        return self.car.pose(self.clock.read_value())
 
     def unplug(self) -> None:
         self.wire.unplug()
@@ -133,13 +133,13 @@ class Twin(InSimulatedTime, PlainRig):
             capabilities=(),
             report=self.notices.append,
             changed=self.changed,
-            body=Body(ground=Room()),
+            body=BaseBody(ground=Room()),
         )
         self.device = self.twin
-        self.timeline.every(self.twin.PERIOD, self.twin.step)
+        self.timeline.call_every(self.twin.PERIOD, self.twin.step)
 
     def truth(self) -> Pose2D:
-        return self.twin.true_pose(self.clock.now())
+        return self.twin.true_pose(self.clock.read_value())
 
     def unplug(self) -> None:
         self.twin.plug.unplug()
@@ -193,8 +193,8 @@ def test_it_has_no_sounds_no_lights_and_no_legs(base: PlainRig) -> None:
 
 def test_a_wall_holds_it_up_unfelt_and_dead_reckoning_believes_that_it_went_on(base: PlainRig) -> None:
     base.drive(0.5, 0.0, lambda: base.truth().x > WALL - BASE_RADIUS - 0.001)
-    asked = base.clock.now()
-    base.drive(0.5, 0.0, lambda: base.clock.now() - asked > 1.0)
+    asked = base.clock.read_value()
+    base.drive(0.5, 0.0, lambda: base.clock.read_value() - asked > 1.0)
     assert not base.state().bumper
     assert base.truth().x == pytest.approx(WALL - BASE_RADIUS, abs=0.001)
     assert base.state().pose.x > WALL
@@ -207,7 +207,7 @@ def test_away_for_long_it_stays_at_rest_until_it_is_enabled(base: PlainRig) -> N
     here = base.truth()
     base.plug_in()
     base.until(lambda: base.device.health().online)
-    assert base.device.health().returned is not None
+    assert base.device.health().reconnected_at is not None
     assert "away" in base.device.latched
     base.wait(0.5)
     assert base.truth() == here

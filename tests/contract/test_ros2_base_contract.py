@@ -7,21 +7,21 @@ from math import inf, nan, radians
 
 import pytest
 
-from behaviours.driving.motion import Drive
+from behaviours.driving.motion import DriveLeaf
 from behaviours.leaf import FAILURE, RUNNING
-from drivers.api import STILL, BaseLimits, Lamp, Pose2D, Sides
+from drivers.api import ZERO_VELOCITY, BaseLimits, Lamp, Pose2D, Sides
 from drivers.base.diff_drive import DiffDriveBase
 from drivers.clock import ManualClock
 from drivers.ros2 import base as create3
 from drivers.ros2.base import Ros2BaseProtocol
 from drivers.ros2.declared import Ros2BaseKeys
 from drivers.ros2.types import types
-from drivers.ros2.virtual_topics import VirtualBase
+from drivers.ros2.virtual_topics import VirtualRos2Base
 from drivers.ros2.wire import frame
-from drivers.sim.body import NOTHING, Body
+from drivers.sim.body import NO_SIDES, BaseBody
 from drivers.sim.things import BackupLimit
-from drivers.transport.link import Link
-from missions.plugins.testing.recorders import Bench
+from drivers.transport.link import SerialLink
+from missions.plugins.testing.recorders import LeafTestBench
 from tests.contract.rigs import InSimulatedTime, simulated
 from tests.contract.test_base_contract import (  # noqa: F401 - all that a base promises
     BaseRig,
@@ -70,7 +70,7 @@ class Topics(InSimulatedTime, BaseRig):
     def __init__(self) -> None:
         super().__init__()
         origin = Pose2D(3.0, -2.0, radians(130))  # it has driven before
-        self.robot = VirtualBase(Body(ground=Room()), self.topics, stamped=self.stamped, origin=origin)
+        self.robot = VirtualRos2Base(BaseBody(ground=Room()), self.topics, stamped=self.stamped, origin=origin)
         self.wire = HandWire(self.robot, self.timeline)
         self.halts = 0
         self.entrusted = False
@@ -81,8 +81,8 @@ class Topics(InSimulatedTime, BaseRig):
             self.robot.channels,
             list(self.topics),
             BaseLimits(0.5, 1.9, 0.5, 3.5),
-            anchored=lambda pose, _: self.start_told.append(pose),
-            entrusted=lambda: self.entrusted,
+            on_origin=lambda pose, _: self.start_told.append(pose),
+            is_goal_active=lambda: self.entrusted,
         )
         self.device = DiffDriveBase(
             self.wire.link("base", report=self.notices.append),
@@ -97,9 +97,9 @@ class Topics(InSimulatedTime, BaseRig):
         self.halts += 1
 
     def truth(self) -> Pose2D:
-        return self.robot.pose(self.clock.now())
+        return self.robot.pose(self.clock.read_value())
 
-    def touch(self, bumper: Sides = NOTHING, cliff: Sides = NOTHING) -> None:
+    def touch(self, bumper: Sides = NO_SIDES, cliff: Sides = NO_SIDES) -> None:
         self.robot.bumper, self.robot.cliff = bumper, cliff
 
     def lift(self, *, up: bool) -> None:
@@ -153,7 +153,7 @@ def test_a_base_has_those_capabilities_for_which_it_has_topics(there: tuple[str,
     named = {topic: TOPICS[topic] if topic in there else "" for topic in ("sounds", "lights")}
     keys = Ros2BaseKeys(sounds=named["sounds"], lights=named["lights"])
     protocol = Ros2BaseProtocol("base", ManualClock(), [], topics, BaseLimits(0.5, 1.9, 0.5, 3.5))
-    device = DiffDriveBase(Link("base", "", 1), ManualClock(), protocol)
+    device = DiffDriveBase(SerialLink("base", "", 1), ManualClock(), protocol)
     assert keys.capabilities == {*there}
     assert {name for name in ("sounds", "lights", "legs") if getattr(device, name) is not None} == {*there}
 
@@ -161,19 +161,19 @@ def test_a_base_has_those_capabilities_for_which_it_has_topics(there: tuple[str,
 def test_at_rest_it_says_nothing_that_could_hold_up_who_else_drives_the_robot(base: Topics) -> None:
     base.drive(0.2, 0.0, lambda: base.state().velocity.linear > 0.1)
     base.wait(2.0)
-    said = len(base.robot.velocities)
-    assert [velocity for _, velocity in base.robot.velocities[-10:]] == [STILL] * 10
+    said = len(base.robot.received_velocities)
+    assert [velocity for _, velocity in base.robot.received_velocities[-10:]] == [ZERO_VELOCITY] * 10
     base.wait(5.0)
-    assert len(base.robot.velocities) == said
+    assert len(base.robot.received_velocities) == said
 
 
 def test_latched_it_is_told_to_stand_again_and_again_and_what_else_drives_it_is_ended(base: Topics) -> None:
     base.wait(2.0)
-    said, halts = len(base.robot.velocities), base.halts
+    said, halts = len(base.robot.received_velocities), base.halts
     base.device.latch("somebody shouted")
     base.wait(2.0)
     assert base.halts > halts
-    assert len(base.robot.velocities) - said >= 10
+    assert len(base.robot.received_velocities) - said >= 10
 
 
 def test_somebody_who_sets_its_odometry_does_not_move_it(base: Topics) -> None:
@@ -191,12 +191,12 @@ def test_somebody_who_sets_its_odometry_does_not_move_it(base: Topics) -> None:
 
 def test_a_link_that_stalls_brings_it_to_rest_within_seven_tenths_of_a_second(base: Topics) -> None:
     base.drive(0.2, 0.0, lambda: base.state().velocity.linear > 0.19)
-    base.robot.frozen = True
-    began = base.clock.now()
-    base.until(lambda: base.robot.body.velocity == STILL)
-    assert base.clock.now() - began < 0.7
+    base.robot.is_stalled = True
+    began = base.clock.read_value()
+    base.until(lambda: base.robot.body.velocity == ZERO_VELOCITY)
+    assert base.clock.read_value() - began < 0.7
     base.until(lambda: not base.device.health().online)
-    base.robot.frozen = False
+    base.robot.is_stalled = False
     base.until(lambda: base.device.health().online)
     base.wait(0.5)
     assert base.stands(), "what was commanded before is not in force"
@@ -213,7 +213,7 @@ def test_messages_that_are_none_are_counted_and_nothing_follows(base: Topics) ->
 
 def test_a_base_that_nobody_listens_for_says_which_topic_that_is() -> None:
     rig = Topics()
-    rig.robot._kind = lambda channel: "" if channel == 0 else VirtualBase._kind(rig.robot, channel)  # type: ignore[method-assign]
+    rig.robot._kind = lambda channel: "" if channel == 0 else VirtualRos2Base._kind(rig.robot, channel)  # type: ignore[method-assign]
     rig.device.open()
     rig.wait(1.0)
     health = rig.device.health()
@@ -237,7 +237,7 @@ def test_hazards_of_all_types_are_in_its_state_and_those_that_hold_it_up_are_fau
     base.robot.hazards = [(create3.STALL, "wheel_left"), (create3.OBJECT_PROXIMITY, "ir_intensity_left"), (9, "")]
     base.wait(0.1)
     assert base.state().hazards == {"stall left", "object near left", "hazard of type 9"}
-    faults = [(notice.what, notice.hint) for notice in base.notices if notice.kind == "fault"]
+    faults = [(notice.message, notice.hint) for notice in base.notices if notice.kind == "fault"]
     assert ("stall left: a wheel is blocked", "look for what blocks the wheels") in faults
     assert any("hazard of type 9" in fault and "mission ros2 echo" in hint for fault, hint in faults)
     assert not any("object near" in fault for fault, _ in faults)
@@ -261,12 +261,12 @@ def test_a_hazard_between_two_reports_of_odometry_is_not_missed(base: Topics) ->
 
 def test_at_its_backup_limit_it_stands_says_so_and_backs_again_after_it_has_driven_forwards(base: Topics) -> None:
     base.robot.body.backup_limit = BackupLimit(0.025)
-    started = base.clock.now()
-    base.drive(-0.2, 0.0, lambda: base.clock.now() > started + 1.5)
+    started = base.clock.read_value()
+    base.drive(-0.2, 0.0, lambda: base.clock.read_value() > started + 1.5)
     assert base.state().hazards == {"backup limit"}
     assert -0.09 < base.truth().x < -0.02
-    assert base.state().velocity == STILL
-    assert any("backup limit" in notice.what and "safety_override" in notice.hint for notice in base.notices)
+    assert base.state().velocity == ZERO_VELOCITY
+    assert any("backup limit" in notice.message and "safety_override" in notice.hint for notice in base.notices)
     there = base.truth().x
     base.drive(0.2, 0.0, lambda: base.truth().x > there + 0.1)
     base.wait(0.5)
@@ -276,24 +276,26 @@ def test_at_its_backup_limit_it_stands_says_so_and_backs_again_after_it_has_driv
 
 def test_with_its_e_stop_on_it_obeys_no_velocity_and_its_monitor_says_so(base: Topics) -> None:
     base.robot.body.e_stop = True
-    started, notices = base.clock.now(), len(base.notices)
-    base.drive(0.2, 0.5, lambda: base.clock.now() > started + 1.5)
+    started, notices = base.clock.read_value(), len(base.notices)
+    base.drive(0.2, 0.5, lambda: base.clock.read_value() > started + 1.5)
     assert base.truth() == Pose2D(0.0, 0.0, 0.0)
-    assert [(notice.kind, "commanded 0.2 m/s" in notice.what) for notice in base.notices[notices:]] == [("fault", True)]
+    assert [(notice.kind, "commanded 0.2 m/s" in notice.message) for notice in base.notices[notices:]] == [
+        ("fault", True)
+    ]
 
 
 def test_a_base_at_its_backup_limit_fails_its_leaf_within_two_seconds_and_says_why(base: Topics) -> None:
     base.robot.body.backup_limit = BackupLimit(0.025)
-    bench = Bench(base.clock)  # type: ignore[arg-type]
+    bench = LeafTestBench(base.clock)  # type: ignore[arg-type]
     bench.robot = replace(bench.robot, base_part=base.device)
-    leaf = bench.put(Drive("drive"), distance=-0.3)
-    began = base.clock.now()
+    leaf = bench.put(DriveLeaf("drive"), distance=-0.3)
+    began = base.clock.read_value()
     while bench.tick(leaf, after=0.0) is RUNNING:
         base.wait(0.05)
-    assert base.clock.now() - began < 2.0
+    assert base.clock.read_value() - began < 2.0
     assert leaf.status is FAILURE
     assert "backup limit" in leaf.feedback_message
-    assert any("safety_override" in notice.hint for notice in base.notices if "commanded" in notice.what)
+    assert any("safety_override" in notice.hint for notice in base.notices if "commanded" in notice.message)
 
 
 class Odometry:
@@ -309,9 +311,9 @@ class Odometry:
         """Measure for 20 ms steps, and send two messages ``arrivals`` seconds apart each 40 ms."""
         timeline = self.base.timeline
         for _ in range(round(seconds / 0.04)):
-            began = self.base.clock.now()
+            began = self.base.clock.read_value()
             for number in range(2):
-                timeline.run(began + 0.04 - arrivals * (1 - number))
+                timeline.run_until(began + 0.04 - arrivals * (1 - number))
                 self.measured_at += 0.02
                 self.heading += rate * 0.02
                 self._send(rate)

@@ -7,13 +7,13 @@ from math import inf, nan
 
 import pytest
 
-from drivers.api import Away, Coupling, JointLimits, Joints, JointState, Quality
+from drivers.api import Coupling, JointLimits, Joints, JointState, Quality, ReconnectPolicy
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.ros2.joints import TopicJoints
 from drivers.ros2.joints_twin import StiffJoints
 from drivers.ros2.types import types
 from drivers.ros2.virtual_joints import VirtualJoints
-from drivers.ros2.ways import ARRAY, LEG, SILENT_AFTER, STATE, TRAJECTORY, TopicJoint
+from drivers.ros2.ways import ARRAY, JOINT_STATE, OFFLINE_TIMEOUT, TRAJECTORY, TRAJECTORY_HORIZON, TopicJoint
 from drivers.ros2.wire import frame
 from tests.contract.rigs import InSimulatedTime, Rig, simulated
 from tests.contract.test_joints_contract import (  # noqa: F401 - what holds of joints that are always stiff
@@ -29,7 +29,7 @@ JOINTS = {
     "shoulder": TopicJoint("shoulder", JointLimits(-3.0, 3.0, 5.0)),
 }
 
-AWAY = Away(decide=1.0, latch=3.0)
+AWAY = ReconnectPolicy(decide_after=1.0, latch_after=3.0)
 
 
 class ArmRig(Rig):
@@ -50,7 +50,7 @@ class ArmRig(Rig):
         return value
 
     def fresh(self, joint: str) -> JointState:
-        now = self.clock.now()
+        now = self.clock.read_value()
         self.until(lambda: self.device.states()[joint].stamp > now)
         return self.state(joint)
 
@@ -78,7 +78,7 @@ class TopicArm(InSimulatedTime, ArmRig):
         )
 
     def truth(self, joint: str) -> float:
-        return JOINTS[joint].direction * self.robot.position(JOINTS[joint].there, self.clock.now())
+        return JOINTS[joint].direction * self.robot.position(JOINTS[joint].ros_name, self.clock.read_value())
 
     def unplug(self) -> None:
         self.wire.unplug()
@@ -108,10 +108,10 @@ class TwinArm(InSimulatedTime, ArmRig):
     def __init__(self) -> None:
         super().__init__()
         self.device = StiffJoints(JOINTS, self.clock, away=AWAY, report=self.notices.append)
-        self.timeline.every(self.device.PERIOD, self.device.step)
+        self.timeline.call_every(self.device.PERIOD, self.device.step)
 
     def truth(self, joint: str) -> float:
-        return self.device.true_angle(joint, self.clock.now())
+        return self.device.true_angle(joint, self.clock.read_value())
 
     def unplug(self) -> None:
         self.device.plug.unplug()
@@ -170,12 +170,12 @@ def test_joints_go_together_where_they_are_told(arm: ArmRig) -> None:
 
 
 def test_a_joint_goes_at_the_speed_asked_for_and_tells_of_it(arm: ArmRig) -> None:
-    began = arm.clock.now()
+    began = arm.clock.read_value()
     arm.device.move({"elbow": -0.5}, speeds={"elbow": 1.0})
     arm.until(lambda: arm.state("elbow").velocity < -0.9)
     assert arm.state("elbow").moving
     arm.until(lambda: arm.at("elbow", -0.5))
-    assert 0.45 < arm.clock.now() - began < 0.65
+    assert 0.45 < arm.clock.read_value() - began < 0.65
 
 
 @pytest.mark.parametrize(
@@ -228,7 +228,7 @@ def test_asked_to_be_limp_it_stands_where_it_is_and_says_that_it_cannot(arm: Arm
     assert 0.25 < arm.truth("shoulder") < 0.5
     assert arm.state("shoulder").torque
     (notice,) = [notice for notice in arm.notices if notice.kind == "fault"]
-    assert "ROS 2 has no word for limp joints" in notice.what
+    assert "ROS 2 has no word for limp joints" in notice.message
     assert notice.hint
 
 
@@ -259,13 +259,13 @@ def test_unplugged_it_says_why_and_comes_to_rest_on_its_way(arm: ArmRig) -> None
     assert caught.value.hint
     arm.wait(0.5)
     rested = arm.truth("elbow")
-    assert before <= rested < before + 1.3 * LEG
+    assert before <= rested < before + 1.3 * TRAJECTORY_HORIZON
     arm.wait(0.5)
     assert arm.truth("elbow") == rested
     assert {reading.quality for reading in arm.device.states().values()} == {Quality.STALE}
     for _ in range(3):
         arm.device.hold(["elbow"])
-    (notice,) = [notice for notice in arm.notices if "could not be held: elbow" in notice.what]
+    (notice,) = [notice for notice in arm.notices if "could not be held: elbow" in notice.message]
     assert notice.hint
 
 
@@ -291,7 +291,7 @@ def test_away_for_long_it_stays_at_rest_until_it_is_enabled(arm: ArmRig) -> None
     arm.unplug()
     arm.wait(4.0)
     arm.plug_in()
-    arm.until(lambda: arm.device.health().returned is not None)
+    arm.until(lambda: arm.device.health().reconnected_at is not None)
     arm.until(lambda: arm.device.health().online)
     with pytest.raises(DeviceFault, match="arm: stopped: it was away for"):
         arm.device.move({"elbow": 0.5})
@@ -319,22 +319,22 @@ def test_whose_program_is_killed_it_stands_within_three_tenths_of_a_second(topic
     before = topics.truth("shoulder")
     topics.wire.holder = None  # nothing is said any more, not even goodbye
     topics.wire.unplug()
-    topics.wait(LEG + 0.02)
+    topics.wait(TRAJECTORY_HORIZON + 0.02)
     rested = topics.truth("shoulder")
     topics.wait(2.0)
     assert topics.truth("shoulder") == pytest.approx(rested, abs=1e-9)
-    assert rested - before <= 1.1 * LEG
+    assert rested - before <= 1.1 * TRAJECTORY_HORIZON
 
 
 def test_whose_states_stall_it_is_sent_no_farther(topics: TopicArm) -> None:
     topics.device.move({"shoulder": 2.5}, speeds={"shoulder": 1.0})
     topics.until(lambda: topics.state("shoulder").position > 0.3)
-    before, topics.robot.silent = topics.truth("shoulder"), True
+    before, topics.robot.is_silent = topics.truth("shoulder"), True
     topics.until(lambda: topics.told("offline"))
     topics.wait(1.0)
-    assert topics.truth("shoulder") - before <= SILENT_AFTER + LEG + 0.05
+    assert topics.truth("shoulder") - before <= OFFLINE_TIMEOUT + TRAJECTORY_HORIZON + 0.05
     assert "nothing comes of arm_3, elbow_joint, shoulder" in topics.device.health().detail
-    topics.robot.silent = False
+    topics.robot.is_silent = False
     topics.until(lambda: topics.device.health().online)
     here = topics.truth("shoulder")
     topics.wait(0.5)
@@ -344,8 +344,8 @@ def test_whose_states_stall_it_is_sent_no_farther(topics: TopicArm) -> None:
 def test_messages_that_are_none_are_counted_and_nothing_follows(topics: TopicArm) -> None:
     before = topics.device.health().counters["malformed"]
     wrong = [b"", b"\xff" * 300]
-    wrong += [types().encode(STATE, {"name": ["shoulder"], "position": [value]}) for value in (inf, 1e9)]
-    wrong.append(types().encode(STATE, {"name": ["shoulder"], "position": []}))
+    wrong += [types().encode(JOINT_STATE, {"name": ["shoulder"], "position": [value]}) for value in (inf, 1e9)]
+    wrong.append(types().encode(JOINT_STATE, {"name": ["shoulder"], "position": []}))
     for payload in wrong:
         topics.wire.take(frame(0, payload))
     topics.wait(0.1)
@@ -355,7 +355,7 @@ def test_messages_that_are_none_are_counted_and_nothing_follows(topics: TopicArm
 
 def test_an_arm_whose_controller_nobody_runs_says_which_topic_that_is() -> None:
     rig = TopicArm()
-    rig.robot._kind = lambda channel: "" if channel else STATE  # type: ignore[method-assign]
+    rig.robot._kind = lambda channel: "" if channel else JOINT_STATE  # type: ignore[method-assign]
     rig.device.open()
     rig.wait(1.0)
     detail = rig.device.health().detail
@@ -367,8 +367,8 @@ def test_an_arm_whose_controller_nobody_runs_says_which_topic_that_is() -> None:
 def test_a_joint_that_is_blocked_or_turns_the_wrong_way_is_given_up_and_told_to_stand(
     topics: TopicArm, grip: float
 ) -> None:
-    topics.robot.shafts["elbow_joint"].grip = grip
-    began = topics.clock.now()
+    topics.robot.shafts["elbow_joint"].motion_factor = grip
+    began = topics.clock.read_value()
     refused = []
 
     def moved() -> bool:
@@ -379,12 +379,12 @@ def test_a_joint_that_is_blocked_or_turns_the_wrong_way_is_given_up_and_told_to_
         return bool(refused)
 
     topics.until(moved)
-    assert topics.clock.now() - began < 1.6
+    assert topics.clock.read_value() - began < 1.6
     assert refused[0].startswith("joint elbow: commanded 1.20 rad, ")
     assert topics.told("fault", "joint elbow: commanded")
     state = topics.state("elbow")
     assert state.blocked == refused[0]
-    topics.robot.shafts["elbow_joint"].grip = 1.0
+    topics.robot.shafts["elbow_joint"].motion_factor = 1.0
     topics.wait(0.5)
     there = topics.truth("elbow")
     topics.wait(1.0)
@@ -399,7 +399,7 @@ def test_a_joint_that_is_blocked_or_turns_the_wrong_way_is_given_up_and_told_to_
 def reverse(rig: ArmRig, *, ended: bool) -> None:
     """Have the motor of the elbow turn the wrong way, or end that."""
     if isinstance(rig, TopicArm):
-        rig.robot.shafts["elbow_joint"].grip = 1.0 if ended else -1.0
+        rig.robot.shafts["elbow_joint"].motion_factor = 1.0 if ended else -1.0
     elif isinstance(rig, TwinArm):
         rig.device.fail("elbow", "" if ended else "reversed")
 
@@ -417,9 +417,9 @@ def test_a_joint_that_runs_away_stops_the_arm_and_nobody_is_told_that_its_torque
     if held:  # as the leaf does that has failed
         arm.device.hold(["elbow"])
     arm.until(lambda: arm.told("fault", "runs away"))
-    (notice,) = [each for each in arm.notices if "runs away" in each.what]
-    assert "torque is switched off" not in notice.what
-    assert "ROS 2 has no word for torque off" in notice.what
+    (notice,) = [each for each in arm.notices if "runs away" in each.message]
+    assert "torque is switched off" not in notice.message
+    assert "ROS 2 has no word for torque off" in notice.message
     assert notice.hint.startswith("switch the power of its motor off")
     assert "joint elbow: runs away" in arm.device.latched
     with pytest.raises(DeviceFault, match="runs away"):

@@ -6,7 +6,7 @@ from threading import Thread
 
 import pytest
 
-from drivers.api import Mood, Screen, Shown
+from drivers.api import Mood, Screen, ScreenContent
 from drivers.screen.make import PrintedScreen
 from drivers.screen.pages import PageScreen
 from drivers.screen.twin import ScreenTwin
@@ -64,56 +64,56 @@ def test_before_it_is_opened_it_says_so_and_keeps_what_it_is_told(rig: ScreenRig
     rig.device.mood(Mood.HAPPY)
     rig.device.show("hello")
     rig.device.open()
-    assert rig.device.shown() == Shown(Mood.HAPPY, "hello")
+    assert rig.device.content() == ScreenContent(Mood.HAPPY, "hello")
     assert rig.device.health().online
 
 
 def test_it_is_awake_once_opened_and_asleep_at_rest(screen: Screen) -> None:
-    assert screen.shown() == Shown(Mood.NEUTRAL)
+    assert screen.content() == ScreenContent(Mood.NEUTRAL)
     screen.mood(Mood.SAD)
     screen.show("good night")
     screen.mouth(0.5)
     screen.rest()
     screen.rest()
-    assert screen.shown() == Shown(Mood.ASLEEP)
+    assert screen.content() == ScreenContent(Mood.ASLEEP)
     screen.mood(Mood.HAPPY)
-    assert screen.shown() == Shown(Mood.HAPPY)
+    assert screen.content() == ScreenContent(Mood.HAPPY)
 
 
 @pytest.mark.parametrize("mood", Mood)
 def test_mood_and_words_stay_until_others_come(screen: Screen, mood: Mood) -> None:
     screen.show("hello")
     screen.mood(mood)
-    assert screen.shown() == Shown(mood, "hello")
+    assert screen.content() == ScreenContent(mood, "hello")
     screen.show("")
-    assert screen.shown() == Shown(mood)
+    assert screen.content() == ScreenContent(mood)
 
 
 def test_a_mouth_that_nobody_moves_shuts(rig: ScreenRig, screen: Screen) -> None:
     screen.mouth(0.5)
-    assert screen.shown().mouth == 0.5
+    assert screen.content().mouth == 0.5
     rig.wait(0.4)
-    assert screen.shown() == Shown()
+    assert screen.content() == ScreenContent()
     screen.mouth(1.0)
     screen.mouth(0.0)
-    assert screen.shown().mouth == 0.0
+    assert screen.content().mouth == 0.0
 
 
 @pytest.mark.parametrize(("asked", "kept"), [(-1.0, 0.0), (1.5, 1.0), (inf, 1.0), (-inf, 0.0), (nan, 0.0)])
 def test_a_mouth_opens_no_farther_than_it_can(screen: Screen, asked: float, kept: float) -> None:
     screen.mouth(asked)
-    assert screen.shown().mouth == kept
+    assert screen.content().mouth == kept
 
 
 def test_closed_it_is_asleep_and_opened_again_awake(screen: Screen) -> None:
     screen.show("hello")
     screen.close()
     screen.close()
-    assert screen.shown() == Shown(Mood.ASLEEP)
+    assert screen.content() == ScreenContent(Mood.ASLEEP)
     assert not screen.health().online
     screen.open()
     screen.open()
-    assert screen.shown() == Shown(Mood.NEUTRAL)
+    assert screen.content() == ScreenContent(Mood.NEUTRAL)
     assert screen.health().online
 
 
@@ -123,11 +123,11 @@ def test_it_may_be_told_from_many_threads(screen: Screen) -> None:
             screen.mood(mood)
             screen.show(f"{mood} {number}")
             screen.mouth(number / 50)
-            screen.shown()
+            screen.content()
 
     threads = [Thread(target=tell, args=(mood,)) for mood in Mood]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert screen.shown().text.endswith(" 49")
+    assert screen.content().text.endswith(" 49")

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from drivers.api import Manner, Priority, Voice
+from drivers.api import Priority, SpeechStyle, Voice
 from drivers.errors import BadRequest, NotConnected
-from drivers.sound.engines import Espeak
-from drivers.sound.player import Player
+from drivers.sound.engines import EspeakEngine
+from drivers.sound.player import SoundPlayer
 from drivers.sound.printed import PrintedVoice
-from drivers.sound.program import Speaker, Synthesiser
+from drivers.sound.program import ProgramEngine, Synthesiser
 from drivers.voice.speech import SpeechVoice
 from drivers.voice.twin import VoiceTwin
 from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, simulated
@@ -37,8 +37,10 @@ class VoiceRig(Rig):
 class SpokenVoice(InRealTime, VoiceRig):
     def __init__(self) -> None:
         super().__init__()
-        engine = Speaker(Synthesiser(sys.executable, ("-S", "-c", PROGRAM)), self.clock)
-        self.device = SpeechVoice(self.clock, engine, Player(self.clock, backend="null"), print, changed=self.changed)
+        engine = ProgramEngine(Synthesiser(sys.executable, ("-S", "-c", PROGRAM)), self.clock)
+        self.device = SpeechVoice(
+            self.clock, engine, SoundPlayer(self.clock, backend="null"), print, changed=self.changed
+        )
 
 
 class EspeakVoice(InRealTime, VoiceRig):
@@ -46,8 +48,10 @@ class EspeakVoice(InRealTime, VoiceRig):
 
     def __init__(self) -> None:
         super().__init__()
-        engine = Espeak(self.clock, usual=Manner())
-        self.device = SpeechVoice(self.clock, engine, Player(self.clock, backend="null"), print, changed=self.changed)
+        engine = EspeakEngine(self.clock, default_manner=SpeechStyle())
+        self.device = SpeechVoice(
+            self.clock, engine, SoundPlayer(self.clock, backend="null"), print, changed=self.changed
+        )
 
 
 class PrintedWordsVoice(InSimulatedTime, VoiceRig):
@@ -61,7 +65,7 @@ class TwinVoice(InSimulatedTime, VoiceRig):
         super().__init__()
         twin = VoiceTwin(self.clock, print, report=self.notices.append, changed=self.changed)
         self.device = twin
-        self.timeline.every(twin.PERIOD, twin.step)
+        self.timeline.call_every(twin.PERIOD, twin.step)
 
 
 @pytest.fixture(
@@ -95,14 +99,14 @@ def test_before_it_is_opened_it_says_so_and_nothing_else(rig: VoiceRig) -> None:
 
 
 def test_what_is_said_takes_its_time_one_after_another(voice: VoiceRig) -> None:
-    began = voice.clock.now()
+    began = voice.clock.read_value()
     first, second = voice.device.say("hello there"), voice.device.say("you")
     assert not first.done()
     voice.until(first.done)
-    assert voice.clock.now() - began >= 0.35
+    assert voice.clock.read_value() - began >= 0.35
     assert not second.done()
     voice.until(second.done)
-    assert voice.clock.now() - began >= 0.55
+    assert voice.clock.read_value() - began >= 0.55
     first.cancel()
     assert not first.cancelled
     voice.until(lambda: voice.changes == 2)
@@ -157,10 +161,10 @@ def test_closed_it_is_silent_and_opened_again_it_speaks(voice: VoiceRig) -> None
 def test_it_says_what_is_heard_now_and_since_when(voice: VoiceRig) -> None:
     assert voice.device.speaking() is None
     first, second = voice.device.say("hello there"), voice.device.say("you")
-    began = voice.clock.now()
+    began = voice.clock.read_value()
     voice.until(lambda: voice.device.speaking() is first)
     assert first.started is not None
-    assert began <= first.started <= voice.clock.now()
+    assert began <= first.started <= voice.clock.read_value()
     assert (second.started, list(second.mouth)) == (None, [])
     voice.until(lambda: voice.device.speaking() is second)
     assert first.done()
@@ -214,7 +218,7 @@ def test_a_sound_is_played_in_its_turn_and_takes_its_time(voice: VoiceRig, bell:
     began = second.started
     voice.until(second.done)
     assert began is not None
-    assert voice.clock.now() - began >= 0.2  # half of it: the player's word that it has begun may come late
+    assert voice.clock.read_value() - began >= 0.2  # half of it: the player's word that it has begun may come late
     assert not third.done()
     voice.until(third.done)
 

@@ -6,12 +6,12 @@ from typing import Any
 
 from drivers.api import DeviceStatus, JointState
 from drivers.servos import wire2
-from drivers.servos.bus import Bus
+from drivers.servos.bus import ServoBus
 from drivers.servos.driver import DynamixelJoints
 from drivers.servos.joint import JointSpec
 from drivers.servos.models import MODELS
 from drivers.servos.virtual.chain import VirtualServoBus
-from drivers.servos.wire import Instruction, Packet, Parser
+from drivers.servos.wire import Packet, PacketParser, Protocol1Instruction
 from drivers.sim.timeline import Timeline
 from tests.drivers.chains import chain
 from tests.drivers.cranked import PERIOD, by_hand, pass_until
@@ -32,7 +32,7 @@ class Recorder:
         self.requests2: list[Packet] = []
         self.deaf_to: set[int] = set()
         self._device = device
-        self._parser, self._parser2 = Parser(), wire2.Parser()
+        self._parser, self._parser2 = PacketParser(), wire2.PacketParser2()
 
     @property
     def baud(self) -> int:
@@ -48,19 +48,19 @@ class Recorder:
     def poll(self, now: float) -> bytes:
         return self._device.poll(now)
 
-    def next_at(self) -> float | None:
-        return self._device.next_at()
+    def next_poll_time(self) -> float | None:
+        return self._device.next_poll_time()
 
-    def tune(self, baud: int) -> None:
-        self._device.tune(baud)
+    def set_baud(self, baud: int) -> None:
+        self._device.set_baud(baud)
 
     def writes(self, servo: int) -> list[tuple[int, bytes]]:
         """What one servo was written, in order: the address and the data."""
         found = []
         for packet in list(self.requests):
-            if packet.code == Instruction.WRITE and packet.id == servo:
+            if packet.code == Protocol1Instruction.WRITE and packet.id == servo:
                 found.append((packet.parameters[0], packet.parameters[1:]))
-            elif packet.code == Instruction.SYNC_WRITE:
+            elif packet.code == Protocol1Instruction.SYNC_WRITE:
                 address, size = packet.parameters[:2]
                 blocks = packet.parameters[2:]
                 each = [blocks[at : at + size + 1] for at in range(0, len(blocks), size + 1)]
@@ -83,10 +83,10 @@ class Arm:
         self.chain = servos or chain(3)
         self.wire = Recorder(self.chain)
         self.line = DirectLine(self.wire, self.clock)
-        self.timeline.every(PERIOD, self.line.poll)
+        self.timeline.call_every(PERIOD, self.line.poll)
         self.notices: list[DeviceStatus] = []
         self.rounds = 0
-        self.bus = Bus("/dev/servos", self.clock, baud=baud, name="arm", dial=self.line.dial)
+        self.bus = ServoBus("/dev/servos", self.clock, baud=baud, name="arm", dial=self.line.dial)
         self.joints = self.driver(specs, report=self.notices.append, changed=self.count, **options)
 
     def driver(self, specs: Mapping[str, JointSpec], **options: Any) -> DynamixelJoints:
@@ -110,7 +110,7 @@ class Arm:
 
     def told(self, text: str) -> bool:
         """Whether a notice of that kind, or with these words in it, has come."""
-        return any(text in (notice.kind, notice.what) or text in notice.what for notice in list(self.notices))
+        return any(text in (notice.kind, notice.message) or text in notice.message for notice in list(self.notices))
 
     def state(self, name: str) -> JointState:
         value = self.joints.states()[name].value
@@ -122,7 +122,7 @@ class Arm:
 
     def fresh_of(self, name: str) -> None:
         """Wait for a reading of one joint that begins after now."""
-        now = self.clock.now()
+        now = self.clock.read_value()
         self.until(lambda: self.joints.states()[name].stamp > now)
 
     def limp(self, servo: int) -> bool:
@@ -130,7 +130,7 @@ class Arm:
 
     def fresh(self) -> None:
         """Wait for a whole round of readings that begins after now."""
-        now = self.clock.now()
+        now = self.clock.read_value()
         self.until(lambda: all(reading.stamp > now for reading in self.joints.states().values() if reading.value))
 
 

@@ -8,12 +8,12 @@ from collections.abc import Callable
 from functools import partial
 from typing import Protocol, runtime_checkable
 
-from drivers.api import Report, ignore
+from drivers.api import StatusCallback, ignore
 from drivers.sim.timeline import Timeline
-from drivers.transport.link import Link
-from drivers.transport.loop import Turn
-from drivers.transport.ports import explain
-from drivers.virtual.terminal import Powered, WireDevice
+from drivers.transport.link import SerialLink
+from drivers.transport.loop import LoopBody
+from drivers.transport.ports import make_port_error
+from drivers.virtual.terminal import PoweredDevice, WireDevice
 
 PERIOD = 0.005
 """Seconds between two looks at a wire, as on a pseudo-terminal, and the least between two turns."""
@@ -22,55 +22,55 @@ PERIOD = 0.005
 class HandLoop:
     """A ``drivers.transport.loop.Loop`` whose turns are taken as a timeline comes to them."""
 
-    def __init__(self, timeline: Timeline, turn: Turn, last: Callable[[], object]) -> None:
-        self.alive = False
+    def __init__(self, timeline: Timeline, turn: LoopBody, last: Callable[[], object]) -> None:
+        self.is_alive = False
         self._timeline = timeline
         self._turn = turn
         self._last = last
         self._starts = 0
 
     def start(self) -> None:
-        if not self.alive:
-            self.alive = True
+        if not self.is_alive:
+            self.is_alive = True
             self._starts += 1
-            self._timeline.at(self._timeline.clock.now(), partial(self._again, self._starts))
+            self._timeline.call_at(self._timeline.clock.read_value(), partial(self._again, self._starts))
 
     def wake(self) -> None:
-        if self.alive:
+        if self.is_alive:
             self._starts += 1
-            self._timeline.at(self._timeline.clock.now(), partial(self._again, self._starts))
+            self._timeline.call_at(self._timeline.clock.read_value(), partial(self._again, self._starts))
 
     def end(self) -> None:
-        if self.alive:
-            self.alive = False
+        if self.is_alive:
+            self.is_alive = False
             self._last()
 
     def _again(self, start: int) -> None:
-        if self.alive and start == self._starts:
+        if self.is_alive and start == self._starts:
             pause = self._turn()
-            self._timeline.at(self._timeline.clock.now() + max(pause, PERIOD), partial(self._again, start))
+            self._timeline.call_at(self._timeline.clock.read_value() + max(pause, PERIOD), partial(self._again, start))
 
 
-def by_hand(timeline: Timeline) -> Callable[[str, Turn, Callable[[], object]], HandLoop]:
-    """Return what makes loops that are turned as ``timeline`` goes on: a ``drivers.transport.loop.MakeLoop``."""
+def by_hand(timeline: Timeline) -> Callable[[str, LoopBody, Callable[[], object]], HandLoop]:
+    """Return what makes loops that are turned as ``timeline`` goes on: a ``drivers.transport.loop.LoopFactory``."""
     return lambda name, turn, last: HandLoop(timeline, turn, last)  # noqa: ARG005 - no thread, no name
 
 
 def pass_until(timeline: Timeline, holds: Callable[[], object]) -> None:
     """Let time pass until ``holds`` is true; fail after 20 s of it."""
-    end = timeline.clock.now() + 20.0
+    end = timeline.clock.read_value() + 20.0
     while not holds():
-        assert timeline.clock.now() < end, "it did not come true within 20 s"
-        timeline.run(timeline.clock.now() + PERIOD)
+        assert timeline.clock.read_value() < end, "it did not come true within 20 s"
+        timeline.run_until(timeline.clock.read_value() + PERIOD)
 
 
 @runtime_checkable
 class WithDtr(Protocol):
     """A device to which the modem line DTR matters."""
 
-    def opened(self, now: float) -> None: ...
+    def open_port(self, now: float) -> None: ...
 
-    def closed(self, *, hangs_up: bool) -> None: ...
+    def close_port(self, *, hangs_up: bool) -> None: ...
 
 
 class HandWire:
@@ -87,28 +87,37 @@ class HandWire:
         self.holder: HandPort | None = None
         self._timeline = timeline
         self._plugged = plugged
-        timeline.every(PERIOD, self._poll)
+        timeline.call_every(PERIOD, self._poll)
 
-    def link(self, name: str, *, gather: float = 0.0, report: Report = ignore) -> Link:
+    def link(self, name: str, *, gather: float = 0.0, report: StatusCallback = ignore) -> SerialLink:
         """Return a link to the device."""
         loop, baud = by_hand(self._timeline), self.device.baud
-        return Link(name, f"/dev/{name}", baud, retry=0.05, gather=gather, report=report, dial=self.dial, loop=loop)
+        return SerialLink(
+            name,
+            f"/dev/{name}",
+            baud,
+            retry_interval=0.05,
+            gather_time=gather,
+            report=report,
+            opener=self.dial,
+            make_loop=loop,
+        )
 
     def dial(self, who: str, port: str, baud: int) -> "HandPort":
         """Take the port, as a link does."""
         assert baud == self.device.baud
         if not self._plugged:
-            raise explain(who, port, FileNotFoundError(errno.ENOENT, "no such file"))
+            raise make_port_error(who, port, FileNotFoundError(errno.ENOENT, "no such file"))
         self.arrived, self.holder = b"", HandPort(self)
         if isinstance(self.device, WithDtr):
-            self.device.opened(self.clock.now())
+            self.device.open_port(self.clock.read_value())
         return self.holder
 
     def unplug(self) -> None:
         """Pull the plug: the port has gone, and with it DTR."""
         self._plugged, self.holder = False, None
         if isinstance(self.device, WithDtr):
-            self.device.closed(hangs_up=True)
+            self.device.close_port(hangs_up=True)
 
     def come_back(self) -> None:
         """Have the port there again, of a device that had power all the while."""
@@ -116,8 +125,8 @@ class HandWire:
 
     def plug_in(self) -> None:
         self._plugged = True
-        if isinstance(self.device, Powered):
-            self.device.plugged(self.clock.now())
+        if isinstance(self.device, PoweredDevice):
+            self.device.power_on(self.clock.read_value())
 
     def take(self, said: bytes) -> None:
         """Pass on what the device says, to whoever has the port."""
@@ -125,24 +134,24 @@ class HandWire:
             self.arrived += self.distort(said)
 
     def _poll(self) -> None:
-        self.take(self.device.poll(self.clock.now()))
+        self.take(self.device.poll(self.clock.read_value()))
 
 
 class HandPort:
-    """A ``drivers.transport.link.Port`` at the end of a ``HandWire``."""
+    """A ``drivers.transport.link.LinkPort`` at the end of a ``HandWire``."""
 
     def __init__(self, wire: HandWire) -> None:
         self._wire = wire
         self._hangs_up = True  # as Linux does unless HUPCL is off
 
-    def arrived(self, patience: float) -> bytes:  # noqa: ARG002 - the time is in other hands
+    def read_available(self, timeout: float) -> bytes:  # noqa: ARG002 - the time is in other hands
         self._require()
         data, self._wire.arrived = self._wire.arrived, b""
         return data
 
     def write(self, data: bytes) -> None:
         self._require()
-        self._wire.take(self._wire.device.feed(data, self._wire.clock.now()))
+        self._wire.take(self._wire.device.feed(data, self._wire.clock.read_value()))
 
     def set_dtr(self, *, on: bool) -> None:
         self._require()
@@ -152,7 +161,7 @@ class HandPort:
         if self._wire.holder is self:
             self._wire.holder = None
             if isinstance(self._wire.device, WithDtr):
-                self._wire.device.closed(hangs_up=self._hangs_up)
+                self._wire.device.close_port(hangs_up=self._hangs_up)
 
     def _require(self) -> None:
         if self._wire.holder is not self:

@@ -4,11 +4,11 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from drivers.api.probing import Ask
+from drivers.api.probing import ProbeRequest
 from drivers.clock import ManualClock
-from drivers.finding.machine import Machine
+from drivers.finding.machine import HostMachine
 from drivers.servos.virtual.chain import VirtualServoBus
-from drivers.virtual.terminal import WireDevice, agree
+from drivers.virtual.terminal import WireDevice, baud_rates_match
 
 ME = 4242
 """The user of a recorded machine, who is in no group of ours unless a test says so."""
@@ -24,12 +24,12 @@ class RecordedMachine:
             (root / folder).mkdir(parents=True)
 
     @property
-    def machine(self) -> Machine:
-        return Machine(self.root)
+    def machine(self) -> HostMachine:
+        return HostMachine(self.root)
 
-    def stranger(self, *groups: int) -> Machine:
+    def stranger(self, *groups: int) -> HostMachine:
         """The machine as somebody sees it whose devices these are not."""
-        return Machine(self.root, uid=ME, groups=frozenset(groups))
+        return HostMachine(self.root, uid=ME, groups=frozenset(groups))
 
     def write(self, path: str, text: str) -> Path:
         file = self.root / path
@@ -118,32 +118,32 @@ def gives_pictures(number: int, request: int, data: bytearray) -> None:
 
 
 class HandAsked:
-    """A ``drivers.finding.asking.Wire`` to a virtual device, in time of its own; it keeps all that was sent."""
+    """A ``drivers.finding.asking.ProbeWire`` to a virtual device, in time of its own; it keeps all that was sent."""
 
     def __init__(self, device: WireDevice | None) -> None:
         self.sent: list[tuple[int, bytes]] = []
         self.clock = ManualClock()
         self._device = device
-        self._tune = device.tune if isinstance(device, VirtualServoBus) else lambda baud: None  # noqa: ARG005
+        self._tune = device.set_baud if isinstance(device, VirtualServoBus) else lambda baud: None  # noqa: ARG005
 
-    def ask(self, question: Ask) -> bytes:
-        self.sent.append((question.baud, question.send))
-        heard, echo, end = b"", b"", self.clock.now() + question.wait
-        self._tune(question.baud)
-        arrived = self._said(question, question.send)
+    def exchange(self, request: ProbeRequest) -> bytes:
+        self.sent.append((request.baud, request.send))
+        heard, echo, end = b"", b"", self.clock.read_value() + request.timeout
+        self._tune(request.baud)
+        arrived = self._said(request, request.send)
         while True:
             heard += arrived
-            if question.send and not echo and heard.startswith(question.send):
-                heard, echo = heard.removeprefix(question.send), question.send
-            if question.enough(heard) or self.clock.now() >= end:
-                return echo + heard if question.keep_echo else heard
+            if request.send and not echo and heard.startswith(request.send):
+                heard, echo = heard.removeprefix(request.send), request.send
+            if request.is_complete(heard) or self.clock.read_value() >= end:
+                return echo + heard if request.keep_echo else heard
             self.clock.advance(0.001)
-            arrived = self._said(question)
+            arrived = self._said(request)
 
-    def _said(self, question: Ask, data: bytes = b"") -> bytes:
+    def _said(self, question: ProbeRequest, data: bytes = b"") -> bytes:
         if self._device is None:
             return b""
-        agreed, now = agree(self._device.baud, question.baud), self.clock.now()
+        agreed, now = baud_rates_match(self._device.baud, question.baud), self.clock.read_value()
         said = self._device.feed(data, now) if data and agreed else self._device.poll(now)
         return said if agreed else b""
 

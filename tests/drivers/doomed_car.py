@@ -9,13 +9,13 @@ from drivers.api import Velocity
 from drivers.base.diff_drive import DiffDriveBase
 from drivers.clock import SystemClock
 from drivers.errors import DriverError
-from drivers.pi_car.driver import KeeperProtocol
-from drivers.pi_car.make import Guarded
-from drivers.transport.link import Link
+from drivers.pi_car.driver import GuardianProtocol
+from drivers.pi_car.make import GuardianLauncher
+from drivers.transport.link import SerialLink
 
 if __name__ == "__main__":
-    link = Link("base", "the guardian", 57_600, dial=Guarded(json.loads(sys.argv[1]), sys.argv[2:]))
-    base = DiffDriveBase(link, SystemClock(), KeeperProtocol(0.13, 0.5))
+    link = SerialLink("base", "the guardian", 57_600, opener=GuardianLauncher(json.loads(sys.argv[1]), sys.argv[2:]))
+    base = DiffDriveBase(link, SystemClock(), GuardianProtocol(0.13, 0.5))
     base.open()
     while True:
         with suppress(DriverError):

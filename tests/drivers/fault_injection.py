@@ -35,7 +35,7 @@ class FaultInjection:
         """Start the chance."""
         self._chance = Random(self.seed)  # noqa: S311  # it must be repeatable, and guards nothing
 
-    def arrange(self, reply: bytes) -> list[tuple[float, bytes]]:
+    def disturb(self, reply: bytes) -> list[tuple[float, bytes]]:
         """Return what becomes of ``reply``: pieces, each with the seconds by which it is late. Empty if it is lost."""
         if self._befalls("drop", self.drop):
             return []

@@ -11,10 +11,10 @@ from random import Random
 from typing import Any
 
 from behaviours.driving.go_to import GoTo
-from behaviours.driving.motion import Arc, Drive, Turn
+from behaviours.driving.motion import Arc, DriveLeaf, TurnLeaf
 from behaviours.leaf import RUNNING, SUCCESS, Leaf
 from behaviours.robot import Robot
-from behaviours.run import Run
+from behaviours.run import RunState
 from behaviours.wander import Wander
 from config.world import RoomConfig, StartConfig, WorldConfig
 from drivers.api import BASE_RADIUS, Pose2D, is_guarded
@@ -22,15 +22,15 @@ from drivers.api.sections import BaseKeys
 from drivers.base.arbitrated import settings_of
 from drivers.base.range_twin import RangerTwin
 from drivers.base.twin import BaseTwin
-from drivers.sim.body import Body
-from drivers.sim.scanner import looking
-from drivers.sim.stage import Stage
+from drivers.sim.body import BaseBody
+from drivers.sim.scanner import make_range_function
+from drivers.sim.stage import SimContext
 from drivers.sim.timeline import Timeline
-from drivers.sim.wheels import Wheels
-from drivers.sim.world import World
-from missions.control.commands import Drive as StudioDrive
-from missions.control.pilot import Pilot, Push
-from missions.control.wheels import Wheels as StudioWheels
+from drivers.sim.wheels import SimulatedWheels
+from drivers.sim.world import SimulatedWorld
+from missions.control.commands import DriveCommand as StudioDrive
+from missions.control.pilot import DriveInput, Pilot
+from missions.control.wheels import WheelArbiter as StudioWheels
 from missions.library.worlds import build_world
 from tests.storm.crowds import crowded
 from tests.storm.touching import Touch, TouchWatch
@@ -96,34 +96,34 @@ def play(seed: int) -> Played:
     chance = Random(f"range guard {seed} hand")  # noqa: S311
     timeline, world = Timeline(), build_world(case.world)
     clock = timeline.clock
-    body = Body(wheels=Wheels(pose=world.start, dead_time=case.lag, slip=case.slip), ground=world)
+    body = BaseBody(wheels=SimulatedWheels(pose=world.start, dead_time=case.lag, slip=case.slip), ground=world)
     keys = BaseKeys(max_speed=case.speed, acceleration=case.acceleration)
-    stage = Stage(clock, world, lambda _: body.pose)
+    stage = SimContext(clock, world, lambda _: body.pose)
     base = BaseTwin(clock, body=body, seed=seed, **settings_of(keys, stage))
     ranger = RangerTwin(
-        looking(world, PLACE, lambda _: body.pose), clock, place=PLACE, dropouts=case.dropouts, seed=seed
+        make_range_function(world, PLACE, lambda _: body.pose), clock, place=PLACE, dropouts=case.dropouts, seed=seed
     )
     base.guard_by(ranger)
     watch = TouchWatch(world, base, PLACE, acceleration=case.acceleration)
-    timeline.every(base.PERIOD, base.step)
-    timeline.every(ranger.PERIOD, ranger.step)
+    timeline.call_every(base.PERIOD, base.step)
+    timeline.call_every(ranger.PERIOD, ranger.step)
     base.open()
     ranger.open()
     command = HANDS[case.hand](base, ranger, timeline, chance)
-    timeline.every(TICK, command, start=0.6)
+    timeline.call_every(TICK, command, start=0.6)
     slowed, last, way = 0, body.pose, 0.0
 
     def look() -> None:
         nonlocal slowed, last, way
-        body.advance(clock.now())
-        watch.look(clock.now())
+        body.advance(clock.read_value())
+        watch.look(clock.read_value())
         slowed += is_guarded(base.steering())
         way += ((body.pose.x - last.x) ** 2 + (body.pose.y - last.y) ** 2) ** 0.5
         last = body.pose
 
-    timeline.every(0.02, look, start=0.5)
-    while clock.now() < SECONDS and not watch.over:
-        timeline.run(clock.now() + 0.5)
+    timeline.call_every(0.02, look, start=0.5)
+    while clock.read_value() < SECONDS and not watch.over:
+        timeline.run_until(clock.read_value() + 0.5)
     base.close()
     ranger.close()
     return Played(case, tuple(watch.touches), way, slowed * 0.02)
@@ -148,57 +148,60 @@ def run_errand(seed: int, *, guarded: bool) -> Errand:
     chance = Random(f"range guard {seed} errand")  # noqa: S311
     world = build_world(replace(case.world, people=()))
     timeline = Timeline()
-    clock, body = timeline.clock, Body(wheels=Wheels(pose=world.start, dead_time=case.lag), ground=world)
+    clock, body = timeline.clock, BaseBody(wheels=SimulatedWheels(pose=world.start, dead_time=case.lag), ground=world)
     keys = BaseKeys(max_speed=case.speed, acceleration=case.acceleration)
-    base = BaseTwin(clock, body=body, seed=seed, **settings_of(keys, Stage(clock, world, lambda _: body.pose)))
-    ranger = RangerTwin(looking(world, PLACE, lambda _: body.pose), clock, place=PLACE, seed=seed)
+    base = BaseTwin(clock, body=body, seed=seed, **settings_of(keys, SimContext(clock, world, lambda _: body.pose)))
+    ranger = RangerTwin(make_range_function(world, PLACE, lambda _: body.pose), clock, place=PLACE, seed=seed)
     if guarded:
         base.guard_by(ranger)
     for part in (base, ranger):
-        timeline.every(part.PERIOD, part.step)
+        timeline.call_every(part.PERIOD, part.step)
         part.open()
-    timeline.run(0.6)
-    run, robot = Run(clock), Robot(base_part=base, ranger_part=ranger)
+    timeline.run_until(0.6)
+    run, robot = RunState(clock), Robot(base_part=base, ranger_part=ranger)
     leaves, succeeded, nearest = chance.choice([2, 3, 4]), 0, inf
     for _ in range(leaves):
         leaf = _motion(run, robot, chance, endless=False)
-        while clock.now() < CLEAN_SECONDS:
+        while clock.read_value() < CLEAN_SECONDS:
             run.tick += 1
             leaf.tick_once()
             if leaf.status is not RUNNING:
                 break
-            timeline.run(clock.now() + TICK)
-            nearest = min(nearest, clearance(world, body.pose, clock.now()))
+            timeline.run_until(clock.read_value() + TICK)
+            nearest = min(nearest, clearance(world, body.pose, clock.read_value()))
         if leaf.status is not SUCCESS:
             break
         succeeded += 1
     base.close()
-    return Errand(succeeded, leaves, clock.now(), nearest)
+    return Errand(succeeded, leaves, clock.read_value(), nearest)
 
 
-def clearance(world: World, pose: Pose2D, time: float) -> float:
+def clearance(world: SimulatedWorld, pose: Pose2D, time: float) -> float:
     """Return how far the rim of the base is from anything, in metres."""
     x, y = pose.x, pose.y
     (x_low, x_high), (y_low, y_high) = world.room.extent()
     near = min(x - x_low, x_high - x, y - y_low, y_high - y)
-    return min([near, *(hypot(*solid.nearest(x, y)) for solid in world.solids(time))]) - BASE_RADIUS
+    return min([near, *(hypot(*solid.nearest_offset(x, y)) for solid in world.solids(time))]) - BASE_RADIUS
 
 
 Hand = Callable[[BaseTwin, RangerTwin, Timeline, Random], Callable[[], None]]
 
 
-def _motion(run: Run, robot: Robot, chance: Random, *, endless: bool = True) -> Leaf:
+def _motion(run: RunState, robot: Robot, chance: Random, *, endless: bool = True) -> Leaf:
     """Return a leaf that drives, drawn by chance; ``endless`` ones are among them."""
-    kind: Any = chance.choice([Drive, Drive, Drive, Turn, Arc, GoTo, *([Wander] if endless else [])])
+    kind: Any = chance.choice([DriveLeaf, DriveLeaf, DriveLeaf, TurnLeaf, Arc, GoTo, *([Wander] if endless else [])])
     given: dict[str, float] = {
-        Drive: {"distance": chance.choice([-1, 1, 1, 1]) * chance.uniform(0.3, 4), "speed": chance.uniform(0.1, 0.7)},
-        Turn: {"angle": radians(chance.uniform(-180, 180))},
+        DriveLeaf: {
+            "distance": chance.choice([-1, 1, 1, 1]) * chance.uniform(0.3, 4),
+            "speed": chance.uniform(0.1, 0.7),
+        },
+        TurnLeaf: {"angle": radians(chance.uniform(-180, 180))},
         Arc: {"radius": chance.uniform(0.3, 2.0), "angle": radians(chance.uniform(30, 180))},
         GoTo: {"x": chance.uniform(-2, 4), "y": chance.uniform(-2, 2)},
         Wander: {"speed": chance.uniform(0.1, 0.7)},
     }[kind]
     leaf: Leaf = kind(kind.word)
-    leaf.run, leaf.robot, leaf.kind, leaf.scope = run, robot, leaf.word, run.variables
+    leaf.run, leaf.robot, leaf.kind, leaf.scope = run, robot, leaf.tag, run.variables
     for name, value in given.items():
         setattr(leaf, name, value)
     return leaf
@@ -206,7 +209,7 @@ def _motion(run: Run, robot: Robot, chance: Random, *, endless: bool = True) -> 
 
 def _leaves(base: BaseTwin, ranger: RangerTwin, timeline: Timeline, chance: Random) -> Callable[[], None]:
     """Return what ticks leaves that drive, one after the other."""
-    run, robot = Run(timeline.clock), Robot(base_part=base, ranger_part=ranger)
+    run, robot = RunState(timeline.clock), Robot(base_part=base, ranger_part=ranger)
     leaf: Leaf | None = None
 
     def tick() -> None:
@@ -220,15 +223,15 @@ def _leaves(base: BaseTwin, ranger: RangerTwin, timeline: Timeline, chance: Rand
     return tick
 
 
-def _pushes(chance: Random) -> Callable[[float], Push]:
+def _pushes(chance: Random) -> Callable[[float], DriveInput]:
     """Return which way somebody pushes at a time: mostly ahead, for a moment."""
-    until, push = 0.0, Push(0.0, 0.0)
+    until, push = 0.0, DriveInput(0.0, 0.0)
 
-    def at(now: float) -> Push:
+    def at(now: float) -> DriveInput:
         nonlocal until, push
         if now >= until:
             until = now + chance.uniform(0.3, 2.5)
-            push = Push(
+            push = DriveInput(
                 chance.choice([1.0, 1.0, 1.0, 0.6, 0.0, -1.0, -0.5]), chance.choice([0.0, 0.0, 0.3, -0.3, 1.0, -1.0])
             )
         return push
@@ -238,8 +241,8 @@ def _pushes(chance: Random) -> Callable[[float], Push]:
 
 def _teleop(base: BaseTwin, ranger: RangerTwin, timeline: Timeline, chance: Random) -> Callable[[], None]:
     del ranger
-    pilot, pushes = Pilot(base, pace=chance.choice([0.5, 1.0])), _pushes(chance)
-    return lambda: pilot.steer(pushes(timeline.clock.now()))
+    pilot, pushes = Pilot(base, speed_share=chance.choice([0.5, 1.0])), _pushes(chance)
+    return lambda: pilot.steer(pushes(timeline.clock.read_value()))
 
 
 def _studio(base: BaseTwin, ranger: RangerTwin, timeline: Timeline, chance: Random) -> Callable[[], None]:
@@ -249,7 +252,7 @@ def _studio(base: BaseTwin, ranger: RangerTwin, timeline: Timeline, chance: Rand
     pace, number = chance.choice([0.5, 1.0]), iter(range(1, 1_000_000))
 
     def send() -> None:
-        push = pushes(timeline.clock.now())
+        push = pushes(timeline.clock.read_value())
         wheels.drive(
             "page",
             StudioDrive(n=next(number), stamp=wheels.stamp(), ahead=push.ahead, left=push.left, pace=pace),

@@ -12,15 +12,15 @@ from drivers.api.steering import RangeGuardKeys
 from drivers.base.arbitrated import settings_of
 from drivers.base.range_twin import RangerTwin
 from drivers.base.twin import BaseTwin
-from drivers.sim.body import Body
+from drivers.sim.body import BaseBody
 from drivers.sim.room import Room
-from drivers.sim.scanner import looking
-from drivers.sim.stage import Stage
+from drivers.sim.scanner import make_range_function
+from drivers.sim.stage import SimContext
 from drivers.sim.timeline import Timeline
-from drivers.sim.wheels import Wheels
-from drivers.sim.world import World
+from drivers.sim.wheels import SimulatedWheels
+from drivers.sim.world import SimulatedWorld
 
-HALL = World(room=Room(40.0, 40.0, centre=(0.0, 0.0), fixtures=()))
+HALL = SimulatedWorld(room=Room(40.0, 40.0, centre=(0.0, 0.0), fixtures=()))
 START = Pose2D(0.0, 0.0, 0.0)
 
 
@@ -60,7 +60,7 @@ class GuardedBase:
 
     def __init__(
         self,
-        world: World = HALL,
+        world: SimulatedWorld = HALL,
         *,
         start: Pose2D = START,
         ranger: ScriptedRanger | None = None,
@@ -75,14 +75,16 @@ class GuardedBase:
         self.world = world
         self.notices: list[DeviceStatus] = []
         section = BaseKeys(max_speed=speed, range_guard=guard or RangeGuardKeys(), **keys)
-        stage = Stage(self.timeline.clock, world, lambda _: self.pose, report=self.notices.append)
-        body = Body(wheels=Wheels(pose=start, dead_time=lag), ground=world)
+        stage = SimContext(self.timeline.clock, world, lambda _: self.pose, report=self.notices.append)
+        body = BaseBody(wheels=SimulatedWheels(pose=start, dead_time=lag), ground=world)
         self.base = BaseTwin(self.timeline.clock, body=body, **settings_of(section, stage))
-        self.timeline.every(self.base.PERIOD, self.base.step)
+        self.timeline.call_every(self.base.PERIOD, self.base.step)
         self.ranger = ranger
         if ranger is None:
-            twin = RangerTwin(looking(world, (0.0, 0.0, 0.0), lambda _: self.pose), stage.clock, noise=noise, seed=seed)
-            self.timeline.every(twin.PERIOD, twin.step)
+            twin = RangerTwin(
+                make_range_function(world, (0.0, 0.0, 0.0), lambda _: self.pose), stage.clock, noise=noise, seed=seed
+            )
+            self.timeline.call_every(twin.PERIOD, twin.step)
             twin.open()
             self.base.guard_by(twin)
         else:
@@ -98,18 +100,18 @@ class GuardedBase:
 
     @property
     def now(self) -> float:
-        return self.timeline.clock.now()
+        return self.timeline.clock.read_value()
 
     @property
     def faults(self) -> list[str]:
-        return [each.what for each in self.notices if each.kind == "fault"]
+        return [each.message for each in self.notices if each.kind == "fault"]
 
     @property
     def because(self) -> str:
-        return self.base.steering().because
+        return self.base.steering().reason
 
     def run(self, seconds: float) -> None:
-        self.timeline.run(self.now + seconds)
+        self.timeline.run_until(self.now + seconds)
 
     def drive(
         self,
@@ -137,4 +139,4 @@ class GuardedBase:
         x, y = self.pose.x, self.pose.y
         (x_low, x_high), (y_low, y_high) = self.world.room.extent()
         near = min(x - x_low, x_high - x, y - y_low, y_high - y)
-        return min([near, *(hypot(*solid.nearest(x, y)) for solid in self.world.solids(self.now))]) - 0.177
+        return min([near, *(hypot(*solid.nearest_offset(x, y)) for solid in self.world.solids(self.now))]) - 0.177

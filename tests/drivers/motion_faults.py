@@ -18,27 +18,27 @@ import click
 from py_trees.common import Status
 
 from behaviours.driving.go_to import GoTo
-from behaviours.driving.motion import Arc, Drive, Motion, Turn
+from behaviours.driving.motion import Arc, BaseMotion, DriveLeaf, TurnLeaf
 from behaviours.leaf import RUNNING, SUCCESS
 from behaviours.robot import Robot
-from drivers.api import STILL, BaseLimits, Pose2D
+from drivers.api import ZERO_VELOCITY, BaseLimits, Pose2D
 from drivers.base.diff_drive import DiffDriveBase
 from drivers.base.reckoning import TwoWheels
 from drivers.base.twin import BaseTwin, WheelTwinOdometry
 from drivers.kobuki.driver import kobuki_base
 from drivers.kobuki.virtual import VirtualKobuki
-from drivers.pi_car.driver import KeeperProtocol
+from drivers.pi_car.driver import GuardianProtocol
 from drivers.ros2.base import Ros2BaseProtocol
-from drivers.ros2.virtual_topics import VirtualBase
-from drivers.sim.body import Body
+from drivers.ros2.virtual_topics import VirtualRos2Base
+from drivers.sim.body import BaseBody
 from drivers.sim.things import BackupLimit
 from drivers.sim.timeline import Timeline
-from drivers.sim.wheels import Wheels
+from drivers.sim.wheels import SimulatedWheels
 from drivers.virtual.guardian import VirtualCar
 from drivers.waveshare.driver import waveshare_base
 from drivers.waveshare.virtual import VirtualWaveshare
-from drivers.waveshare.wire import FULL
-from missions.plugins.testing.recorders import Bench
+from drivers.waveshare.wire import FULL_POWER
+from missions.plugins.testing.recorders import LeafTestBench
 from tests.drivers.cranked import HandWire
 
 ACCELERATION, TURN_ACCELERATION = 0.5, 3.5
@@ -63,18 +63,18 @@ class Stand:
     """A base on its body, in simulated time. ``odometer`` is what reports its motion, None where nothing does."""
 
     timeline: Timeline
-    body: Body
+    body: BaseBody
     base: Any
     odometer: Any = None
     held_up: list[tuple[float, float]] = field(default_factory=list)
     """From when to when its computer is held up."""
 
     def stalls(self) -> bool:
-        now = self.timeline.clock.now()
+        now = self.timeline.clock.read_value()
         return any(since <= now < until for since, until in self.held_up)
 
     def truth(self) -> Pose2D:
-        return self.body.advance(self.timeline.clock.now())
+        return self.body.advance(self.timeline.clock.read_value())
 
 
 def on_wire(device: Any, timeline: Timeline, make: Callable[[HandWire], Any], *, measures: bool = True) -> Stand:
@@ -98,22 +98,22 @@ def on_wire(device: Any, timeline: Timeline, make: Callable[[HandWire], Any], *,
 def twin(base: BaseTwin, timeline: Timeline, *, measures: bool = True) -> Stand:
     """Return a twin."""
     stand = Stand(timeline, base.body, base, base if measures else None)
-    timeline.every(PERIOD, lambda: None if stand.stalls() else base.step())
+    timeline.call_every(PERIOD, lambda: None if stand.stalls() else base.step())
     return stand
 
 
-def kobuki_wire(body: Body, timeline: Timeline) -> Stand:
+def kobuki_wire(body: BaseBody, timeline: Timeline) -> Stand:
     device = VirtualKobuki()
     device.body, device.wheels = body, body.wheels
     return on_wire(device, timeline, lambda wire: kobuki_base(wire.link("base"), timeline.clock))
 
 
-def kobuki_twin(body: Body, timeline: Timeline) -> Stand:
+def kobuki_twin(body: BaseBody, timeline: Timeline) -> Stand:
     return twin(BaseTwin(timeline.clock, body=body, gyro_noise=0.003), timeline)
 
 
-def rover_wire(body: Body, timeline: Timeline, *, encoders: bool = True) -> Stand:
-    unit = 1.0 if encoders else FULL / FASTEST
+def rover_wire(body: BaseBody, timeline: Timeline, *, encoders: bool = True) -> Stand:
+    unit = 1.0 if encoders else FULL_POWER / FASTEST
     device = VirtualWaveshare(body, track=TRACK, unit=unit, encoders=encoders)
 
     def make(wire: HandWire) -> DiffDriveBase:
@@ -123,24 +123,26 @@ def rover_wire(body: Body, timeline: Timeline, *, encoders: bool = True) -> Stan
     return on_wire(device, timeline, make, measures=encoders)
 
 
-def car_wire(body: Body, timeline: Timeline) -> Stand:
+def car_wire(body: BaseBody, timeline: Timeline) -> Stand:
     wheels = TwoWheels(TRACK, FASTEST)
 
     def make(wire: HandWire) -> DiffDriveBase:
-        return DiffDriveBase(wire.link("base"), timeline.clock, KeeperProtocol(TRACK, FASTEST))
+        return DiffDriveBase(wire.link("base"), timeline.clock, GuardianProtocol(TRACK, FASTEST))
 
     return on_wire(VirtualCar(body, wheels), timeline, make, measures=False)
 
 
-def plain_twin(body: Body, timeline: Timeline, *, reckoned: bool = False, gyro: bool = False) -> Stand:
+def plain_twin(body: BaseBody, timeline: Timeline, *, reckoned: bool = False, gyro: bool = False) -> Stand:
     wheels = TwoWheels(TRACK, FASTEST)
     odometry = WheelTwinOdometry(wheels, reckoned=reckoned, gyro=gyro)
     made = BaseTwin(timeline.clock, odometry=odometry, feels=False, body=body)
     return twin(made, timeline, measures=not reckoned)
 
 
-def ros2_wire(body: Body, timeline: Timeline, *, topics: Mapping[str, str] = PLAIN, interval: float = PERIOD) -> Stand:
-    device = VirtualBase(body, topics)
+def ros2_wire(
+    body: BaseBody, timeline: Timeline, *, topics: Mapping[str, str] = PLAIN, interval: float = PERIOD
+) -> Stand:
+    device = VirtualRos2Base(body, topics)
     device.odometry_interval = interval
 
     def make(wire: HandWire) -> DiffDriveBase:
@@ -151,7 +153,7 @@ def ros2_wire(body: Body, timeline: Timeline, *, topics: Mapping[str, str] = PLA
     return on_wire(device, timeline, make)
 
 
-BASES: Mapping[str, Callable[[Body, Timeline], Stand]] = {
+BASES: Mapping[str, Callable[[BaseBody, Timeline], Stand]] = {
     "kobuki, twin": kobuki_twin,
     "kobuki, wire": kobuki_wire,
     "rover with encoders, twin": plain_twin,
@@ -246,13 +248,13 @@ class Ending:
         return self.status is RUNNING or not self.rests or too_far
 
 
-def leaf_of(case: MotionCase) -> tuple[Motion, dict[str, float]]:
+def leaf_of(case: MotionCase) -> tuple[BaseMotion, dict[str, float]]:
     """Return the leaf of a case, and its arguments."""
     match case.motion:
         case "drive":
-            return Drive("drive"), {"distance": case.way, "speed": case.speed}
+            return DriveLeaf("drive"), {"distance": case.way, "speed": case.speed}
         case "turn":
-            return Turn("turn"), {"angle": case.angle, "speed": case.speed}
+            return TurnLeaf("turn"), {"angle": case.angle, "speed": case.speed}
         case "arc":
             return Arc("arc"), {"radius": case.way / abs(case.angle), "angle": case.angle, "speed": case.speed}
         case _:
@@ -261,18 +263,18 @@ def leaf_of(case: MotionCase) -> tuple[Motion, dict[str, float]]:
 
 def strike(stand: Stand, case: MotionCase) -> None:
     """Begin the fault."""
-    body, now = stand.body, stand.timeline.clock.now()
+    body, now = stand.body, stand.timeline.clock.read_value()
     late = None if stand.odometer is None else stand.odometer.late
     begin: Mapping[str, Callable[[], object]] = {
         "blocked": lambda: setattr(body.wheels, "blocked", True),
         "slipping": lambda: setattr(body.wheels, "slip", 0.95),
         "reversed": lambda: setattr(body, "reversed", True),
-        "encoders swapped": lambda: setattr(body.counters, "swapped", True),
-        "encoders lost": lambda: setattr(body.counters, "lost", True),
-        "one encoder lost": lambda: body.counters.count(0.0, 1.0),
+        "encoders swapped": lambda: setattr(body.wheel_encoders, "is_swapped", True),
+        "encoders lost": lambda: setattr(body.wheel_encoders, "is_lost", True),
+        "one encoder lost": lambda: body.wheel_encoders.set_signs(0.0, 1.0),
         "one motor lost": lambda: setattr(body.wheels, "gains", (0.0, 1.0)),
         "one motor reversed": lambda: setattr(body.wheels, "gains", (1.0, -1.0)),
-        "gyro drift": lambda: body.gyro.drift(case.amount, now),
+        "gyro drift": lambda: body.gyro_drift.set_rate(case.amount, now),
         "e-stop": lambda: setattr(body, "e_stop", True),
         "backup limit": lambda: setattr(body, "backup_limit", BackupLimit(0.025)),
         "late odometry": lambda: None if late is None else setattr(late, "seconds", case.amount),
@@ -284,8 +286,8 @@ def strike(stand: Stand, case: MotionCase) -> None:
 def play(case: MotionCase) -> Ending:
     """Let a base do a motion, and return how that ended."""
     timeline, chance = Timeline(), Random(f"load {case.seed}")  # noqa: S311
-    body = Body(wheels=Wheels(separation=TRACK, dead_time=case.lag, slip=case.slip))
-    body.reaches = case.reaches
+    body = BaseBody(wheels=SimulatedWheels(separation=TRACK, dead_time=case.lag, slip=case.slip))
+    body.speed_factor = case.reaches
     stand = BASES[case.base](body, timeline)
     if case.loaded:
         starts = sorted(chance.uniform(1.0, 12.0) for _ in range(6))
@@ -293,26 +295,26 @@ def play(case: MotionCase) -> Ending:
     stand.base.open()
     if case.since == 0.0:
         strike(stand, case)
-    timeline.run(1.0)
-    bench = Bench(timeline.clock)
+    timeline.run_until(1.0)
+    bench = LeafTestBench(timeline.clock)
     bench.robot = Robot(base_part=stand.base)
     leaf, arguments = leaf_of(case)
     bench.put(leaf, **arguments)
-    began, status, beyond = timeline.clock.now(), RUNNING, 0.0
+    began, status, beyond = timeline.clock.read_value(), RUNNING, 0.0
     if case.since > 0.0:
-        timeline.at(began + case.since, partial(strike, stand, case))
+        timeline.call_at(began + case.since, partial(strike, stand, case))
     travel = Travel(case, stand.truth())
-    while status is RUNNING and timeline.clock.now() - began < LATEST:
-        timeline.run(timeline.clock.now() + TICK)
+    while status is RUNNING and timeline.clock.read_value() - began < LATEST:
+        timeline.run_until(timeline.clock.read_value() + TICK)
         if not stand.stalls():
             bench.run.tick += 1
             status = leaf.execute_tick()
         beyond = max(beyond, travel.beyond(stand.truth()))
-    seconds = timeline.clock.now() - began
+    seconds = timeline.clock.read_value() - began
     for _ in range(40):
-        timeline.run(timeline.clock.now() + TICK)
+        timeline.run_until(timeline.clock.read_value() + TICK)
         beyond = max(beyond, travel.beyond(stand.truth()))
-    rests = body.velocity == STILL
+    rests = body.velocity == ZERO_VELOCITY
     stand.base.close()
     return Ending(case, status, leaf.feedback_message, beyond, seconds, rests)
 

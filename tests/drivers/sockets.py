@@ -11,7 +11,7 @@ import pytest
 from drivers.clock import ManualClock
 from drivers.transport import adapter
 from drivers.transport.ports import SerialPort, open_port
-from drivers.virtual.terminal import Punctual, Tunable, WireDevice, agree
+from drivers.virtual.terminal import MultiRateDevice, TimedDevice, WireDevice, baud_rates_match
 
 STEP = 0.001
 """Seconds between two looks at a device that does not say when it will speak."""
@@ -28,9 +28,9 @@ class Sockets:
         self.devices: dict[str, WireDevice] = {}
         patch.setattr("drivers.finding.asking.open_port", self._open)
         patch.setattr("drivers.transport.ports.open_port", self._open)
-        serial = adapter.SerialLine
+        serial = adapter.SerialTransport
         patch.setattr(
-            "drivers.transport.adapter.SerialLine",
+            "drivers.transport.adapter.SerialTransport",
             lambda who, port, clock: _Line(port) if isinstance(port, _Port) else serial(who, port, clock),
         )
 
@@ -56,22 +56,26 @@ class _Port:
     @baudrate.setter
     def baudrate(self, baud: int) -> None:
         self._baud = baud
-        if isinstance(self._device, Tunable):
-            self._device.tune(baud)
+        if isinstance(self._device, MultiRateDevice):
+            self._device.set_baud(baud)
 
-    def arrived(self, patience: float) -> bytes:
-        end = self._clock.now() + patience
-        self._take(self._device.poll(self._clock.now()))
-        while not self._heard and self._clock.now() < end:
-            due = self._device.next_at() if isinstance(self._device, Punctual) else self._clock.now() + STEP
-            self._clock.reach(end if due is None else min(due, end))
-            self._take(self._device.poll(self._clock.now()))
+    def read_available(self, timeout: float) -> bytes:
+        end = self._clock.read_value() + timeout
+        self._take(self._device.poll(self._clock.read_value()))
+        while not self._heard and self._clock.read_value() < end:
+            due = (
+                self._device.next_poll_time()
+                if isinstance(self._device, TimedDevice)
+                else self._clock.read_value() + STEP
+            )
+            self._clock.advance_to(end if due is None else min(due, end))
+            self._take(self._device.poll(self._clock.read_value()))
         heard, self._heard = self._heard, b""
         return heard
 
     def write(self, data: bytes) -> None:
-        if data and agree(self._baud, self._device.baud):
-            self._take(self._device.feed(data, self._clock.now()))
+        if data and baud_rates_match(self._baud, self._device.baud):
+            self._take(self._device.feed(data, self._clock.read_value()))
 
     def reset_input_buffer(self) -> None:
         self._heard = b""
@@ -84,11 +88,11 @@ class _Port:
     def close(self) -> None: ...
 
     def _take(self, said: bytes) -> None:
-        self._heard += said if agree(self._baud, self._device.baud) else b""
+        self._heard += said if baud_rates_match(self._baud, self._device.baud) else b""
 
 
 class _Line:
-    """A ``drivers.transport.adapter.Line`` to one."""
+    """A ``drivers.transport.adapter.BusTransport`` to one."""
 
     latency = 0.0
 
@@ -96,10 +100,10 @@ class _Line:
         self._port = port
         self.send: Callable[[bytes], None] = port.write
 
-    def hear(self, until: float) -> bytes:
-        return self._port.arrived(until - self._port._clock.now())
+    def receive(self, until: float) -> bytes:
+        return self._port.read_available(until - self._port._clock.read_value())
 
-    def tune(self, baud: int) -> None:
+    def set_baud(self, baud: int) -> None:
         self._port.baudrate = baud
         self._port.reset_input_buffer()
 

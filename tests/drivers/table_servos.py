@@ -3,15 +3,15 @@
 from dataclasses import dataclass, field
 
 from drivers.servos import wire, wire2
-from drivers.servos.models import Model
-from drivers.servos.wire import BROADCAST, Instruction
+from drivers.servos.models import ServoModel
+from drivers.servos.wire import BROADCAST, Protocol1Instruction
 
 
 @dataclass
 class TableServo:
     """One servo; ``table`` is what it holds, and ``written`` what was written to it: addresses and bytes."""
 
-    model: Model
+    model: ServoModel
     id: int
     number: bytes = b""  # the bytes of its model number, where these are not the table's own coding
     table: bytearray = field(init=False)
@@ -25,8 +25,8 @@ class TableServo:
         at = registers["model_number"].address
         self.table[at : at + 2] = self.number or self.model.number.to_bytes(2, "little")
         self.set("id", self.id)
-        self.set("present_position", self.model.centre)
-        self.set("present_voltage", round(self.model.volts * 10))
+        self.set("present_position", self.model.centre_tick)
+        self.set("present_voltage", round(self.model.nominal_voltage * 10))
         self.set("present_temperature", 30)
 
     def set(self, name: str, value: int) -> None:
@@ -38,9 +38,9 @@ class TableServo:
 
     def obey(self, code: int, at: int, rest: bytes, count: int) -> bytes | None:
         """Return the data of the answer; None where nothing is answered."""
-        if code == Instruction.READ:
+        if code == Protocol1Instruction.READ:
             return bytes(self.table[at : at + count])
-        if code == Instruction.WRITE:
+        if code == Protocol1Instruction.WRITE:
             self.table[at : at + len(rest)] = rest
             self.written.append((at, rest))
             return b""
@@ -48,22 +48,22 @@ class TableServo:
 
 
 class TableServos:
-    """A chain of them, all of one family: a ``WireDevice`` that is ``Punctual`` and ``Tunable``."""
+    """A chain of them, all of one family: a ``WireDevice`` that is ``TimedDevice`` and ``MultiRateDevice``."""
 
     def __init__(self, *servos: TableServo, baud: int = 1_000_000) -> None:
         self.servos = servos
         self.baud = baud
         self._set_to = baud
         self._new = servos[0].model.protocol == 2
-        self._parser = wire2.Parser() if self._new else wire.Parser()
+        self._parser = wire2.PacketParser2() if self._new else wire.PacketParser()
 
-    def tune(self, baud: int) -> None:
+    def set_baud(self, baud: int) -> None:
         self._set_to = baud
 
     def poll(self, now: float) -> bytes:  # noqa: ARG002
         return b""
 
-    def next_at(self) -> float | None:
+    def next_poll_time(self) -> float | None:
         return None
 
     def feed(self, data: bytes, now: float) -> bytes:  # noqa: ARG002
@@ -78,7 +78,7 @@ class TableServos:
         return said
 
     def _answered(self, servo: TableServo, number: int, packet: wire.Packet) -> bytes:
-        if packet.code == Instruction.PING:
+        if packet.code == Protocol1Instruction.PING:
             if not self._new:
                 return wire.status(number) if packet.id == number else b""
             firmware = servo.model.table["firmware"].address

@@ -60,7 +60,7 @@ def test_a_group_that_has_no_right_itself_is_not_to_be_joined(monkeypatch: pytes
 
 def test_who_has_joined_logs_in_again(monkeypatch: pytest.MonkeyPatch, device: Path) -> None:
     me = next(each for each in (os.environ.get("USER"), "root") if each)
-    monkeypatch.setattr("drivers.transport.programs._user", lambda _: me)
+    monkeypatch.setattr("drivers.transport.programs._user_name", lambda _: me)
     belongs(monkeypatch, device, "dialout", (me,))
     assert explain_denied(device) == (
         "no permission: you have joined its group dialout, but not in this login", "log out, and in again"

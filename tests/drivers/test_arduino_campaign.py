@@ -10,21 +10,21 @@ from math import radians
 from random import Random
 
 from drivers.api import DeviceStatus, HeadPose, Health
-from drivers.arduino.board import Board
+from drivers.arduino.board import ArduinoBoard
 from drivers.arduino.driver import ArduinoHead
 from drivers.arduino.session import MAX_PROOF_AGE, SESSION_TIMEOUT
-from drivers.arduino.virtual import FIRST, WITH_ENCODERS, VirtualRodney
+from drivers.arduino.virtual import ENCODER_SKETCH_ANGLES, FIRST_SKETCH_ANGLES, VirtualRodney
 from drivers.clock import ManualClock
 from drivers.errors import DriverError, NotConnected
 from drivers.head.axis import ServoAxis
-from drivers.head.pantilt import CATCH_UP
-from drivers.transport.link import Link, Talker
+from drivers.head.pantilt import MAX_CATCH_UP
+from drivers.transport.link import LinkHandler, SerialLink
 from tests.tries import tries
 
 SPEED = 120
 """Degrees per second, as in the robot files."""
 
-RAMP = SPEED * (MAX_PROOF_AGE + CATCH_UP) + 2
+RAMP = SPEED * (MAX_PROOF_AGE + MAX_CATCH_UP) + 2
 """The widest step in degrees: what the ramp covers between two proofs, in whole degrees."""
 
 KERNEL = 4095
@@ -33,22 +33,26 @@ KERNEL = 4095
 TRIALS = tries(125, most=500)
 
 BOARDS: dict[str, Callable[[], VirtualRodney]] = {
-    "first sketch, Nano": lambda: VirtualRodney(logs=True, starts=FIRST, boot_delay=1.0),
-    "first sketch, no boot loader": lambda: VirtualRodney(logs=True, starts=FIRST, boot_delay=0.07),
-    "later sketch, Nano": lambda: VirtualRodney(tacho=True, logs=True, starts=WITH_ENCODERS, boot_delay=1.6),
-    "later sketch, Teensy": lambda: VirtualRodney(tacho=True, boot_delay=0.4, keeps=True),
-    "a sketch that tells nothing": lambda: VirtualRodney(starts=FIRST, boot_delay=0.5),
+    "first sketch, Nano": lambda: VirtualRodney(logs_angles=True, start_angles=FIRST_SKETCH_ANGLES, boot_delay=1.0),
+    "first sketch, no boot loader": lambda: VirtualRodney(
+        logs_angles=True, start_angles=FIRST_SKETCH_ANGLES, boot_delay=0.07
+    ),
+    "later sketch, Nano": lambda: VirtualRodney(
+        tacho=True, logs_angles=True, start_angles=ENCODER_SKETCH_ANGLES, boot_delay=1.6
+    ),
+    "later sketch, Teensy": lambda: VirtualRodney(tacho=True, boot_delay=0.4, native_usb=True),
+    "a sketch that tells nothing": lambda: VirtualRodney(start_angles=FIRST_SKETCH_ANGLES, boot_delay=0.5),
 }
 
 
-class Line(Link):
+class Line(SerialLink):
     """A port without a thread, whose bytes are late; the test turns the crank, unevenly."""
 
     def __init__(self, device: VirtualRodney, clock: ManualClock, random: Random) -> None:
         super().__init__("head", "/dev/nano", 57600)
         self.device, self.clock, self.random = device, clock, random
         self.plugged = self.keeps_dtr = False
-        self.talker: Talker | None = None
+        self.talker: LinkHandler | None = None
         self._arrived = b""
         self._doze = 0.0
 
@@ -59,8 +63,8 @@ class Line(Link):
     def health(self) -> Health:
         return Health(self.plugged, "" if self.plugged else "head: /dev/nano: no such device")
 
-    def open(self, talker: Talker) -> None:
-        self.talker = talker
+    def open(self, handler: LinkHandler) -> None:
+        self.talker = handler
 
     def close(self) -> None:
         self.plugged = False
@@ -68,7 +72,7 @@ class Line(Link):
     def write(self, data: bytes) -> None:
         if not self.plugged:
             raise NotConnected("head: /dev/nano: no such device")
-        self._keep(self.device.feed(data, self.clock.now()))
+        self._keep(self.device.feed(data, self.clock.read_value()))
 
     def set_dtr(self, *, on: bool) -> None:
         self.keeps_dtr = on
@@ -82,21 +86,21 @@ class Line(Link):
     def opens(self) -> None:
         assert self.talker is not None
         self._arrived = b""
-        self.device.opened(self.clock.now())
+        self.device.open_port(self.clock.read_value())
         self.plugged = True
-        self.talker.connected()
+        self.talker.on_connected()
 
     def passes(self, seconds: float, *, served: bool = True) -> None:
         """Let time pass; the link's thread serves the port now and then, or is held up."""
-        end = self.clock.now() + seconds
-        while self.clock.now() < end:
+        end = self.clock.read_value() + seconds
+        while self.clock.read_value() < end:
             self.clock.advance(self._doze + self.random.uniform(0.003, 0.045) if served else 0.02)
-            self._keep(self.device.poll(self.clock.now()) if self.plugged else b"")
+            self._keep(self.device.poll(self.clock.read_value()) if self.plugged else b"")
             if served and self.plugged and self.talker is not None:
                 data, self._arrived = self._arrived, b""
                 if data:
-                    self.talker.received(data)
-                self._doze = self.talker.pulse() or 0.0
+                    self.talker.on_data(data)
+                self._doze = self.talker.on_poll() or 0.0
 
 
 class Trial:
@@ -109,7 +113,7 @@ class Trial:
         self.line = Line(self.device, self.clock, self.random)
         self.notices: list[DeviceStatus] = []
         boot = 0.0 if "Teensy" in kind else 2.0
-        board = Board(self.line, self.clock, boot_delay=boot, report=self.notices.append)
+        board = ArduinoBoard(self.line, self.clock, boot_delay=boot, report=self.notices.append)
         self.head = ArduinoHead(
             board,
             self.clock,
@@ -122,7 +126,7 @@ class Trial:
         self.hidden = False  # a reset that nobody can know of: only a person could say what it did
 
     def play(self) -> None:
-        self.device.plugged(self.clock.now())
+        self.device.power_on(self.clock.read_value())
         self.head.open()
         self.line.opens()
         self.line.passes(self.random.uniform(0.0, 5.0))
@@ -145,7 +149,7 @@ class Trial:
 
     def resets(self) -> None:
         self.told["resets"] += 1
-        self.device.reset(self.clock.now())
+        self.device.reset(self.clock.read_value())
         if self.random.random() < 0.5:
             self.turns()
 
@@ -155,7 +159,7 @@ class Trial:
         if self.random.random() < 0.4:
             begins = self.random.uniform(0.0, seconds)
             self.line.passes(begins, served=False)
-            self.device.reset(self.clock.now())
+            self.device.reset(self.clock.read_value())
             self.told["resets while it stalls"] += 1
             self.hidden |= begins > SESSION_TIMEOUT - 1.0
             seconds -= begins
@@ -165,7 +169,7 @@ class Trial:
         self.told["reconnects"] += 1
         self.line.plugged = False
         self.line.passes(self.random.choice((0.1, 0.9, 3.0, 8.0)))
-        self.device.plugged(self.clock.now())
+        self.device.power_on(self.clock.read_value())
         self.line.passes(self.random.choice((0.0, 0.5)))
         self.line.opens()
 
@@ -173,7 +177,7 @@ class Trial:
         """Only the port is lost, as with a hub that hangs; the board keeps its power."""
         self.told["reconnects"] += 1
         self.line.plugged = False
-        self.device.closed(hangs_up=self.random.random() < 0.5 or not self.line.keeps_dtr)
+        self.device.close_port(hangs_up=self.random.random() < 0.5 or not self.line.keeps_dtr)
         self.line.passes(self.random.choice((0.1, 0.9, 3.0, 8.0)))
         self.line.opens()
 
@@ -187,8 +191,8 @@ def test_no_reset_stall_or_reconnect_makes_a_head_leap() -> None:
             trial = Trial(kind, seed)
             trial.play()
             told += trial.told
-            widest[kind] = max(widest.get(kind, 0.0), trial.device.widest)
-            if trial.device.widest > RAMP:
-                leaps.append(f"{kind}, seed {seed}: {trial.device.widest:.0f} degrees")
+            widest[kind] = max(widest.get(kind, 0.0), trial.device.max_step)
+            if trial.device.max_step > RAMP:
+                leaps.append(f"{kind}, seed {seed}: {trial.device.max_step:.0f} degrees")
     assert leaps == []
     assert min(told.values()) > 30

@@ -14,16 +14,16 @@ from hypothesis import strategies as st
 
 from drivers.api import DeviceStatus, Head, HeadPose, Health, Quality
 from drivers.arduino import wire
-from drivers.arduino.board import DOZE, Board
+from drivers.arduino.board import IDLE_POLL_INTERVAL, ArduinoBoard
 from drivers.arduino.driver import ArduinoHead
 from drivers.arduino.virtual import VirtualRodney
 from drivers.clock import ManualClock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
-from drivers.head.axis import STARTS, ServoAxis
-from drivers.head.memory import Memory
-from drivers.transport.link import Link, Talker
+from drivers.head.axis import ENCODER_SKETCH_STARTS, ServoAxis
+from drivers.head.memory import ServoAngleStore
+from drivers.transport.link import LinkHandler, SerialLink
 from drivers.virtual.patient_clock import PatientClock
-from drivers.virtual.terminal import Terminal
+from drivers.virtual.terminal import PseudoTerminal
 from tests.waiting import wait_until
 
 PAN = ServoAxis(0, radians(-80), radians(80), start=90)
@@ -31,12 +31,12 @@ TILT = ServoAxis(1, radians(-60), radians(20), flip=True, start=120)
 
 
 def servo(index: int, angle: int) -> bytes:
-    return wire.Frame(100, wire.ServoAngle(index, angle).pack()).pack()
+    return wire.RosserialFrame(100, wire.ServoAngle(index, angle).pack()).pack()
 
 
 def servos(data: bytes) -> list[tuple[int, int]]:
     """Return what was sent to servos: index and degrees."""
-    frames = [frame for frame in wire.FrameFinder().feed(data) if frame.topic == 100]
+    frames = [frame for frame in wire.RosserialFrameFinder().feed(data) if frame.topic == 100]
     return [(angle.index, angle.angle) for angle in map(wire.ServoAngle.unpack, (frame.data for frame in frames))]
 
 
@@ -113,7 +113,7 @@ RODNEY = {
 def test_trims_flips_and_limits_are_those_of_rodneys_node(
     name: str, angle: float, trim: float, sent: tuple[int, int]
 ) -> None:
-    axis = RODNEY[name].trimmed(radians(trim))
+    axis = RODNEY[name].with_trim(radians(trim))
     held = min(max(angle, axis.range[0]), axis.range[1])
     assert (axis.index, axis.to_degrees(held)) == sent
     if trim == 0:
@@ -154,8 +154,8 @@ def test_an_axis_that_no_servo_can_have_says_why(
 
 
 def test_an_axis_knows_where_the_sketch_puts_its_servo() -> None:
-    assert [ServoAxis(index, -1.0, 1.0).awake for index in range(5)] == [90, 120, 90, 90, 90]
-    assert ServoAxis(1, -1.0, 1.0, start=45).awake == 45
+    assert [ServoAxis(index, -1.0, 1.0).start_degrees for index in range(5)] == [90, 120, 90, 90, 90]
+    assert ServoAxis(1, -1.0, 1.0, start=45).start_degrees == 45
     with pytest.raises(ValueError, match="a start of 181 degrees"):
         ServoAxis(0, -1.0, 1.0, start=181)
 
@@ -163,7 +163,7 @@ def test_an_axis_knows_where_the_sketch_puts_its_servo() -> None:
 # --- the conversation, on a clock cranked by hand ---------------------------------------------------------------------
 
 
-class Wire(Link):
+class Wire(SerialLink):
     """A link without a port: a virtual board hangs on it, and the test turns the crank."""
 
     def __init__(self, device: VirtualRodney, clock: ManualClock) -> None:
@@ -186,12 +186,12 @@ class Wire(Link):
     def health(self) -> Health:
         return Health(self.plugged, "" if self.plugged else "head: /dev/nano: no such device")
 
-    def open(self, talker: Talker) -> None:
-        self.talker = talker
+    def open(self, handler: LinkHandler) -> None:
+        self.talker = handler
 
     def close(self) -> None:
         if self.plugged:
-            self.talker.ending()
+            self.talker.on_closing()
         self.plugged = False
 
     def unplug(self) -> None:
@@ -204,11 +204,11 @@ class Wire(Link):
         if not self.plugged:
             raise NotConnected("head: /dev/nano: no such device")
         self.sent += data
-        self._pending += self.device.feed(data, self.clock.now())
+        self._pending += self.device.feed(data, self.clock.read_value())
 
     def plug(self) -> None:
         self.plugged = True
-        self.talker.connected()
+        self.talker.on_connected()
 
     def wake(self) -> None:
         self._dozes_until = 0.0
@@ -217,15 +217,15 @@ class Wire(Link):
         """Pulse every 20 ms, as the link's thread does, or as seldom as the board wants it."""
         for _ in range(round(seconds / 0.02)):
             self.clock.advance(0.02)
-            self._pending += self.device.poll(self.clock.now())
-            if self.clock.now() < self._dozes_until - 1e-9:
+            self._pending += self.device.poll(self.clock.read_value())
+            if self.clock.read_value() < self._dozes_until - 1e-9:
                 continue
             data, self.noise = self.noise, b""
-            if self.clock.now() >= self.late_until:
+            if self.clock.read_value() >= self.late_until:
                 data, self._pending = data + self._pending, b""
-            if data and self.clock.now() >= self.deaf_until:
-                self.talker.received(data)
-            self._dozes_until = self.clock.now() + (self.talker.pulse() or 0.0)
+            if data and self.clock.read_value() >= self.deaf_until:
+                self.talker.on_data(data)
+            self._dozes_until = self.clock.read_value() + (self.talker.on_poll() or 0.0)
             self.served += 1
 
     def said(self) -> bytes:
@@ -256,7 +256,7 @@ class Bench:
 
 def leaps(commands: list[tuple[int, int]], index: int) -> int:
     """Return the widest step, in degrees, between two commands to a servo that begin where the sketch has put it."""
-    angles = [STARTS[index], *(angle for number, angle in commands if number == index)]
+    angles = [ENCODER_SKETCH_STARTS[index], *(angle for number, angle in commands if number == index)]
     return max(abs(later - sooner) for sooner, later in pairwise(angles))
 
 
@@ -267,14 +267,14 @@ def bench(
     speed: float = 1.0,
     acceleration: float = radians(3000),  # so hard that it hardly counts
     start: HeadPose | None = None,
-    remembered: Memory | None = None,
+    remembered: ServoAngleStore | None = None,
 ) -> Bench:
     clock = ManualClock(100.0)
     notices: list[DeviceStatus] = []
     changes: list[HeadPose | None] = []
-    link = Wire(device or VirtualRodney(logs=True), clock)
+    link = Wire(device or VirtualRodney(logs_angles=True), clock)
     head = ArduinoHead(
-        Board(link, clock, boot_delay=boot_delay, report=notices.append, remembered=remembered),
+        ArduinoBoard(link, clock, boot_delay=boot_delay, report=notices.append, angle_store=remembered),
         clock,
         pan=PAN,
         tilt=TILT,
@@ -298,7 +298,7 @@ def test_at_rest_the_wire_is_looked_at_seldom_until_the_head_is_to_look_somewher
     b.link.run(12.0)  # the board asks for the time again and again
     b.link.served = 0
     b.link.run(5.0)
-    assert b.link.served == pytest.approx(5.0 / DOZE, abs=10)
+    assert b.link.served == pytest.approx(5.0 / IDLE_POLL_INTERVAL, abs=10)
     b.head.look(HeadPose(radians(30), 0.0))
     b.link.run(0.1)
     assert b.link.device.commands
@@ -308,7 +308,7 @@ def test_at_rest_the_wire_is_looked_at_seldom_until_the_head_is_to_look_somewher
     assert pose.pan == pytest.approx(radians(30))
     b.link.served = 0
     b.link.run(1.0)
-    assert b.link.served == pytest.approx(1.0 / DOZE, abs=3)
+    assert b.link.served == pytest.approx(1.0 / IDLE_POLL_INTERVAL, abs=3)
     assert [notice.kind for notice in b.notices] == ["online"]
 
 
@@ -316,11 +316,11 @@ def test_a_board_that_starts_anew_while_the_head_rests_is_known_to_have_done_so(
     b = bench()
     b.begin()
     b.link.run(12.0)
-    b.link.device.reset(b.clock.now())
+    b.link.device.reset(b.clock.read_value())
     b.link.run(5.0)
     b.head.look(HeadPose(radians(30), 0.0))
     b.link.run(3.0)
-    assert any("the board has started anew" in notice.what for notice in b.notices)
+    assert any("the board has started anew" in notice.message for notice in b.notices)
     assert not b.head.latched
 
 
@@ -337,7 +337,7 @@ def test_it_waits_out_the_boot_then_asks_then_goes_to_the_start_pose_and_sends_n
     assert max(leaps(b.link.device.commands, index) for index in (0, 1)) <= 2
     assert {(0, 100), (1, 110)} <= {*b.link.device.commands}
     assert b.head.health().online
-    assert [(one.kind, one.what) for one in b.notices] == [
+    assert [(one.kind, one.message) for one in b.notices] == [
         ("online", "the board takes servo_msgs/servo_array as topic 100")
     ]
 
@@ -354,7 +354,7 @@ def test_it_goes_to_its_goal_degree_by_degree_at_its_speed() -> None:
     assert all(0 < later[1] - sooner[1] <= 2 for sooner, later in pairwise([(0, 90), *sent]))
     assert degrees(b.head) == pytest.approx((30, 0))
     assert len(b.changes) == len(sent) >= 28
-    assert b.link.device.angle(0, b.clock.now()) == 120
+    assert b.link.device.angle(0, b.clock.read_value()) == 120
 
 
 def test_the_first_degree_is_on_the_wire_as_soon_as_the_board_is_sure_and_a_trembling_goal_sends_none() -> None:
@@ -404,9 +404,9 @@ def test_from_a_whole_degree_the_next_one_on_the_way_follows(flip: bool, trim: f
 def test_a_servo_stands_within_half_a_degree_of_what_it_can_reach(flip: bool, trim: float, angle: float) -> None:
     axis = ServoAxis(0, -math.pi, math.pi, flip=flip, trim=radians(trim))
     held = min(max(radians(angle), axis.range[0]), axis.range[1])
-    nearest = axis.nearest(held)
+    nearest = axis.nearest_angle(held)
     assert math.degrees(abs(nearest - held)) <= 0.5 + 1e-9
-    assert axis.nearest(nearest) == nearest
+    assert axis.nearest_angle(nearest) == nearest
 
 
 @given(st.booleans(), st.floats(-45, 45), st.floats(-80, 80), st.floats(-80, 80))
@@ -475,11 +475,11 @@ def test_stopped_it_holds_where_it_has_got_to() -> None:
 
 def test_the_pose_of_a_moment_ago_is_known() -> None:
     b = bench(speed=radians(50))
-    assert b.head.pose_at(b.clock.now()) is None
+    assert b.head.pose_at(b.clock.read_value()) is None
     b.link.plug()
     b.link.run(0.5)
     b.head.look(HeadPose(radians(40), 0.0))
-    begun = b.clock.now()
+    begun = b.clock.read_value()
     b.link.run(1.0)
     for seconds, angle in ((-0.2, 0), (0.2, 10), (0.41, 20.5), (0.8, 40), (5.0, 40)):
         past = b.head.pose_at(begun + seconds)
@@ -505,9 +505,9 @@ def test_a_question_for_the_time_is_answered_with_the_clocks_time() -> None:
     b.link.run(1.7)
     b.link.said()
     b.link.run(2.52)
-    (frame,) = wire.FrameFinder().feed(b.link.said())
+    (frame,) = wire.RosserialFrameFinder().feed(b.link.said())
     assert frame.topic == wire.TIME
-    assert wire.Time.unpack(frame.data).seconds == pytest.approx(b.clock.now() - 1.26, abs=1.26)
+    assert wire.RosserialTime.unpack(frame.data).seconds == pytest.approx(b.clock.read_value() - 1.26, abs=1.26)
 
 
 def test_kept_in_step_it_asks_for_the_topics_once() -> None:
@@ -562,23 +562,27 @@ def test_a_false_header_does_not_hold_up_what_is_behind_it() -> None:
 
 
 def test_other_message_definitions_are_named_and_nothing_moves() -> None:
-    other = wire.Topic("servo", "std_msgs/UInt16", "1df79edf208b629fe6b81923a544552d")
-    b = bench(VirtualRodney(servo=other))
+    other = wire.RosserialTopic("servo", "std_msgs/UInt16", "1df79edf208b629fe6b81923a544552d")
+    b = bench(VirtualRodney(servo_topic=other))
     b.link.plug()
     b.link.run(10)
     (notice,) = b.notices
     assert notice.kind == "fault"
-    for part in ("std_msgs/UInt16", other.md5, "servo_msgs/servo_array", wire.SERVO.md5):
-        assert part in notice.what
+    for part in ("std_msgs/UInt16", other.md5, "servo_msgs/servo_array", wire.SERVO_TOPIC.md5):
+        assert part in notice.message
     assert "make_libraries" in notice.hint
-    assert notice.what in b.head.health().detail
+    assert notice.message in b.head.health().detail
     assert b.link.device.commands == []
     with pytest.raises(NotConnected):
         b.head.look(HeadPose(0.1, 0.0))
 
 
 def test_a_board_without_servos_is_told_by_its_topics() -> None:
-    b = bench(VirtualRodney(tacho=True, servo=wire.Topic("led", "std_msgs/Empty", "d41d8cd98f00b204e9800998ecf8427e")))
+    b = bench(
+        VirtualRodney(
+            tacho=True, servo_topic=wire.RosserialTopic("led", "std_msgs/Empty", "d41d8cd98f00b204e9800998ecf8427e")
+        )
+    )
     b.link.plug()
     b.link.run(1)
     assert "the board has the topics tacho, led, but no servo" in b.head.health().detail
@@ -590,7 +594,7 @@ def test_a_topic_that_it_never_heard_of_makes_it_ask_again() -> None:
     b.link.plug()
     b.link.run(4)
     asked = b.head.health().counters["requests"]
-    b.link.noise = wire.Frame(125, bytes(8)).pack()
+    b.link.noise = wire.RosserialFrame(125, bytes(8)).pack()
     b.link.run(0.1)
     assert b.head.health().counters["unknown topics"] == 1
     assert b.head.health().counters["requests"] == asked + 1
@@ -601,24 +605,26 @@ def test_the_boards_log_is_counted_and_its_warnings_are_reported() -> None:
     b = bench(VirtualRodney(tacho=True))
     b.link.plug()
     b.link.run(0.1)
-    b.link.device.log(wire.Log(1, "ready"))
-    b.link.device.log(wire.Log(2, "supply is low"))
+    b.link.device.log(wire.RosserialLog(1, "ready"))
+    b.link.device.log(wire.RosserialLog(2, "supply is low"))
     b.link.run(0.1)
     assert b.head.health().counters["log lines"] == 2
-    assert [one.what for one in b.notices if one.kind == "fault"] == ["the board says: supply is low"]
+    assert [one.message for one in b.notices if one.kind == "fault"] == ["the board says: supply is low"]
 
 
 def test_malformed_messages_are_counted_and_survived() -> None:
     b = bench()
     b.link.plug()
-    b.link.noise = wire.Frame(wire.SUBSCRIBER, b"\x64\x00\xff").pack() + wire.Frame(wire.LOG, b"").pack()
+    b.link.noise = (
+        wire.RosserialFrame(wire.SUBSCRIBER, b"\x64\x00\xff").pack() + wire.RosserialFrame(wire.LOG, b"").pack()
+    )
     b.link.run(0.3)
     assert b.head.health().counters["malformed"] == 2
     assert b.head.health().online
 
 
 def test_the_head_never_leaps_from_where_the_sketch_has_put_it() -> None:
-    board = VirtualRodney(boot_delay=1.0, logs=True)
+    board = VirtualRodney(boot_delay=1.0, logs_angles=True)
     b = bench(board, boot_delay=1.5, speed=radians(50), start=HeadPose(radians(-40), 0.3))
     b.link.plug()
     b.link.run(4.0)
@@ -643,34 +649,34 @@ def test_the_head_never_leaps_from_where_the_sketch_has_put_it() -> None:
 
 
 def test_after_a_reset_it_keeps_to_its_speed() -> None:
-    board = VirtualRodney(boot_delay=1.0, logs=True)
+    board = VirtualRodney(boot_delay=1.0, logs_angles=True)
     b = bench(board, boot_delay=1.5, speed=radians(20), start=HeadPose(radians(40), 0.0))
     b.link.plug()
     b.link.run(1.62)
     for _ in range(4):
-        before = board.angle(0, b.clock.now())
+        before = board.angle(0, b.clock.read_value())
         b.link.run(0.5)
-        assert board.angle(0, b.clock.now()) - before == pytest.approx(10, abs=1.01)
+        assert board.angle(0, b.clock.read_value()) - before == pytest.approx(10, abs=1.01)
 
 
-@pytest.mark.parametrize("board", [VirtualRodney(logs=True), VirtualRodney(tacho=True, boot_delay=0.4)])
+@pytest.mark.parametrize("board", [VirtualRodney(logs_angles=True), VirtualRodney(tacho=True, boot_delay=0.4)])
 def test_a_board_that_reset_itself_is_noticed_and_the_head_stays_where_its_sketch_puts_it(board: VirtualRodney) -> None:
     b = bench(board, speed=radians(50))
     b.link.plug()
     b.link.run(3.0)
     b.head.look(HeadPose(radians(20), 0.0))
     b.link.run(1.0)
-    assert board.angle(0, b.clock.now()) == 110
-    before = b.head.health().returned
-    board.reset(b.clock.now())
+    assert board.angle(0, b.clock.read_value()) == 110
+    before = b.head.health().reconnected_at
+    board.reset(b.clock.read_value())
     board.commands.clear()
     b.link.run(4.0)
-    assert "the board has started anew" in [one.what for one in b.notices] or "offline" in [
+    assert "the board has started anew" in [one.message for one in b.notices] or "offline" in [
         one.kind for one in b.notices
     ]
-    assert (board.commands, board.angle(0, b.clock.now())) == ([], 90)
+    assert (board.commands, board.angle(0, b.clock.read_value())) == ([], 90)
     assert degrees(b.head) == pytest.approx((0, -30))
-    assert b.head.health().returned != before  # what was decided before moves it no more
+    assert b.head.health().reconnected_at != before  # what was decided before moves it no more
     b.head.look(HeadPose(radians(20), 0.0))
     b.link.run(2.0)
     assert max(leaps(board.commands, index) for index in (0, 1)) <= 2
@@ -683,7 +689,7 @@ def test_a_reset_is_noticed_within_two_tenths_of_a_second_where_the_sketch_has_e
     b.link.run(3.0)
     b.link.said()
     asked = b.link.probes
-    b.link.device.reset(b.clock.now())
+    b.link.device.reset(b.clock.read_value())
     b.link.run(0.24)
     b.link.said()
     assert b.link.probes == asked + 1
@@ -696,39 +702,39 @@ def test_a_board_that_has_been_running_is_found_out_at_once_and_its_servos_stand
 ) -> None:
     node = tmp_path / "ttyACM0"
     node.touch()
-    board = VirtualRodney(tacho=True, keeps=True, boot_delay=0.4)
+    board = VirtualRodney(tacho=True, native_usb=True, boot_delay=0.4)
     for goal in (-29, 10, 20):
-        memory = Memory(tmp_path, str(node))
+        memory = ServoAngleStore(tmp_path, str(node))
         b = bench(board, boot_delay=2.0, remembered=memory, speed=radians(120))
-        b.link.device.opened(b.clock.now())
+        b.link.device.open_port(b.clock.read_value())
         b.link.plug()
         b.link.run(0.3 if goal != -29 else 3.0)
         b.head.look(HeadPose(0.0, radians(goal)))
         b.link.run(2.0)
         assert degrees(b.head) == pytest.approx((0, goal))
         b.head.close()
-        board.poll(b.clock.now())
-    assert board.widest <= 8
+        board.poll(b.clock.read_value())
+    assert board.max_step <= 8
     node.unlink()
     node.touch()
     (tmp_path / "another").touch()
-    assert Memory(tmp_path, str(tmp_path / "another")).take() == {}
+    assert ServoAngleStore(tmp_path, str(tmp_path / "another")).pop() == {}
 
 
 def test_of_a_damaged_memory_nothing_is_known_and_nobody_waits_for_a_pipe(tmp_path: Path) -> None:
     node = tmp_path / "ttyACM0"
     node.touch()
-    memory = Memory(tmp_path, str(node))
-    memory.keep({0: 90})
+    memory = ServoAngleStore(tmp_path, str(node))
+    memory.save({0: 90})
     (kept,) = tmp_path.glob("servos*.json")
     whole = kept.read_text()
     angles = [whole.replace('"0": 90', f'"0": {each}') for each in ("1e999", "NaN", '"x"', "[]")]
     for text in ("", "[" * 100_000, "[" * 9_000, *angles):
         kept.write_text(text)
-        assert memory.take() == {}, text[:80]
+        assert memory.pop() == {}, text[:80]
         kept.unlink(missing_ok=True)
     os.mkfifo(kept)
-    assert memory.take() == {}
+    assert memory.pop() == {}
 
 
 def test_the_pose_is_stale_from_when_a_reset_is_noticed_until_the_board_takes_angles_again() -> None:
@@ -736,7 +742,7 @@ def test_the_pose_is_stale_from_when_a_reset_is_noticed_until_the_board_takes_an
     b.link.plug()
     b.link.run(10.0)
     assert b.head.pose().good
-    b.link.device.reset(b.clock.now())
+    b.link.device.reset(b.clock.read_value())
     b.link.run(3.2)
     assert b.head.pose().quality is Quality.STALE
     b.link.run(6.0)
@@ -746,7 +752,7 @@ def test_the_pose_is_stale_from_when_a_reset_is_noticed_until_the_board_takes_an
 def test_one_garbled_question_for_the_time_is_no_reset() -> None:
     b = bench()
     b.begin()
-    b.link.deaf_until = b.clock.now() + 2.0  # one question falls into this
+    b.link.deaf_until = b.clock.read_value() + 2.0  # one question falls into this
     b.link.run(10.0)
     assert [one.kind for one in b.notices] == ["online"]
     assert b.link.device.commands == []
@@ -755,7 +761,7 @@ def test_one_garbled_question_for_the_time_is_no_reset() -> None:
 def test_a_board_whose_answer_comes_late_once_is_no_board_that_may_have_started_anew() -> None:
     b = bench()
     b.begin()
-    b.link.late_until = b.clock.now() + 0.6
+    b.link.late_until = b.clock.read_value() + 0.6
     b.head.look(HeadPose(radians(20), 0.0))
     b.link.run(0.5)
     assert b.link.device.commands == []
@@ -771,8 +777,8 @@ def test_a_board_that_started_anew_before_a_late_answer_is_known_by_it() -> None
     b = bench()
     b.begin()
     b.link.run(0.2)
-    b.link.device.reset(b.clock.now())
-    b.link.late_until = b.clock.now() + 0.6
+    b.link.device.reset(b.clock.read_value())
+    b.link.late_until = b.clock.read_value() + 0.6
     b.head.look(HeadPose(radians(20), 0.0))
     b.link.run(1.5)
     assert b.link.device.commands == []
@@ -783,7 +789,7 @@ def test_who_enables_a_head_is_told_that_nobody_knows_where_it_stands_and_not_on
     b.begin()
     b.link.unplug()
     b.clock.advance(12.0)
-    b.link.device.plugged(b.clock.now())
+    b.link.device.power_on(b.clock.read_value())
     b.link.plug()
     b.link.run(2.0)
     assert b.head.latched == "nobody knows whether its board has started anew, and where its servos stand"
@@ -795,14 +801,14 @@ def test_where_nobody_knows_how_the_servos_stand_nothing_is_kept_for_the_next_pr
     pan_alone: bool, tmp_path: Path
 ) -> None:
     (node := tmp_path / "tty").touch()
-    memory = Memory(tmp_path, str(node))
+    memory = ServoAngleStore(tmp_path, str(node))
     b = bench(remembered=memory)
     b.begin()
     b.head.look(HeadPose(radians(20), 0.0))
     b.link.run(2.0)
     b.link.unplug()
     b.clock.advance(12.0)
-    b.link.device.plugged(b.clock.now())
+    b.link.device.power_on(b.clock.read_value())
     b.link.device.commands.clear()
     b.link.plug()
     b.link.run(2.0)
@@ -813,7 +819,7 @@ def test_where_nobody_knows_how_the_servos_stand_nothing_is_kept_for_the_next_pr
         b.link.run(2.0)
         assert {index for index, _ in b.link.device.commands} == {0}
     b.head.close()
-    assert memory.take() == {}
+    assert memory.pop() == {}
 
 
 def test_topics_told_unasked_are_those_of_a_board_that_has_started_anew() -> None:
@@ -821,12 +827,12 @@ def test_topics_told_unasked_are_those_of_a_board_that_has_started_anew() -> Non
     b.begin()
     b.head.look(HeadPose(radians(20), 0.0))
     b.link.run(4.0)
-    b.link.device.reset(b.clock.now())
+    b.link.device.reset(b.clock.read_value())
     b.link.device.commands.clear()
-    b.link.noise = wire.Frame(wire.SUBSCRIBER, wire.TopicInfo(100, wire.SERVO, 512).pack()).pack()
+    b.link.noise = wire.RosserialFrame(wire.SUBSCRIBER, wire.TopicInfo(100, wire.SERVO_TOPIC, 512).pack()).pack()
     b.link.run(1.0)
     assert b.link.device.commands == []
-    assert b.notices[-1].what == "the board has started anew"
+    assert b.notices[-1].message == "the board has started anew"
     assert degrees(b.head) == pytest.approx((0, -30))
 
 
@@ -873,14 +879,14 @@ def test_two_heads_share_a_board_and_are_told_apart_by_their_servos() -> None:
     b.head.look(HeadPose(radians(10), 0.0))
     other.look(HeadPose(radians(-20), radians(15)))
     b.link.run(1.0)
-    assert [b.link.device.angle(index, b.clock.now()) for index in range(4)] == [100, 90, 70, 105]
+    assert [b.link.device.angle(index, b.clock.read_value()) for index in range(4)] == [100, 90, 70, 105]
     assert degrees(b.head) == pytest.approx((10, 0))
     assert degrees(other) == pytest.approx((-20, 15))
     b.head.close()
     assert b.link.online
     other.look(HeadPose(0.0, 0.0))
     b.link.run(1.0)
-    assert [b.link.device.angle(index, b.clock.now()) for index in range(4)] == [100, 90, 90, 90]
+    assert [b.link.device.angle(index, b.clock.read_value()) for index in range(4)] == [100, 90, 90, 90]
     b.link.unplug()
     with pytest.raises(NotConnected):
         other.look(HeadPose(0.0, 0.0))
@@ -900,7 +906,7 @@ def test_trimmed_while_it_runs_it_goes_over_smoothly_and_keeps_its_goal() -> Non
     assert degrees(b.head) == pytest.approx((20, -10))
     assert b.head.trim(pan=radians(-45)) == pytest.approx((radians(-45), radians(3)))
     b.link.run(3.0)
-    assert b.link.device.angle(0, b.clock.now()) == 65
+    assert b.link.device.angle(0, b.clock.read_value()) == 65
 
 
 def test_a_trim_holds_across_a_reset_and_may_be_set_before_the_board_is_there() -> None:
@@ -908,13 +914,13 @@ def test_a_trim_holds_across_a_reset_and_may_be_set_before_the_board_is_there() 
     b.head.trim(tilt=radians(-8))
     b.link.plug()
     b.link.run(5.0)
-    assert b.link.device.angle(1, b.clock.now()) == 82
+    assert b.link.device.angle(1, b.clock.read_value()) == 82
     assert degrees(b.head) == pytest.approx((0, 0))
-    b.link.device.reset(b.clock.now())
+    b.link.device.reset(b.clock.read_value())
     b.link.run(4.0)
     b.head.look(HeadPose(0.0, 0.0))
     b.link.run(4.0)
-    assert b.link.device.angle(1, b.clock.now()) == 82
+    assert b.link.device.angle(1, b.clock.read_value()) == 82
 
 
 def test_what_is_sent_speeds_up_and_brakes_no_harder_than_it_may() -> None:
@@ -945,7 +951,7 @@ def test_the_wheels_turn_as_the_encoders_of_the_later_sketch_say() -> None:
     assert rates.good
     assert rates.value is not None
     assert (rates.value.left, rates.value.right) == pytest.approx((math.pi, -2 * math.pi))
-    assert b.clock.now() - rates.stamp <= 0.1
+    assert b.clock.read_value() - rates.stamp <= 0.1
     assert b.head.health().counters["tachos"] >= 15
     b.link.unplug()
     b.clock.advance(1.0)
@@ -967,18 +973,18 @@ def test_an_encoder_that_reports_no_number_is_malformed_and_the_first_sketch_has
 def test_another_definition_of_the_encoders_message_is_named_and_the_head_turns_all_the_same() -> None:
     b = bench()
     b.link.plug()
-    other = wire.Topic("tacho", "std_msgs/Float64", "fdb28210bfa9d7c91146260178d9a584")
-    b.link.noise = wire.Frame(wire.PUBLISHER, wire.TopicInfo(125, other, 512).pack()).pack()
+    other = wire.RosserialTopic("tacho", "std_msgs/Float64", "fdb28210bfa9d7c91146260178d9a584")
+    b.link.noise = wire.RosserialFrame(wire.PUBLISHER, wire.TopicInfo(125, other, 512).pack()).pack()
     b.link.run(0.1)
     (fault,) = [one for one in b.notices if one.kind == "fault"]
-    assert other.md5 in fault.what
+    assert other.md5 in fault.message
     assert "tacho_msgs" in fault.hint
     assert b.head.health().online
 
 
 WIRE_NOISE = st.one_of(
     st.binary(max_size=40),
-    st.builds(lambda topic, data: wire.Frame(topic, data).pack(), st.integers(0, 130), st.binary(max_size=30)),
+    st.builds(lambda topic, data: wire.RosserialFrame(topic, data).pack(), st.integers(0, 130), st.binary(max_size=30)),
     st.sampled_from([wire.REQUEST_TIME, wire.REQUEST_TIME[:7], wire.HEADER, wire.STOP_SENDING]),
 )
 
@@ -992,9 +998,9 @@ def test_whatever_comes_over_the_wire_it_stays_within_bounds_and_comes_round(
     for noise, mishap in mishaps:
         b.link.noise = noise
         if mishap == "reset":
-            b.link.device.reset(b.clock.now())
+            b.link.device.reset(b.clock.read_value())
         elif mishap == "deaf":
-            b.link.deaf_until = b.clock.now() + 1.0
+            b.link.deaf_until = b.clock.read_value() + 1.0
         elif mishap == "unplug":
             b.link.unplug()
             b.link.device.reset(b.clock.advance(0.5))
@@ -1007,7 +1013,7 @@ def test_whatever_comes_over_the_wire_it_stays_within_bounds_and_comes_round(
     b.head.enable()
     b.head.look(HeadPose(radians(25), radians(-10)))
     b.link.run(2.0)
-    assert (b.link.device.angle(0, b.clock.now()), b.link.device.angle(1, b.clock.now())) == (115, 100)
+    assert (b.link.device.angle(0, b.clock.read_value()), b.link.device.angle(1, b.clock.read_value())) == (115, 100)
     assert all(0 <= angle <= 180 and index in (0, 1) for index, angle in b.link.device.commands)
 
 
@@ -1020,7 +1026,7 @@ class Rig:
 
     clock: PatientClock
     device: VirtualRodney
-    terminal: Terminal
+    terminal: PseudoTerminal
     head: ArduinoHead
     notices: list[DeviceStatus] = field(default_factory=list)
 
@@ -1028,10 +1034,10 @@ class Rig:
 @pytest.fixture
 def rig() -> Iterator[Rig]:
     clock, device = PatientClock(), VirtualRodney(tacho=True)
-    terminal = Terminal("nano", device, clock)
+    terminal = PseudoTerminal("nano", device, clock)
     notices: list[DeviceStatus] = []
-    link = Link("head", terminal.path, 57600, retry=0.05, report=notices.append)
-    board = Board(link, clock, boot_delay=0.0, report=notices.append)
+    link = SerialLink("head", terminal.path, 57600, retry_interval=0.05, report=notices.append)
+    board = ArduinoBoard(link, clock, boot_delay=0.0, report=notices.append)
     head = ArduinoHead(board, clock, pan=PAN, tilt=TILT, speed=radians(200))
     try:
         yield Rig(clock, device, terminal, head, notices)
@@ -1048,7 +1054,7 @@ def looks(rig: Rig, pan: float, tilt: float) -> Callable[[], bool]:
     """Return a condition: the servos stand at these angles, and the head knows it."""
 
     def there() -> bool:
-        now = rig.clock.now()
+        now = rig.clock.read_value()
         stands = (rig.device.angle(0, now), rig.device.angle(1, now)) == (90 + pan, 90 - tilt)
         return stands and rig.head.pose().good and degrees(rig.head) == pytest.approx((pan, tilt))
 

@@ -13,11 +13,17 @@ from pathlib import Path
 import pytest
 
 from drivers.api import DeviceStatus, HeadPose
-from drivers.arduino.board import Board
+from drivers.arduino.board import ArduinoBoard
 from drivers.arduino.driver import ArduinoHead
-from drivers.arduino.virtual import ATTACHED, BEFORE_PART_1, FIRST, WITH_ENCODERS, VirtualRodney
+from drivers.arduino.virtual import (
+    EARLY_SKETCH_ANGLES,
+    ENCODER_SKETCH_ANGLES,
+    FIRST_SKETCH_ANGLES,
+    UNSENT_SKETCH_ANGLES,
+    VirtualRodney,
+)
 from drivers.head.axis import ServoAxis
-from drivers.head.memory import Memory
+from drivers.head.memory import ServoAngleStore
 from drivers.sim.timeline import Timeline
 from tests.drivers.cranked import HandWire
 from tests.drivers.test_arduino_campaign import RAMP, SPEED
@@ -35,11 +41,19 @@ class Sketch:
 
 
 SKETCHES: Mapping[str, Sketch] = {
-    "Parts 01 to 04, Nano": Sketch(lambda: VirtualRodney(logs=True, starts=FIRST, boot_delay=1.0)),
-    "with encoders, Nano": Sketch(lambda: VirtualRodney(logs=True, tacho=True, starts=WITH_ENCODERS, boot_delay=1.0)),
-    "with encoders, Teensy": Sketch(lambda: VirtualRodney(tacho=True, boot_delay=0.4, keeps=True)),
-    "before Part 01, Nano": Sketch(lambda: VirtualRodney(logs=True, starts=BEFORE_PART_1, boot_delay=1.0), (90, 40)),
-    "the oldest, Nano": Sketch(lambda: VirtualRodney(logs=True, starts=ATTACHED, boot_delay=1.0), (92, 92)),
+    "Parts 01 to 04, Nano": Sketch(
+        lambda: VirtualRodney(logs_angles=True, start_angles=FIRST_SKETCH_ANGLES, boot_delay=1.0)
+    ),
+    "with encoders, Nano": Sketch(
+        lambda: VirtualRodney(logs_angles=True, tacho=True, start_angles=ENCODER_SKETCH_ANGLES, boot_delay=1.0)
+    ),
+    "with encoders, Teensy": Sketch(lambda: VirtualRodney(tacho=True, boot_delay=0.4, native_usb=True)),
+    "before Part 01, Nano": Sketch(
+        lambda: VirtualRodney(logs_angles=True, start_angles=EARLY_SKETCH_ANGLES, boot_delay=1.0), (90, 40)
+    ),
+    "the oldest, Nano": Sketch(
+        lambda: VirtualRodney(logs_angles=True, start_angles=UNSENT_SKETCH_ANGLES, boot_delay=1.0), (92, 92)
+    ),
 }
 
 
@@ -50,11 +64,11 @@ class Scene:
         self.timeline = Timeline()
         self.sketch, self.board = sketch, sketch.board()
         self.notices: list[DeviceStatus] = []
-        self.memories: list[Memory] = []
+        self.memories: list[ServoAngleStore] = []
         self.wire = HandWire(self.board, self.timeline)
         self.port, self.folder = folder / "ttyUSB0", folder
         self.port.touch()
-        self.board.plugged(0.0)
+        self.board.power_on(0.0)
         self.run(3.0)
         self.head = self.program()
         self.look(PAN, TILT)
@@ -63,11 +77,11 @@ class Scene:
         """Start a program that moves the head."""
         clock, (pan, tilt) = self.timeline.clock, self.sketch.start
         self.link = link = self.wire.link("head", report=self.notices.append)
-        remembered = Memory(self.folder, str(self.port))
+        remembered = ServoAngleStore(self.folder, str(self.port))
         self.memories.append(remembered)
         boot = 0.0 if self.sketch is SKETCHES["with encoders, Teensy"] else 2.0
         head = ArduinoHead(
-            Board(link, clock, boot_delay=boot, report=self.notices.append, remembered=remembered),
+            ArduinoBoard(link, clock, boot_delay=boot, report=self.notices.append, angle_store=remembered),
             clock,
             pan=ServoAxis(0, radians(-80), radians(80), start=pan),
             tilt=ServoAxis(1, radians(-80), radians(20), flip=True, start=tilt),
@@ -79,7 +93,7 @@ class Scene:
         return head
 
     def run(self, seconds: float) -> None:
-        self.timeline.run(self.timeline.clock.now() + seconds)
+        self.timeline.run_until(self.timeline.clock.read_value() + seconds)
 
     def close(self) -> None:
         self.head.close()
@@ -100,7 +114,7 @@ class Scene:
         """Have no event."""
 
     def reset(self) -> None:
-        self.board.reset(self.timeline.clock.now())
+        self.board.reset(self.timeline.clock.read_value())
 
     def reset_as_it_turns(self) -> None:
         self.head.look(HeadPose(radians(-PAN), radians(10)))
@@ -109,7 +123,7 @@ class Scene:
 
     def lose_power(self) -> None:
         """Have the supply fail for a moment, with the port there all the while."""
-        self.board.plugged(self.timeline.clock.now())
+        self.board.power_on(self.timeline.clock.read_value())
 
     def replug(self) -> None:
         self.wire.unplug()
@@ -138,13 +152,13 @@ class Scene:
     def killed_and_another_opens(self) -> None:
         """The same, and a program that hangs up, such as a serial monitor, has had the port before the next one."""
         self.kill()
-        self.board.opened(self.timeline.clock.now())
-        self.board.closed(hangs_up=True)
+        self.board.open_port(self.timeline.clock.read_value())
+        self.board.close_port(hangs_up=True)
         self.run(2.0)
         self.head = self.program()
 
     def kill(self) -> None:
-        self.link._loop.alive = False  # type: ignore[misc]
+        self.link._loop.is_alive = False  # type: ignore[misc]
         assert self.wire.holder is not None
         self.wire.holder.close()
 
@@ -175,14 +189,14 @@ NO_RESET = {
 def played(sketch: Sketch, event: str, folder: Path) -> tuple[float, float]:
     """Return the widest steps (degrees) since an event: of the driver, and of the sketch as it started."""
     with closing(Scene(sketch, folder)) as scene:
-        assert scene.board.widest <= RAMP  # the first program after the board was plugged in
-        assert scene.board.widest_start == 0.0
-        scene.board.widest = 0.0
+        assert scene.board.max_step <= RAMP  # the first program after the board was plugged in
+        assert scene.board.max_start_step == 0.0
+        scene.board.max_step = 0.0
         EVENTS[event](scene)
         scene.run(8.0)
         scene.look(-20, 5)
         scene.look(PAN, TILT)
-    return scene.board.widest, scene.board.widest_start
+    return scene.board.max_step, scene.board.max_start_step
 
 
 @pytest.mark.parametrize("event", list(EVENTS))
@@ -201,7 +215,7 @@ def test_a_sketch_that_starts_its_servos_elsewhere_leaps_by_the_difference_unles
     name: str, leap: float, tmp_path: Path
 ) -> None:
     with closing(Scene(Sketch(SKETCHES[name].board), tmp_path)) as scene:
-        assert scene.board.widest == pytest.approx(leap, abs=2.0)
+        assert scene.board.max_step == pytest.approx(leap, abs=2.0)
 
 
 def test_a_board_that_has_been_running_and_whose_servos_nobody_knows_stays_until_it_is_commanded(
@@ -215,7 +229,7 @@ def test_a_board_that_has_been_running_and_whose_servos_nobody_knows_stays_until
         scene.head = scene.program()
         scene.run(10.0)
     assert scene.board.commands == []
-    assert any("nobody knows where its servos stand" in notice.what for notice in scene.notices)
+    assert any("nobody knows where its servos stand" in notice.message for notice in scene.notices)
 
 
 def place_unknown(scene: Scene) -> None:
@@ -228,7 +242,7 @@ def place_unknown(scene: Scene) -> None:
 
 
 def warnings(scene: Scene) -> int:
-    return sum("nobody knows where its servos stand" in notice.what for notice in scene.notices)
+    return sum("nobody knows where its servos stand" in notice.message for notice in scene.notices)
 
 
 @pytest.mark.parametrize("killed", [False, True])
@@ -261,8 +275,8 @@ def test_an_assumed_angle_is_not_remembered_as_a_known_one(
 def test_a_remembered_angle_of_other_servos_does_not_count(tmp_path: Path) -> None:
     with closing(Scene(SKETCHES[NATIVE_USB], tmp_path)) as scene:
         scene.head.close()
-        memory = Memory(tmp_path, str(scene.port))
-        memory.keep({0: 120})
+        memory = ServoAngleStore(tmp_path, str(scene.port))
+        memory.save({0: 120})
         memory.close()
         scene.notices.clear()
         scene.board.commands.clear()

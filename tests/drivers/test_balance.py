@@ -6,47 +6,47 @@ import pytest
 from drivers.legs.body import body_of
 from drivers.legs.compensation import Compensation, static_torques
 from drivers.legs.declared import LegsKeys
-from drivers.legs.engine import Engine, Felt, Posture
-from drivers.legs.pressure import Balance, Gains
-from drivers.servos.models import MODELS, motor_of
-from missions.library.drivers import robot_named
+from drivers.legs.engine import AttitudeEstimate, LegPosture, WalkingEngine
+from drivers.legs.pressure import BalanceController, BalanceGains
+from drivers.servos.models import MODELS, motor_physics
+from missions.library.drivers import load_named_robot
 
 
 @pytest.fixture(scope="module")
-def engine() -> Engine:
-    keys = robot_named("humanoid").keys(LegsKeys)
+def engine() -> WalkingEngine:
+    keys = load_named_robot("humanoid").keys(LegsKeys)
     assert keys is not None
-    return Engine(body_of(keys.body), keys.stride)
+    return WalkingEngine(body_of(keys.body), keys.stride)
 
 
-def posture(engine: Engine) -> Posture:
-    engine.rest()
+def posture(engine: WalkingEngine) -> LegPosture:
+    engine.reset()
     return engine.step()
 
 
-def test_bent_knees_carry_the_body_and_all_torques_are_mirror_images(engine: Engine) -> None:
-    held = static_torques(engine.body, posture(engine))[engine.body.leg_places].reshape(2, 6)
-    thigh = 0.2 * np.sin(engine.ready[3] / 2)
-    above = engine.body.total - 2 * (0.25 + 0.25 + 0.3)  # kg that both knees carry, without shanks and feet
+def test_bent_knees_carry_the_body_and_all_torques_are_mirror_images(engine: WalkingEngine) -> None:
+    held = static_torques(engine.body, posture(engine))[engine.body.leg_indices].reshape(2, 6)
+    thigh = 0.2 * np.sin(engine.ready_angles[3] / 2)
+    above = engine.body.total_mass - 2 * (0.25 + 0.25 + 0.3)  # kg that both knees carry, without shanks and feet
     assert -held[0, 3] == pytest.approx(above * 9.81 / 2 * thigh, rel=0.25)
     assert np.abs(held[0] - held[1]).max() < 1e-6
 
 
-def test_goals_are_set_ahead_by_what_servos_are_soft_and_no_more_while_nothing_moves(engine: Engine) -> None:
+def test_goals_are_set_ahead_by_what_servos_are_soft_and_no_more_while_nothing_moves(engine: WalkingEngine) -> None:
     body, still = engine.body, posture(engine)
-    motor = motor_of(MODELS["EX-106+"])
-    ahead = Compensation(body, dict.fromkeys(body.walking, motor)).goals(still) - still.angles
-    held = static_torques(body, still)[body.leg_places]
+    motor = motor_physics(MODELS["EX-106+"])
+    ahead = Compensation(body, dict.fromkeys(body.leg_joints, motor)).goals(still) - still.angles
+    held = static_torques(body, still)[body.leg_indices]
     assert ahead == pytest.approx(held / motor.stiffness)
 
 
-def test_a_lean_ahead_is_pushed_back_by_the_ankles_and_caught_by_a_longer_step(engine: Engine) -> None:
-    balance = Balance(engine.stride, engine.walker.manner.com_height, Gains(step=0.8))
-    upright = balance(Felt(0.0, 0.0), posture(engine))
+def test_a_lean_ahead_is_pushed_back_by_the_ankles_and_caught_by_a_longer_step(engine: WalkingEngine) -> None:
+    balance = BalanceController(engine.stride, engine.walker.manner.com_height, BalanceGains(step=0.8))
+    upright = balance(AttitudeEstimate(0.0, 0.0), posture(engine))
     assert (upright.ankle, upright.step) == ((0.0, 0.0), (0.0, 0.0))
-    ahead = balance(Felt(0.0, 0.1, 0.0, 0.5), posture(engine))
+    ahead = balance(AttitudeEstimate(0.0, 0.1, 0.0, 0.5), posture(engine))
     assert ahead.ankle[1] > 0
     assert ahead.step[0] > 0
-    right = balance(Felt(0.2, 0.0), posture(engine))
+    right = balance(AttitudeEstimate(0.2, 0.0), posture(engine))
     assert right.step[1] < 0
     assert abs(right.ankle[0]) <= 0.1

@@ -8,15 +8,15 @@ from drivers.kobuki.feedback import METRES_PER_TICK
 from drivers.kobuki.odometry import EMPTY_VOLTAGE, FULL_VOLTAGE, battery_percent
 from drivers.sim import battery as simulated
 from drivers.sim import body
-from drivers.sim.battery import CAPACITY, CHARGING, RESISTANCE, Battery
-from drivers.sim.body import OVERLOAD, current
+from drivers.sim.battery import CAPACITY, CHARGE_CURRENT, INTERNAL_RESISTANCE, Battery
+from drivers.sim.body import OVERLOAD_CURRENT, motor_current
 
 
 def test_by_itself_it_keeps_what_it_has() -> None:
     battery = Battery(42.0)
     for second in range(1000):
         battery.advance(float(second), 5.0, docked=False)
-    assert (battery.percent, battery.told, battery.charging) == (42.0, 42.0, False)
+    assert (battery.percent, battery.reported_percent, battery.is_charging) == (42.0, 42.0, False)
     assert battery_percent(battery.voltage) == pytest.approx(42.0)
 
 
@@ -45,26 +45,26 @@ def test_however_often_one_looks_it_holds_the_same_and_never_less_than_nothing_o
 
 
 def test_under_load_its_voltage_drops_and_so_does_the_percent_that_is_told_but_not_what_is_left() -> None:
-    battery = Battery(50.0, drain=1.0, resistance=RESISTANCE)
+    battery = Battery(50.0, drain=1.0, resistance=INTERNAL_RESISTANCE)
     battery.advance(0.0, 0.0, docked=False)
-    rested, told = battery.voltage, battery.told
+    rested, told = battery.voltage, battery.reported_percent
     battery.advance(0.0, 4.0, docked=False)
-    assert battery.voltage == pytest.approx(rested - 4.0 * RESISTANCE)
-    assert battery.told == pytest.approx(battery_percent(battery.voltage))
-    assert battery.told < told - 10.0
+    assert battery.voltage == pytest.approx(rested - 4.0 * INTERNAL_RESISTANCE)
+    assert battery.reported_percent == pytest.approx(battery_percent(battery.voltage))
+    assert battery.reported_percent < told - 10.0
     assert battery.percent == 50.0
 
 
 def test_at_the_dock_it_fills_as_the_vendor_promises_until_it_is_full() -> None:
-    battery = Battery(0.0, resistance=RESISTANCE)
+    battery = Battery(0.0, resistance=INTERNAL_RESISTANCE)
     battery.advance(0.0, 2.0, docked=True)
-    assert battery.charging
+    assert battery.is_charging
     assert battery.voltage > Battery(0.0).voltage
     battery.advance(1.5 * 3600, 2.0, docked=True)
     assert battery.percent == pytest.approx(100.0, abs=3.0)
-    battery.advance(CAPACITY / CHARGING + 3600, 2.0, docked=True)
-    battery.advance(CAPACITY / CHARGING + 3601, 2.0, docked=True)
-    assert (battery.percent, battery.charging) == (100.0, False)
+    battery.advance(CAPACITY / CHARGE_CURRENT + 3600, 2.0, docked=True)
+    battery.advance(CAPACITY / CHARGE_CURRENT + 3601, 2.0, docked=True)
+    assert (battery.percent, battery.is_charging) == (100.0, False)
     assert battery.voltage == pytest.approx(FULL_VOLTAGE)
 
 
@@ -77,10 +77,10 @@ def test_a_battery_that_makes_no_sense_is_refused(wrong: dict[str, float]) -> No
 
 
 def test_a_motor_draws_more_the_faster_it_turns_and_the_longer_in_vain() -> None:
-    assert current(0.0) == current(0.0, 1.0) == 0.0
-    assert current(0.1) < current(0.5) < 1.0
-    assert current(-0.5) == current(0.5)
-    assert current(0.3, 0.02) < OVERLOAD <= current(0.3, 0.2) == current(0.3, 9.0)
+    assert motor_current(0.0) == motor_current(0.0, 1.0) == 0.0
+    assert motor_current(0.1) < motor_current(0.5) < 1.0
+    assert motor_current(-0.5) == motor_current(0.5)
+    assert motor_current(0.3, 0.02) < OVERLOAD_CURRENT <= motor_current(0.3, 0.2) == motor_current(0.3, 9.0)
 
 
 def test_the_simulated_body_and_battery_are_those_of_a_kobuki() -> None:

@@ -6,32 +6,41 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from drivers.sim.block import Block, Disc, Point3
+from drivers.sim.block import Point3, UprightBox, UprightCylinder
 
 place = st.floats(-4, 4)
 blocks = st.builds(
-    Block, place, place, st.floats(0.1, 3), st.floats(0.1, 3), st.floats(-pi, pi), st.floats(0, 1), st.floats(1.1, 2)
+    UprightBox,
+    place,
+    place,
+    st.floats(0.1, 3),
+    st.floats(0.1, 3),
+    st.floats(-pi, pi),
+    st.floats(0, 1),
+    st.floats(1.1, 2),
 )
-discs = st.builds(Disc, place, place, st.floats(0.05, 1), st.floats(0, 1), st.floats(1.1, 2))
+discs = st.builds(UprightCylinder, place, place, st.floats(0.05, 1), st.floats(0, 1), st.floats(1.1, 2))
 solids = st.one_of(blocks, discs)
 points = st.tuples(place, place, st.floats(0, 2.5))
 
 
-def within(solid: Block | Disc, x: float, y: float) -> bool:
-    if isinstance(solid, Disc):
+def within(solid: UprightBox | UprightCylinder, x: float, y: float) -> bool:
+    if isinstance(solid, UprightCylinder):
         return hypot(x - solid.x, y - solid.y) <= solid.radius
-    u, v = solid.local(x, y)
+    u, v = solid.to_local(x, y)
     return abs(u) <= solid.length / 2 and abs(v) <= solid.width / 2
 
 
 @given(solids, place, place)
-def test_the_nearest_spot_is_on_it_and_nothing_of_it_is_nearer(solid: Block | Disc, x: float, y: float) -> None:
-    dx, dy = solid.nearest(x, y)
+def test_the_nearest_spot_is_on_it_and_nothing_of_it_is_nearer(
+    solid: UprightBox | UprightCylinder, x: float, y: float
+) -> None:
+    dx, dy = solid.nearest_offset(x, y)
     away = hypot(dx, dy)
     assert (
         within(solid, x + dx * 1.0001 + 1e-9, y + dy * 1.0001 + 1e-9)
         or away < 1e-6
-        or hypot(*solid.nearest(x + dx, y + dy)) < 1e-6
+        or hypot(*solid.nearest_offset(x + dx, y + dy)) < 1e-6
     )
     for step in range(24):
         angle = 2 * pi * step / 24
@@ -39,43 +48,45 @@ def test_the_nearest_spot_is_on_it_and_nothing_of_it_is_nearer(solid: Block | Di
 
 
 @given(solids, place, place, st.floats(-pi, pi))
-def test_a_ray_ends_where_small_steps_first_are_within(solid: Block | Disc, x: float, y: float, angle: float) -> None:
-    far = solid.ray(x, y, cos(angle), sin(angle))
+def test_a_ray_ends_where_small_steps_first_are_within(
+    solid: UprightBox | UprightCylinder, x: float, y: float, angle: float
+) -> None:
+    far = solid.intersect_ray(x, y, cos(angle), sin(angle))
     steps = [step * 0.05 for step in range(240)]
     first = next((s for s in steps if within(solid, x + s * cos(angle), y + s * sin(angle))), None)
     if first is not None:
         assert far - 1e-6 <= first
     if far < inf:
         hit = (x + far * cos(angle), y + far * sin(angle))
-        assert hypot(*solid.nearest(*hit)) < 1e-6
+        assert hypot(*solid.nearest_offset(*hit)) < 1e-6
 
 
 @given(solids, points, points)
 def test_a_line_of_sight_is_cut_by_whatever_one_of_its_points_is_in(
-    solid: Block | Disc, eye: Point3, point: Point3
+    solid: UprightBox | UprightCylinder, eye: Point3, point: Point3
 ) -> None:
     shares = [step / 200 for step in range(201)]
     line = [tuple(a + share * (b - a) for a, b in zip(eye, point, strict=True)) for share in shares]
     deep = [p for p in line if within(solid, p[0], p[1]) and solid.bottom + 1e-6 < p[2] < solid.top - 1e-6]
     assume(len(deep) != 1)  # it may just touch
     if deep:
-        assert solid.hides(eye, point)
-    assert solid.hides(eye, point) == solid.hides(point, eye)
+        assert solid.blocks_sight(eye, point)
+    assert solid.blocks_sight(eye, point) == solid.blocks_sight(point, eye)
 
 
 def test_a_line_over_and_a_line_under_it_are_free() -> None:
-    shelf = Block(2.0, 0.0, 1.0, 1.0, 0.3, bottom=0.5, top=1.0)
-    assert shelf.hides((0.0, 0.0, 0.7), (4.0, 0.0, 0.7))
-    assert not shelf.hides((0.0, 0.0, 1.2), (4.0, 0.0, 1.2))
-    assert not shelf.hides((0.0, 0.0, 0.3), (4.0, 0.0, 0.3))
-    assert shelf.hides((0.0, 0.0, 1.5), (4.0, 0.0, 0.0))
-    assert not shelf.hides((0.0, 0.0, 0.7), (1.0, 0.0, 0.7))  # it ends before
+    shelf = UprightBox(2.0, 0.0, 1.0, 1.0, 0.3, bottom=0.5, top=1.0)
+    assert shelf.blocks_sight((0.0, 0.0, 0.7), (4.0, 0.0, 0.7))
+    assert not shelf.blocks_sight((0.0, 0.0, 1.2), (4.0, 0.0, 1.2))
+    assert not shelf.blocks_sight((0.0, 0.0, 0.3), (4.0, 0.0, 0.3))
+    assert shelf.blocks_sight((0.0, 0.0, 1.5), (4.0, 0.0, 0.0))
+    assert not shelf.blocks_sight((0.0, 0.0, 0.7), (1.0, 0.0, 0.7))  # it ends before
 
 
 def test_straight_up_and_beside_is_free() -> None:
-    for solid in (Block(0.0, 0.0, 1.0, 1.0), Disc(0.0, 0.0, 0.5)):
-        assert solid.hides((0.1, 0.1, 0.2), (0.1, 0.1, 2.0))
-        assert not solid.hides((0.9, 0.0, 0.2), (0.9, 0.0, 2.0))
-        assert solid.ray(0.1, 0.0, 1.0, 0.0) == 0.0
-        assert solid.ray(2.0, 0.0, 1.0, 0.0) == inf
-        assert solid.nearest(0.2, 0.2) == pytest.approx((0.0, 0.0))
+    for solid in (UprightBox(0.0, 0.0, 1.0, 1.0), UprightCylinder(0.0, 0.0, 0.5)):
+        assert solid.blocks_sight((0.1, 0.1, 0.2), (0.1, 0.1, 2.0))
+        assert not solid.blocks_sight((0.9, 0.0, 0.2), (0.9, 0.0, 2.0))
+        assert solid.intersect_ray(0.1, 0.0, 1.0, 0.0) == 0.0
+        assert solid.intersect_ray(2.0, 0.0, 1.0, 0.0) == inf
+        assert solid.nearest_offset(0.2, 0.2) == pytest.approx((0.0, 0.0))

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.api import BASE_RADIUS, Pose2D, Sides, Velocity
-from drivers.sim.body import COMMAND_TIMEOUT, NOTHING, Body, either
+from drivers.sim.body import BODY_COMMAND_TIMEOUT, NO_SIDES, BaseBody, merge_sides
 from drivers.sim.things import OpenFloor
-from drivers.sim.wheels import Wheels
+from drivers.sim.wheels import SimulatedWheels
 
 WALL = 1.0
 """Where the wall of ``Walled`` stands, in metres along x; all that is beyond is solid."""
@@ -19,7 +19,7 @@ WALL = 1.0
 class Walled(OpenFloor):
     """A ``Ground`` with a wall across the x axis."""
 
-    def touched(self, x: float, y: float, radius: float, time: float) -> Sequence[float]:
+    def contact_directions(self, x: float, y: float, radius: float, time: float) -> Sequence[float]:
         del y, time
         return (0.0,) if x + radius >= WALL else ()
 
@@ -30,7 +30,7 @@ class Felt(OpenFloor):
     def __init__(self, *directions: float) -> None:
         self.directions = [radians(direction) for direction in directions]
 
-    def touched(self, x: float, y: float, radius: float, time: float) -> Sequence[float]:
+    def contact_directions(self, x: float, y: float, radius: float, time: float) -> Sequence[float]:
         del x, y, radius, time
         return self.directions
 
@@ -45,7 +45,7 @@ class Holed(OpenFloor):
         return not self.hole(x, y)
 
 
-def drive(body: Body, linear: float, angular: float, start: float, seconds: float) -> float:
+def drive(body: BaseBody, linear: float, angular: float, start: float, seconds: float) -> float:
     """Renew a command every 20 ms, as the driver does; return the time at the end."""
     for step in range(round(seconds / 0.02)):
         body.command(linear, angular, start + step * 0.02)
@@ -54,13 +54,13 @@ def drive(body: Body, linear: float, angular: float, start: float, seconds: floa
 
 
 def test_on_an_open_floor_it_goes_where_its_wheels_go() -> None:
-    body, wheels = Body(), Wheels()
+    body, wheels = BaseBody(), SimulatedWheels()
     body.command(0.3, 0.4, 0.0)
     wheels.command(0.3, 0.4, 0.0)
     pose, rolled = body.advance(0.4), wheels.advance(0.4)
     assert (pose.x, pose.y, pose.heading) == pytest.approx((rolled.x, rolled.y, rolled.heading), abs=1e-6)
     assert body.velocity == wheels.velocity
-    assert (body.bumper, body.cliff, body.wheel_drop) == (NOTHING, NOTHING, NOTHING)
+    assert (body.bumper, body.cliff, body.wheel_drop) == (NO_SIDES, NO_SIDES, NO_SIDES)
 
 
 @given(
@@ -68,7 +68,7 @@ def test_on_an_open_floor_it_goes_where_its_wheels_go() -> None:
     st.lists(st.tuples(st.floats(-0.7, 0.7), st.floats(-3, 3), st.floats(0.02, 2.0)), min_size=1, max_size=8),
 )
 def test_no_drive_leads_through_a_wall(heading: float, moves: list[tuple[float, float, float]]) -> None:
-    body = Body(wheels=Wheels(pose=Pose2D(0.5, 0.0, heading)), ground=Walled())
+    body = BaseBody(wheels=SimulatedWheels(pose=Pose2D(0.5, 0.0, heading)), ground=Walled())
     now = 0.0
     for linear, angular, seconds in moves:
         now = drive(body, linear, angular, now, seconds)
@@ -76,7 +76,7 @@ def test_no_drive_leads_through_a_wall(heading: float, moves: list[tuple[float, 
 
 
 def test_it_comes_up_to_the_wall_and_feels_it_while_it_stands_there() -> None:
-    body = Body(ground=Walled())
+    body = BaseBody(ground=Walled())
     now = drive(body, 0.5, 0.0, 0.0, 4.0)
     assert body.pose.x == pytest.approx(WALL - BASE_RADIUS, abs=0.001)
     assert body.bumper == Sides(centre=True)
@@ -84,12 +84,12 @@ def test_it_comes_up_to_the_wall_and_feels_it_while_it_stands_there() -> None:
     now = drive(body, 0.0, 0.0, now, 2.0)
     assert body.bumper == Sides(centre=True)
     drive(body, -0.2, 0.0, now, 1.0)
-    assert body.bumper == NOTHING
+    assert body.bumper == NO_SIDES
     assert body.pose.x == pytest.approx(WALL - BASE_RADIUS - 0.19, abs=0.01)
 
 
 def test_held_up_its_wheels_slip_and_it_turns_on_the_spot() -> None:
-    body = Body(ground=Walled())
+    body = BaseBody(ground=Walled())
     now = drive(body, 0.5, 0.0, 0.0, 4.0)
     left, right = body.encoders
     before = body.pose
@@ -102,7 +102,7 @@ def test_held_up_its_wheels_slip_and_it_turns_on_the_spot() -> None:
 
 
 def test_two_times_that_differ_by_a_rounding_error_do_not_let_it_go() -> None:
-    body = Body(wheels=Wheels(pose=Pose2D(0.0, 0.0, 0.5)), ground=Walled())
+    body = BaseBody(wheels=SimulatedWheels(pose=Pose2D(0.0, 0.0, 0.5)), ground=Walled())
     now = drive(body, 0.5, 0.0, 0.0, 4.0)
     body.advance(now + 1e-12)
     assert body.velocity == Velocity(0.0, 0.0)
@@ -110,26 +110,26 @@ def test_two_times_that_differ_by_a_rounding_error_do_not_let_it_go() -> None:
 
 
 def test_a_wheel_that_turns_in_vain_is_overloaded_after_a_while_and_no_longer_once_it_is_free() -> None:
-    body = Body(ground=Walled())
+    body = BaseBody(ground=Walled())
     now = drive(body, 0.3, 0.0, 0.0, 2.7)
-    assert body.overcurrent == NOTHING
+    assert body.overcurrent == NO_SIDES
     assert body.velocity.linear == pytest.approx(0.3)
     now = drive(body, 0.3, 0.0, now, 0.7)
     assert body.overcurrent == Sides(left=True, right=True)
     drive(body, -0.3, 0.0, now, 0.5)
-    assert body.overcurrent == NOTHING
+    assert body.overcurrent == NO_SIDES
     assert body.currents == pytest.approx((0.24, 0.24))
 
 
 def test_standing_still_against_a_wall_its_motors_draw_nothing() -> None:
-    body = Body(ground=Walled())
+    body = BaseBody(ground=Walled())
     drive(body, 0.0, 0.0, drive(body, 0.3, 0.0, 0.0, 4.0), 1.0)
-    assert (body.bumper, body.currents, body.overcurrent) == (Sides(centre=True), (0.0, 0.0), NOTHING)
+    assert (body.bumper, body.currents, body.overcurrent) == (Sides(centre=True), (0.0, 0.0), NO_SIDES)
 
 
 @given(st.lists(st.floats(0.001, 0.3), min_size=1, max_size=20))
 def test_a_wall_stops_it_at_the_same_place_however_often_one_looks(pauses: list[float]) -> None:
-    body, now = Body(ground=Walled()), 0.0
+    body, now = BaseBody(ground=Walled()), 0.0
     for pause in pauses * 30:
         now += pause
         body.command(0.4, 0.0, now)
@@ -149,9 +149,9 @@ def test_a_wall_stops_it_at_the_same_place_however_often_one_looks(pauses: list[
         (89, Sides(left=True)),
         (-26, Sides(right=True)),
         (-89, Sides(right=True)),
-        (91, NOTHING),
-        (180, NOTHING),
-        (-91, NOTHING),
+        (91, NO_SIDES),
+        (180, NO_SIDES),
+        (-91, NO_SIDES),
     ],
 )
 @pytest.mark.parametrize("heading", [0.0, 170.0, -90.0, 720.0])
@@ -159,28 +159,28 @@ def test_the_bumper_tells_the_side_by_the_direction_from_the_heading(
     direction: float, felt: Sides, heading: float
 ) -> None:
     ground = Felt(direction + heading)
-    body = Body(wheels=Wheels(pose=Pose2D(0.0, 0.0, radians(heading))), ground=ground)
+    body = BaseBody(wheels=SimulatedWheels(pose=Pose2D(0.0, 0.0, radians(heading))), ground=ground)
     body.advance(0.0)
     assert body.bumper == felt
 
 
 def test_two_things_press_two_parts_of_the_bumper() -> None:
-    body = Body(ground=Felt(-40.0, 10.0))
+    body = BaseBody(ground=Felt(-40.0, 10.0))
     body.advance(0.0)
     assert body.bumper == Sides(centre=True, right=True)
 
 
 def test_behind_it_nothing_is_felt_but_it_is_stopped_all_the_same() -> None:
-    body = Body(ground=Felt(180.0))
+    body = BaseBody(ground=Felt(180.0))
     now = drive(body, -0.3, 0.0, 0.0, 1.0)
-    assert (body.pose.x, body.bumper) == (0.0, NOTHING)
+    assert (body.pose.x, body.bumper) == (0.0, NO_SIDES)
     drive(body, 0.3, 0.0, now, 1.0)
     assert body.pose.x > 0.2
 
 
 @given(st.floats(-180, 180), st.floats(-180, 180))
 def test_one_can_leave_what_one_touches_but_not_enter_it(heading: float, direction: float) -> None:
-    body = Body(wheels=Wheels(pose=Pose2D(0.0, 0.0, radians(heading))), ground=Felt(direction))
+    body = BaseBody(wheels=SimulatedWheels(pose=Pose2D(0.0, 0.0, radians(heading))), ground=Felt(direction))
     drive(body, 0.4, 0.0, 0.0, 1.0)
     away = cos(radians(direction - heading)) < -0.001
     into = cos(radians(direction - heading)) > 0.001
@@ -190,9 +190,9 @@ def test_one_can_leave_what_one_touches_but_not_enter_it(heading: float, directi
 
 def test_somebody_who_walks_into_it_is_felt_though_it_stands_still() -> None:
     ground = Felt()
-    body = Body(ground=ground)
+    body = BaseBody(ground=ground)
     body.advance(1.0)
-    assert body.bumper == NOTHING
+    assert body.bumper == NO_SIDES
     ground.directions = [radians(-30.0)]
     body.advance(1.02)
     assert body.bumper == Sides(right=True)
@@ -207,16 +207,16 @@ def test_somebody_who_walks_into_it_is_felt_though_it_stands_still() -> None:
 def test_each_floor_sensor_sees_the_hole_beneath_it(spot: tuple[float, float], felt: Sides, heading: float) -> None:
     c, s = cos(radians(heading)), sin(radians(heading))
     x, y = 2.0 + spot[0] * c - spot[1] * s, 3.0 + spot[0] * s + spot[1] * c
-    body = Body(
-        wheels=Wheels(pose=Pose2D(2.0, 3.0, radians(heading))),
+    body = BaseBody(
+        wheels=SimulatedWheels(pose=Pose2D(2.0, 3.0, radians(heading))),
         ground=Holed(lambda at_x, at_y: hypot(at_x - x, at_y - y) < 0.02),
     )
     body.advance(0.0)
-    assert (body.cliff, body.wheel_drop) == (felt, NOTHING)
+    assert (body.cliff, body.wheel_drop) == (felt, NO_SIDES)
 
 
 def test_driven_over_an_edge_a_wheel_drops_and_it_hangs_there_until_put_down_elsewhere() -> None:
-    body = Body(ground=Holed(lambda x, _: x > 0.5))
+    body = BaseBody(ground=Holed(lambda x, _: x > 0.5))
     now = drive(body, 0.3, 0.0, 0.0, 4.0)
     assert body.cliff == Sides(left=True, centre=True, right=True)
     assert body.wheel_drop == Sides(left=True, right=True)
@@ -227,18 +227,18 @@ def test_driven_over_an_edge_a_wheel_drops_and_it_hangs_there_until_put_down_els
     assert body.pose == there
     body.wheels.pose = Pose2D(-1.0, 0.0, 0.0)
     drive(body, 0.3, 0.0, now, 1.0)
-    assert (body.wheel_drop, body.cliff) == (NOTHING, NOTHING)
+    assert (body.wheel_drop, body.cliff) == (NO_SIDES, NO_SIDES)
     assert body.pose.x > -0.8
 
 
 def test_with_one_wheel_over_an_edge_that_wheel_drops() -> None:
-    body = Body(ground=Holed(lambda _, y: y > 0.1))
+    body = BaseBody(ground=Holed(lambda _, y: y > 0.1))
     body.advance(0.0)
     assert (body.wheel_drop, body.cliff) == (Sides(left=True), Sides(left=True))
 
 
 def test_lifted_it_turns_its_wheels_in_the_air() -> None:
-    body = Body()
+    body = BaseBody()
     body.lifted = True
     now = drive(body, 0.3, 0.2, 0.0, 1.0)
     assert body.wheel_drop == Sides(left=True, right=True)
@@ -246,32 +246,32 @@ def test_lifted_it_turns_its_wheels_in_the_air() -> None:
     assert min(body.encoders) > 1000
     body.lifted = False
     drive(body, 0.3, 0.0, now, 1.0)
-    assert body.wheel_drop == NOTHING
+    assert body.wheel_drop == NO_SIDES
     assert body.pose.x > 0.2
 
 
 @given(st.lists(st.floats(0.01, 0.4), min_size=1, max_size=20))
 def test_without_a_new_command_it_comes_to_rest(pauses: list[float]) -> None:
-    body, now = Body(), 0.0
+    body, now = BaseBody(), 0.0
     body.command(0.3, 0.0, 0.0)
     for pause in pauses:
         now += pause
         body.advance(now)
-        moving = 0.0 < now <= COMMAND_TIMEOUT + 0.3 / 2.0
-        assert (body.velocity.linear > 0.0) == moving or now == pytest.approx(COMMAND_TIMEOUT + 0.15)
+        moving = 0.0 < now <= BODY_COMMAND_TIMEOUT + 0.3 / 2.0
+        assert (body.velocity.linear > 0.0) == moving or now == pytest.approx(BODY_COMMAND_TIMEOUT + 0.15)
     assert body.advance(now + 5.0) == body.advance(now + 6.0)
     assert degrees(body.pose.heading) == 0.0
-    assert body.pose.x == pytest.approx(0.3 * COMMAND_TIMEOUT, abs=1e-6)
+    assert body.pose.x == pytest.approx(0.3 * BODY_COMMAND_TIMEOUT, abs=1e-6)
 
 
 @pytest.mark.parametrize(
     ("first", "second", "both"),
     [
-        (NOTHING, NOTHING, NOTHING),
-        (Sides(left=True), NOTHING, Sides(left=True)),
-        (NOTHING, Sides(centre=True), Sides(centre=True)),
+        (NO_SIDES, NO_SIDES, NO_SIDES),
+        (Sides(left=True), NO_SIDES, Sides(left=True)),
+        (NO_SIDES, Sides(centre=True), Sides(centre=True)),
         (Sides(left=True), Sides(left=True, right=True), Sides(left=True, right=True)),
     ],
 )
 def test_what_one_of_two_feels_is_felt(first: Sides, second: Sides, both: Sides) -> None:
-    assert either(first, second) == both
+    assert merge_sides(first, second) == both

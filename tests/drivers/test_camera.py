@@ -14,12 +14,12 @@ import pytest
 
 from drivers.api import Camera, CameraFrame, DeviceStatus, Image
 from drivers.camera.make import open_source
-from drivers.camera.pictures import pictures
-from drivers.camera.source import Kind, Source, kind_of
+from drivers.camera.pictures import iter_pictures
+from drivers.camera.source import Source, SourceKind, source_kind
 from drivers.clock import Clock, ManualClock, SystemClock
 from drivers.errors import BadRequest, NotConnected
-from drivers.pictures.capture import Capture, ThreadedCamera
-from drivers.pictures.decode import UNWANTED
+from drivers.pictures.capture import CaptureThread, ThreadedCamera
+from drivers.pictures.decode import SKIPPED_PICTURE
 from tests.waiting import wait_until
 
 
@@ -159,21 +159,21 @@ def test_the_password_of_a_stream_is_not_shown(opened: Opener) -> None:
 class Webcam:
     """A live feed that does what the test puts into its queue: a picture, None for unplugged."""
 
-    what, hint = "/dev/eye", "plug it in"
+    source_name, hint = "/dev/eye", "plug it in"
 
     def __init__(self) -> None:
         self.pictures: Queue[Image | None] = Queue()
         self.present = Event()
         self.stopped = Event()
 
-    def start(self, ending: Event) -> float | None:  # noqa: ARG002 - it waits for nothing
+    def start(self, closing: Event) -> float | None:  # noqa: ARG002 - it waits for nothing
         if not self.present.is_set():
             raise NotConnected("eye: /dev/eye: no such device", hint="plug it in")
         return None
 
-    def grab(self, spare: Callable[[], int]) -> Image | None:
+    def grab(self, skip_count: Callable[[], int]) -> Image | None:
         image = self.pictures.get()
-        return UNWANTED if image is not None and spare() else image
+        return SKIPPED_PICTURE if image is not None and skip_count() else image
 
     def stop(self) -> None:
         self.stopped.set()
@@ -208,10 +208,10 @@ def test_a_camera_that_is_unplugged_comes_back_by_itself() -> None:
 
 def test_a_source_that_fails_is_reported_and_started_again(caplog: pytest.LogCaptureFixture) -> None:
     class Broken(Webcam):
-        def grab(self, spare: Callable[[], int]) -> Image | None:
+        def grab(self, skip_count: Callable[[], int]) -> Image | None:
             if not self.pictures.qsize():
                 raise ValueError("not a picture")
-            return super().grab(spare)
+            return super().grab(skip_count)
 
     feed = Broken()
     feed.present.set()
@@ -255,11 +255,11 @@ def test_closing_does_not_wait_for_a_driver_that_hangs() -> None:
 
 def test_closing_ends_a_read_that_waits() -> None:
     feed, results = Webcam(), list[CameraFrame | None]()
-    capture = Capture("eye", feed, ManualClock(), loop=True, retry=0.02, report=lambda _: None)
-    capture.begin()
+    capture = CaptureThread("eye", feed, ManualClock(), loop=True, retry=0.02, report=lambda _: None)
+    capture.start()
     reader = Thread(target=lambda: results.append(capture.read(60.0)))
     reader.start()
-    capture.end()
+    capture.stop()
     reader.join(10.0)
     assert results == [None]
 
@@ -295,12 +295,19 @@ def test_a_source_is_told_by_its_form(folder: Path, video: Path) -> None:
         video,
         "absent.mp4",
     )
-    kinds = (*[Kind.DEVICE] * 3, Kind.URL, Kind.FOLDER, Kind.PICTURE, Kind.VIDEO, Kind.VIDEO)
-    assert tuple(map(kind_of, sources)) == kinds
+    kinds = (
+        *[SourceKind.DEVICE] * 3,
+        SourceKind.URL,
+        SourceKind.FOLDER,
+        SourceKind.PICTURE,
+        SourceKind.VIDEO,
+        SourceKind.VIDEO,
+    )
+    assert tuple(map(source_kind, sources)) == kinds
 
 
 def test_figures_of_other_scripts_are_no_number_of_a_device() -> None:
-    assert [kind_of(text) for text in ("٢", "1²", "9" * 30)] == [Kind.VIDEO] * 3
+    assert [source_kind(text) for text in ("٢", "1²", "9" * 30)] == [SourceKind.VIDEO] * 3
 
 
 def test_a_camera_can_be_opened_and_closed_in_any_order(video: Path) -> None:
@@ -326,17 +333,17 @@ def test_impossible_settings_are_refused(wrong: dict[str, Any], folder: Path) ->
 
 
 def test_offline_every_frame_is_walked_through_once(video: Path, folder: Path) -> None:
-    seen = [(path.name, number) for path, number, _ in pictures([video, folder, folder / "b.png"])]
+    seen = [(path.name, number) for path, number, _ in iter_pictures([video, folder, folder / "b.png"])]
     assert seen == [*(("clip.avi", number) for number in range(5)), ("a.jpg", 0), ("b.png", 0), ("b.png", 0)]
 
 
 def test_offline_all_absent_paths_are_named_at_once(tmp_path: Path) -> None:
     with pytest.raises(BadRequest, match=r"one.jpg: no such file; .*two.avi: no such file; .*holds no pictures"):
-        pictures([tmp_path / "one.jpg", tmp_path / "two.avi", tmp_path])
+        iter_pictures([tmp_path / "one.jpg", tmp_path / "two.avi", tmp_path])
 
 
 @pytest.mark.parametrize("name", ["broken.png", "broken.avi"])
 def test_offline_a_file_that_does_not_decode_is_named(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(b"nonsense")
     with pytest.raises(BadRequest, match=f"{name}: cannot be decoded, 8 bytes"):
-        list(pictures([tmp_path]))
+        list(iter_pictures([tmp_path]))

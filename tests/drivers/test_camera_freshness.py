@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from drivers.api import DeviceStatus, Image
 from drivers.camera.make import open_source
 from drivers.clock import ManualClock
-from drivers.pictures.capture import FROZEN, Freshness, ThreadedCamera
-from drivers.pictures.decode import UNWANTED
+from drivers.pictures.capture import FROZEN_TIMEOUT, FreshnessMonitor, ThreadedCamera
+from drivers.pictures.decode import SKIPPED_PICTURE
 from tests.waiting import wait_until
 
 STILL = np.random.default_rng(1).integers(90, 150, (48, 64, 3), dtype=np.uint8)
@@ -34,15 +34,15 @@ class Watched:
     def __init__(self) -> None:
         self.notices: list[DeviceStatus] = []
         self.time = 0.0
-        self.freshness = Freshness("camera", self.notices.append)
+        self.freshness = FreshnessMonitor("camera", self.notices.append)
 
     def show(self, pictures: Iterator[Image], seconds: float, *, rate: float = 20.0) -> None:
         for _ in range(round(seconds * rate)):
-            self.freshness.take(next(pictures), self.time)
+            self.freshness.check(next(pictures), self.time)
             self.time += 1 / rate
 
     def told(self) -> list[tuple[str, str]]:
-        return [(notice.kind, notice.what) for notice in self.notices]
+        return [(notice.kind, notice.message) for notice in self.notices]
 
 
 @pytest.fixture
@@ -57,17 +57,17 @@ def fresh() -> Iterator[Image]:
 def test_a_still_scene_with_the_noise_of_a_sensor_is_fresh(watched: Watched) -> None:
     watched.show(fresh(), 8.0)
     assert watched.notices == []
-    assert watched.freshness.trouble == ("", "")
+    assert watched.freshness.problem == ("", "")
 
 
 def test_a_camera_that_hangs_is_told_of_once_with_what_to_do_and_so_is_its_return(watched: Watched) -> None:
     watched.show(fresh(), 1.0)
-    watched.show(repeat(STILL), FROZEN - 0.2)
+    watched.show(repeat(STILL), FROZEN_TIMEOUT - 0.2)
     assert watched.notices == []
     watched.show(repeat(STILL), 5.0)
     assert watched.told() == [("fault", "camera: the same picture for 3 s")]
     assert "mission robot camera list" in watched.notices[0].hint
-    assert watched.freshness.trouble == ("camera: the same picture for 3 s", watched.notices[0].hint)
+    assert watched.freshness.problem == ("camera: the same picture for 3 s", watched.notices[0].hint)
     watched.show(fresh(), 0.1)
     assert watched.told()[1:] == [("online", "camera: fresh pictures again")]
     watched.show(repeat(STILL), 5.0)
@@ -93,33 +93,33 @@ def test_any_rhythm_of_five_pictures_a_second_or_more_is_quick_enough(gaps: list
     watched, pictures = Watched(), fresh()
     for gap in gaps:
         watched.time += gap
-        watched.freshness.take(next(pictures), watched.time)
+        watched.freshness.check(next(pictures), watched.time)
     assert watched.notices == []
 
 
 def test_a_camera_that_was_away_begins_anew(watched: Watched) -> None:
     watched.show(repeat(STILL), 5.0)
     watched.freshness.restart()
-    assert watched.freshness.trouble == ("", "")
+    assert watched.freshness.problem == ("", "")
     watched.time += 60.0
-    watched.show(repeat(STILL), FROZEN - 0.2)
+    watched.show(repeat(STILL), FROZEN_TIMEOUT - 0.2)
     assert [notice.kind for notice in watched.notices] == ["fault"]
 
 
 class Live:
     """A live feed of what the test puts into its queue; None unplugs it."""
 
-    what, hint = "/dev/eye", "plug it in"
+    source_name, hint = "/dev/eye", "plug it in"
 
     def __init__(self) -> None:
         self.pictures: Queue[Image | None] = Queue()
 
-    def start(self, ending: Event) -> float | None:  # noqa: ARG002 - it waits for nothing
+    def start(self, closing: Event) -> float | None:  # noqa: ARG002 - it waits for nothing
         return None
 
-    def grab(self, spare: Callable[[], int]) -> Image | None:
+    def grab(self, skip_count: Callable[[], int]) -> Image | None:
         image = self.pictures.get()
-        return UNWANTED if image is not None and spare() else image
+        return SKIPPED_PICTURE if image is not None and skip_count() else image
 
     def stop(self) -> None:
         """Hold nothing that would have to be let go."""
@@ -160,7 +160,7 @@ def test_who_reads_a_camera_that_fell_silent_has_it_told_of_once() -> None:
         assert camera.read(60.0) is not None
         clock.advance(2.5)
         assert [camera.read(0.01) for _ in range(3)] == [None] * 3
-        assert [(notice.kind, notice.what) for notice in notices[1:]] == [
+        assert [(notice.kind, notice.message) for notice in notices[1:]] == [
             ("offline", "eye: /dev/eye: no picture for 2.5 s")
         ]
         feed.pictures.put(noisy(2))
@@ -186,7 +186,7 @@ def test_a_recording_may_hold_still(tmp_path: Path) -> None:
             stamps.append(frame.stamp)
             clock.advance(0.1)
         assert all(later > earlier for earlier, later in pairwise(stamps))
-        assert stamps[-1] > FROZEN + 1
+        assert stamps[-1] > FROZEN_TIMEOUT + 1
         assert [notice.kind for notice in notices] == ["online"]
     finally:
         camera.close()
@@ -199,10 +199,10 @@ class Counting(Live):
         super().__init__()
         self.decoded = self.gone_by = 0
 
-    def grab(self, spare: Callable[[], int]) -> Image | None:
-        image = super().grab(spare)
-        self.decoded += image is not None and image is not UNWANTED
-        self.gone_by += image is UNWANTED
+    def grab(self, skip_count: Callable[[], int]) -> Image | None:
+        image = super().grab(skip_count)
+        self.decoded += image is not None and image is not SKIPPED_PICTURE
+        self.gone_by += image is SKIPPED_PICTURE
         return image
 
 
@@ -236,7 +236,7 @@ def test_a_reader_that_waits_for_longer_than_a_second_gets_the_next_picture() ->
     reader = Thread(target=lambda: found.append(camera.read(60.0)))
     try:
         reader.start()
-        wait_until(lambda: camera._capture is not None and camera._capture._arrived._waiters)  # type: ignore[attr-defined]
+        wait_until(lambda: camera._capture is not None and camera._capture._condition._waiters)  # type: ignore[attr-defined]
         clock.advance(5.0)
         feed.pictures.put(STILL)
         reader.join(30.0)

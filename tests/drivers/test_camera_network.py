@@ -23,8 +23,8 @@ from drivers.camera.make import open_source
 from drivers.camera.web import WebFeed
 from drivers.clock import SystemClock
 from drivers.pictures import decode
-from drivers.pictures.capture import UNREAD_PICTURES, ThreadedCamera
-from drivers.pictures.decode import NOTHING, UNWANTED
+from drivers.pictures.capture import MAX_UNREAD_SKIP, ThreadedCamera
+from drivers.pictures.decode import NO_PICTURE, SKIPPED_PICTURE
 from tests.drivers.web_cameras import MJPEG, OK, Connection, WebCamera, answer, jpeg, part
 from tests.waiting import wait_until
 
@@ -120,7 +120,7 @@ def test_a_silent_camera_is_closed_at_once_and_leaves_no_process(behaviour: Answ
             camera.read(0.1)
             clock = SystemClock()
             camera.close()
-            assert clock.now() < 4
+            assert clock.read_value() < 4
         assert children(os.getpid()) <= before
 
 
@@ -173,10 +173,10 @@ def test_a_reader_that_crashes_is_reported_and_followed_by_another() -> None:
             os.kill(child, signal.SIGSEGV)
         assert notices.get(timeout=30).kind == "online"
         lost = notices.get(timeout=30)
-        assert (lost.kind, "the process that reads it ended by SIGSEGV" in lost.what) == ("offline", True)
+        assert (lost.kind, "the process that reads it ended by SIGSEGV" in lost.message) == ("offline", True)
         shown(camera)
         back = notices.get(timeout=30)
-        assert (back.kind, back.what) == ("online", f"{web.url}/stream gives pictures again")
+        assert (back.kind, back.message) == ("online", f"{web.url}/stream gives pictures again")
 
 
 def test_a_hiccup_is_told_of_and_so_is_its_end_on_the_same_connection() -> None:
@@ -191,8 +191,8 @@ def test_a_hiccup_is_told_of_and_so_is_its_end_on_the_same_connection() -> None:
         shown(camera)  # from then on nobody reads: it is told nevertheless
         told = [notices.get(timeout=30) for _ in range(3)]
         assert [notice.kind for notice in told] == ["online", "offline", "online"]
-        assert "no picture for 2." in told[1].what
-        assert told[2].what.endswith("gives pictures again")
+        assert "no picture for 2." in told[1].message
+        assert told[2].message.endswith("gives pictures again")
         assert len(web.connections) == 1
 
 
@@ -277,7 +277,7 @@ def test_an_address_of_one_picture_is_asked_again_and_again() -> None:
     with WebCamera(snapshot) as web, watched(f"{web.url}/capture", notices) as camera:
         clock = SystemClock()
         shown(camera, 6)
-        assert len(web.connections) <= 2 + 9 * clock.now()
+        assert len(web.connections) <= 2 + 9 * clock.read_value()
         assert camera.health().online
     assert notices.get_nowait().kind == "online"
     assert all(notice.kind == "fault" for notice in notices.queue)  # some are late
@@ -391,7 +391,7 @@ def rtsp(status: str) -> Answer:
 def test_why_an_rtsp_camera_refuses_is_said(
     monkeypatch: pytest.MonkeyPatch, status: str, names: str, reason: str, hint: str
 ) -> None:
-    monkeypatch.setenv(decode.FFMPEG_LOG_LEVEL, decode.SILENT)  # as in a process that has read a picture before
+    monkeypatch.setenv(decode.FFMPEG_LOG_LEVEL, decode.FFMPEG_SILENT)  # as in a process that has read a picture before
     with WebCamera(rtsp(status), asks=False) as web, watched(f"rtsp://{names}127.0.0.1:{web.port}/x") as camera:
         wait_until(lambda: reason in camera.health().detail)
         health = camera.health()
@@ -440,7 +440,7 @@ def test_a_name_and_a_password_are_sent_and_never_shown(scheme: str) -> None:
         notices = Queue[DeviceStatus]()
         with watched(f"http://me:p%40ss@{place}/stream", notices) as camera:
             shown(camera)
-        assert notices.get_nowait().what == f"http://***@{place}/stream gives pictures"
+        assert notices.get_nowait().message == f"http://***@{place}/stream gives pictures"
         with watched(f"http://you:p%40ss@{place}/stream") as camera:
             if scheme == "Basic":
                 wait_until(lambda: "refuses this user name or password (401" in camera.health().detail)
@@ -470,7 +470,7 @@ def test_a_camera_that_offers_basic_beside_an_unsupported_digest_shows_pictures(
 
 
 def test_a_camera_shows_pictures_again_after_memory_or_descriptors_ran_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    take = reader.ReaderProcess.picture
+    take = reader.ReaderProcess.copy_picture
     troubles = [OSError(24, "Too many open files"), MemoryError()]
 
     def starved(process: reader.ReaderProcess, shape: tuple[int, int]) -> Image:
@@ -478,7 +478,7 @@ def test_a_camera_shows_pictures_again_after_memory_or_descriptors_ran_out(monke
             raise troubles.pop()
         return take(process, shape)
 
-    monkeypatch.setattr(reader.ReaderProcess, "picture", starved)
+    monkeypatch.setattr(reader.ReaderProcess, "copy_picture", starved)
     with WebCamera(endless) as web, watched(web.url) as camera:
         shown(camera)
     assert not troubles
@@ -530,7 +530,7 @@ def test_a_reader_lets_as_many_pictures_by_as_it_was_told() -> None:
         """Return of the next pictures whether they were decoded."""
         begin = len(decoded)
         while len(decoded) < begin + pictures and (image := feed.grab(spare)) is not None:
-            decoded.extend([image is not UNWANTED] if image is not NOTHING else [])
+            decoded.extend([image is not SKIPPED_PICTURE] if image is not NO_PICTURE else [])
         return decoded[begin:]
 
     with WebCamera(endless) as web:
@@ -540,12 +540,12 @@ def test_a_reader_lets_as_many_pictures_by_as_it_was_told() -> None:
             assert grab(1) == [True]
             first = 6
             assert grab(7) == [False] * 5 + [True] * 2
-            first = UNREAD_PICTURES
+            first = MAX_UNREAD_SKIP
             assert not any(grab(3))
             first = 0
-            feed.let_by(0)  # as another thread does, while the reader waits for the last of them
+            feed.skip_next(0)  # as another thread does, while the reader waits for the last of them
             wait_until(lambda: grab(1) == [True])
         finally:
             ending.set()
             feed.stop()
-        feed.let_by(1)  # nobody is there to hear it
+        feed.skip_next(1)  # nobody is there to hear it

@@ -12,14 +12,19 @@ from hypothesis import strategies as st
 from config.faults import InvalidFileError
 from drivers.api import Image
 from drivers.api.senses import CameraKeys, DistortionKeys
-from drivers.api.turn import Turn
+from drivers.api.turn import ImageOrientation
 from drivers.camera.make import open_source
 from drivers.clock import ManualClock
-from drivers.pictures.capture import turned, unturned
+from drivers.pictures.capture import turn_image, unturn_image
 from missions.library.drivers import load_robot
 from perception.geometry import Pinhole
 
-TURNS = [Turn(quarters, across, down) for quarters in range(4) for across in (False, True) for down in (False, True)]
+TURNS = [
+    ImageOrientation(quarters, across, down)
+    for quarters in range(4)
+    for across in (False, True)
+    for down in (False, True)
+]
 
 turns = st.sampled_from(TURNS)
 shares = st.floats(0.02, 0.98)
@@ -33,25 +38,25 @@ def spotted(width: int, height: int, x: float, y: float) -> Image:
 
 
 @given(turns, shares, shares)
-def test_a_point_is_where_the_turned_picture_shows_it(turn: Turn, x: float, y: float) -> None:
-    image = turned(spotted(160, 120, x, y), turn)
+def test_a_point_is_where_the_turned_picture_shows_it(turn: ImageOrientation, x: float, y: float) -> None:
+    image = turn_image(spotted(160, 120, x, y), turn)
     assert (image.shape[1], image.shape[0]) == turn.size(160, 120)
     rows, columns = np.nonzero(image[:, :, 0])
     expected = turn.point(x, y)
     assert columns.mean() / image.shape[1] == pytest.approx(expected[0], abs=0.03)
     assert rows.mean() / image.shape[0] == pytest.approx(expected[1], abs=0.03)
-    assert np.array_equal(unturned(image, turn), spotted(160, 120, x, y))
+    assert np.array_equal(unturn_image(image, turn), spotted(160, 120, x, y))
 
 
 @given(turns, shares, shares, st.floats(0.4, 0.6), st.floats(0.4, 0.6))
 def test_a_pixel_of_a_turned_picture_has_the_turned_direction(
-    turn: Turn, x: float, y: float, centre_x: float, centre_y: float
+    turn: ImageOrientation, x: float, y: float, centre_x: float, centre_y: float
 ) -> None:
     """Whatever the lens: the ray of a pixel, turned, is that of the turned pixel."""
     keys = CameraKeys(
-        rotate=turn.quarters * pi / 2,
+        rotate=turn.quarter_turns * pi / 2,
         flip={(False, False): "false", (True, False): "horizontal", (False, True): "vertical", (True, True): "both"}[
-            turn.across, turn.down
+            turn.flip_horizontal, turn.flip_vertical
         ],
         field_of_view=radians(70),
         width=640,
@@ -61,9 +66,11 @@ def test_a_pixel_of_a_turned_picture_has_the_turned_direction(
         distortion=DistortionKeys(k1=-0.05, k2=0.01, p1=0.004, p2=-0.006),
     )
     upright = keys.upright()
-    assert upright.turn == Turn()
-    raw = Pinhole(640, 360, keys.field_of_view, keys.centre, keys.bent)
-    lens = Pinhole(upright.width, upright.height, upright.field_of_view, upright.centre, upright.bent)
+    assert upright.orientation == ImageOrientation()
+    raw = Pinhole(640, 360, keys.field_of_view, keys.centre, keys.distortion_coefficients)
+    lens = Pinhole(
+        upright.width, upright.height, upright.field_of_view, upright.centre, upright.distortion_coefficients
+    )
     right, down = _ray(raw, x * 640, y * 360)
     turned_x, turned_y = turn.point(x, y)
     assert _ray(lens, turned_x * lens.width, turned_y * lens.height) == pytest.approx(
@@ -72,7 +79,7 @@ def test_a_pixel_of_a_turned_picture_has_the_turned_direction(
 
 
 def _ray(lens: Pinhole, x: float, y: float) -> tuple[float, float]:
-    bearing, elevation = lens.angles(x, y)
+    bearing, elevation = lens.pixel_to_angles(x, y)
     right = -tan(bearing)
     return right, tan(elevation) * hypot(right, 1.0)
 
@@ -88,24 +95,24 @@ def test_a_quarter_turn_swaps_the_angles_of_view() -> None:
 @pytest.mark.parametrize(
     ("written", "turn"),
     [
-        ("rotate: 0", Turn()),
-        ("rotate: 90", Turn(1)),
-        ("rotate: 90 deg", Turn(1)),
-        ("rotate: 3.14159 rad", Turn(2)),
-        ("rotate: -90 deg", Turn(3)),
-        ("rotate: 270, flip: true", Turn(3, across=True)),
-        ("flip: false", Turn()),
-        ("flip: horizontal", Turn(0, across=True)),
-        ("flip: vertical", Turn(0, down=True)),
-        ("rotate: 180, flip: both", Turn(2, across=True, down=True)),
+        ("rotate: 0", ImageOrientation()),
+        ("rotate: 90", ImageOrientation(1)),
+        ("rotate: 90 deg", ImageOrientation(1)),
+        ("rotate: 3.14159 rad", ImageOrientation(2)),
+        ("rotate: -90 deg", ImageOrientation(3)),
+        ("rotate: 270, flip: true", ImageOrientation(3, flip_horizontal=True)),
+        ("flip: false", ImageOrientation()),
+        ("flip: horizontal", ImageOrientation(0, flip_horizontal=True)),
+        ("flip: vertical", ImageOrientation(0, flip_vertical=True)),
+        ("rotate: 180, flip: both", ImageOrientation(2, flip_horizontal=True, flip_vertical=True)),
     ],
 )
-def test_a_robot_file_says_how_its_camera_is_mounted(written: str, turn: Turn, tmp_path: Path) -> None:
+def test_a_robot_file_says_how_its_camera_is_mounted(written: str, turn: ImageOrientation, tmp_path: Path) -> None:
     path = tmp_path / "turned.yaml"
     path.write_text(f"robot: turned\ncamera: {{{written}}}\n")
     camera = load_robot(path).camera
     assert camera is not None
-    assert camera.turn == turn
+    assert camera.orientation == turn
 
 
 def test_a_turn_that_is_none_by_right_angles_is_refused_and_shows_no_password(tmp_path: Path) -> None:
@@ -122,19 +129,19 @@ def test_a_turn_that_is_none_by_right_angles_is_refused_and_shows_no_password(tm
     with pytest.raises(InvalidFileError) as caught:
         load_robot(path)
     assert "secret" not in str(caught.value) + "".join(
-        fault.message + fault.suggestion for fault in caught.value.faults
+        fault.message + fault.suggestion for fault in caught.value.diagnostics
     )
 
 
 def test_pictures_come_turned_from_every_source(tmp_path: Path) -> None:
     path = tmp_path / "spot.png"
     cv2.imwrite(str(path), spotted(160, 120, 0.1, 0.2))
-    camera = open_source(path, ManualClock(), turn=Turn(1))
+    camera = open_source(path, ManualClock(), turn=ImageOrientation(1))
     camera.open()
     try:
         frame = camera.read(30.0)
         assert frame is not None
         assert frame.image.shape == (160, 120, 3)
-        assert np.array_equal(frame.image, turned(spotted(160, 120, 0.1, 0.2), Turn(1)))
+        assert np.array_equal(frame.image, turn_image(spotted(160, 120, 0.1, 0.2), ImageOrientation(1)))
     finally:
         camera.close()

@@ -7,23 +7,23 @@ import numpy as np
 import pytest
 
 from drivers.api import CameraFrame, Health, Image
-from drivers.api.driver import Finding, Site
+from drivers.api.driver import DriverContext, Finding
 from drivers.api.senses import CameraKeys
 from drivers.api.sensors import Sound
 from drivers.camera.checkup import checkup as look_through
 from drivers.camera.twin import CameraTwin
 from drivers.clock import ManualClock
-from drivers.finding.fitness import CPU, THROTTLED, fitness
-from drivers.finding.machine import Machine
-from drivers.finding.survey import survey
-from drivers.kobuki.checkup import judged
+from drivers.finding.fitness import CPU_FOLDER, THROTTLED_FILE, check_machine
+from drivers.finding.machine import HostMachine
+from drivers.finding.survey import scan_hardware
+from drivers.kobuki.checkup import check_reports
 from drivers.kobuki.feedback import Core, FirmwareVersion, Inertia
-from drivers.kobuki.wire import Part
-from drivers.microphone.checkup import listened
+from drivers.kobuki.wire import KobukiSubpayload
+from drivers.microphone.checkup import check_microphone
 from drivers.rplidar.checkup import checkup as scan_at_rest
 from drivers.rplidar.declared import RPLidarKeys
-from drivers.rplidar.virtual import VirtualLidar
-from drivers.rplidar.wire import Condition, Status
+from drivers.rplidar.virtual import VirtualRPLidar
+from drivers.rplidar.wire import RPLidarHealth, RPLidarStatus
 from drivers.servos.checkup import checkup as examine
 from drivers.servos.declared import DynamixelKeys, JointKeys
 from drivers.servos.virtual.chain import VirtualServoBus
@@ -40,10 +40,10 @@ def desk(tmp_path: Path) -> RecordedMachine:
     return RecordedMachine(tmp_path / "machine")
 
 
-def fit(machine: Machine, *, now: float = NOW, free: float = 50e9) -> Mapping[str, Finding]:
+def fit(machine: HostMachine, *, now: float = NOW, free: float = 50e9) -> Mapping[str, Finding]:
     """What is found of a machine, by what it is about."""
-    desk = survey(machine, ioctl=gives_pictures)
-    found = fitness(machine, desk, now=now, installed=INSTALLED, folder=Path("/"), free=lambda _: free)
+    desk = scan_hardware(machine, ioctl=gives_pictures)
+    found = check_machine(machine, desk, now=now, installed_at=INSTALLED, folder=Path("/"), free_bytes=lambda _: free)
     return {each.about: each for each in found}
 
 
@@ -54,9 +54,9 @@ def test_a_machine_of_which_nothing_is_known_is_fit(desk: RecordedMachine) -> No
 def test_the_groups_that_a_user_lacks_are_told_with_the_command_that_adds_them(desk: RecordedMachine) -> None:
     desk.write("etc/group", "root:x:0:\ndialout:x:20:\nvideo:x:44:pi\naudio:x:29:")
     found = fit(desk.stranger(29))["rights"]
-    assert (found.verdict, found.what.split(":")[0]) == ("warning", "you are not in dialout, video")
-    assert found.cure.startswith("sudo usermod -a -G dialout,video $USER")
-    assert fit(desk.stranger(20, 29, 44))["rights"].what == "you are in dialout, video, audio"
+    assert (found.verdict, found.message.split(":")[0]) == ("warning", "you are not in dialout, video")
+    assert found.fix.startswith("sudo usermod -a -G dialout,video $USER")
+    assert fit(desk.stranger(20, 29, 44))["rights"].message == "you are in dialout, video, audio"
 
 
 def test_a_slow_adapter_a_port_in_use_and_a_camera_are_told(desk: RecordedMachine) -> None:
@@ -67,9 +67,9 @@ def test_a_slow_adapter_a_port_in_use_and_a_camera_are_told(desk: RecordedMachin
     found = fit(desk.machine)
     slow, held = found["port /dev/ttyUSB0"], found["port /dev/ttyUSB1"]
     assert (slow.verdict, held.verdict) == ("warning", "wrong")
-    assert "for 16 ms" in slow.what
-    assert slow.cure.startswith("echo 1 | sudo tee /sys/bus/usb-serial/devices/ttyUSB0/latency_timer")
-    assert "ModemManager (process 812)" in held.what
+    assert "for 16 ms" in slow.message
+    assert slow.fix.startswith("echo 1 | sudo tee /sys/bus/usb-serial/devices/ttyUSB0/latency_timer")
+    assert "ModemManager (process 812)" in held.message
     assert found["camera /dev/video0"] == Finding("camera /dev/video0", "HD Webcam")
 
 
@@ -87,22 +87,22 @@ def test_a_clock_in_the_past_and_one_that_was_not_set_are_told(desk: RecordedMac
 
 
 def test_a_governor_that_saves_power_is_told_unless_the_processor_governs_itself(desk: RecordedMachine) -> None:
-    desk.write(f"{CPU[1:]}/cpu0/cpufreq/scaling_governor", "powersave")
-    desk.write(f"{CPU[1:]}/cpu0/cpufreq/scaling_driver", "cpufreq-dt")
+    desk.write(f"{CPU_FOLDER[1:]}/cpu0/cpufreq/scaling_governor", "powersave")
+    desk.write(f"{CPU_FOLDER[1:]}/cpu0/cpufreq/scaling_driver", "cpufreq-dt")
     found = fit(desk.machine)["processor"]
     assert found.verdict == "warning"
-    assert "tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor" in found.cure
-    desk.write(f"{CPU[1:]}/cpu0/cpufreq/scaling_driver", "intel_pstate")
-    assert fit(desk.machine)["processor"].what == "1 cores, governor powersave"
+    assert "tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor" in found.fix
+    desk.write(f"{CPU_FOLDER[1:]}/cpu0/cpufreq/scaling_driver", "intel_pstate")
+    assert fit(desk.machine)["processor"].message == "1 cores, governor powersave"
 
 
 def test_load_heat_memory_and_a_weak_supply_are_told(desk: RecordedMachine) -> None:
     desk.write("proc/loadavg", "9.10 5.00 3.00 4/300 1234")
-    desk.write(THROTTLED[1:], "50000")
+    desk.write(THROTTLED_FILE[1:], "50000")
     desk.write("sys/class/thermal/thermal_zone0/temp", "84500")
     desk.write("proc/meminfo", "MemTotal:  948012 kB\nMemAvailable:   120000 kB")
     found = fit(desk.machine)
-    told = {about: found[about].what for about in ("load", "power", "heat", "memory")}
+    told = {about: found[about].message for about in ("load", "power", "heat", "memory")}
     assert {found[about].verdict for about in told} == {"warning"}
     assert told["heat"] == "the processor has 84 degC, and slows down"
     assert told["memory"] == "123 MB are left"
@@ -122,47 +122,49 @@ def sockets(monkeypatch: pytest.MonkeyPatch) -> Sockets:
 
 
 @pytest.fixture
-def bus(servos: list[VirtualServo], sockets: Sockets) -> Site:
+def bus(servos: list[VirtualServo], sockets: Sockets) -> DriverContext:
     """Where the servos are plugged in."""
     sockets.devices["u2d2"] = VirtualServoBus(servos)
-    return Site(sockets.clock, "u2d2")
+    return DriverContext(sockets.clock, "u2d2")
 
 
-def found_of(bus: Site, *joints: JointKeys) -> list[Finding]:
+def found_of(bus: DriverContext, *joints: JointKeys) -> list[Finding]:
     keys = DynamixelKeys(port=bus.port, joints={f"joint{joint.id}": joint for joint in joints})
     return list(examine(keys, bus))
 
 
 def test_servos_as_they_should_be_tell_their_figures_and_nothing_is_written(
-    bus: Site, servos: list[VirtualServo]
+    bus: DriverContext, servos: list[VirtualServo]
 ) -> None:
     before = [bytes(servo.table) for servo in servos]
     fine, other = found_of(bus, JointKeys(id=1), JointKeys(id=3, written_model="XM430-W350"))
-    assert (fine.verdict, fine.what) == ("ok", "AX-12A, firmware 24, 12.0 V, 35 degC")
-    assert other.what.startswith("XM430-W350, firmware ")
+    assert (fine.verdict, fine.message) == ("ok", "AX-12A, firmware 24, 12.0 V, 35 degC")
+    assert other.message.startswith("XM430-W350, firmware ")
     assert [bytes(servo.table)[:36] for servo in servos] == [table[:36] for table in before]
     assert all(servo.limp for servo in servos)
 
 
-def test_too_little_voltage_is_told_with_what_it_should_be(bus: Site, servos: list[VirtualServo]) -> None:
+def test_too_little_voltage_is_told_with_what_it_should_be(bus: DriverContext, servos: list[VirtualServo]) -> None:
     servos[0].voltage, servos[1].voltage = 9.4, 5.5
     low, empty = found_of(bus, JointKeys(id=1)), found_of(bus, JointKeys(id=2))
-    assert (low[0].verdict, low[0].what) == ("warning", "9.4 V is little for a servo of 12 V")
-    assert (empty[0].verdict, empty[0].what) == ("wrong", "5.5 V: below 6.0 V it shuts down")
+    assert (low[0].verdict, low[0].message) == ("warning", "9.4 V is little for a servo of 12 V")
+    assert (empty[0].verdict, empty[0].message) == ("wrong", "5.5 V: below 6.0 V it shuts down")
 
 
-def test_a_hot_servo_and_one_that_has_shut_down_say_how_to_go_on(bus: Site, servos: list[VirtualServo]) -> None:
+def test_a_hot_servo_and_one_that_has_shut_down_say_how_to_go_on(
+    bus: DriverContext, servos: list[VirtualServo]
+) -> None:
     servos[0].temperature = 66.0
     servos[1].overload()
     hot, shut = found_of(bus, JointKeys(id=1)), found_of(bus, JointKeys(id=2))
-    assert (hot[0].verdict, hot[0].what) == ("warning", "66 degC: at 70 degC it shuts down")
-    assert hot[0].cure.startswith("mission servo torque off joint1 --robot ROBOT")
-    assert (shut[0].verdict, shut[0].what) == ("wrong", "it has shut down: overload")
-    assert shut[0].cure == "remove the cause, then: mission servo torque recover --robot ROBOT"
+    assert (hot[0].verdict, hot[0].message) == ("warning", "66 degC: at 70 degC it shuts down")
+    assert hot[0].fix.startswith("mission servo torque off joint1 --robot ROBOT")
+    assert (shut[0].verdict, shut[0].message) == ("wrong", "it has shut down: overload")
+    assert shut[0].fix == "remove the cause, then: mission servo torque recover --robot ROBOT"
 
 
 def test_another_model_a_missing_servo_and_limits_that_do_not_suit_are_told(
-    bus: Site, servos: list[VirtualServo]
+    bus: DriverContext, servos: list[VirtualServo]
 ) -> None:
     servos[3].set("cw_angle_limit", 400)
     found = found_of(bus, JointKeys(id=1, written_model="AX-18A"), JointKeys(id=9), JointKeys(id=4))
@@ -172,21 +174,21 @@ def test_another_model_a_missing_servo_and_limits_that_do_not_suit_are_told(
         ("joint4 (servo 4)", "wrong"),
     ]
     model, missing, limits = found
-    assert (model.what, model.cure) == ("it is model AX-12A, the robot file says AX-18A", "write model: AX-12A")
-    assert missing.what == "does not answer"
-    assert limits.what.startswith("has angle limits of 400..1023 ticks, and the joint needs")
+    assert (model.message, model.fix) == ("it is model AX-12A, the robot file says AX-18A", "write model: AX-12A")
+    assert missing.message == "does not answer"
+    assert limits.message.startswith("has angle limits of 400..1023 ticks, and the joint needs")
 
 
 # The base, the camera, the microphone
 
 
-def heard(rate: float = 50.0, count: int = 20, **felt: int) -> list[Part]:
+def heard(rate: float = 50.0, count: int = 20, **felt: int) -> list[KobukiSubpayload]:
     times = (round(number * 1000 / rate) for number in range(count))
     return [FirmwareVersion(0, 2, 1), *(Core(time_ms=time, battery_decivolts=155, **felt) for time in times)]
 
 
 def test_a_kobuki_tells_its_firmware_its_battery_and_how_steadily_it_reports() -> None:
-    assert list(judged(heard())) == [
+    assert list(check_reports(heard())) == [
         Finding("firmware", "1.2.0"),
         Finding("reports", "50 a second"),
         Finding("battery", "15.5 V"),
@@ -199,24 +201,26 @@ def test_a_kobuki_tells_its_firmware_its_battery_and_how_steadily_it_reports() -
 def test_the_drift_of_a_kobuki_at_rest_is_told_in_degrees_a_second(rate: float, verdict: str) -> None:
     count = 75
     turns = [Inertia(round(35990 + 100 * rate * number / 50) % 36000) for number in range(count)]
-    (found,) = [each for each in judged([*heard(count=count), *turns]) if each.about == "gyro drift"]
+    (found,) = [each for each in check_reports([*heard(count=count), *turns]) if each.about == "gyro drift"]
     assert found.verdict == verdict
-    assert float(found.what.split()[0]) == pytest.approx(rate, abs=0.02)
+    assert float(found.message.split()[0]) == pytest.approx(rate, abs=0.02)
     pushed = [Core(time_ms=20 * number, left_encoder=number, battery_decivolts=155) for number in range(count)]
-    (found,) = [each for each in judged([*pushed, *turns]) if each.about == "gyro drift"]
-    assert found.what == "not measured: its wheels turned meanwhile"
+    (found,) = [each for each in check_reports([*pushed, *turns]) if each.about == "gyro drift"]
+    assert found.message == "not measured: its wheels turned meanwhile"
 
 
 def test_a_kobuki_that_is_off_lame_empty_or_hangs_in_the_air_is_told() -> None:
-    assert [each.what for each in judged([])] == ["it is silent"]
-    assert [each.what for each in judged(heard(rate=30.0)) if each.verdict == "warning"] == ["30 of 50 a second arrive"]
+    assert [each.message for each in check_reports([])] == ["it is silent"]
+    assert [each.message for each in check_reports(heard(rate=30.0)) if each.verdict == "warning"] == [
+        "30 of 50 a second arrive"
+    ]
     (empty,) = [
         each
-        for each in judged([Core(battery_decivolts=130), Core(battery_decivolts=130, time_ms=20)])
+        for each in check_reports([Core(battery_decivolts=130), Core(battery_decivolts=130, time_ms=20)])
         if each.verdict == "wrong"
     ]
-    assert empty.what == "13.0 V: it is empty"
-    lifted = [each.what for each in judged(heard(wheel_drop=3)) if each.verdict == "warning"]
+    assert empty.message == "13.0 V: it is empty"
+    lifted = [each.message for each in check_reports(heard(wheel_drop=3)) if each.verdict == "warning"]
     assert lifted == ["a wheel hangs in the air: it does not drive"]
 
 
@@ -229,12 +233,12 @@ def test_what_a_camera_shows_is_judged_by_its_brightness(
 ) -> None:
     exposure = exposed(monkeypatch, striped(grey))
     assert exposure.verdict == verdict
-    assert words in exposure.what
+    assert words in exposure.message
 
 
 def test_a_camera_whose_pictures_are_all_of_one_colour_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
     exposure = exposed(monkeypatch, np.full((48, 64, 3), 120, np.uint8))
-    assert (exposure.verdict, exposure.what) == (
+    assert (exposure.verdict, exposure.message) == (
         "wrong",
         "the pictures are all of one colour (mean brightness 120 of 255)",
     )
@@ -254,19 +258,19 @@ def exposed(patch: pytest.MonkeyPatch, picture: Image) -> Finding:
     read = eye.read
 
     def looked(seconds: float) -> CameraFrame | None:
-        timeline.run(timeline.clock.now() + min(seconds, 0.1))
+        timeline.run_until(timeline.clock.read_value() + min(seconds, 0.1))
         return read(0.0)
 
     patch.setattr(eye, "read", looked)
     patch.setattr("drivers.camera.checkup.make", lambda *_, **__: eye)
-    found = list(look_through(CameraKeys(source="film.avi", width=64, height=48), Site(timeline.clock)))
+    found = list(look_through(CameraKeys(source="film.avi", width=64, height=48), DriverContext(timeline.clock)))
     assert [each.about for each in found] == ["rate", "exposure"]
     return found[1]
 
 
 def test_a_camera_that_is_not_plugged_in_is_told_at_once() -> None:
-    (found,) = look_through(CameraKeys(source="987"), Site(ManualClock()))
-    assert (found.verdict, found.what, found.cure) == (
+    (found,) = look_through(CameraKeys(source="987"), DriverContext(ManualClock()))
+    assert (found.verdict, found.message, found.fix) == (
         "wrong",
         "/dev/video987 is not there",
         "mission robot camera list",
@@ -274,14 +278,14 @@ def test_a_camera_that_is_not_plugged_in_is_told_at_once() -> None:
 
 
 def test_a_lidar_tells_who_it_is_and_how_it_feels_and_does_not_turn(sockets: Sockets) -> None:
-    lidar = VirtualLidar(lambda bearings, _: np.full(len(bearings), 2.0))
+    lidar = VirtualRPLidar(lambda bearings, _: np.full(len(bearings), 2.0))
     sockets.devices["rplidar"] = lidar
-    keys, site = RPLidarKeys(port="rplidar"), Site(sockets.clock, "rplidar")
+    keys, site = RPLidarKeys(port="rplidar"), DriverContext(sockets.clock, "rplidar")
     assert [(each.about, each.verdict) for each in scan_at_rest(keys, site)] == [("device", "ok"), ("health", "ok")]
-    lidar.condition = Condition(Status.ERROR, 7)
+    lidar.condition = RPLidarHealth(RPLidarStatus.ERROR, 7)
     device, health = scan_at_rest(RPLidarKeys(port="rplidar", model="a2"), site)
-    assert (device.verdict, device.cure) == ("warning", "write model: a1")
-    assert (health.verdict, health.what) == ("wrong", "it has a fault, code 7")
+    assert (device.verdict, device.fix) == ("warning", "write model: a1")
+    assert (health.verdict, health.message) == ("wrong", "it has a fault, code 7")
 
 
 class Ear:
@@ -310,6 +314,6 @@ class Ear:
 @pytest.mark.parametrize(("level", "words"), [(0, "muted"), (1000, "level -30 dB"), (32767, "too loud")])
 def test_what_a_microphone_hears_is_judged_by_its_level(level: int, words: str) -> None:
     ear = Ear(level)
-    (found,) = listened(ear, Site(ManualClock()))
-    assert words in found.what
+    (found,) = check_microphone(ear, DriverContext(ManualClock()))
+    assert words in found.message
     assert ear.closed

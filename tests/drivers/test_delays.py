@@ -3,26 +3,26 @@
 import pytest
 
 from drivers.api import Source, Velocity
-from drivers.base.limits import Limits
+from drivers.base.limits import VelocityLimits
 from drivers.base.velocity_multiplexer import VelocityMultiplexer
 from drivers.errors import NoReply
 from drivers.kobuki.virtual import VirtualKobuki
-from drivers.servos.bus import At
-from drivers.transport.history import Delays
+from drivers.servos.bus import ServoAddress
+from drivers.transport.history import DelayStatistics
 from tests.drivers.chains import chain
 from tests.drivers.lines import direct_bus
 from tests.drivers.test_kobuki_driver import Bench
 
 
 def test_times_are_added_up_in_microseconds() -> None:
-    delays = Delays()
+    delays = DelayStatistics()
     for seconds in (0.001, 0.003, 0.0005):
         delays.add(seconds)
     assert delays.counters("exchange") == {"exchanges": 3, "exchange_us": 4500, "longest_exchange_us": 3000}
 
 
 def mux() -> VelocityMultiplexer:
-    return VelocityMultiplexer(Limits(0.5, 1.9, 0.5, 3.5))
+    return VelocityMultiplexer(VelocityLimits(0.5, 1.9, 0.5, 3.5))
 
 
 def test_a_command_waits_until_the_first_renewal_that_obeys_it() -> None:
@@ -66,7 +66,7 @@ def test_time_without_a_connection_is_no_gap_between_reports() -> None:
     bench = Bench(VirtualKobuki())
     bench.link.run(1.0)
     bench.clock.advance(60.0)
-    bench.base.connected()
+    bench.base.on_connected()
     bench.link.run(1.0)
     assert bench.base.health().counters["longest_report_gap_us"] < 100_000
 
@@ -74,9 +74,9 @@ def test_time_without_a_connection_is_no_gap_between_reports() -> None:
 def test_a_bus_tells_how_long_its_exchanges_take_without_those_that_nobody_answered() -> None:
     bus, _, _ = direct_bus(chain(1, paced=True))
     for _ in range(3):
-        bus.read_block(At(1), 36, 11)
+        bus.read_block(ServoAddress(1), 36, 11)
     with pytest.raises(NoReply):
-        bus.read_block(At(9), 36, 11, tries=1)
+        bus.read_block(ServoAddress(9), 36, 11, tries=1)
     counters = bus.exchanges.counters("exchange")
     assert counters["exchanges"] == 3
     assert counters["exchange_us"] / 3 == pytest.approx(250 + 500, rel=0.01)  # 25 bytes, and the servo's delay

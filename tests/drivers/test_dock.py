@@ -8,15 +8,15 @@ from hypothesis import strategies as st
 
 from drivers.api import BASE_RADIUS, DockBeam, DockSignals, Pose2D, Sides
 from drivers.sim.battery import Battery
-from drivers.sim.body import Body
-from drivers.sim.things import FAR_RANGE, NEAR_RANGE, NO_SIGNALS, REACH, SIZE, Box, Dock
-from drivers.sim.wheels import Wheels
-from drivers.sim.world import World
+from drivers.sim.body import BaseBody
+from drivers.sim.things import CONTACT_REACH, DOCK_SIZE, FAR_RANGE, NEAR_RANGE, NO_SIGNALS, WorldBox, WorldDock
+from drivers.sim.wheels import SimulatedWheels
+from drivers.sim.world import SimulatedWorld
 
-DOCK = Dock(-2.95, 0.5, 0.0)
+DOCK = WorldDock(-2.95, 0.5, 0.0)
 """At the back wall of the usual room."""
 
-TOUCHING = SIZE[0] / 2 + BASE_RADIUS
+TOUCHING = DOCK_SIZE[0] / 2 + BASE_RADIUS
 """Metres from the middle of the dock to that of a base which just touches its front."""
 
 NEAR_BEAMS = DockBeam.NEAR_LEFT | DockBeam.NEAR_CENTRE | DockBeam.NEAR_RIGHT
@@ -24,7 +24,7 @@ LEFT = DockBeam.NEAR_LEFT | DockBeam.FAR_LEFT
 RIGHT = DockBeam.NEAR_RIGHT | DockBeam.FAR_RIGHT
 
 
-def before(dock: Dock, away: float, bearing: float = 0.0, turned: float = 0.0) -> Pose2D:
+def before(dock: WorldDock, away: float, bearing: float = 0.0, turned: float = 0.0) -> Pose2D:
     """A base that looks at the dock from ``away`` metres, ``bearing`` degrees left of where it faces."""
     way = dock.heading + radians(bearing)
     return Pose2D(dock.x + away * cos(way), dock.y + away * sin(way), way + pi + radians(turned))
@@ -69,7 +69,7 @@ def test_with_its_back_to_the_dock_or_with_something_between_a_base_hears_nothin
 def test_what_is_heard_depends_on_where_the_base_is_to_the_dock_alone(
     x: float, y: float, heading: float, facing: float
 ) -> None:
-    turned = Dock(DOCK.x, DOCK.y, facing)
+    turned = WorldDock(DOCK.x, DOCK.y, facing)
     dx, dy, c, s = x - DOCK.x, y - DOCK.y, cos(facing), sin(facing)
     moved = Pose2D(DOCK.x + dx * c - dy * s, DOCK.y + dx * s + dy * c, heading + facing)
     one, other = heard(Pose2D(x, y, heading)), turned.signals(moved, lambda *_: True)
@@ -83,8 +83,8 @@ def test_what_is_heard_depends_on_where_the_base_is_to_the_dock_alone(
     ("away", "bearing", "turned", "meets"),
     [
         (TOUCHING, 0, 0, True),
-        (TOUCHING + REACH - 0.001, 0, 0, True),
-        (TOUCHING + REACH + 0.001, 0, 0, False),
+        (TOUCHING + CONTACT_REACH - 0.001, 0, 0, True),
+        (TOUCHING + CONTACT_REACH + 0.001, 0, 0, False),
         (TOUCHING, 9, 0, True),
         (TOUCHING, 12, 0, False),
         (TOUCHING, 0, 19, True),
@@ -94,48 +94,54 @@ def test_what_is_heard_depends_on_where_the_base_is_to_the_dock_alone(
     ],
 )
 def test_the_contacts_meet_only_straight_before_it(away: float, bearing: float, turned: float, meets: bool) -> None:
-    assert DOCK.contact(before(DOCK, away, bearing, turned), BASE_RADIUS) is meets
+    assert DOCK.has_contact(before(DOCK, away, bearing, turned), BASE_RADIUS) is meets
 
 
 def test_it_is_bumped_into_and_seen_over_and_a_range_finder_looks_over_it() -> None:
-    world = World(dock=DOCK)
-    assert world.touched(DOCK.x + TOUCHING - 0.001, DOCK.y, BASE_RADIUS, 0.0) == pytest.approx([pi])
+    world = SimulatedWorld(dock=DOCK)
+    assert world.contact_directions(DOCK.x + TOUCHING - 0.001, DOCK.y, BASE_RADIUS, 0.0) == pytest.approx([pi])
     assert world.distance(0.0, DOCK.y, pi, 0.0) == pytest.approx(3.0)
     assert world.distance(0.0, DOCK.y, pi, 0.0, height=0.05) == pytest.approx(2.9)
 
 
 def test_what_stands_before_it_hides_it() -> None:
-    screen = Box("screen", -2.2, 0.5, (0.1, 1.0, 0.5), (1, 2, 3))
-    body = Body(wheels=Wheels(pose=before(DOCK, 1.5)), ground=World(dock=DOCK, furniture=(screen,)))
+    screen = WorldBox("screen", -2.2, 0.5, (0.1, 1.0, 0.5), (1, 2, 3))
+    body = BaseBody(
+        wheels=SimulatedWheels(pose=before(DOCK, 1.5)), ground=SimulatedWorld(dock=DOCK, furniture=(screen,))
+    )
     body.advance(0.0)
-    assert body.signals() == NO_SIGNALS
-    free = Body(wheels=Wheels(pose=before(DOCK, 1.5)), ground=World(dock=DOCK))
+    assert body.dock_signals() == NO_SIGNALS
+    free = BaseBody(wheels=SimulatedWheels(pose=before(DOCK, 1.5)), ground=SimulatedWorld(dock=DOCK))
     free.advance(0.0)
-    assert free.signals() == DockSignals(centre=DockBeam.FAR_CENTRE)
+    assert free.dock_signals() == DockSignals(centre=DockBeam.FAR_CENTRE)
 
 
 def test_a_base_on_the_contacts_is_docked_until_it_leaves_or_is_lifted() -> None:
-    body = Body(wheels=Wheels(pose=before(DOCK, TOUCHING + 0.01)), ground=World(dock=DOCK), battery=Battery(50.0))
+    body = BaseBody(
+        wheels=SimulatedWheels(pose=before(DOCK, TOUCHING + 0.01)),
+        ground=SimulatedWorld(dock=DOCK),
+        battery=Battery(50.0),
+    )
     body.advance(0.0)
     body.advance(1.0)
-    assert (body.docked, body.battery.charging, body.bumper) == (True, True, Sides())
+    assert (body.docked, body.battery.is_charging, body.bumper) == (True, True, Sides())
     assert body.battery.percent > 50.0
     body.lifted = True
     body.advance(2.0)
-    assert (body.docked, body.battery.charging) == (False, False)
+    assert (body.docked, body.battery.is_charging) == (False, False)
     body.lifted = False
     body.command(-0.2, 0.0, 3.0)
     body.advance(3.3)
     assert not body.docked
 
 
-def home(body: Body, seconds: float) -> bool:
+def home(body: BaseBody, seconds: float) -> bool:
     """Steer by the beams alone, as the vendor's program does: towards what the centre receiver hears; else turn."""
     now = 0.0
     body.advance(now)
     turn = 0.5
     while not body.docked and now < seconds:
-        centre = body.signals().centre
+        centre = body.dock_signals().centre
         if not centre:
             speed, aside = 0.0, turn
         else:
@@ -150,7 +156,7 @@ def home(body: Body, seconds: float) -> bool:
 @pytest.mark.parametrize("bearing", [-11, -3, 6])
 @pytest.mark.parametrize("dead_time", [0.0, 0.2])
 def test_who_hears_the_middle_beam_is_led_home_without_a_bump(bearing: float, dead_time: float) -> None:
-    wheels = Wheels(pose=before(DOCK, 1.2, bearing, turned=100), dead_time=dead_time)
-    body = Body(wheels=wheels, ground=World(dock=DOCK))
+    wheels = SimulatedWheels(pose=before(DOCK, 1.2, bearing, turned=100), dead_time=dead_time)
+    body = BaseBody(wheels=wheels, ground=SimulatedWorld(dock=DOCK))
     assert home(body, 120.0)
     assert not body.bumper

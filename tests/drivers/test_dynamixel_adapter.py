@@ -11,12 +11,12 @@ import serial
 
 from drivers.clock import SystemClock
 from drivers.errors import NoReply, NotConnected
-from drivers.servos.bus import At, Bus
+from drivers.servos.bus import ServoAddress, ServoBus
 from drivers.servos.models import MODELS
 from drivers.servos.wire import status
-from drivers.transport.adapter import open_line, quicken, timer_of
+from drivers.transport.adapter import latency_timer_path, open_transport, reduce_latency
 from drivers.virtual.patient_clock import PatientClock
-from drivers.virtual.terminal import Terminal
+from drivers.virtual.terminal import PseudoTerminal
 from tests.drivers.chains import chain
 
 REPLY_TIMEOUT = 0.1  # twice what the clock waits for
@@ -29,9 +29,9 @@ class Bench:
 
     def __init__(self, *, patience: float = REPLY_TIMEOUT) -> None:
         self.clock = PatientClock()
-        self.terminal = Terminal("servos", chain(3), self.clock)
+        self.terminal = PseudoTerminal("servos", chain(3), self.clock)
         self.terminal.open()
-        self.bus = Bus(self.terminal.path, self.clock, name="arm", patience=patience)
+        self.bus = ServoBus(self.terminal.path, self.clock, name="arm", reply_timeout=patience)
         self.bus.open()
 
     def close(self) -> None:
@@ -42,8 +42,8 @@ class Bench:
 def until_lost(act: Callable[[], object]) -> NotConnected:
     """Act until the pulled plug is felt: the terminal lets go of it when its own thread next looks."""
     clock, pause = SystemClock(), Event()
-    end = clock.now() + 10
-    while clock.now() < end:
+    end = clock.read_value() + 10
+    while clock.read_value() < end:
         try:
             act()
         except NotConnected as error:
@@ -85,8 +85,8 @@ def test_two_threads_on_one_bus_wait_for_each_other(patient_bench: Bench) -> Non
     def ask(servo: int) -> None:
         try:
             for value in range(100):
-                bench.bus.write(At(servo), SPEED, value)
-                assert bench.bus.read(At(servo), SPEED) == value
+                bench.bus.write(ServoAddress(servo), SPEED, value)
+                assert bench.bus.read(ServoAddress(servo), SPEED) == value
         except Exception as error:  # handed to the test's own thread
             failures.append(error)
 
@@ -96,12 +96,12 @@ def test_two_threads_on_one_bus_wait_for_each_other(patient_bench: Bench) -> Non
     for thread in threads:
         thread.join(60)
     assert failures == []
-    assert sum(bench.bus.tally(servo).corrupt for servo in (1, 2, 3)) == 0
+    assert sum(bench.bus.statistics(servo).corrupt for servo in (1, 2, 3)) == 0
 
 
 def test_pulling_the_plug_is_told_and_the_same_bus_works_after_replugging(bench: Bench) -> None:
     bench.terminal.unplug()
-    assert str(until_lost(lambda: bench.bus.read(At(1), LED))).startswith(f"arm: {bench.terminal.path}: ")
+    assert str(until_lost(lambda: bench.bus.read(ServoAddress(1), LED))).startswith(f"arm: {bench.terminal.path}: ")
     assert not bench.bus.is_open
     with pytest.raises(NotConnected):
         bench.bus.sync_write(1, LED, {1: 1})
@@ -109,7 +109,7 @@ def test_pulling_the_plug_is_told_and_the_same_bus_works_after_replugging(bench:
         bench.bus.open()
     bench.terminal.replug()
     bench.bus.open()
-    assert bench.bus.ping(At(1)) == 12
+    assert bench.bus.ping(ServoAddress(1)) == 12
 
 
 def test_a_sync_write_alone_notices_the_pulled_plug(bench: Bench) -> None:
@@ -121,14 +121,14 @@ def test_a_sync_write_alone_notices_the_pulled_plug(bench: Bench) -> None:
 def test_another_rate_is_set_without_letting_go_of_the_port(bench: Bench) -> None:
     bench.bus.baud = 57_600
     with pytest.raises(NoReply):
-        bench.bus.read_block(At(1), 36, 2, tries=1)
+        bench.bus.read_block(ServoAddress(1), 36, 2, tries=1)
     assert bench.terminal.client_baud() == 57_600
     bench.bus.baud = 1_000_000
-    assert bench.bus.ping(At(1)) == 12
+    assert bench.bus.ping(ServoAddress(1)) == 12
 
 
 def test_a_port_that_is_held_is_not_shared(bench: Bench) -> None:
-    second = Bus(bench.terminal.path, bench.clock, name="head")
+    second = ServoBus(bench.terminal.path, bench.clock, name="head")
     with pytest.raises(NotConnected, match=r"head: .*: in use"):
         second.open()
     bench.bus.close()
@@ -137,23 +137,23 @@ def test_a_port_that_is_held_is_not_shared(bench: Bench) -> None:
 
 
 def test_a_bus_that_is_not_open_says_so_and_may_be_closed_often(tmp_path: Path) -> None:
-    bus = Bus(str(tmp_path / "servos"), SystemClock(), name="arm")
+    bus = ServoBus(str(tmp_path / "servos"), SystemClock(), name="arm")
     with pytest.raises(NotConnected, match="not opened yet"):
-        bus.read(At(1), LED)
+        bus.read(ServoAddress(1), LED)
     with pytest.raises(NotConnected, match="no such device"):
         bus.open()
     with pytest.raises(NotConnected, match="no such device"):
-        bus.require()
+        bus.require_open()
     bus.close()
     bus.close()
     with pytest.raises(NotConnected, match="closed"):
-        bus.require()
+        bus.require_open()
 
 
 @pytest.mark.real_time
 def test_a_bus_that_babbles_ends_the_wait_all_the_same(bare: tuple[int, str]) -> None:
     master, path = bare
-    bus = Bus(path, SystemClock(), patience=0.02)
+    bus = ServoBus(path, SystemClock(), reply_timeout=0.02)
     bus.open()
     ending = Event()
     os.set_blocking(master, False)
@@ -169,7 +169,7 @@ def test_a_bus_that_babbles_ends_the_wait_all_the_same(bare: tuple[int, str]) ->
     babbler.start()
     try:
         with pytest.raises(NoReply):
-            bus.read(At(1), POSITION)
+            bus.read(ServoAddress(1), POSITION)
     finally:
         ending.set()
         babbler.join(10)
@@ -178,7 +178,7 @@ def test_a_bus_that_babbles_ends_the_wait_all_the_same(bare: tuple[int, str]) ->
 
 def test_a_line_that_takes_no_more_bytes_is_gone(bare: tuple[int, str]) -> None:
     _, path = bare  # nobody reads at the other end
-    line = open_line("arm", path, 1_000_000, SystemClock())
+    line = open_transport("arm", path, 1_000_000, SystemClock())
     try:
         with pytest.raises(NotConnected, match="takes no more bytes"):
             line.send(bytes(1_000_000))
@@ -189,7 +189,7 @@ def test_a_line_that_takes_no_more_bytes_is_gone(bare: tuple[int, str]) -> None:
 
 def test_a_rate_that_the_port_cannot_take_is_told(bare: tuple[int, str]) -> None:
     _, path = bare
-    bus = Bus(path, SystemClock(), name="arm")
+    bus = ServoBus(path, SystemClock(), name="arm")
     bus.open()
     with pytest.raises(NotConnected, match=f"arm: {path}"):
         bus.baud = -1
@@ -199,8 +199,8 @@ def test_a_rate_that_the_port_cannot_take_is_told(bare: tuple[int, str]) -> None
 def test_an_adapter_that_holds_bytes_back_is_noticed(bare: tuple[int, str], tmp_path: Path) -> None:
     _, path = bare
     with serial.Serial(path, 1_000_000) as line:
-        assert quicken(line, adapters=tmp_path) == 0
-        timer = timer_of(path, adapters=tmp_path)
+        assert reduce_latency(line, adapters=tmp_path) == 0
+        timer = latency_timer_path(path, adapters=tmp_path)
         timer.parent.mkdir()
         timer.write_text("16\n")
-        assert quicken(line, adapters=tmp_path) == 0.016
+        assert reduce_latency(line, adapters=tmp_path) == 0.016

@@ -8,17 +8,17 @@ from typing import Any
 
 import pytest
 
-from drivers.api import Away, Coupling, JointState, Quality
+from drivers.api import Coupling, JointState, Quality, ReconnectPolicy
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest
 from drivers.servos import gathering, wire2
-from drivers.servos.bus import Bus
+from drivers.servos.bus import ServoBus
 from drivers.servos.driver import DynamixelJoints
 from drivers.servos.joint import JointSpec
 from drivers.servos.models import MODELS
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
-from drivers.servos.wire import Instruction
+from drivers.servos.wire import Protocol1Instruction
 from tests.drivers.arms import Arm, Make, making
 from tests.drivers.chains import chain, mixed_chain
 
@@ -67,11 +67,16 @@ def test_every_model_is_moved_read_held_and_relaxed_in_the_same_units(make: Make
     arm.until(lambda: there(arm, "a", 0.2) and there(arm, "b", 0.2))
     arm.until(lambda: not arm.state("b").moving)
     state = arm.state("b")
-    assert (state.goal, state.voltage, state.temperature, state.torque) == (0.2, MODELS[model].volts, 35.0, True)
+    assert (state.goal, state.voltage, state.temperature, state.torque) == (
+        0.2,
+        MODELS[model].nominal_voltage,
+        35.0,
+        True,
+    )
     assert state.error == pytest.approx(state.position - 0.2)
     assert arm.chain.servo(2).angle == pytest.approx(0.1 - 0.2, abs=0.006)
     servo = arm.chain.servo(1)
-    full = servo.model.full
+    full = servo.model.full_torque
     assert servo.get(servo.model.table.torque_limit) == pytest.approx(0.6 * full, abs=1)
     assert servo.get(servo.model.table.speed) == servo.model.speed_ticks(0.5)
     arm.joints.relax(["a"])
@@ -87,11 +92,11 @@ def test_servos_of_both_protocols_are_read_in_groups_and_moved_in_a_packet_for_e
     assert arm.joints.move(goals, speeds=dict.fromkeys(MIXED, 1.2)) == goals
     arm.until(lambda: all(there(arm, name, 0.3) for name in MIXED))
     requests, requests2 = arm.wire.requests[before:], arm.wire.requests2[before2:]
-    sync = Instruction.SYNC_WRITE
+    sync = Protocol1Instruction.SYNC_WRITE
     assert [sum(p.code == sync for p in list_) for list_ in (requests, requests2)] == [1, 1]
-    bulk = [packet for packet in requests if packet.code == Instruction.BULK_READ]
-    both = [packet for packet in requests2 if packet.code == wire2.Instruction.SYNC_READ]
-    single = [packet for packet in requests if packet.code == Instruction.READ and packet.parameters[0] == 36]
+    bulk = [packet for packet in requests if packet.code == Protocol1Instruction.BULK_READ]
+    both = [packet for packet in requests2 if packet.code == wire2.Protocol2Instruction.SYNC_READ]
+    single = [packet for packet in requests if packet.code == Protocol1Instruction.READ and packet.parameters[0] == 36]
     assert min(len(bulk), len(both), len(single)) > 1
     assert {packet.id for packet in single} >= {5}
     assert len([packet for packet in single if packet.id != 5]) < len(bulk)  # now and then, after a miss
@@ -99,10 +104,12 @@ def test_servos_of_both_protocols_are_read_in_groups_and_moved_in_a_packet_for_e
 
 def test_slow_registers_are_read_about_once_a_second(make: Make) -> None:
     arm = mixed(make).start()
-    before, began = len(arm.wire.requests), arm.clock.now()
-    arm.until(lambda: arm.clock.now() >= began + 5.0)
+    before, began = len(arm.wire.requests), arm.clock.read_value()
+    arm.until(lambda: arm.clock.read_value() >= began + 5.0)
     requests = arm.wire.requests[before:]
-    slow = Counter(packet.id for packet in requests if packet.code == Instruction.READ and packet.parameters[0] == 24)
+    slow = Counter(
+        packet.id for packet in requests if packet.code == Protocol1Instruction.READ and packet.parameters[0] == 24
+    )
     assert slow
     assert all(4 <= count <= 6 for count in slow.values())
 
@@ -112,10 +119,10 @@ def test_a_servo_that_drops_out_of_a_group_leaves_the_others_at_their_rate(make:
     arm = make(specs, servos=chain(4, "XM430-W350")).start()
     arm.chain.servo(2).present = False
     arm.until(lambda: arm.told("b (servo 2) does not answer any more"))
-    tries = {servo: arm.bus.tally(servo).tries for servo in (1, 2, 4)}
-    arm.until(lambda: arm.bus.tally(4).tries >= tries[4] + 60)
-    assert arm.bus.tally(1).tries - tries[1] == pytest.approx(60, abs=10)
-    assert arm.bus.tally(2).tries - tries[2] <= 6
+    tries = {servo: arm.bus.statistics(servo).tries for servo in (1, 2, 4)}
+    arm.until(lambda: arm.bus.statistics(4).tries >= tries[4] + 60)
+    assert arm.bus.statistics(1).tries - tries[1] == pytest.approx(60, abs=10)
+    assert arm.bus.statistics(2).tries - tries[2] <= 6
     arm.chain.servo(2).present = True
     arm.until(lambda: arm.told("b (servo 2) is back"))
     arm.until(lambda: arm.joints.states()["b"].good)
@@ -142,17 +149,17 @@ def test_one_reply_that_is_missed_costs_a_reading_and_no_word(make: Make) -> Non
 def test_firmware_that_knows_no_bulk_read_is_read_one_by_one_before_long(
     make: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(gathering, "IN_VAIN", 0.3)
+    monkeypatch.setattr(gathering, "GROUP_READ_TIMEOUT", 0.3)
     specs = {"a": spec(1, "MX-28"), "b": spec(2, "MX-28")}
     arm: Arm = make(specs, servos=chain(2, "MX-28"))
-    arm.wire.deaf_to = {Instruction.BULK_READ}
+    arm.wire.deaf_to = {Protocol1Instruction.BULK_READ}
     arm.start()
 
     def asked() -> int:
-        return sum(packet.code == Instruction.BULK_READ for packet in arm.wire.requests)
+        return sum(packet.code == Protocol1Instruction.BULK_READ for packet in arm.wire.requests)
 
-    began = arm.clock.now()
-    arm.until(lambda: arm.clock.now() > began + gathering.IN_VAIN + 0.2)
+    began = arm.clock.read_value()
+    arm.until(lambda: arm.clock.read_value() > began + gathering.GROUP_READ_TIMEOUT + 0.2)
     arm.fresh()
     tried = asked()
     for _ in range(20):
@@ -167,10 +174,10 @@ def test_a_bulk_read_that_gets_lost_now_and_then_is_not_given_up(make: Make) -> 
     arm: Arm = make(specs, servos=chain(2, "MX-28")).start()
 
     def asked() -> int:
-        return sum(packet.code == Instruction.BULK_READ for packet in arm.wire.requests)
+        return sum(packet.code == Protocol1Instruction.BULK_READ for packet in arm.wire.requests)
 
     for _ in range(3):
-        for deaf_to in ((Instruction.BULK_READ,), ()):
+        for deaf_to in ((Protocol1Instruction.BULK_READ,), ()):
             before = asked()
             arm.wire.deaf_to = set(deaf_to)
             arm.until(partial(lambda before: asked() > before + 1, before))
@@ -206,7 +213,7 @@ def test_all_that_differs_of_a_servo_is_told_in_one_message(make: Make) -> None:
         "c (servo 3) is reversed, timed or driven by another (drive mode 1, not 0)",
         "d (servo 4) does not answer",
     ):
-        assert words in fault.what
+        assert words in fault.message
     first.set("drive_mode", 8)  # torque comes on with a goal: no harm
     first.set("operating_mode", 3)
     first.set("homing_offset", 0)
@@ -225,7 +232,7 @@ def test_the_same_servo_with_the_firmware_of_the_other_protocol_is_recognised(ma
 
 
 def test_an_id_that_takes_the_other_protocol_for_its_own_is_refused() -> None:
-    bus = Bus("nowhere", SystemClock())
+    bus = ServoBus("nowhere", SystemClock())
     with pytest.raises(BadRequest, match=r"a: servo 253 takes packets of protocol 2\.0 for its own"):
         DynamixelJoints(bus, {"a": spec(253), "b": spec(2, "XL430-W250")}, SystemClock())
     with pytest.raises(BadRequest, match=r"b: id is 0\.\.252, not 253"):
@@ -238,7 +245,7 @@ def test_a_wire_that_is_too_slow_for_the_rate_is_told_once_with_the_cure(make: M
     arm = make(specs, servos=chain(22)).start()
     arm.until(lambda: arm.told("fault"))
     (fault,) = [notice for notice in arm.notices if notice.kind == "fault"]
-    assert fault.what == "a round of 22 servos takes 16 ms, 11 ms of it return delay: 61 Hz instead of 100 Hz"
+    assert fault.message == "a round of 22 servos takes 16 ms, 11 ms of it return delay: 61 Hz instead of 100 Hz"
     assert "mission servo set all return_delay 0 --robot FILE" in fault.hint
 
 
@@ -256,7 +263,7 @@ def test_a_baud_rate_that_is_too_low_is_told_as_such(make: Make) -> None:
 @pytest.mark.parametrize("rate", [0.0, -1.0, nan, inf])
 def test_a_rate_that_makes_no_sense_is_refused(rate: float) -> None:
     with pytest.raises(BadRequest, match="times a second"):
-        DynamixelJoints(Bus("nowhere", SystemClock()), {"a": spec(1)}, SystemClock(), rate=rate)
+        DynamixelJoints(ServoBus("nowhere", SystemClock()), {"a": spec(1)}, SystemClock(), rate=rate)
 
 
 def test_health_tells_how_often_the_arm_is_read_and_how_full_its_wire_is(make: Make) -> None:
@@ -307,7 +314,7 @@ def test_a_hot_servo_of_protocol_2_is_told_once(make: Make) -> None:
     arm.until(lambda: arm.told("wrist (servo 4) reports overheating"))
     for _ in range(5):
         arm.fresh()
-    assert sum("overheating" in notice.what for notice in arm.notices) == 1
+    assert sum("overheating" in notice.message for notice in arm.notices) == 1
     assert arm.joints.states()["wrist"].good
 
 
@@ -333,7 +340,7 @@ def test_a_dip_that_nobody_saw_gives_a_limp_servo_its_torque_limit_back(make: Ma
     servo = arm.chain.servo(1)
     limit = servo.model.table.torque_limit
     wanted = servo.get(limit)
-    assert wanted == round(0.3 * servo.model.full)
+    assert wanted == round(0.3 * servo.model.full_torque)
     servo.power_cycle()
     assert servo.get(limit) != wanted
     arm.until(lambda: arm.told("elbow (servo 1) had lost its settings and was given them again"))
@@ -369,7 +376,7 @@ def test_servos_of_both_protocols_that_could_not_be_relaxed_are_named(make: Make
         arm.chain.servo(servo).present = False
     arm.joints.close()
     assert [arm.limp(servo) for servo in range(1, 6)] == [True, False, True, False, True]
-    assert arm.notices[-1].what == "could not be relaxed: knee (servo 2), wrist (servo 4)"
+    assert arm.notices[-1].message == "could not be relaxed: knee (servo 2), wrist (servo 4)"
 
 
 # --- following --------------------------------------------------------------------------------------------------------
@@ -386,9 +393,9 @@ def test_a_followers_goal_goes_out_in_the_round_that_read_its_leader(make: Make)
         arm.until(partial(lambda goal: follower.get("goal_position") == goal, follower.model.ticks(angle)))
     order = ""
     for packet in arm.wire.requests[before:]:
-        if packet.code == Instruction.READ and packet.id == 2 and packet.parameters[0] == 36:
+        if packet.code == Protocol1Instruction.READ and packet.id == 2 and packet.parameters[0] == 36:
             order += "R"
-        elif packet.code == Instruction.SYNC_WRITE and packet.parameters[0] == 30:
+        elif packet.code == Protocol1Instruction.SYNC_WRITE and packet.parameters[0] == 30:
             order += "G"
     assert order.count("RG") == order.count("G") >= 4
     arm.until(lambda: abs(follower.angle - leader.angle) < 0.01)
@@ -396,7 +403,7 @@ def test_a_followers_goal_goes_out_in_the_round_that_read_its_leader(make: Make)
 
 
 def test_a_leader_that_falls_silent_leaves_its_follower_where_it_is_and_that_is_told_once(make: Make) -> None:
-    arm = mixed(make, away=Away(decide=30.0, latch=60.0)).start()
+    arm = mixed(make, away=ReconnectPolicy(decide_after=30.0, latch_after=60.0)).start()
     arm.joints.follow([Coupling("elbow", "finger", scale=-1.0), Coupling("elbow", "knee")])
     arm.chain.servo(3).turn_by_hand(0.5)
     arm.until(lambda: there(arm, "finger", -0.5) and there(arm, "knee", 0.5))
@@ -407,7 +414,7 @@ def test_a_leader_that_falls_silent_leaves_its_follower_where_it_is_and_that_is_
     for _ in range(5):
         arm.fresh_of("finger")
     assert there(arm, "finger", -0.5)
-    assert sum(words in notice.what for notice in arm.notices) == 2
+    assert sum(words in notice.message for notice in arm.notices) == 2
     arm.chain.servo(3).turn_by_hand(0.2)
     arm.chain.servo(3).present = True
     arm.until(lambda: there(arm, "finger", -0.2) and there(arm, "knee", 0.2))
@@ -422,7 +429,7 @@ def test_a_follower_that_shuts_down_is_left_out_and_the_others_go_on(make: Make)
     arm.chain.servo(2).turn_by_hand(0.4)
     arm.until(lambda: there(arm, "shoulder", 0.4))
     assert arm.limp(3)
-    assert sum("a move left" in notice.what for notice in arm.notices) == 1
+    assert sum("a move left" in notice.message for notice in arm.notices) == 1
 
 
 def test_at_rest_nothing_follows_any_more(make: Make) -> None:

@@ -7,8 +7,16 @@ from math import radians
 import pytest
 
 from drivers.api import Coupling, JointState, Quality, Reading
-from drivers.servos.attention import ASKED, LATELY, LIMP, RESTING, SENT, TURNED, Attention
-from drivers.servos.driver import FRESH
+from drivers.servos.attention import (
+    HAND_TURNED_INTERVAL,
+    MOVING_INTERVAL,
+    OBSERVED_INTERVAL,
+    OBSERVER_TIMEOUT,
+    RESTING_INTERVAL,
+    TORQUE_OFF_INTERVAL,
+    PollSchedule,
+)
+from drivers.servos.driver import STALE_AFTER
 from drivers.servos.joint import Joint, JointSpec
 from drivers.servos.models import MODELS
 from tests.drivers.test_dynamixel_silence import Quiet
@@ -17,44 +25,46 @@ STILL = JointState(0.0, 0.0, None, 0.0, 12.0, 35.0, moving=False, torque=False)
 
 
 def joint(name: str = "a", seen: float = 5.0, state: JointState = STILL, **known: object) -> Joint:
-    found = Joint(name, JointSpec(1), MODELS["AX-12A"], complaint="")
+    found = Joint(name, JointSpec(1), MODELS["AX-12A"], undriven_reason="")
     found.reading = Reading(state, seen, Quality.GOOD)
     for attribute, value in known.items():
         setattr(found, attribute, value)
     return found
 
 
-def period(found: Joint, attention: Attention | None = None, coupled: Collection[str] = (), now: float = 5.0) -> float:
-    return (attention or Attention(100.0)).next_at([found], coupled, now) - found.reading.stamp
+def period(
+    found: Joint, attention: PollSchedule | None = None, coupled: Collection[str] = (), now: float = 5.0
+) -> float:
+    return (attention or PollSchedule(100.0)).next_due([found], coupled, now) - found.reading.stamp
 
 
-@pytest.mark.parametrize(("torque", "asked"), [(True, ASKED), (False, LIMP)])
+@pytest.mark.parametrize(("torque", "asked"), [(True, OBSERVED_INTERVAL), (False, TORQUE_OFF_INTERVAL)])
 def test_a_joint_at_rest_is_read_more_often_while_somebody_keeps_asking_above_all_a_limp_one(
     torque: bool, asked: float
 ) -> None:
-    attention, resting = Attention(100.0), joint(torque=torque)
-    assert not attention.asked(5.0)
-    assert period(resting, attention) == pytest.approx(RESTING)
-    assert not attention.asked(5.0 + LATELY)
-    assert period(resting, attention, now=5.0 + LATELY) == pytest.approx(asked)
-    assert attention.asked(5.1 + LATELY)
-    assert period(resting, attention, now=5.11 + 2 * LATELY) == pytest.approx(RESTING)
-    assert not attention.asked(5.11 + 2 * LATELY)
+    attention, resting = PollSchedule(100.0), joint(torque=torque)
+    assert not attention.note_request(5.0)
+    assert period(resting, attention) == pytest.approx(RESTING_INTERVAL)
+    assert not attention.note_request(5.0 + OBSERVER_TIMEOUT)
+    assert period(resting, attention, now=5.0 + OBSERVER_TIMEOUT) == pytest.approx(asked)
+    assert attention.note_request(5.1 + OBSERVER_TIMEOUT)
+    assert period(resting, attention, now=5.11 + 2 * OBSERVER_TIMEOUT) == pytest.approx(RESTING_INTERVAL)
+    assert not attention.note_request(5.11 + 2 * OBSERVER_TIMEOUT)
 
 
 def test_who_does_not_keep_asking_takes_a_reading_at_rest_for_fresh_and_who_does_none_as_old() -> None:
     arm = Quiet("AX-12A")
     arm.run(1.0)
     seen = arm.joints.states()["a"].stamp
-    arm.wait(seen + FRESH + RESTING - 0.01 - arm.clock.now())
+    arm.wait(seen + STALE_AFTER + RESTING_INTERVAL - 0.01 - arm.clock.read_value())
     assert arm.joints.states()["a"].good
     arm.wait(0.02)
     assert arm.joints.states()["a"].quality is Quality.STALE
-    while arm.clock.now() < seen + 1.0:
+    while arm.clock.read_value() < seen + 1.0:
         arm.run(0.1)
         assert arm.joints.states()["a"].good
     seen = arm.joints.states()["a"].stamp
-    arm.wait(seen + LATELY - arm.clock.now())
+    arm.wait(seen + OBSERVER_TIMEOUT - arm.clock.read_value())
     assert arm.joints.states()["a"].good
     arm.wait(0.02)
     assert arm.joints.states()["a"].quality is Quality.STALE
@@ -63,10 +73,10 @@ def test_who_does_not_keep_asking_takes_a_reading_at_rest_for_fresh_and_who_does
 @pytest.mark.parametrize(
     ("found", "seconds"),
     [
-        (joint(state=replace(STILL, moving=True)), TURNED),
-        (joint(state=replace(STILL, velocity=radians(-5))), TURNED),
-        (joint(torque=True, goal=1.0, sent=600, sent_at=4.0), SENT),
-        (joint(torque=True, goal=0.0, sent=512, sent_at=5.0), SENT),
+        (joint(state=replace(STILL, moving=True)), HAND_TURNED_INTERVAL),
+        (joint(state=replace(STILL, velocity=radians(-5))), HAND_TURNED_INTERVAL),
+        (joint(torque=True, goal=1.0, sent=600, sent_at=4.0), MOVING_INTERVAL),
+        (joint(torque=True, goal=0.0, sent=512, sent_at=5.0), MOVING_INTERVAL),
     ],
     ids=["it says that it moves", "turned by hand", "part of its way was sent", "sent since it was read"],
 )
@@ -82,30 +92,30 @@ def test_a_joint_that_leads_or_follows_or_has_missed_a_reading_is_read_at_the_ra
 
 
 def test_no_joint_is_read_more_often_than_the_rate_nor_more_seldom_than_an_absence_needs() -> None:
-    assert period(joint(state=replace(STILL, moving=True)), Attention(20.0)) == pytest.approx(0.05)
-    assert period(joint(), Attention(5.0)) == pytest.approx(0.2)
-    assert period(joint(), Attention(100.0, most=0.03)) == pytest.approx(0.03)
+    assert period(joint(state=replace(STILL, moving=True)), PollSchedule(20.0)) == pytest.approx(0.05)
+    assert period(joint(), PollSchedule(5.0)) == pytest.approx(0.2)
+    assert period(joint(), PollSchedule(100.0, max_interval=0.03)) == pytest.approx(0.03)
 
 
 def test_joints_that_are_nearly_due_are_read_along_with_one_that_is() -> None:
-    attention, a, b, c = Attention(100.0), joint("a", 5.0), joint("b", 5.04), joint("c", 5.12)
-    assert attention.wanted([a, b, c], (), 5.19) == []
-    assert attention.wanted([a, b, c], (), 5.2) == [a, b]
+    attention, a, b, c = PollSchedule(100.0), joint("a", 5.0), joint("b", 5.04), joint("c", 5.12)
+    assert attention.due_joints([a, b, c], (), 5.19) == []
+    assert attention.due_joints([a, b, c], (), 5.2) == [a, b]
 
 
 def test_a_joint_whose_reading_took_a_while_is_due_in_the_nearest_round_all_the_same() -> None:
-    attention = Attention(100.0)
+    attention = PollSchedule(100.0)
     moving = joint("a", 5.004, replace(STILL, moving=True))
-    assert attention.wanted([moving], (), 5.01) == []
-    assert attention.wanted([moving], (), 5.02) == [moving]
+    assert attention.due_joints([moving], (), 5.01) == []
+    assert attention.due_joints([moving], (), 5.02) == [moving]
     leading = joint("b", 5.004)
-    assert attention.wanted([leading], {"b"}, 5.01) == [leading]
+    assert attention.due_joints([leading], {"b"}, 5.01) == [leading]
 
 
 def test_who_is_left_alone_for_a_while_or_not_driven_is_not_read() -> None:
-    attention, silent, other = Attention(100.0), joint("a", due=6.0), joint("b", complaint="does not answer")
-    assert attention.wanted([silent, other], (), 5.5) == []
-    assert attention.wanted([silent, other], (), 6.0) == [silent]
+    attention, silent, other = PollSchedule(100.0), joint("a", due=6.0), joint("b", complaint="does not answer")
+    assert attention.due_joints([silent, other], (), 5.5) == []
+    assert attention.due_joints([silent, other], (), 6.0) == [silent]
 
 
 def test_an_arm_at_rest_is_read_seldom_and_a_joint_that_sets_out_is_read_often_at_once() -> None:
@@ -113,13 +123,15 @@ def test_an_arm_at_rest_is_read_seldom_and_a_joint_that_sets_out_is_read_often_a
     arm.run(0.5)
     before = arm.tries()
     arm.run(1.0)
-    assert sum(arm.tries()) - sum(before) == pytest.approx(2 * (1 / RESTING + 2), abs=4)  # and the slow registers
+    assert sum(arm.tries()) - sum(before) == pytest.approx(
+        2 * (1 / RESTING_INTERVAL + 2), abs=4
+    )  # and the slow registers
     arm.joints.move({"a": 1.0}, speeds={"a": 1.0})
     before = arm.tries()
     arm.run(0.6)
     moving, resting = (after - begun for after, begun in zip(arm.tries(), before, strict=True))
-    assert moving == pytest.approx(0.6 / SENT, abs=6)
-    assert resting <= 0.6 / RESTING + 4
+    assert moving == pytest.approx(0.6 / MOVING_INTERVAL, abs=6)
+    assert resting <= 0.6 / RESTING_INTERVAL + 4
 
 
 def test_a_leader_is_read_at_the_rate_of_the_arm_though_it_rests() -> None:

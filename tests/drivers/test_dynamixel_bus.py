@@ -9,12 +9,12 @@ import pytest
 
 from drivers.clock import ManualClock
 from drivers.errors import BadRequest, NoReply, NotConnected
-from drivers.servos.bus import TRIES, At, Bus, Identity
-from drivers.servos.codec import LATE
+from drivers.servos.bus import MAX_READ_ATTEMPTS, ServoAddress, ServoBus, ServoIdentity
+from drivers.servos.codec import MAX_REPLY_LATENESS
 from drivers.servos.models import MODELS
-from drivers.servos.register import Block
-from drivers.servos.wire import Fault, status
-from drivers.servos.wire2 import ALERT, Error
+from drivers.servos.register import RegisterBlock
+from drivers.servos.wire import ServoFault, status
+from drivers.servos.wire2 import ALERT, Protocol2Error
 from drivers.servos.wire2 import status as status2
 from tests.drivers.chains import chain, mixed_chain
 from tests.drivers.fault_injection import FaultInjection
@@ -22,7 +22,7 @@ from tests.drivers.lines import direct_bus
 
 AX, XL = MODELS["AX-12A"].table, MODELS["XL430-W250"].table
 POSITION, LOAD, SPEED, LED = (AX[name] for name in ("present_position", "present_load", "moving_speed", "led"))
-ONE, ONE2 = At(1), At(1, 2)
+ONE, ONE2 = ServoAddress(1), ServoAddress(1, 2)
 
 
 class Script:
@@ -35,22 +35,22 @@ class Script:
         self.sent: list[bytes] = []
         self._answers = list(answers)
         self._coming: list[tuple[float, bytes]] = []
-        self.bus = Bus("/dev/servos", self.clock, name="arm", dial=lambda *_: self)
+        self.bus = ServoBus("/dev/servos", self.clock, name="arm", dial=lambda *_: self)
         self.bus.open()
 
     def send(self, data: bytes) -> None:
         self.sent.append(data)
         if self._answers:
-            self._coming += [(self.clock.now() + after, piece) for after, piece in self._answers.pop(0)]
+            self._coming += [(self.clock.read_value() + after, piece) for after, piece in self._answers.pop(0)]
             self._coming.sort(key=lambda coming: coming[0])
 
-    def hear(self, until: float) -> bytes:
-        self.clock.reach(min(until, self._coming[0][0]) if self._coming else until)
-        heard = b"".join(piece for due, piece in self._coming if due <= self.clock.now())
-        self._coming = [coming for coming in self._coming if coming[0] > self.clock.now()]
+    def receive(self, until: float) -> bytes:
+        self.clock.advance_to(min(until, self._coming[0][0]) if self._coming else until)
+        heard = b"".join(piece for due, piece in self._coming if due <= self.clock.read_value())
+        self._coming = [coming for coming in self._coming if coming[0] > self.clock.read_value()]
         return heard
 
-    def tune(self, baud: int) -> None:
+    def set_baud(self, baud: int) -> None:
         """Take any rate."""
 
     def close(self) -> None:
@@ -70,7 +70,7 @@ def late(reply: bytes) -> list[tuple[float, bytes]]:
 
 
 class AlwaysLate(FaultInjection):
-    def arrange(self, reply: bytes) -> list[tuple[float, bytes]]:
+    def disturb(self, reply: bytes) -> list[tuple[float, bytes]]:
         return late(reply)
 
 
@@ -81,7 +81,7 @@ def test_a_late_reply_is_never_taken_for_that_of_another_register() -> None:
     held = {register.name: servos.servo(1).get(register) for register in (POSITION, LOAD)}
     assert held["present_position"] != held["present_load"]
     assert [reading for reading in heard if reading[1] != held[reading[0]]] == []
-    assert bus.tally(1).late > 0
+    assert bus.statistics(1).late > 0
 
 
 def test_a_read_after_a_miss_is_widened_to_a_size_that_no_reply_that_is_owed_can_have() -> None:
@@ -110,8 +110,8 @@ def test_a_late_reply_that_comes_alone_is_counted_and_no_longer_in_the_way() -> 
     with pytest.raises(NoReply):
         script.bus.read_block(ONE, 36, 2, tries=1)
     script.clock.advance(0.01)
-    script.bus.write(At(2), SPEED, 1)
-    assert script.bus.tally(1).late == 1
+    script.bus.write(ServoAddress(2), SPEED, 1)
+    assert script.bus.statistics(1).late == 1
     assert script.bus.read_block(ONE, 40, 2) == b"\x08\x00"
     assert script.sent[2][5:7] == bytes((40, 2))
 
@@ -122,23 +122,23 @@ def test_another_write_waits_until_the_overdue_acknowledgement_has_come() -> Non
         script.bus.write(ONE, SPEED, 1)
     with pytest.raises(NoReply):  # its own acknowledgement was lost: that of the first must not stand for it
         script.bus.write(ONE, SPEED, 2)
-    assert script.bus.tally(1).late == 1
+    assert script.bus.statistics(1).late == 1
 
 
-@pytest.mark.parametrize(("servo", "value", "wait"), [(1, 2, LATE), (1, 1, 0.0), (2, 2, 0.0)])
+@pytest.mark.parametrize(("servo", "value", "wait"), [(1, 2, MAX_REPLY_LATENESS), (1, 1, 0.0), (2, 2, 0.0)])
 def test_neither_the_same_write_nor_another_servo_waits_for_it(servo: int, value: int, wait: float) -> None:
     script = Script([], soon(status(servo)))
     with pytest.raises(NoReply):
         script.bus.write(ONE, SPEED, 1)
-    missed = script.clock.now()
-    script.bus.write(At(servo), SPEED, value)
-    assert script.clock.now() - missed == pytest.approx(wait + 0.0002, abs=0.0001)
+    missed = script.clock.read_value()
+    script.bus.write(ServoAddress(servo), SPEED, value)
+    assert script.clock.read_value() - missed == pytest.approx(wait + 0.0002, abs=0.0001)
 
 
 # --- what is on the wire ----------------------------------------------------------------------------------------------
 
 P1, P2 = "FF FF ", "FF FF FD 00 "
-CONVERSATIONS: list[tuple[Callable[[Bus], object], str, list[str], object]] = [
+CONVERSATIONS: list[tuple[Callable[[ServoBus], object], str, list[str], object]] = [
     (lambda bus: bus.read_block(ONE, 43, 1), P1 + "01 04 02 2B 01 CC", [P1 + "01 03 00 20 DB"], b"\x20"),
     (lambda bus: bus.read(ONE, AX["model_number"]), P1 + "01 04 02 00 02 F6", [P1 + "01 04 00 0C 00 EE"], 12),
     (
@@ -156,7 +156,7 @@ CONVERSATIONS: list[tuple[Callable[[Bus], object], str, list[str], object]] = [
         None,
     ),
     (lambda bus: bus.write(ONE, AX["id"], 2), P1 + "01 04 03 03 02 F2", [P1 + "01 02 24 D8"], None),
-    (lambda bus: bus.reset(At(0), "nothing"), P1 + "00 02 06 F7", [P1 + "00 02 00 FD"], None),
+    (lambda bus: bus.reset(ServoAddress(0), "nothing"), P1 + "00 02 06 F7", [P1 + "00 02 00 FD"], None),
     (
         lambda bus: bus.sync_write_block(1, 30, {0: bytes.fromhex("10 00 50 01"), 1: bytes.fromhex("20 02 60 03")}),
         P1 + "FE 0E 83 1E 04 00 10 00 50 01 01 20 02 60 03 67",
@@ -164,10 +164,12 @@ CONVERSATIONS: list[tuple[Callable[[Bus], object], str, list[str], object]] = [
         None,
     ),
     (
-        lambda bus: bus.read_many({At(1): Block(30, 2), At(2): Block(36, 2)}, how="bulk"),
+        lambda bus: bus.read_many(
+            {ServoAddress(1): RegisterBlock(30, 2), ServoAddress(2): RegisterBlock(36, 2)}, mode="bulk"
+        ),
         P1 + "FE 09 92 00 02 01 1E 02 02 24 1D",
         [P1 + "01 04 00 00 02 F8", P1 + "02 04 00 01 02 F6"],
-        {At(1): b"\x00\x02", At(2): b"\x01\x02"},
+        {ServoAddress(1): b"\x00\x02", ServoAddress(2): b"\x01\x02"},
     ),
     (lambda bus: bus.identify(ONE2), P2 + "01 03 00 01 19 4E", [P2 + "01 07 00 55 00 06 04 26 65 5D"], (1030, 38)),
     (lambda bus: bus.ping(ONE2), P2 + "01 03 00 01 19 4E", [P2 + "01 07 00 55 00 24 04 2D F4 DF"], 1060),
@@ -192,10 +194,10 @@ CONVERSATIONS: list[tuple[Callable[[Bus], object], str, list[str], object]] = [
     (lambda bus: bus.reset(ONE2, "id"), P2 + "01 04 00 06 01 A1 E6", [P2 + "01 04 00 55 00 A1 0C"], None),
     (lambda bus: bus.reboot(ONE2), P2 + "01 03 00 08 2F 4E", [P2 + "01 04 00 55 00 A1 0C"], None),
     (
-        lambda bus: bus.read_many(dict.fromkeys((ONE2, At(2, 2)), Block(132, 4)), how="sync"),
+        lambda bus: bus.read_many(dict.fromkeys((ONE2, ServoAddress(2, 2)), RegisterBlock(132, 4)), mode="sync"),
         P2 + "FE 09 00 82 84 00 04 00 01 02 CE FA",
         [P2 + "01 08 00 55 00 A6 00 00 00 8C C0", P2 + "02 08 00 55 00 1F 08 00 00 BA BE"],
-        {ONE2: b"\xa6\x00\x00\x00", At(2, 2): b"\x1f\x08\x00\x00"},
+        {ONE2: b"\xa6\x00\x00\x00", ServoAddress(2, 2): b"\x1f\x08\x00\x00"},
     ),
     (
         lambda bus: bus.sync_write(2, XL["goal_position"], {1: 150, 2: 170}),
@@ -204,7 +206,9 @@ CONVERSATIONS: list[tuple[Callable[[Bus], object], str, list[str], object]] = [
         None,
     ),
     (
-        lambda bus: bus.read_many({ONE2: Block(144, 2), At(2, 2): Block(146, 1)}, how="bulk"),
+        lambda bus: bus.read_many(
+            {ONE2: RegisterBlock(144, 2), ServoAddress(2, 2): RegisterBlock(146, 1)}, mode="bulk"
+        ),
         P2 + "FE 0D 00 92 01 90 00 02 00 02 92 00 01 00 1A 05",
         [],
         {},
@@ -220,27 +224,30 @@ CONVERSATIONS: list[tuple[Callable[[Bus], object], str, list[str], object]] = [
 
 @pytest.mark.parametrize(("act", "request_", "replies", "result"), CONVERSATIONS)
 def test_the_published_packets_leave_and_are_understood(
-    act: Callable[[Bus], object], request_: str, replies: list[str], result: object
+    act: Callable[[ServoBus], object], request_: str, replies: list[str], result: object
 ) -> None:
     script = Script(soon(*(bytes.fromhex(reply) for reply in replies)))
     told = act(script.bus)
     assert script.sent == [bytes.fromhex(request_)]
-    assert result == ((told.number, told.firmware) if isinstance(told, Identity) else told)
+    assert result == ((told.number, told.firmware) if isinstance(told, ServoIdentity) else told)
 
 
 def test_all_servos_of_protocol_2_are_found_by_one_ping() -> None:
     reply = bytes.fromhex(P2 + "01 07 00 55 00 06 04 26 65 5D")
     script = Script([(0.004, reply), (0.030, status2(10, 0, b"\x24\x04\x2d"))])
-    found = list(script.bus.find(protocol=2, ids=range(253)))
+    found = list(script.bus.find_servos(protocol=2, ids=range(253)))
     assert script.sent == [bytes.fromhex(P2 + "FE 03 00 01 31 42")]
-    assert found == [Identity(ONE2, 1030, 38), Identity(At(10, 2), 1060, 45)]
+    assert found == [ServoIdentity(ONE2, 1030, 38), ServoIdentity(ServoAddress(10, 2), 1060, 45)]
 
 
 def test_servos_of_protocol_1_are_found_one_by_one() -> None:
     bus, _, clock = direct_bus(mixed_chain("AX-12A", "XL430-W250", "MX-28"))
-    assert [(found.at, found.number) for found in bus.find(protocol=1, ids=range(5))] == [(At(1), 12), (At(3), 29)]
-    assert clock.now() < 3 * 0.006
-    assert [identity.number for identity in bus.find(protocol=2, ids=range(5))] == [1060]
+    assert [(found.address, found.number) for found in bus.find_servos(protocol=1, ids=range(5))] == [
+        (ServoAddress(1), 12),
+        (ServoAddress(3), 29),
+    ]
+    assert clock.read_value() < 3 * 0.006
+    assert [identity.number for identity in bus.find_servos(protocol=2, ids=range(5))] == [1060]
 
 
 def test_a_sync_write_is_split_where_a_servo_has_no_room_for_it() -> None:
@@ -261,8 +268,8 @@ def test_a_sync_write_is_split_where_a_servo_has_no_room_for_it() -> None:
 def test_a_missing_servo_costs_less_than_6_ms_and_no_less_than_its_reply_can_take() -> None:
     bus, _, clock = direct_bus(chain(3, paced=True))
     with pytest.raises(NoReply):
-        bus.read_block(At(9), 36, 11, tries=1)
-    assert 25 * 10e-6 + 254 * 2e-6 < clock.now() < 0.006
+        bus.read_block(ServoAddress(9), 36, 11, tries=1)
+    assert 25 * 10e-6 + 254 * 2e-6 < clock.read_value() < 0.006
 
 
 def test_a_servo_that_waits_as_long_as_it_may_is_heard_at_any_rate() -> None:
@@ -272,30 +279,30 @@ def test_a_servo_that_waits_as_long_as_it_may_is_heard_at_any_rate() -> None:
     bus.read_block(ONE, 0, 50)
     slow = mixed_chain("RX-64", baud=57_600, paced=True)
     bus, _, clock = direct_bus(slow, patience=0.0001, baud=57_600)
-    before = clock.now()
+    before = clock.read_value()
     bus.sync_write_block(1, 30, {servo: bytes(4) for servo in range(20)})  # it needs 19 ms to leave
     bus.read_block(ONE, 0, 50)
-    assert clock.now() - before == pytest.approx((108 + 8 + 56) * 10 / 57_600 + 0.0005, rel=0.01)
-    assert bus.tally(1).misses == 0
+    assert clock.read_value() - before == pytest.approx((108 + 8 + 56) * 10 / 57_600 + 0.0005, rel=0.01)
+    assert bus.statistics(1).misses == 0
 
 
 def test_a_slow_adapter_is_given_its_time() -> None:
     bus, _, clock = direct_bus(chain(1), latency=0.016)
     assert bus.latency == 0.016
     with pytest.raises(NoReply):
-        bus.read_block(At(9), 36, 11, tries=1)
-    assert 0.016 < clock.now() < 0.022
+        bus.read_block(ServoAddress(9), 36, 11, tries=1)
+    assert 0.016 < clock.read_value() < 0.022
 
 
 def test_it_says_for_how_long_the_wire_was_in_use() -> None:
     bus, _, clock = direct_bus(chain(2, paced=True))
     for servo in (1, 2):
-        bus.read_block(At(servo), 36, 11)
+        bus.read_block(ServoAddress(servo), 36, 11)
     clock.advance(1.0)
-    assert bus.busy() == pytest.approx(2 * (25 * 10e-6 + 500e-6), rel=0.01)
+    assert bus.busy_time() == pytest.approx(2 * (25 * 10e-6 + 500e-6), rel=0.01)
     bus.sync_write_block(1, 30, {1: bytes(4), 2: bytes(4)})
-    assert bus.busy() == pytest.approx(2 * (25 * 10e-6 + 500e-6) + 18 * 10e-6, rel=0.01)
-    assert bus.tally(1).worst == pytest.approx(25 * 10e-6 + 500e-6, rel=0.01)
+    assert bus.busy_time() == pytest.approx(2 * (25 * 10e-6 + 500e-6) + 18 * 10e-6, rel=0.01)
+    assert bus.statistics(1).slowest == pytest.approx(25 * 10e-6 + 500e-6, rel=0.01)
 
 
 # --- many at once -----------------------------------------------------------------------------------------------------
@@ -305,55 +312,61 @@ def test_it_says_for_how_long_the_wire_was_in_use() -> None:
 def test_of_many_the_missing_ones_are_missing_and_never_zero(model: str) -> None:
     servos = chain(10, model, paced=True)
     bus, _, clock = direct_bus(servos)
-    fast, protocol = MODELS[model].table.fast, MODELS[model].protocol
-    wanted = {At(number, protocol): fast for number in range(1, 11)}
-    how = MODELS[model].reads
+    fast, protocol = MODELS[model].table.fast_block, MODELS[model].protocol
+    wanted = {ServoAddress(number, protocol): fast for number in range(1, 11)}
+    how = MODELS[model].read_mode
     assert how != "single"
-    assert bus.read_many(wanted, how=how).keys() == wanted.keys()
+    assert bus.read_many(wanted, mode=how).keys() == wanted.keys()
     servos.servo(10).present = False
-    before = clock.now()
-    found = bus.read_many(wanted, how=how)
-    assert found.keys() == wanted.keys() - {At(10, protocol)}
+    before = clock.read_value()
+    found = bus.read_many(wanted, mode=how)
+    assert found.keys() == wanted.keys() - {ServoAddress(10, protocol)}
     assert all(len(data) == fast.size for data in found.values())
-    assert clock.now() - before < 0.006 + sum(10e-6 * (fast.size + 14) + 500e-6 for _ in wanted)
-    assert bus.tally(10).misses == 1
+    assert clock.read_value() - before < 0.006 + sum(10e-6 * (fast.size + 14) + 500e-6 for _ in wanted)
+    assert bus.statistics(10).misses == 1
 
 
 def test_of_many_one_damaged_reply_spoils_only_itself() -> None:
     damaged = status(2, 0, b"\x03\x04")[:-1] + b"\x00"
     script = Script(soon(status(1, 0, b"\x01\x02") + damaged + status(3, 0, b"\x05\x06")))
-    found = script.bus.read_many(dict.fromkeys((At(1), At(2), At(3)), Block(36, 2)), how="bulk")
-    assert found == {At(1): b"\x01\x02", At(3): b"\x05\x06"}
-    assert script.bus.tally(2).corrupt == 1
+    found = script.bus.read_many(
+        dict.fromkeys((ServoAddress(1), ServoAddress(2), ServoAddress(3)), RegisterBlock(36, 2)), mode="bulk"
+    )
+    assert found == {ServoAddress(1): b"\x01\x02", ServoAddress(3): b"\x05\x06"}
+    assert script.bus.statistics(2).corrupt == 1
 
 
 def test_who_owes_a_reply_of_that_size_is_left_to_be_read_alone() -> None:
     script = Script([], soon(status(2, 0, b"\x07\x00")))
     with pytest.raises(NoReply):
         script.bus.read_block(ONE, 40, 2, tries=1)
-    assert script.bus.read_many(dict.fromkeys((At(1), At(2)), Block(36, 2)), how="bulk") == {At(2): b"\x07\x00"}
+    assert script.bus.read_many(
+        dict.fromkeys((ServoAddress(1), ServoAddress(2)), RegisterBlock(36, 2)), mode="bulk"
+    ) == {ServoAddress(2): b"\x07\x00"}
     assert script.sent[1] == bytes.fromhex("FF FF FE 06 92 00 02 02 24 41")
     with pytest.raises(NoReply):
-        script.bus.read_block(At(2), 40, 2, tries=1)
-    assert script.bus.read_many(dict.fromkeys((At(1), At(2)), Block(36, 2)), how="bulk") == {}
+        script.bus.read_block(ServoAddress(2), 40, 2, tries=1)
+    assert (
+        script.bus.read_many(dict.fromkeys((ServoAddress(1), ServoAddress(2)), RegisterBlock(36, 2)), mode="bulk") == {}
+    )
     assert len(script.sent) == 3
 
 
 def test_what_cannot_be_asked_of_many_is_refused() -> None:
     bus, line, _ = direct_bus(chain(2))
     with pytest.raises(BadRequest, match=r"protocol 1\.0 has no sync read"):
-        bus.read_many({ONE: Block(36, 2)}, how="sync")
+        bus.read_many({ONE: RegisterBlock(36, 2)}, mode="sync")
     with pytest.raises(BadRequest, match="the same of all servos"):
-        bus.read_many({ONE2: Block(36, 2), At(2, 2): Block(40, 2)}, how="sync")
+        bus.read_many({ONE2: RegisterBlock(36, 2), ServoAddress(2, 2): RegisterBlock(40, 2)}, mode="sync")
     with pytest.raises(BadRequest, match="both protocols"):
-        bus.read_many({At(1): Block(36, 2), At(2, 2): Block(36, 2)}, how="bulk")
+        bus.read_many({ServoAddress(1): RegisterBlock(36, 2), ServoAddress(2, 2): RegisterBlock(36, 2)}, mode="bulk")
     with pytest.raises(BadRequest, match=r"cannot hold blocks of \[2, 4\] bytes"):
         bus.sync_write_block(1, 30, {1: bytes(4), 2: bytes(2)})
     with pytest.raises(BadRequest, match=r"cannot hold blocks of \[200\] bytes"):
         bus.sync_write_block(1, 0, {1: bytes(200)})
     with pytest.raises(BadRequest, match=r"0\.\.253 in protocol 1\.0, not 254"):
         bus.sync_write(1, LED, {254: 1})
-    assert bus.read_many({}, how="bulk") == {}
+    assert bus.read_many({}, mode="bulk") == {}
     assert line.sent == []
 
 
@@ -366,14 +379,14 @@ SOUND = status(1, 0, b"\x00\x02")
 def test_noise_before_the_header_is_passed_over_and_counted(noise: bytes) -> None:
     script = Script(soon(noise + SOUND))
     assert script.bus.read(ONE, POSITION) == 512
-    assert script.bus.tally(1).tries == 1
-    assert script.bus.noise() == len(noise)
+    assert script.bus.statistics(1).tries == 1
+    assert script.bus.noise_bytes() == len(noise)
 
 
 def test_a_reply_may_come_in_pieces() -> None:
     script = Script(soon(*(bytes((byte,)) for byte in SOUND)))
     assert script.bus.read(ONE, POSITION) == 512
-    assert script.bus.tally(1).tries == 1
+    assert script.bus.statistics(1).tries == 1
 
 
 @pytest.mark.parametrize(
@@ -382,7 +395,7 @@ def test_a_reply_may_come_in_pieces() -> None:
         (SOUND[:-1] + bytes((SOUND[-1] ^ 1,)), 1),
         (status(1, 0, b"\x07"), 1),  # one byte where two were asked for
         (status(1, 0, b"\x07\x08\x09"), 1),
-        (status(1, Fault.CHECKSUM), 1),  # our request arrived damaged
+        (status(1, ServoFault.CHECKSUM), 1),  # our request arrived damaged
         (bytes.fromhex("FF FF 01 01 FD 00"), 0),  # shorter than any packet, with a right checksum
         (SOUND[:5], 0),
         (status(2, 0, b"\x07\x08"), 0),  # somebody else's
@@ -392,18 +405,18 @@ def test_a_reply_may_come_in_pieces() -> None:
 def test_an_unsound_reply_is_never_taken_for_a_number(reply: bytes, corrupt: int) -> None:
     script = Script(soon(reply), soon(SOUND))
     assert script.bus.read(ONE, POSITION) == 512
-    tally = script.bus.tally(1)
+    tally = script.bus.statistics(1)
     assert (tally.tries, tally.corrupt, tally.misses) == (2, corrupt, 1 - corrupt)
 
 
 def test_a_damaged_reply_is_asked_for_again_at_once() -> None:
     script = Script(soon(SOUND[:-1] + b"\x00"), soon(SOUND))
     assert script.bus.read(ONE, POSITION) == 512
-    assert script.clock.now() < 0.001
+    assert script.clock.read_value() < 0.001
 
 
 def test_replies_that_stay_damaged_name_the_likely_cause() -> None:
-    script = Script(*[soon(SOUND[:-1] + b"\x00")] * TRIES)
+    script = Script(*[soon(SOUND[:-1] + b"\x00")] * MAX_READ_ATTEMPTS)
     with pytest.raises(NoReply, match=r"3 of 3 replies .* damaged") as caught:
         script.bus.read(ONE, POSITION)
     assert "two with ID 1" in caught.value.hint
@@ -412,11 +425,11 @@ def test_replies_that_stay_damaged_name_the_likely_cause() -> None:
 def test_a_silent_servo_says_what_to_try() -> None:
     bus, _, _ = direct_bus(chain(3))
     with pytest.raises(NoReply, match=r"arm: servo 9: no reply to a read of 2 bytes at 36 on .* at 1000000") as caught:
-        bus.read(At(9), POSITION)
+        bus.read(ServoAddress(9), POSITION)
     assert "power" in caught.value.hint
     assert "protocol (1.0)" in caught.value.hint
-    tally = bus.tally(9)
-    assert (tally.tries, tally.misses, tally.corrupt) == (TRIES, TRIES, 0)
+    tally = bus.statistics(9)
+    assert (tally.tries, tally.misses, tally.corrupt) == (MAX_READ_ATTEMPTS, MAX_READ_ATTEMPTS, 0)
     assert bus.read(ONE, POSITION) == 512
 
 
@@ -425,14 +438,14 @@ def test_an_adapter_that_echoes_is_no_obstacle() -> None:
     servos.injection = FaultInjection(echo=1.0)
     bus, _, _ = direct_bus(servos)
     assert bus.ping(ONE) == 12
-    assert bus.ping(At(2, 2)) == 1060
+    assert bus.ping(ServoAddress(2, 2)) == 1060
     bus.write(ONE, SPEED, 77)
     assert bus.read(ONE, SPEED) == 77
     bus.sync_write(1, SPEED, {1: 78})
     assert bus.read(ONE, SPEED) == 78
     with pytest.raises(NoReply):
-        bus.ping(At(9))  # the echo of what is asked of it is not its answer
-    assert bus.tally(1).tries == bus.tally(2).tries + 3
+        bus.ping(ServoAddress(9))  # the echo of what is asked of it is not its answer
+    assert bus.statistics(1).tries == bus.statistics(2).tries + 3
 
 
 # --- what servos say --------------------------------------------------------------------------------------------------
@@ -444,11 +457,11 @@ def test_it_reads_writes_and_writes_to_many_in_both_protocols() -> None:
     assert bus.read(ONE, AX["goal_position"]) == 600
     bus.sync_write(1, SPEED, {1: 11, 3: 33})
     bus.sync_write(2, XL["profile_velocity"], {2: 22, 4: 44})
-    assert [bus.read(At(servo), SPEED) for servo in (1, 3)] == [11, 33]
-    assert [bus.read(At(servo, 2), XL["profile_velocity"]) for servo in (2, 4)] == [22, 44]
+    assert [bus.read(ServoAddress(servo), SPEED) for servo in (1, 3)] == [11, 33]
+    assert [bus.read(ServoAddress(servo, 2), XL["profile_velocity"]) for servo in (2, 4)] == [22, 44]
     block = bus.read_block(ONE, 30, 4)
     assert (AX["goal_position"].decode(block, 30), SPEED.decode(block, 30)) == (600, 11)
-    assert bus.tally(9).tries == 0
+    assert bus.statistics(9).tries == 0
 
 
 def test_a_write_without_a_reply_is_not_repeated() -> None:
@@ -456,7 +469,7 @@ def test_a_write_without_a_reply_is_not_repeated() -> None:
     bus, line, _ = direct_bus(servos)
     with pytest.raises(NoReply, match="write of 01 at 25"):
         bus.write(ONE, LED, 1)
-    assert len(line.sent) == bus.tally(1).tries == 1
+    assert len(line.sent) == bus.statistics(1).tries == 1
     assert servos.servo(1).get("led") == 1  # it was carried out: only the reply was lost
 
 
@@ -466,11 +479,11 @@ def test_what_a_servo_refuses_is_a_bad_request_in_words() -> None:
         bus.write_block(ONE, 24, b"\x05")
     with pytest.raises(BadRequest, match="servo 1 refused a read of 9 bytes at 48: range"):
         bus.read_block(ONE, 48, 9)
-    bus.write(At(2, 2), XL["torque_enable"], 1)
+    bus.write(ServoAddress(2, 2), XL["torque_enable"], 1)
     with pytest.raises(BadRequest, match="servo 2 refused a write of 05 at 7: access") as caught:
-        bus.write(At(2, 2), XL["id"], 5)
+        bus.write(ServoAddress(2, 2), XL["id"], 5)
     assert "torque off" in caught.value.hint
-    assert (bus.tally(1).refused, bus.tally(2).refused) == (2, 1)
+    assert (bus.statistics(1).refused, bus.statistics(2).refused) == (2, 1)
 
 
 def test_what_no_servo_could_take_is_not_even_sent() -> None:
@@ -484,9 +497,9 @@ def test_what_no_servo_could_take_is_not_even_sent() -> None:
     with pytest.raises(BadRequest, match="a packet holds 253 parameters, not 301"):
         bus.write_block(ONE, 0, bytes(300))
     with pytest.raises(BadRequest, match=r"0\.\.253 in protocol 1\.0, not 254"):
-        bus.ping(At(254))
+        bus.ping(ServoAddress(254))
     with pytest.raises(BadRequest, match=r"0\.\.252 in protocol 2\.0, not 253"):
-        bus.ping(At(253, 2))
+        bus.ping(ServoAddress(253, 2))
     with pytest.raises(BadRequest, match=r"protocol 1\.0 has no reboot") as caught:
         bus.reboot(ONE)
     assert "torque limit" in caught.value.hint
@@ -500,17 +513,17 @@ def test_lasting_faults_do_not_spoil_a_reading() -> None:
     bus, _, _ = direct_bus(servos)
     servos.servo(1).overload()
     assert bus.read(ONE, AX["torque_limit"]) == 0
-    assert bus.faults(1) == Fault.OVERLOAD
-    assert bus.faults(2) == Fault(0)
+    assert bus.faults(1) == ServoFault.OVERLOAD
+    assert bus.faults(2) == ServoFault(0)
 
 
 def test_an_alert_of_protocol_2_is_told_beside_the_reading() -> None:
-    script = Script(soon(status2(1, ALERT, b"\x07")), soon(status2(1, ALERT | Error.RANGE)))
+    script = Script(soon(status2(1, ALERT, b"\x07")), soon(status2(1, ALERT | Protocol2Error.RANGE)))
     assert script.bus.read(ONE2, XL["led"]) == 7
-    assert script.bus.faults(1) == Fault.ALERT
+    assert script.bus.faults(1) == ServoFault.ALERT
     with pytest.raises(BadRequest, match=r"range$"):
         script.bus.write(ONE2, XL["led"], 1)
-    assert script.bus.faults(1) == Fault.ALERT
+    assert script.bus.faults(1) == ServoFault.ALERT
 
 
 # --- the line ---------------------------------------------------------------------------------------------------------
@@ -538,7 +551,7 @@ def test_a_line_that_is_gone_is_let_go_and_taken_again() -> None:
         bus.open()
     bus.baud = 57_600  # for when it is back
     with pytest.raises(NotConnected, match="no such device"):
-        bus.require()
+        bus.require_open()
     line.plugged = True
     bus.baud = 1_000_000
     bus.open()

@@ -8,12 +8,12 @@ import pytest
 
 from drivers.clock import SystemClock
 from drivers.errors import DriverError, NoReply
-from drivers.servos.bus import At, Bus
-from drivers.servos.register import Block, Register
+from drivers.servos.bus import ServoAddress, ServoBus
+from drivers.servos.register import Register, RegisterBlock
 from drivers.servos.units import Protocol
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
-from drivers.virtual.terminal import Terminal
+from drivers.virtual.terminal import PseudoTerminal
 from tests.drivers.fault_injection import FaultInjection
 from tests.drivers.lines import direct_bus
 from tests.tries import tries
@@ -36,8 +36,8 @@ def injection(rate: float, seed: int) -> FaultInjection:
 class Campaign:
     """Asks and tells servos of all protocols at random; what each holds is looked up behind the bus's back."""
 
-    def __init__(self, chain: VirtualServoBus, bus: Bus, seed: int = 1) -> None:
-        self.servos = {At(servo.get("id"), servo.model.protocol): servo for servo in chain.servos}
+    def __init__(self, chain: VirtualServoBus, bus: ServoBus, seed: int = 1) -> None:
+        self.servos = {ServoAddress(servo.get("id"), servo.model.protocol): servo for servo in chain.servos}
         self.bus = bus
         self.chance = Random(seed)  # noqa: S311 - chance, not a secret
         self.outcomes: Counter[str] = Counter()
@@ -56,42 +56,42 @@ class Campaign:
             else:
                 self.outcomes["done"] += 1
 
-    def read(self, at: At) -> None:
+    def read(self, at: ServoAddress) -> None:
         register = self.register(at, self.chance.choice(LOOKALIKES[at.protocol]))
         assert self.bus.read(at, register) == self.servos[at].get(register), f"{register.name} of {at}"
 
-    def write(self, at: At) -> None:
+    def write(self, at: ServoAddress) -> None:
         register = self.register(at, self.chance.choice(LOOKALIKES[at.protocol][:2]))
         value = self.chance.randint(1, 1000)
         self.bus.write(at, register, value)
         assert self.servos[at].get(register) == value, f"{register.name} of {at}"
 
-    def read_many(self, at: At) -> None:
+    def read_many(self, at: ServoAddress) -> None:
         together = [other for other in self.servos if other.protocol == at.protocol and self.reads(other) != "single"]
-        wanted = {other: self.servos[other].model.table.fast for other in together}
-        for other, data in self.bus.read_many(wanted, how="bulk" if at.protocol == 1 else "sync").items():
+        wanted = {other: self.servos[other].model.table.fast_block for other in together}
+        for other, data in self.bus.read_many(wanted, mode="bulk" if at.protocol == 1 else "sync").items():
             assert data == self.held(other, wanted[other]), f"{wanted[other]} of {other}"
             self.outcomes["of many"] += 1
 
-    def write_many(self, at: At) -> None:
+    def write_many(self, at: ServoAddress) -> None:
         register = self.register(at, LOOKALIKES[at.protocol][0])
         values = {other.id: self.chance.randint(1, 1000) for other in self.servos if other.protocol == at.protocol}
         self.bus.sync_write(at.protocol, register, values)
 
-    def recover(self, at: At) -> None:
+    def recover(self, at: ServoAddress) -> None:
         """See that the servo is there again at once: of two reads of three tries at least one is answered."""
         try:
             self.read(at)
         except NoReply:
             self.read(at)
 
-    def register(self, at: At, name: str) -> Register:
+    def register(self, at: ServoAddress, name: str) -> Register:
         return self.servos[at].model.table[name]
 
-    def reads(self, at: At) -> str:
-        return self.servos[at].model.reads
+    def reads(self, at: ServoAddress) -> str:
+        return self.servos[at].model.read_mode
 
-    def held(self, at: At, block: Block) -> bytes:
+    def held(self, at: ServoAddress, block: RegisterBlock) -> bytes:
         return bytes(self.servos[at].table[block.address : block.address + block.size])
 
 
@@ -120,27 +120,27 @@ def test_no_wrong_value_is_delivered_and_the_bus_recovers_every_time(
     assert set(campaign.outcomes) == {"done", "NoReply", "of many"}
     assert campaign.outcomes["done"] > 0.9 * transactions * (1 - rate)
     assert set(chain.injection.happened) == {"drop", "flip", "split", "noise", "echo", "late", "truncate"}
-    tallies = [bus.tally(at.id) for at in campaign.servos]
+    tallies = [bus.statistics(at.id) for at in campaign.servos]
     assert min(tally.misses for tally in tallies) > 0
     assert min(tally.corrupt for tally in tallies) > 0
     assert sum(tally.late for tally in tallies) > 0
-    assert bus.noise() > 0
+    assert bus.noise_bytes() > 0
 
 
 @pytest.fixture
-def terminal() -> Iterator[Terminal]:
-    terminal = Terminal("servos", varied_chain(paced=False), SystemClock())
+def terminal() -> Iterator[PseudoTerminal]:
+    terminal = PseudoTerminal("servos", varied_chain(paced=False), SystemClock())
     terminal.open()
     yield terminal
     terminal.close()
 
 
 @pytest.mark.real_time
-def test_nor_over_a_port_in_real_time(terminal: Terminal) -> None:
+def test_nor_over_a_port_in_real_time(terminal: PseudoTerminal) -> None:
     chain = terminal.device
     assert isinstance(chain, VirtualServoBus)
     chain.injection = injection(0.01, seed=7)
-    bus = Bus(terminal.path, SystemClock(), patience=0.02)
+    bus = ServoBus(terminal.path, SystemClock(), reply_timeout=0.02)
     bus.open()
     try:
         campaign = Campaign(chain, bus)

@@ -8,18 +8,18 @@ from pathlib import Path
 
 import pytest
 
-from drivers.api import Away, JointState, Quality, Reading
+from drivers.api import JointState, Quality, Reading, ReconnectPolicy
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.servos import tables as m
-from drivers.servos.bus import Bus
+from drivers.servos.bus import ServoBus
 from drivers.servos.driver import DynamixelJoints
 from drivers.servos.joint import Joint, JointSpec
 from drivers.servos.models import MODELS
 from drivers.servos.register import Register
-from drivers.servos.torque import settle
-from drivers.servos.wire import Fault, Instruction, status
-from drivers.virtual.terminal import Terminal
+from drivers.servos.torque import hold_or_relax
+from drivers.servos.wire import Protocol1Instruction, ServoFault, status
+from drivers.virtual.terminal import PseudoTerminal
 from tests.drivers.arms import PLAIN, TICK, Make, making
 from tests.drivers.chains import chain
 from tests.waiting import wait_until
@@ -42,7 +42,7 @@ def test_all_faults_of_a_robot_file_are_told_at_once() -> None:
         "d": JointSpec(4, zero=1.0),
     }
     with pytest.raises(BadRequest) as caught:
-        DynamixelJoints(Bus("nowhere", SystemClock()), specs, SystemClock())
+        DynamixelJoints(ServoBus("nowhere", SystemClock()), specs, SystemClock())
     for fault in ("'AX-99'", "direction is 1 or -1", "not nan", "0..253, not 300", "torque_limit", "lower limit 1"):
         assert fault in str(caught.value)
     assert "b: servo 1 is a already" in str(caught.value)
@@ -109,10 +109,10 @@ def test_one_message_lists_all_that_is_missing_and_all_that_differs(make: Make) 
     arm.start()
     arm.until(lambda: arm.told("fault"))
     (fault,) = [notice for notice in arm.notices if notice.kind == "fault"]
-    assert "4 of 5 servos" in fault.what
-    assert "a (servo 1) is model 18 (AX-18A), not 12 (AX-12A)" in fault.what
-    assert "b (servo 2) is in wheel mode" in fault.what
-    assert "d (servo 4) does not answer; e (servo 5) does not answer" in fault.what
+    assert "4 of 5 servos" in fault.message
+    assert "a (servo 1) is model 18 (AX-18A), not 12 (AX-12A)" in fault.message
+    assert "b (servo 2) is in wheel mode" in fault.message
+    assert "d (servo 4) does not answer; e (servo 5) does not answer" in fault.message
     assert "power" in fault.hint
     assert "1000000" in fault.hint
     health = arm.joints.health()
@@ -164,9 +164,9 @@ def test_a_dead_servo_is_told_and_does_not_slow_the_others_down(make: Make) -> N
     arm.chain.servo(2).present = False
     arm.until(lambda: arm.told("elbow (servo 2) does not answer any more"))
     arm.until(lambda: arm.joints.states()["elbow"].quality is Quality.STALE)
-    before = {servo: arm.bus.tally(servo).tries for servo in (1, 2)}
-    arm.until(lambda: arm.bus.tally(1).tries >= before[1] + 25)
-    assert arm.bus.tally(2).tries - before[2] <= 6
+    before = {servo: arm.bus.statistics(servo).tries for servo in (1, 2)}
+    arm.until(lambda: arm.bus.statistics(1).tries >= before[1] + 25)
+    assert arm.bus.statistics(2).tries - before[2] <= 6
     assert arm.joints.health().online
     assert arm.joints.health().counters["misses of elbow"] > 0
     arm.chain.servo(2).present = True
@@ -196,8 +196,8 @@ def test_a_move_of_stiff_joints_is_one_packet_of_goals_and_speeds(make: Make) ->
     already = len(arm.wire.requests)
     arm.joints.move({"shoulder": 0.1, "wrist": -0.2}, speeds={"shoulder": 0.5})
     arm.until(lambda: servo.get(m.GOAL_POSITION) == servo.model.ticks(0.1))
-    (packet,) = [p for p in arm.wire.requests[already:] if p.code != Instruction.READ]
-    assert packet.code == Instruction.SYNC_WRITE
+    (packet,) = [p for p in arm.wire.requests[already:] if p.code != Protocol1Instruction.READ]
+    assert packet.code == Protocol1Instruction.SYNC_WRITE
     assert servo.get(m.MOVING_SPEED) == servo.model.speed_ticks(0.5)
     assert arm.chain.servo(3).get(m.MOVING_SPEED) == servo.model.speed_ticks(2.0)
     assert arm.chain.servo(3).get(m.GOAL_POSITION) == servo.model.ticks(-0.2)
@@ -271,7 +271,7 @@ def test_a_missing_servo_is_left_out_of_a_move_once_told_and_the_others_go(make:
         assert arm.joints.move({"elbow": goal, "wrist": goal}) == {"elbow": goal, "wrist": goal}
         arm.until(partial(arm.at, "wrist", goal))
     arm.until(lambda: arm.told("a move left elbow (servo 2) out: it does not answer"))
-    assert sum("left elbow" in notice.what for notice in arm.notices) == 1
+    assert sum("left elbow" in notice.message for notice in arm.notices) == 1
 
 
 # --- stiff and limp ---------------------------------------------------------------------------------------------------
@@ -383,7 +383,7 @@ def test_closing_tells_which_servos_could_not_be_relaxed_and_relaxes_the_others(
     arm.joints.close()
     assert [servo.limp for servo in arm.chain.servos] == [False, True, True]
     last = arm.notices[-1]
-    assert (last.kind, last.what) == ("fault", "could not be relaxed: shoulder (servo 1)")
+    assert (last.kind, last.message) == ("fault", "could not be relaxed: shoulder (servo 1)")
     assert last.hint
 
 
@@ -392,19 +392,19 @@ def test_closing_with_the_plug_pulled_names_every_servo(make: Make) -> None:
     arm.joints.move({"elbow": 0.2})
     arm.line.plugged = False
     arm.joints.close()
-    (fault,) = [notice for notice in arm.notices if "could not be relaxed" in notice.what]
-    assert fault.what.count("servo") == 3
+    (fault,) = [notice for notice in arm.notices if "could not be relaxed" in notice.message]
+    assert fault.message.count("servo") == 3
 
 
 def test_a_joint_is_led_by_its_speed_as_far_as_its_goal_and_no_further() -> None:
     joint = Joint("elbow", JointSpec(2), MODELS["AX-12A"])
-    assert joint.position_at(5.0) is None
+    assert joint.estimated_position(5.0) is None
 
     def at(now: float, *, velocity: float, goal: float | None) -> float | None:
         joint.goal = goal
         state = JointState(0.5, velocity, goal, 0.0, 12.0, 35.0, moving=True, torque=True)
         joint.reading = Reading(state, 1.0, Quality.GOOD)
-        return joint.position_at(now)
+        return joint.estimated_position(now)
 
     assert at(1.05, velocity=6.0, goal=2.0) == pytest.approx(0.8)
     assert at(1.05, velocity=-6.0, goal=-2.0) == pytest.approx(0.2)
@@ -417,10 +417,12 @@ def test_a_joint_is_led_by_its_speed_as_far_as_its_goal_and_no_further() -> None
 def test_held_at_full_speed_a_joint_is_not_sent_back_to_where_it_was_seen(make: Make) -> None:
     arm = make()
     arm.bus.open()
-    joint = Joint("elbow", JointSpec(2), MODELS["AX-12A"], complaint="", answers=True, goal=2.0, touched=True)
+    joint = Joint(
+        "elbow", JointSpec(2), MODELS["AX-12A"], undriven_reason="", is_answering=True, goal=2.0, may_have_torque=True
+    )
     seen = JointState(0.5, 5.0, 2.0, 0.0, 12.0, 35.0, moving=True, torque=True)
     joint.reading = Reading(seen, 1.0, Quality.GOOD)
-    assert settle(arm.bus, [joint], stiff=True, now=1.05) == []
+    assert hold_or_relax(arm.bus, [joint], stiff=True, now=1.05) == []
     assert arm.chain.servo(2).get(m.GOAL_POSITION) == joint.ticks(0.75)
     assert joint.goal == pytest.approx(0.75, abs=TICK)
     arm.bus.close()
@@ -466,17 +468,17 @@ def test_a_relaxed_arm_stays_limp_when_its_servos_come_back(make: Make) -> None:
 def test_after_servos_were_away_on_a_port_that_stayed_nothing_goes_on_that_was_decided_before(
     make: Make, gone: tuple[int, ...], latch: float
 ) -> None:
-    arm = make(away=Away(decide=0.1, latch=latch)).start()
+    arm = make(away=ReconnectPolicy(decide_after=0.1, latch_after=latch)).start()
     arm.joints.move({"shoulder": 1.5, "elbow": 1.5}, speeds={"shoulder": 0.1, "elbow": 0.1})
     for number in gone:
         arm.chain.servo(number).present = False
     arm.until(lambda: arm.told("elbow (servo 2) does not answer any more"))
     seen = arm.joints.states()["elbow"].stamp
-    arm.until(lambda: arm.clock.now() - seen > 0.6)
+    arm.until(lambda: arm.clock.read_value() - seen > 0.6)
     for number in gone:
         arm.chain.servo(number).present = True
     arm.until(lambda: arm.joints.health().online and not arm.joints.health().detail)
-    assert arm.joints.health().returned is not None
+    assert arm.joints.health().reconnected_at is not None
     arm.until(lambda: all(arm.state(joint).goal != 1.5 for joint in ("shoulder", "elbow")))
     if latch < 1:
         with pytest.raises(DeviceFault, match="was away for"):
@@ -488,7 +490,7 @@ def test_after_servos_were_away_on_a_port_that_stayed_nothing_goes_on_that_was_d
 
 def test_a_servo_that_begins_to_refuse_is_given_up_and_the_reading_goes_on(make: Make) -> None:
     arm = make().start()
-    refusal = status(2, Fault.RANGE)
+    refusal = status(2, ServoFault.RANGE)
     arm.line.distort = lambda data: refusal if data[2:3] == b"\x02" else data
     arm.until(lambda: arm.told("elbow (servo 2) does not answer any more"))
     arm.fresh_of("wrist")
@@ -512,12 +514,12 @@ def test_lasting_faults_are_told_once_and_readings_go_on(make: Make) -> None:
     arm.until(lambda: arm.told("wrist (servo 3) reports voltage (5.5 V, 35 °C, load +0%)"))
     for _ in range(3):
         arm.fresh()
-    assert sum("reports voltage" in notice.what for notice in arm.notices) == 1
+    assert sum("reports voltage" in notice.message for notice in arm.notices) == 1
     assert arm.joints.states()["wrist"].good
     arm.chain.servo(3).voltage = 12.0
     arm.until(lambda: arm.state("wrist").voltage == 12.0)
     arm.chain.servo(3).voltage = 5.5
-    arm.until(lambda: sum("reports voltage" in notice.what for notice in arm.notices) == 2)
+    arm.until(lambda: sum("reports voltage" in notice.message for notice in arm.notices) == 2)
 
 
 def test_a_servo_that_shut_down_is_told_left_out_and_recovers_where_it_stands_when_asked(make: Make) -> None:
@@ -555,7 +557,7 @@ def test_listeners_that_raise_do_not_end_the_watch_nor_keep_the_bus(make: Make, 
     joints.move({"elbow": 0.2})
     arm.chain.servo(1).present = False
     arm.until(lambda: "does not answer" in joints.health().detail)
-    stamp = arm.clock.now()
+    stamp = arm.clock.read_value()
     arm.until(lambda: joints.states()["wrist"].stamp > stamp)
     joints.close()
     assert not joints.health().online
@@ -570,14 +572,14 @@ def test_what_goes_wrong_in_the_watch_is_told_once_and_the_watch_goes_on(
     rounds = []
 
     def broken(*_: object, **__: object) -> None:
-        rounds.append(arm.clock.now())
+        rounds.append(arm.clock.read_value())
         raise ValueError("broken")
 
     with monkeypatch.context() as patched:
-        patched.setattr(arm.joints._watch, "read", broken)
+        patched.setattr(arm.joints._monitor, "read", broken)
         arm.until(lambda: len(rounds) >= 2)
     arm.fresh()
-    assert [notice.what for notice in arm.notices if notice.kind == "fault"] == ["ValueError: broken"]
+    assert [notice.message for notice in arm.notices if notice.kind == "fault"] == ["ValueError: broken"]
 
 
 def test_closing_lets_the_bus_go_though_the_arm_cannot_be_rested(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -586,7 +588,7 @@ def test_closing_lets_the_bus_go_though_the_arm_cannot_be_rested(make: Make, mon
     def broken(*_: object, **__: object) -> None:
         raise ValueError("broken")
 
-    monkeypatch.setattr(arm.joints, "_settle", broken)
+    monkeypatch.setattr(arm.joints, "_hold_or_relax", broken)
     arm.joints.close()
     assert not arm.bus.is_open
     assert arm.told("could not be held: shoulder (servo 1), elbow (servo 2), wrist (servo 3) (ValueError: broken)")
@@ -609,7 +611,7 @@ def test_readings_that_are_never_renewed_turn_stale(make: Make) -> None:
 
 
 def test_nothing_is_opened_before_open(tmp_path: Path) -> None:
-    bus = Bus(str(tmp_path / "servos"), SystemClock(), name="arm")
+    bus = ServoBus(str(tmp_path / "servos"), SystemClock(), name="arm")
     joints = DynamixelJoints(bus, PLAIN, SystemClock())
     assert joints.name == "arm"
     assert joints.health().detail.endswith("not opened yet")
@@ -626,12 +628,12 @@ class Ported:
     def __init__(self) -> None:
         self.clock = SystemClock()
         self.chain = chain(3)
-        self.terminal = Terminal("arm", self.chain, self.clock)
+        self.terminal = PseudoTerminal("arm", self.chain, self.clock)
         self.terminal.open()
         self.joints = DynamixelJoints(self.bus(), PLAIN, self.clock, at_rest="relax")
 
-    def bus(self) -> Bus:
-        return Bus(self.terminal.path, self.clock, name="arm", patience=0.04)
+    def bus(self) -> ServoBus:
+        return ServoBus(self.terminal.path, self.clock, name="arm", reply_timeout=0.04)
 
     def goes(self, goal: float) -> None:
         """Move a joint as soon as it can be moved; wait until it is there."""

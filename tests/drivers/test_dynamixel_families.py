@@ -7,23 +7,23 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import InvalidFileError, Source
-from drivers.api.driver import resolved
+from config.faults import InvalidFileError, SourceText
+from drivers.api.driver import resolve_name
 from drivers.errors import DeviceFault
-from drivers.finding.asking import put
-from drivers.servos.bus import At
-from drivers.servos.census import census
+from drivers.finding.asking import run_probe
+from drivers.servos.bus import ServoAddress
+from drivers.servos.census import scan_bus
 from drivers.servos.declared import ARM as DYNAMIXEL
 from drivers.servos.feetech import ARM as FEETECH
-from drivers.servos.identification import require_sole
-from drivers.servos.joining import difference
+from drivers.servos.identification import require_unique_id
+from drivers.servos.joining import find_mismatch
 from drivers.servos.joint import Joint, JointSpec
-from drivers.servos.models import MODELS, Model, model_of
-from drivers.servos.settings import apply, planned
+from drivers.servos.models import MODELS, ServoModel, find_model
+from drivers.servos.settings import apply_changes, plan_changes
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
-from drivers.virtual.terminal import Terminal
-from missions.library.drivers import robot_of
+from drivers.virtual.terminal import PseudoTerminal
+from missions.library.drivers import parse_robot
 from tests.drivers.desks import HandAsked
 from tests.drivers.lines import direct_bus
 from tests.drivers.table_servos import TableServo, TableServos
@@ -34,8 +34,8 @@ SCS = b"\x05\x04"
 """What an SCS0009 says that it is: series 5, model 4."""
 
 
-def known(number: int) -> Model:
-    model = model_of(number)
+def known(number: int) -> ServoModel:
+    model = find_model(number)
     assert model is not None
     return model
 
@@ -72,11 +72,11 @@ FAMILIES = {
 def test_a_servo_is_known_by_its_number_and_found_on_the_wire(number: int, name: str) -> None:
     servo = TableServo(known(number), 4, number.to_bytes(2, "little"))
     bus, _, _ = direct_bus(TableServos(servo))  # type: ignore[arg-type]
-    (found,) = census(bus, [1_000_000], ids=range(8))
+    (found,) = scan_bus(bus, [1_000_000], ids=range(8))
     assert found.model is not None
     assert found.model.name == name
-    assert found.at.id == 4
-    assert found.voltage == pytest.approx(servo.model.volts)
+    assert found.address.id == 4
+    assert found.voltage == pytest.approx(servo.model.nominal_voltage)
     assert found.position == pytest.approx(0.0)
     assert servo.written == []
 
@@ -85,11 +85,11 @@ def test_a_servo_is_known_by_its_number_and_found_on_the_wire(number: int, name:
 def test_ports_name_it(number: int, name: str) -> None:
     servo = TableServo(known(number), 4, number.to_bytes(2, "little"))
     probe = FEETECH if servo.model.protocol == "STS" else DYNAMIXEL
-    answer = put(resolved(probe.probe), HandAsked(TableServos(servo)))
+    answer = run_probe(resolve_name(probe.probe), HandAsked(TableServos(servo)))
     assert answer is not None
     assert [(unit.id, unit.model, unit.trouble) for unit in answer.units] == [(4, name, "")]
     other = DYNAMIXEL if probe is FEETECH else FEETECH
-    assert put(resolved(other.probe), HandAsked(TableServos(servo))) is None
+    assert run_probe(resolve_name(other.probe), HandAsked(TableServos(servo))) is None
     assert servo.written == []
 
 
@@ -97,12 +97,12 @@ def test_ports_name_it(number: int, name: str) -> None:
 def test_a_new_id_goes_into_the_register_of_its_own_table(number: int, address: int) -> None:
     servo = TableServo(known(number), 1, number.to_bytes(2, "little"))
     bus, _, _ = direct_bus(TableServos(servo))  # type: ignore[arg-type]
-    at = At(1, servo.model.protocol)
-    apply(bus, at, servo.model.table, planned(bus, at, servo.model.table, {"id": 9}))
+    at = ServoAddress(1, servo.model.protocol)
+    apply_changes(bus, at, servo.model.table, plan_changes(bus, at, servo.model.table, {"id": 9}))
     assert (address, b"\x09") in servo.written
     opens = {48, 55} & {at for at, _ in servo.written}
     assert {at for at, _ in servo.written} - opens == {address}
-    assert require_sole(bus, At(9, servo.model.protocol)).number == number
+    assert require_unique_id(bus, ServoAddress(9, servo.model.protocol)).number == number
 
 
 def test_words_of_an_scs_are_big_endian() -> None:
@@ -110,8 +110,8 @@ def test_words_of_an_scs_are_big_endian() -> None:
     servo = TableServo(scs, 1, SCS)
     assert servo.table[9:13] == b"\x00\x00\x03\xff"
     bus, _, _ = direct_bus(TableServos(servo))  # type: ignore[arg-type]
-    at = At(1, "STS")
-    apply(bus, at, scs.table, planned(bus, at, scs.table, {"max_position": 900}))
+    at = ServoAddress(1, "STS")
+    apply_changes(bus, at, scs.table, plan_changes(bus, at, scs.table, {"max_position": 900}))
     assert (11, b"\x03\x84") in servo.written
 
 
@@ -120,16 +120,16 @@ def test_a_servo_whose_id_stands_elsewhere_is_not_written() -> None:
     stranger.set("model_number", 350)  # an XL-320 by its number alone
     bus, _, _ = direct_bus(VirtualServoBus([stranger]))
     with pytest.raises(DeviceFault, match="its table is not that of an XL-320"):
-        require_sole(bus, At(1, 2))
+        require_unique_id(bus, ServoAddress(1, 2))
 
 
 def test_a_model_that_is_not_driven_is_not_proposed_for_the_robot_file() -> None:
     servo = TableServo(known(350), 1)
     bus, _, _ = direct_bus(TableServos(servo))  # type: ignore[arg-type]
     joint = Joint("neck", JointSpec(1, "XL430-W250"), MODELS["XL430-W250"])
-    assert difference(bus, joint) == "is model 350 (XL-320), not 1060 (XL430-W250)"
-    assert "write model" not in joint.cure
-    assert "not driven" in joint.cure
+    assert find_mismatch(bus, joint) == "is model 350 (XL-320), not 1060 (XL430-W250)"
+    assert "write model" not in joint.hint
+    assert "not driven" in joint.hint
     assert servo.written == []
 
 
@@ -137,7 +137,7 @@ def test_a_model_that_is_not_driven_is_not_proposed_for_the_robot_file() -> None
 def test_a_robot_file_with_such_a_model_is_refused_in_words(driver: str, model: str) -> None:
     text = f"robot: small\narm:\n  driver: {driver}\n  port: /dev/x\n  joints:\n    neck: {{id: 1, model: {model}}}\n"
     with pytest.raises(InvalidFileError, match="XL-320 and SCS0009, are recognised and set up, but not driven"):
-        robot_of(Source("small.yaml", text))
+        parse_robot(SourceText("small.yaml", text))
 
 
 def _run(capsys: pytest.CaptureFixture[str], port: str, line: str) -> Outcome:
@@ -150,7 +150,7 @@ def test_the_tools_name_it_show_its_registers_and_set_its_id(
     monkeypatch.chdir(tmp_path)
     clock = patient(monkeypatch)
     servo = TableServo(known(0x0405), 1, SCS)
-    with closing(Terminal("servos", TableServos(servo), clock)) as terminal:
+    with closing(PseudoTerminal("servos", TableServos(servo), clock)) as terminal:
         terminal.open()
         run = partial(_run, capsys, terminal.path)
         scan = run("servo scan --ids 0-3 --json")
@@ -164,7 +164,7 @@ def test_the_tools_name_it_show_its_registers_and_set_its_id(
 def test_ports_tell_how_to_wake_a_servo_that_answers_pings_alone(model: str, name: str) -> None:
     mute = VirtualServo(4, model=model)
     mute.set("status_return_level", 0)
-    answer = put(resolved(DYNAMIXEL.probe), HandAsked(VirtualServoBus([mute])))
+    answer = run_probe(resolve_name(DYNAMIXEL.probe), HandAsked(VirtualServoBus([mute])))
     assert answer is not None
     assert [(unit.id, unit.model) for unit in answer.units] == [(4, name)]
     assert "status return level is 0" in answer.trouble
@@ -181,9 +181,9 @@ def fed(model: str, volts: float, *, highest: int | None = None) -> tuple[str, s
     servo.voltage = volts
     bus, _, _ = direct_bus(VirtualServoBus([servo]))
     joint = Joint("elbow", JointSpec(1, model), MODELS[model])
-    told = difference(bus, joint)
+    told = find_mismatch(bus, joint)
     assert servo.limp
-    return told, joint.cure
+    return told, joint.hint
 
 
 @pytest.mark.parametrize(

@@ -7,13 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.api import Coupling, DeviceStatus
-from drivers.api.joints import FOLLOWING_TOLERANCE, PAUSE, RUN_IN, Following
+from drivers.api.joints import FOLLOWING_TOLERANCE, MAX_APPROACH_SPEED, MAX_FOLLOW_GAP, ActiveCouplings
 from drivers.errors import BadRequest
 from drivers.joints.refusals import check_couplings
-from drivers.servos.commanded import EPISODE, Clamping
+from drivers.servos.commanded import CLAMP_REPORT_INTERVAL, GoalLimiter
 from drivers.servos.joint import Joint, JointSpec
 from drivers.servos.models import MODELS
-from drivers.servos.pace import WINDOW, Pace
+from drivers.servos.pace import STATISTICS_WINDOW, RoundSchedule
 
 JOINTS = {"left": 1, "right": 2, "third": 3}
 ANGLES = st.floats(-3.0, 3.0)
@@ -21,24 +21,24 @@ ANGLES = st.floats(-3.0, 3.0)
 
 @given(ANGLES, st.floats(-2.0, 2.0), ANGLES)
 def test_a_follower_belongs_at_scale_times_leader_plus_offset(position: float, scale: float, offset: float) -> None:
-    following = Following([Coupling("left", "right", scale=scale, offset=offset)])
+    following = ActiveCouplings([Coupling("left", "right", scale=scale, offset=offset)])
     assert following.goals({"left": position, "third": 9.0}) == {"right": scale * position + offset}
 
 
 def test_a_leader_of_which_nothing_is_heard_leaves_its_follower_alone() -> None:
-    following = Following([Coupling("left", "right"), Coupling("third", "fourth", scale=-1.0)])
+    following = ActiveCouplings([Coupling("left", "right"), Coupling("third", "fourth", scale=-1.0)])
     assert following.goals({"third": 0.5}) == {"fourth": -0.5}
     assert following.goals({}) == {}
 
 
 def test_followers_can_be_let_go_one_by_one() -> None:
-    following = Following([Coupling("left", "right"), Coupling("left", "third")])
-    following.end(["right", "left", "nobody"])
+    following = ActiveCouplings([Coupling("left", "right"), Coupling("left", "third")])
+    following.release(["right", "left", "nobody"])
     assert following.couplings == (Coupling("left", "third"),)
     assert following.goals({"left": 0.3}) == {"third": 0.3}
-    assert following.freed_by([Coupling("right", "third")]) == []
-    assert following.freed_by([Coupling("left", "right")]) == ["third"]
-    following.end({"third"})
+    assert following.followers_without([Coupling("right", "third")]) == []
+    assert following.followers_without([Coupling("left", "right")]) == ["third"]
+    following.release({"third"})
     assert not following
 
 
@@ -72,10 +72,10 @@ class Limited:
     def __init__(self) -> None:
         self.notices: list[DeviceStatus] = []
         self.joint = Joint("elbow", JointSpec(2, lower=-1.0, upper=1.0), MODELS["AX-12A"])
-        self.clamping = Clamping("arm", {"elbow": self.joint}, self.notices.append)
+        self.clamping = GoalLimiter("arm", {"elbow": self.joint}, self.notices.append)
 
     def ask(self, goal: float, now: float = 0.0) -> float:
-        return self.clamping.accept({"elbow": goal}, now)["elbow"]
+        return self.clamping.clamp_goals({"elbow": goal}, now)["elbow"]
 
 
 @given(st.floats(-10, 10))
@@ -91,44 +91,44 @@ def test_a_clamped_goal_is_told_once_an_episode_with_the_angles_as_people_write_
         limited.ask(radians(90), now=step * 0.05)
     (notice,) = limited.notices
     assert (notice.device, notice.kind) == ("arm", "fault")
-    assert notice.what == "the goal of elbow was clamped to 57.3 deg: 90.0 deg is beyond its limits"
+    assert notice.message == "the goal of elbow was clamped to 57.3 deg: 90.0 deg is beyond its limits"
     assert "-57.3..57.3 deg" in notice.hint
-    limited.ask(-2.0, now=5.0 + EPISODE)
-    assert "clamped to -57.3 deg" in limited.notices[1].what
+    limited.ask(-2.0, now=5.0 + CLAMP_REPORT_INTERVAL)
+    assert "clamped to -57.3 deg" in limited.notices[1].message
 
 
 def test_rounds_keep_their_rate_on_the_average_and_catch_up_with_no_burst() -> None:
-    pace, now = Pace(100.0), 5.0
-    pace.begin(now, 2.0)
+    pace, now = RoundSchedule(100.0), 5.0
+    pace.restart(now, 2.0)
     for n in range(300):
         now += 0.012 if n % 3 else 0.002  # the average of a round is 8.7 ms
-        now += pace.rest(now, 2.0 + n * 0.004)
+        now += pace.end_round(now, 2.0 + n * 0.004)
     assert pace.rounds == 300
     assert now - 5.0 == pytest.approx(3.0, abs=0.02)
-    assert pace.achieved == pytest.approx(100.0, rel=0.03)
-    assert pace.share == pytest.approx(0.4, rel=0.03)
-    now += 10 * WINDOW  # the machine slept
-    assert 0 < pace.rest(now, 4.0) < 0.01
-    assert pace.rest(now + 0.001, 4.0) == pytest.approx(0.01, abs=0.001)
+    assert pace.achieved_rate == pytest.approx(100.0, rel=0.03)
+    assert pace.utilisation == pytest.approx(0.4, rel=0.03)
+    now += 10 * STATISTICS_WINDOW  # the machine slept
+    assert 0 < pace.end_round(now, 4.0) < 0.01
+    assert pace.end_round(now + 0.001, 4.0) == pytest.approx(0.01, abs=0.001)
 
 
 @pytest.mark.parametrize("period", [0.01, 0.02, 0.05, 0.1])
 def test_what_is_due_a_while_after_the_end_of_a_round_keeps_that_rate_on_the_average(period: float) -> None:
-    pace, now, rounds = Pace(100.0), 0.0, round(2.0 / period)
-    pace.begin(now, 0.0)
+    pace, now, rounds = RoundSchedule(100.0), 0.0, round(2.0 / period)
+    pace.restart(now, 0.0)
     for _ in range(rounds):
         now += 0.003  # for which the round lasts
-        now += pace.rest(now, 0.0, now + period)
+        now += pace.end_round(now, 0.0, now + period)
     assert now == pytest.approx(2.0, abs=0.02)
 
 
 def test_a_wire_that_needs_longer_than_a_round_is_still_given_to_others_for_a_moment() -> None:
-    pace = Pace(100.0)
-    pace.begin(0.0, 0.0)
+    pace = RoundSchedule(100.0)
+    pace.restart(0.0, 0.0)
     now = 0.0
     for _ in range(5):
         now += 0.017
-        rest = pace.rest(now, now)
+        rest = pace.end_round(now, now)
         assert rest >= 0.001 - 1e-9
         now += rest
 
@@ -137,23 +137,23 @@ def test_a_wire_that_needs_longer_than_a_round_is_still_given_to_others_for_a_mo
 
 
 def test_a_follower_is_brought_over_slowly_until_it_has_come_near_and_then_goes_as_it_may() -> None:
-    following = Following([Coupling("left", "right")])
-    assert following.speeds({"right": 1.0}, {"right": 0.0}, 0.00) == {"right": RUN_IN}
-    assert following.speeds({"right": 1.0}, {}, 0.01) == {"right": RUN_IN}  # nobody knows where it is
+    following = ActiveCouplings([Coupling("left", "right")])
+    assert following.speeds({"right": 1.0}, {"right": 0.0}, 0.00) == {"right": MAX_APPROACH_SPEED}
+    assert following.speeds({"right": 1.0}, {}, 0.01) == {"right": MAX_APPROACH_SPEED}  # nobody knows where it is
     assert following.speeds({"right": 1.0}, {"right": 1.0 - 0.9 * FOLLOWING_TOLERANCE}, 0.02) == {}
     assert following.speeds({"right": -1.0}, {"right": 1.0}, 0.03) == {}
     assert following.speeds({"right": -1.0}, {}, 0.04) == {}
 
 
 def test_after_a_pause_it_is_brought_over_anew_unless_it_is_near() -> None:
-    following = Following([Coupling("left", "right"), Coupling("left", "third")])
+    following = ActiveCouplings([Coupling("left", "right"), Coupling("left", "third")])
     near = {"right": 0.0, "third": 0.0}
     assert following.speeds(near, near, 0.0) == {}
     far = {"right": 1.0, "third": 1.0}
-    assert following.speeds(far, near, PAUSE) == {}
-    following.pause(["third"])
-    assert following.speeds(far, near, PAUSE + 0.01) == {"third": RUN_IN}
-    assert following.speeds(far, near, 3 * PAUSE) == {"right": RUN_IN, "third": RUN_IN}
-    assert following.speeds(near, near, 4 * PAUSE) == {}
-    following.pause()
-    assert following.speeds(far, near, 4 * PAUSE) == {"right": RUN_IN, "third": RUN_IN}
+    assert following.speeds(far, near, MAX_FOLLOW_GAP) == {}
+    following.mark_paused(["third"])
+    assert following.speeds(far, near, MAX_FOLLOW_GAP + 0.01) == {"third": MAX_APPROACH_SPEED}
+    assert following.speeds(far, near, 3 * MAX_FOLLOW_GAP) == {"right": MAX_APPROACH_SPEED, "third": MAX_APPROACH_SPEED}
+    assert following.speeds(near, near, 4 * MAX_FOLLOW_GAP) == {}
+    following.mark_paused()
+    assert following.speeds(far, near, 4 * MAX_FOLLOW_GAP) == {"right": MAX_APPROACH_SPEED, "third": MAX_APPROACH_SPEED}

@@ -7,13 +7,13 @@ from random import Random
 import pytest
 
 from drivers.errors import BadRequest, DeviceFault, DriverError, NoReply
-from drivers.servos.bus import At
-from drivers.servos.identification import require_sole
+from drivers.servos.bus import ServoAddress
+from drivers.servos.identification import require_unique_id
 from drivers.servos.models import MODELS
-from drivers.servos.settings import apply, planned
+from drivers.servos.settings import apply_changes, plan_changes
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
-from drivers.servos.virtual.slots import Slot, collided
+from drivers.servos.virtual.slots import Slot, merge_replies
 from tests.drivers.fault_injection import FaultInjection
 from tests.drivers.lines import direct_bus
 
@@ -30,7 +30,7 @@ def by_turns(seed: int = 1) -> Callable[[Slot], Slot]:
 
 def apart(one: VirtualServo, other: VirtualServo, chain: VirtualServoBus) -> None:  # noqa: ARG001
     one.set("return_delay", 0)
-    other.skew = 0.002
+    other.reply_skew = 0.002
 
 
 def overlapping(one: VirtualServo, other: VirtualServo, chain: VirtualServoBus) -> None:  # noqa: ARG001
@@ -43,7 +43,7 @@ def elsewhere(one: VirtualServo, other: VirtualServo, chain: VirtualServoBus) ->
 
 
 def a_moment_later(one: VirtualServo, other: VirtualServo, chain: VirtualServoBus) -> None:  # noqa: ARG001
-    other.skew = 2.5e-6
+    other.reply_skew = 2.5e-6
 
 
 def louder_by_turns(one: VirtualServo, other: VirtualServo, chain: VirtualServoBus) -> None:  # noqa: ARG001
@@ -78,9 +78,9 @@ def test_two_servos_with_one_id_are_noticed_and_nothing_is_written(name: str, sp
     chain = twins(name, spoil, paced=paced)
     before = [bytes(servo.table[:24]) for servo in chain.servos]
     bus, _, _ = direct_bus(chain)
-    at, table = At(1, MODELS[name].protocol), MODELS[name].table
+    at, table = ServoAddress(1, MODELS[name].protocol), MODELS[name].table
     with pytest.raises(DriverError) as caught:
-        apply(bus, at, table, planned(bus, at, table, {"id": 5}))
+        apply_changes(bus, at, table, plan_changes(bus, at, table, {"id": 5}))
     assert isinstance(caught.value, DeviceFault), caught.value
     assert "two servos with ID 1" in str(caught.value)
     assert [bytes(servo.table[:24]) for servo in chain.servos] == before
@@ -91,11 +91,11 @@ def test_a_second_servo_that_was_plugged_in_meanwhile_is_noticed_before_anything
     one, other = VirtualServo(1, model=name), VirtualServo(1, model=name, angle=0.4)
     other.present = False
     bus, _, _ = direct_bus(VirtualServoBus([one, other]))
-    at, table = At(1, MODELS[name].protocol), MODELS[name].table
-    changes = planned(bus, at, table, {"id": 5})
+    at, table = ServoAddress(1, MODELS[name].protocol), MODELS[name].table
+    changes = plan_changes(bus, at, table, {"id": 5})
     other.present = True
     with pytest.raises(DeviceFault, match="two servos with ID 1"):
-        apply(bus, at, table, changes)
+        apply_changes(bus, at, table, changes)
     assert (one.number, other.number) == (1, 1)
 
 
@@ -105,7 +105,7 @@ def test_two_models_with_one_id_are_noticed(names: tuple[str, str]) -> None:
     bus, _, _ = direct_bus(chain)
     for name in names:
         with pytest.raises(DeviceFault, match=r"two servos with ID 1|is model"):
-            require_sole(bus, At(1, MODELS[name].protocol))
+            require_unique_id(bus, ServoAddress(1, MODELS[name].protocol))
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -114,7 +114,7 @@ def test_two_models_that_are_heard_by_turns_are_noticed(seed: int) -> None:
     chain.contention = by_turns(seed)
     bus, _, _ = direct_bus(chain)
     with pytest.raises(DeviceFault):
-        require_sole(bus, At(1))
+        require_unique_id(bus, ServoAddress(1))
 
 
 @pytest.mark.parametrize("name", list(MODELS))
@@ -122,7 +122,7 @@ def test_two_models_that_are_heard_by_turns_are_noticed(seed: int) -> None:
 def test_one_servo_passes_without_a_write(name: str, *, paced: bool) -> None:
     chain = VirtualServoBus([VirtualServo(1, model=name), VirtualServo(2, model=name)], paced=paced)
     bus, line, _ = direct_bus(chain)
-    assert require_sole(bus, At(1, MODELS[name].protocol)).number == MODELS[name].number
+    assert require_unique_id(bus, ServoAddress(1, MODELS[name].protocol)).number == MODELS[name].number
     reads = {0x01, 0x02}
     place = 7 if MODELS[name].protocol == 2 else 4
     assert {packet[place] for packet in line.sent} <= reads
@@ -134,23 +134,23 @@ def test_a_servo_on_its_way_passes(name: str) -> None:
     chain = VirtualServoBus([servo], paced=True)
     bus, _, _ = direct_bus(chain)
     servo.set("torque_enable", 1)
-    servo.set(servo.model.table.goal, servo.model.last)
-    require_sole(bus, At(1, servo.model.protocol))
-    assert servo.turning
+    servo.set(servo.model.table.goal, servo.model.last_tick)
+    require_unique_id(bus, ServoAddress(1, servo.model.protocol))
+    assert servo.is_moving
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_a_line_that_damages_a_reply_now_and_then_is_no_second_servo(seed: int) -> None:
     injection = FaultInjection(seed=seed, flip=0.02, drop=0.01, split=0.2)
     bus, _, _ = direct_bus(VirtualServoBus([VirtualServo(1)], paced=True, injection=injection))
-    assert require_sole(bus, At(1)).number == 12
+    assert require_unique_id(bus, ServoAddress(1)).number == 12
 
 
 @pytest.mark.parametrize("echo", [0.0, 1.0])
 def test_the_echo_of_an_adapter_is_no_second_servo(echo: float) -> None:
     bus, _, _ = direct_bus(VirtualServoBus([VirtualServo(1)], injection=FaultInjection(echo=echo)))
-    assert require_sole(bus, At(1)).number == 12
-    assert bus.tally(1).doubles == 0
+    assert require_unique_id(bus, ServoAddress(1)).number == 12
+    assert bus.statistics(1).duplicates == 0
 
 
 def test_an_unknown_model_and_another_model_are_refused() -> None:
@@ -158,16 +158,16 @@ def test_an_unknown_model_and_another_model_are_refused() -> None:
     stranger.set("model_number", 351)
     bus, _, _ = direct_bus(VirtualServoBus([stranger, other]))
     with pytest.raises(DeviceFault, match="model number 351 is not known"):
-        require_sole(bus, At(1, 2))
+        require_unique_id(bus, ServoAddress(1, 2))
     with pytest.raises(DeviceFault, match="not 1020"):
-        require_sole(bus, At(2, 2), 1020)
+        require_unique_id(bus, ServoAddress(2, 2), 1020)
 
 
 def test_a_table_of_another_model_is_not_written() -> None:
     servo = VirtualServo(1, model="MX-28")
     bus, _, _ = direct_bus(VirtualServoBus([servo]))
     with pytest.raises(DeviceFault, match="another control table"):
-        planned(bus, At(1), MODELS["AX-12A"].table, {"return_delay": 0})
+        plan_changes(bus, ServoAddress(1), MODELS["AX-12A"].table, {"return_delay": 0})
 
 
 def test_an_id_is_taken_by_a_servo_that_answers_pings_alone() -> None:
@@ -175,7 +175,7 @@ def test_an_id_is_taken_by_a_servo_that_answers_pings_alone() -> None:
     mute.set("status_return_level", 0)
     bus, _, _ = direct_bus(VirtualServoBus([servo, mute]))
     with pytest.raises(BadRequest, match="a servo with that ID already"):
-        planned(bus, At(1), MODELS["AX-12A"].table, {"id": 4})
+        plan_changes(bus, ServoAddress(1), MODELS["AX-12A"].table, {"id": 4})
 
 
 def test_an_old_id_that_still_answers_is_told() -> None:
@@ -186,18 +186,18 @@ def test_an_old_id_that_still_answers_is_told() -> None:
     other.write = lambda *_, **__: other.faults  # type: ignore[method-assign]  # it misses what both hear
     table = MODELS["AX-12A"].table
     with pytest.raises(DeviceFault, match="another servo still answers at 1"):
-        apply(bus, At(1), table, planned(bus, At(1), table, {"id": 5}))
+        apply_changes(bus, ServoAddress(1), table, plan_changes(bus, ServoAddress(1), table, {"id": 5}))
 
 
 def test_a_servo_that_answers_one_read_in_two_is_not_written_to() -> None:
     bus, _, _ = direct_bus(VirtualServoBus([VirtualServo(1)], injection=FaultInjection(seed=4, drop=0.5)))
     with pytest.raises(NoReply):
-        require_sole(bus, At(1))
+        require_unique_id(bus, ServoAddress(1))
 
 
 def test_replies_that_overlap_by_some_bits_are_read_as_a_receiver_reads_them() -> None:
     same = b"\xff\xff\x01\x02\x00\xfc"
-    assert collided([(0.0, same), (0.0, same)]) == [(0.0, same)]
-    assert collided([(0.0, b"\x0f"), (0.0, b"\x3c")]) == [(0.0, b"\x0c")]
-    assert [data for _, data in collided([(0.0, same), (80.0, same)])] == [same, same]
-    assert [data for _, data in collided([(0.0, same), (2.5, same)])] != [same]
+    assert merge_replies([(0.0, same), (0.0, same)]) == [(0.0, same)]
+    assert merge_replies([(0.0, b"\x0f"), (0.0, b"\x3c")]) == [(0.0, b"\x0c")]
+    assert [data for _, data in merge_replies([(0.0, same), (80.0, same)])] == [same, same]
+    assert [data for _, data in merge_replies([(0.0, same), (2.5, same)])] != [same]

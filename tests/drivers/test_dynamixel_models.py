@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import BadRequest
-from drivers.servos.models import MODELS, Model, model_of
+from drivers.servos.models import MODELS, ServoModel, find_model
 from drivers.servos.units import RPM, Protocol, baud_code, baud_of
 from tests.cases import each
 
@@ -27,12 +27,12 @@ NUMBERS = (
 def test_every_servo_that_the_project_drives_is_known_by_its_number() -> None:
     assert {model.name: model.number for model in MODELS.values()} == NUMBERS
     for name, number in NUMBERS.items():
-        assert model_of(number) is MODELS[name]
+        assert find_model(number) is MODELS[name]
         assert MODELS[name].default(MODELS[name].table["model_number"]) == number
 
 
 def test_a_number_that_no_servo_has_is_unknown() -> None:
-    assert model_of(0) is None
+    assert find_model(0) is None
 
 
 @each(
@@ -57,46 +57,46 @@ def test_a_step_is_worth_what_the_manual_says(name: str, tick: float, reach: flo
 
 
 @each("model", EVERY)
-def test_the_middle_of_every_servo_is_its_zero(model: Model) -> None:
-    assert model.ticks(0.0) == model.centre
-    assert model.angle(model.centre) == 0.0
-    assert model.last == 2 * model.centre - 1
-    assert model.last == model.default(model.table[model.table.limits[1]])
+def test_the_middle_of_every_servo_is_its_zero(model: ServoModel) -> None:
+    assert model.ticks(0.0) == model.centre_tick
+    assert model.angle(model.centre_tick) == 0.0
+    assert model.last_tick == 2 * model.centre_tick - 1
+    assert model.last_tick == model.default(model.table[model.table.limit_registers[1]])
 
 
 @given(ANY, st.data())
-def test_ticks_survive_the_way_through_radians(model: Model, data: st.DataObject) -> None:
-    ticks = data.draw(st.integers(0, model.last))
+def test_ticks_survive_the_way_through_radians(model: ServoModel, data: st.DataObject) -> None:
+    ticks = data.draw(st.integers(0, model.last_tick))
     assert model.ticks(model.angle(ticks)) == ticks
 
 
 @given(ANY, st.floats(-100, 100))
-def test_no_angle_leads_out_of_the_servos_range(model: Model, angle: float) -> None:
+def test_no_angle_leads_out_of_the_servos_range(model: ServoModel, angle: float) -> None:
     ticks = model.ticks(angle)
-    assert 0 <= ticks <= model.last
-    if model.angle(0) <= angle <= model.angle(model.last):
+    assert 0 <= ticks <= model.last_tick
+    if model.angle(0) <= angle <= model.angle(model.last_tick):
         assert abs(model.angle(ticks) - angle) <= model.tick / 2 + 1e-9
 
 
 @given(ANY, st.floats(0, 1000))
-def test_no_speed_becomes_the_zero_that_means_as_fast_as_it_can(model: Model, speed: float) -> None:
+def test_no_speed_becomes_the_zero_that_means_as_fast_as_it_can(model: ServoModel, speed: float) -> None:
     steps = model.speed_ticks(speed)
-    assert 1 <= steps <= model.fastest
+    assert 1 <= steps <= model.max_speed_ticks
     if 1.5 * model.speed_unit < speed < model.top_speed:
         assert abs(model.speed(steps) - speed) <= model.speed_unit / 2 + 1e-9
 
 
 @given(ANY, st.floats(0, 1))
-def test_no_torque_limit_looks_like_a_shutdown(model: Model, share: float) -> None:
+def test_no_torque_limit_looks_like_a_shutdown(model: ServoModel, share: float) -> None:
     limit = model.torque_ticks(share)
-    assert 1 <= limit <= model.full
-    assert abs(limit / model.full - share) <= 1 / model.full
+    assert 1 <= limit <= model.full_torque
+    assert abs(limit / model.full_torque - share) <= 1 / model.full_torque
 
 
 @each("model", EVERY)
-def test_all_of_its_torque_is_what_the_ceiling_allows(model: Model) -> None:
+def test_all_of_its_torque_is_what_the_ceiling_allows(model: ServoModel) -> None:
     ceiling = model.table[model.table.torque_ceiling]
-    assert model.torque_ticks(1.0) == model.full == ceiling.upper
+    assert model.torque_ticks(1.0) == model.full_torque == ceiling.upper
     limit = model.table[model.table.torque_limit]
     assert model.default(limit) == model.default(ceiling)  # a servo that was never touched has what its EEPROM allows
 
@@ -119,19 +119,19 @@ def test_load_and_current_are_shares_of_the_stall_torque(name: str, raw: int, sh
 
 
 def test_one_write_of_protocol_1_holds_goal_and_speed() -> None:
-    assert MODELS["AX-12A"].order(512, 100) == (30, bytes.fromhex("00 02 64 00"))
+    assert MODELS["AX-12A"].goal_write(512, 100) == (30, bytes.fromhex("00 02 64 00"))
 
 
 def test_one_write_of_an_sts_holds_goal_no_time_and_speed() -> None:
-    assert MODELS["STS3215"].order(2048, 1000) == (42, bytes.fromhex("00 08 00 00 E8 03"))
+    assert MODELS["STS3215"].goal_write(2048, 1000) == (42, bytes.fromhex("00 08 00 00 E8 03"))
 
 
 def test_one_write_of_protocol_2_holds_speed_and_goal() -> None:
-    assert MODELS["XM430-W350"].order(2048, 50) == (112, bytes.fromhex("32 00 00 00 00 08 00 00"))
+    assert MODELS["XM430-W350"].goal_write(2048, 50) == (112, bytes.fromhex("32 00 00 00 00 08 00 00"))
 
 
 @each("model", EVERY)
-def test_the_free_speed_is_one_that_the_servo_can_be_told(model: Model) -> None:
+def test_the_free_speed_is_one_that_the_servo_can_be_told(model: ServoModel) -> None:
     assert 0 < model.free_speed < 1.2 * model.top_speed
     assert model.stall_torque > 0
 
@@ -139,12 +139,12 @@ def test_the_free_speed_is_one_that_the_servo_can_be_told(model: Model) -> None:
 def test_a_servo_of_protocol_2_is_told_no_speed_above_its_limit() -> None:
     for model in MODELS.values():
         if model.protocol == 2:
-            assert model.fastest == model.default(model.table["velocity_limit"])
-            assert model.reads == "sync"
+            assert model.max_speed_ticks == model.default(model.table["velocity_limit"])
+            assert model.read_mode == "sync"
 
 
 @each("model", EVERY)
-def test_an_ax_and_an_sts_are_delivered_at_1_megabaud_and_any_other_at_57600(model: Model) -> None:
+def test_an_ax_and_an_sts_are_delivered_at_1_megabaud_and_any_other_at_57600(model: ServoModel) -> None:
     baud = baud_of(model.default(model.table["baud"]), model.protocol)
     assert baud == (1_000_000 if model.name.startswith(("AX", "STS")) else 57_600)
 

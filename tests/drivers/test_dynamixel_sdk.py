@@ -69,7 +69,7 @@ def test_noise_and_a_flipped_bit_never_make_another_packet(
 
 def test_what_the_vendors_code_would_send_wrongly_is_refused() -> None:
     with pytest.raises(ValueError, match="ff ff fd in a packet; take framing: own"):
-        SDK_CODECS[2].frame(1, wire2.Instruction.WRITE, bytes.fromhex("74 00 ff ff fd 00"))
+        SDK_CODECS[2].frame(1, wire2.Protocol2Instruction.WRITE, bytes.fromhex("74 00 ff ff fd 00"))
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)

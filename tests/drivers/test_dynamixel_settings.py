@@ -3,12 +3,12 @@
 import pytest
 
 from drivers.errors import BadRequest, DeviceFault, NoReply, NotConnected
-from drivers.servos.bus import At, Bus
+from drivers.servos.bus import ServoAddress, ServoBus
 from drivers.servos.models import MODELS
-from drivers.servos.settings import FORCE, SOFTNESS, Change, apply, planned
+from drivers.servos.settings import FORCE_REGISTERS, SOFTNESS_REGISTERS, RegisterChange, apply_changes, plan_changes
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
-from drivers.servos.wire import Instruction
+from drivers.servos.wire import Protocol1Instruction
 from tests.drivers.wired import Wired
 
 NAMES = ["AX-12A", "EX-106+", "MX-64", "MX-28(2.0)", "XM430-W350"]
@@ -22,22 +22,22 @@ class Bench:
         self.servo, self.other = (VirtualServo(number, model=name) for number in (1, 2))
         self.chain = VirtualServoBus([self.servo, self.other])
         self.wired = Wired(self.chain)
-        self.bus: Bus = self.wired.bus()
-        self.at = At(1, self.model.protocol)
+        self.bus: ServoBus = self.wired.bus()
+        self.at = ServoAddress(1, self.model.protocol)
 
-    def plan(self, **wanted: int) -> list[Change]:
-        return planned(self.bus, self.at, self.model.table, wanted)
+    def plan(self, **wanted: int) -> list[RegisterChange]:
+        return plan_changes(self.bus, self.at, self.model.table, wanted)
 
     def set(self, **wanted: int) -> bool:
-        return apply(self.bus, self.at, self.model.table, self.plan(**wanted))
+        return apply_changes(self.bus, self.at, self.model.table, self.plan(**wanted))
 
     @property
     def writes(self) -> list[bytes]:
         place = 4 if self.model.protocol == 1 else 7
-        return [packet for packet in self.wired.sent if packet[place] == Instruction.WRITE]
+        return [packet for packet in self.wired.sent if packet[place] == Protocol1Instruction.WRITE]
 
 
-def named(changes: list[Change]) -> list[tuple[str, int, int]]:
+def named(changes: list[RegisterChange]) -> list[tuple[str, int, int]]:
     return [(change.register.name, change.before, change.after) for change in changes]
 
 
@@ -155,7 +155,7 @@ def test_an_id_that_two_servos_share_already_is_taken() -> None:
     ax, rx = VirtualServo(5, model="AX-12A"), VirtualServo(5, model="RX-64")
     wired = Wired(VirtualServoBus([VirtualServo(1), ax, rx]))
     with pytest.raises(BadRequest, match="cannot become 5"):
-        planned(wired.bus(), At(1), MODELS["AX-12A"].table, {"id": 5})
+        plan_changes(wired.bus(), ServoAddress(1), MODELS["AX-12A"].table, {"id": 5})
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -165,7 +165,7 @@ def test_an_id_that_was_taken_after_the_plan_is_refused(name: str) -> None:
     bench.other.set("id", 9)  # as plugged in while a person reads the question
     bench.servo.set("torque_enable", 1)
     with pytest.raises(BadRequest, match=r"servo 1 cannot become 9"):
-        apply(bench.bus, bench.at, bench.model.table, changes)
+        apply_changes(bench.bus, bench.at, bench.model.table, changes)
     assert [bench.servo.get(name) for name in ("id", "return_delay", "torque_enable")] == [1, 250, 1]
 
 
@@ -187,12 +187,12 @@ def test_each_register_in_ram_is_known_to_change_the_force_or_not() -> None:
         for row in model.table.registers.values()
         if row.writable and not row.eeprom
     }
-    assert found <= FORCE | SOFTNESS | NO_FORCE
-    assert not (FORCE | SOFTNESS) & NO_FORCE
+    assert found <= FORCE_REGISTERS | SOFTNESS_REGISTERS | NO_FORCE
+    assert not (FORCE_REGISTERS | SOFTNESS_REGISTERS) & NO_FORCE
     for model in MODELS.values():
-        assert {model.table.torque_limit, model.table.torque_ceiling} <= FORCE
+        assert {model.table.torque_limit, model.table.torque_ceiling} <= FORCE_REGISTERS
     names = {row.name for model in MODELS.values() for row in model.table.registers.values()}
-    assert names >= FORCE | SOFTNESS
+    assert names >= FORCE_REGISTERS | SOFTNESS_REGISTERS
 
 
 @pytest.mark.parametrize(
@@ -214,7 +214,7 @@ def test_a_change_says_whether_the_servo_holds_with_less_force(
     name: str, before: int, after: int, weakens: bool
 ) -> None:
     registers = {row.name: row for model in MODELS.values() for row in model.table.registers.values()}
-    assert Change(registers[name], before, after).weakens is weakens
+    assert RegisterChange(registers[name], before, after).weakens is weakens
 
 
 def test_keeping_its_own_id_is_no_collision(bench: Bench) -> None:
@@ -229,16 +229,16 @@ def test_a_new_rate_is_verified_at_that_rate_and_the_bus_keeps_its_own(name: str
     assert (bench.servo.get("baud"), bench.servo.get("id")) == (code, 9)
     assert bench.bus.baud == 1_000_000
     assert baud in bench.wired.rates
-    assert bench.bus.ping(At(2, bench.model.protocol)) == bench.model.number
+    assert bench.bus.ping(ServoAddress(2, bench.model.protocol)) == bench.model.number
     with pytest.raises(NoReply):
-        bench.bus.ping(At(9, bench.model.protocol))
+        bench.bus.ping(ServoAddress(9, bench.model.protocol))
 
 
 def test_a_rate_that_the_adapter_cannot_run_at_is_found_out_before_anything_is_written(bench: Bench) -> None:
     bench.wired.beyond = {500_000}
     changes = bench.plan(baud=3, return_delay=0)
     with pytest.raises(NotConnected):
-        apply(bench.bus, bench.at, bench.model.table, changes)
+        apply_changes(bench.bus, bench.at, bench.model.table, changes)
     assert not bench.writes
     assert bench.bus.baud == 1_000_000
 
@@ -256,7 +256,7 @@ def test_a_servo_that_keeps_its_old_value_is_a_fault(bench: Bench, monkeypatch: 
     changes = bench.plan(return_delay=0, temperature_limit=60)
     monkeypatch.setattr(bench.bus, "write", lambda *_: None)
     with pytest.raises(DeviceFault, match="servo 1: return_delay holds 250 after 0"):
-        apply(bench.bus, bench.at, bench.model.table, changes)
+        apply_changes(bench.bus, bench.at, bench.model.table, changes)
 
 
 def test_a_servo_whose_torque_stays_on_is_not_written_to(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -264,7 +264,7 @@ def test_a_servo_whose_torque_stays_on_is_not_written_to(bench: Bench, monkeypat
     changes = bench.plan(return_delay=0)
     monkeypatch.setattr(bench.bus, "write", lambda *_: None)
     with pytest.raises(DeviceFault, match="torque does not go off"):
-        apply(bench.bus, bench.at, bench.model.table, changes)
+        apply_changes(bench.bus, bench.at, bench.model.table, changes)
     assert bench.servo.get("return_delay") == 250
 
 
@@ -278,7 +278,7 @@ def test_a_servo_that_is_gone_in_between_is_said_to_be(bench: Bench) -> None:
     changes = bench.plan(return_delay=0)
     bench.servo.present = False
     with pytest.raises(NoReply, match="servo 1"):
-        apply(bench.bus, bench.at, bench.model.table, changes)
+        apply_changes(bench.bus, bench.at, bench.model.table, changes)
 
 
 def test_after_a_failure_the_plan_tells_what_is_left(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -288,5 +288,5 @@ def test_after_a_failure_the_plan_tells_what_is_left(bench: Bench, monkeypatch: 
     with monkeypatch.context() as patch:
         patch.setattr(bench.bus, "write", lambda at, row, value: row.name == "return_delay" and write(at, row, value))
         with pytest.raises(DeviceFault, match="lowest_voltage"):
-            apply(bench.bus, bench.at, bench.model.table, changes)
+            apply_changes(bench.bus, bench.at, bench.model.table, changes)
     assert named(bench.plan(**wanted)) == [("lowest_voltage", 60, 90)]

@@ -8,14 +8,14 @@ from typing import Any, Literal
 
 import pytest
 
-from drivers.api import Away, Coupling, DeviceStatus, JointState, Quality, Reading
+from drivers.api import Coupling, DeviceStatus, JointState, Quality, Reading, ReconnectPolicy
 from drivers.clock import ManualClock
 from drivers.errors import NotConnected
-from drivers.servos.attention import SENT
-from drivers.servos.bus import Bus
+from drivers.servos.attention import MOVING_INTERVAL
+from drivers.servos.bus import ServoBus
 from drivers.servos.driver import DynamixelJoints
 from drivers.servos.joint import Joint, JointSpec
-from drivers.servos.legs import LABOURED, leg
+from drivers.servos.legs import LOADED_LOOKAHEAD, next_setpoint
 from drivers.servos.models import MODELS as MODELS_BY_NAME
 from drivers.servos.virtual.servo import VirtualServo
 from tests.drivers.chains import mixed_chain
@@ -42,8 +42,10 @@ class Quiet:
             name: JointSpec(number, model=model, **{"lower": -2.4, "upper": 2.4, "speed": 4.0, **spec})
             for number, (name, model) in enumerate(zip("abc", models or MODELS, strict=False), 1)
         }
-        bus = Bus("/dev/servos", self.clock, name="arm", dial=self.line.dial)
-        away = Away(decide=30.0, latch=60.0)  # what is tried here is what the joints do without that rule
+        bus = ServoBus("/dev/servos", self.clock, name="arm", dial=self.line.dial)
+        away = ReconnectPolicy(
+            decide_after=30.0, latch_after=60.0
+        )  # what is tried here is what the joints do without that rule
         self.joints = DynamixelJoints(
             bus, specs, self.clock, rate=rate, at_rest=at_rest, away=away, report=self.notices.append
         )
@@ -51,39 +53,39 @@ class Quiet:
 
     def run(self, seconds: float) -> None:
         """Go through the rounds of so many seconds."""
-        end = self.clock.now() + seconds
-        while self.clock.now() < end - 1e-9:
-            began = self.clock.now()
-            self.joints._round()
-            self.wait(began + self._round - self.clock.now(), step=self._round)
+        end = self.clock.read_value() + seconds
+        while self.clock.read_value() < end - 1e-9:
+            began = self.clock.read_value()
+            self.joints._poll_round()
+            self.wait(began + self._round - self.clock.read_value(), step=self._round)
 
     def wait(self, seconds: float, *, step: float = 0.005) -> None:
         """Let time pass in which nobody says anything."""
-        end = self.clock.now() + seconds
-        while self.clock.now() < end - 1e-9:
-            self.clock.reach(min(end, self.clock.now() + step))
-            self.chain.poll(self.clock.now())
+        end = self.clock.read_value() + seconds
+        while self.clock.read_value() < end - 1e-9:
+            self.clock.advance_to(min(end, self.clock.read_value() + step))
+            self.chain.poll(self.clock.read_value())
 
     def servo(self, number: int = 1) -> VirtualServo:
         return self.chain.servo(number)
 
     def tries(self) -> list[int]:
         """How often each servo was asked so far."""
-        return [self.joints._bus.tally(number).tries for number in range(1, len(self.chain.servos) + 1)]
+        return [self.joints._bus.statistics(number).tries for number in range(1, len(self.chain.servos) + 1)]
 
     def angles(self) -> list[float]:
-        self.chain.poll(self.clock.now())
+        self.chain.poll(self.clock.read_value())
         return [servo.angle for servo in self.chain.servos]
 
     def rests_after(self) -> float:
         """Fall silent; return the seconds until nothing moves any more, stiff all the while."""
         self.line.sent.clear()
-        began, moved = self.clock.now(), 0.0
+        began, moved = self.clock.read_value(), 0.0
         before = self.angles()
-        while self.clock.now() < began + 2.0:
+        while self.clock.read_value() < began + 2.0:
             self.wait(0.01, step=0.01)
             if (now := self.angles()) != before:
-                before, moved = now, self.clock.now() - began
+                before, moved = now, self.clock.read_value() - began
         assert self.line.sent == []
         assert not any(servo.limp for servo in self.chain.servos)
         return moved
@@ -91,8 +93,8 @@ class Quiet:
     def steps(self, number: int, seconds: float) -> list[float]:
         """Return by how much a servo turns in each round of so many seconds."""
         seen = [self.servo(number).angle]
-        end = self.clock.now() + seconds
-        while self.clock.now() < end:
+        end = self.clock.read_value() + seconds
+        while self.clock.read_value() < end:
             self.run(self._round)
             seen.append(self.angles()[number - 1])
         return [later - earlier for earlier, later in pairwise(seen)]
@@ -131,7 +133,7 @@ def test_whenever_its_program_falls_silent_the_arm_is_at_rest_within_half_a_seco
         begin(arm, chance)
         arm.run(chance.uniform(0.0, 1.2))
         if begin is follow:
-            arm.joints._settle(["a"], stiff=True)  # whoever turns it has let go
+            arm.joints._hold_or_relax(["a"], stiff=True)  # whoever turns it has let go
         took.append(arm.rests_after())
     assert max(took) <= WITHIN
     if begin is not hold:
@@ -175,12 +177,12 @@ def test_a_move_goes_on_evenly_as_fast_as_it_was_told_and_arrives(rate: float) -
             servo = arm.servo(number)
             true = servo.model.speed_ticks(speed) * servo.model.speed_unit
             arm.joints.move({"abc"[number - 1]: -1.5}, speeds={"abc"[number - 1]: speed})
-            began = arm.clock.now()
+            began = arm.clock.read_value()
             ways = arm.steps(number, abs(servo.angle + 1.5) / true + 1.0)
             turning = [-way * rate for way in ways if way][1:-1]
             assert turning == pytest.approx([true] * len(turning), rel=0.02), (speed, servo.model.name)
             assert servo.angle == pytest.approx(-1.5, abs=servo.model.tick), (speed, servo.model.name)
-            assert arm.clock.now() > began
+            assert arm.clock.read_value() > began
 
 
 def test_goals_on_the_way_take_little_of_the_wire() -> None:
@@ -199,12 +201,12 @@ def test_a_burden_that_keeps_a_joint_back_meets_more_force_but_never_the_whole_w
     arm.joints.move({"a": 2.0}, speeds={"a": radians(10)})
     arm.run(0.5)
     servo = arm.servo()
-    servo.burden = 2.0
+    servo.load = 2.0
     servo.set("shutdown", 0)
     arm.run(0.5)  # before it is given up
     ahead = degrees(servo.model.angle(servo.get("goal_position")) - servo.angle)
     assert 15.0 < ahead < 21.0
-    servo.burden = 0.0
+    servo.load = 0.0
     arm.run(12.0)
     assert servo.angle == pytest.approx(2.0, abs=servo.model.tick)
 
@@ -242,8 +244,8 @@ def test_unplugged_the_arm_rests_on_its_way_and_is_held_there_when_it_is_back() 
     arm.run(0.5)
     arm.line.plugged = False
     with pytest.raises(NotConnected) as caught:
-        arm.run(1.5 * SENT)
-    arm.joints._watch.lost(caught.value)
+        arm.run(1.5 * MOVING_INTERVAL)
+    arm.joints._monitor.on_port_lost(caught.value)
     assert arm.rests_after() <= WITHIN
     rested = arm.angles()
     arm.line.plugged = True
@@ -252,14 +254,14 @@ def test_unplugged_the_arm_rests_on_its_way_and_is_held_there_when_it_is_back() 
 
 
 def test_a_reading_that_is_older_than_the_leg_does_not_say_that_the_joint_labours() -> None:
-    joint = Joint("a", JointSpec(1), MODELS_BY_NAME["AX-12A"], goal=1.0, speed=0.2, sent_at=0.9, torque=True)
-    joint.sent = joint.ticks(0.06)
+    joint = Joint("a", JointSpec(1), MODELS_BY_NAME["AX-12A"], goal=1.0, speed=0.2, setpoint_sent_at=0.9, torque=True)
+    joint.setpoint = joint.ticks(0.06)
 
     def seen_at(stamp: float) -> None:
         state = JointState(0.0, 0.0, 1.0, 0.0, 12.0, 35.0, moving=True, torque=True)
         joint.reading = Reading(state, stamp, Quality.GOOD)
 
     seen_at(1.0)
-    assert leg(joint, 1.24) is None
+    assert next_setpoint(joint, 1.24) is None
     seen_at(1.23)
-    assert leg(joint, 1.24) == joint.ticks(LABOURED)
+    assert next_setpoint(joint, 1.24) == joint.ticks(LOADED_LOOKAHEAD)

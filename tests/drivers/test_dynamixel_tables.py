@@ -8,29 +8,29 @@ from hypothesis import strategies as st
 
 from drivers.errors import BadRequest
 from drivers.servos import tables, tables_small, tables_sts
-from drivers.servos.models import MODELS, Model
-from drivers.servos.register import Block, Coding, Register, Table
+from drivers.servos.models import MODELS, ServoModel
+from drivers.servos.register import Coding, ControlTable, Register, RegisterBlock
 from tests.cases import each
 
 TABLES = {
     name: table
     for name, table in (vars(tables) | vars(tables_small) | vars(tables_sts)).items()
-    if isinstance(table, Table)
+    if isinstance(table, ControlTable)
 }
 EVERY = tuple(TABLES.values())
 WRITABLE = [register for table in EVERY for register in table.registers.values() if register.writable]
 
 
-def blocks(table: Table) -> list[Block]:
-    return [table.fast, *table.slow, table.setup]
+def blocks(table: ControlTable) -> list[RegisterBlock]:
+    return [table.fast_block, *table.slow_blocks, table.setup_block]
 
 
-def within(register: Register, block: Block) -> bool:
+def within(register: Register, block: RegisterBlock) -> bool:
     return block.address <= register.address and register.end <= block.address + block.size
 
 
 @each("table", EVERY)
-def test_registers_ascend_and_do_not_overlap(table: Table) -> None:
+def test_registers_ascend_and_do_not_overlap(table: ControlTable) -> None:
     rows = list(table.registers.values())
     assert all(before.end <= after.address for before, after in pairwise(rows))
     assert list(table.registers) == [register.name for register in rows]
@@ -38,29 +38,32 @@ def test_registers_ascend_and_do_not_overlap(table: Table) -> None:
 
 
 @each("table", EVERY)
-def test_settings_come_before_goals_and_readings(table: Table) -> None:
+def test_settings_come_before_goals_and_readings(table: ControlTable) -> None:
     first = table["torque_enable"].address
     assert [row.eeprom for row in table.registers.values()] == [row.address < first for row in table.registers.values()]
 
 
 @each("table", EVERY)
-def test_every_part_is_played_by_a_register_of_the_table(table: Table) -> None:
+def test_every_part_is_played_by_a_register_of_the_table(table: ControlTable) -> None:
     parts = (table.goal, table.speed, table.velocity, table.effort, table.torque_limit, table.torque_ceiling)
-    assert set(parts) | set(table.limits) <= set(table.registers)
+    assert set(parts) | set(table.limit_registers) <= set(table.registers)
 
 
 @each("table", EVERY)
-def test_each_round_reads_what_a_joint_must_know(table: Table) -> None:
+def test_each_round_reads_what_a_joint_must_know(table: ControlTable) -> None:
     wanted = [table["present_position"], table[table.velocity], table[table.effort], table["moving"]]
-    assert all(within(register, table.fast) for register in wanted)
+    assert all(within(register, table.fast_block) for register in wanted)
     rest = [table[name] for name in ("torque_enable", "present_voltage", "present_temperature")]
-    assert all(any(within(register, block) for block in (table.fast, *table.slow)) for register in rest)
-    joins = [table[name] for name in ("model_number", "firmware", "return_delay", *table.limits, table.torque_ceiling)]
-    assert all(within(register, table.setup) for register in joins)
+    assert all(any(within(register, block) for block in (table.fast_block, *table.slow_blocks)) for register in rest)
+    joins = [
+        table[name]
+        for name in ("model_number", "firmware", "return_delay", *table.limit_registers, table.torque_ceiling)
+    ]
+    assert all(within(register, table.setup_block) for register in joins)
 
 
 @each("table", EVERY)
-def test_no_block_cuts_a_register_in_two(table: Table) -> None:
+def test_no_block_cuts_a_register_in_two(table: ControlTable) -> None:
     for block in blocks(table):
         ends = {block.address, block.address + block.size}
         assert not any(row.address < end < row.end for row in table.registers.values() for end in ends)
@@ -68,7 +71,7 @@ def test_no_block_cuts_a_register_in_two(table: Table) -> None:
 
 
 @each("table", EVERY)
-def test_a_goal_and_its_speed_are_side_by_side(table: Table) -> None:
+def test_a_goal_and_its_speed_are_side_by_side(table: ControlTable) -> None:
     goal, speed = sorted((table[table.goal], table[table.speed]), key=lambda register: register.address)
     between = [row for row in table.registers.values() if goal.end <= row.address < speed.address]
     assert goal.end + sum(row.size for row in between) == speed.address
@@ -85,7 +88,7 @@ def test_the_default_and_both_bounds_fit_their_register(register: Register) -> N
 
 
 @each("model", MODELS.values())
-def test_what_a_model_differs_in_is_within_its_table(model: Model) -> None:
+def test_what_a_model_differs_in_is_within_its_table(model: ServoModel) -> None:
     for name, value in model.defaults.items():
         register = model.table[name]
         assert not register.writable or register.lower <= value <= register.upper, name
@@ -199,7 +202,7 @@ def test_but_that_of_its_offset_is_bit_eleven_and_that_of_its_load_bit_ten(value
 @given(st.integers(-(2**31), 2**31 - 1))
 def test_positions_of_protocol_2_are_in_twos_complement(value: int) -> None:
     register = tables.TABLE_X["present_position"]
-    assert register.coding is Coding.TWOS
+    assert register.coding is Coding.TWOS_COMPLEMENT
     assert register.encode(value) == value.to_bytes(4, "little", signed=True)
     assert register.decode(bytes(10) + register.encode(value), register.address - 10) == value
 
@@ -230,23 +233,25 @@ def test_a_bus_watchdog_that_has_fired_reads_minus_one() -> None:
 )
 def test_a_misspelt_register_says_what_may_be_meant(asked: str, meant: str) -> None:
     with pytest.raises(BadRequest, match=asked) as caught:
-        tables.TABLE_AX.named(asked)
+        tables.TABLE_AX.find_register(asked)
     assert meant in caught.value.hint
 
 
 def test_a_register_that_resembles_none_lists_them_all() -> None:
     with pytest.raises(BadRequest) as caught:
-        tables.TABLE_AX.named("zzz")
+        tables.TABLE_AX.find_register("zzz")
     assert all(name in caught.value.hint for name in tables.TABLE_AX.registers)
 
 
 def test_a_register_is_found_by_its_name() -> None:
-    assert tables.TABLE_X.named("goal_pwm").address == 100
+    assert tables.TABLE_X.find_register("goal_pwm").address == 100
     assert "goal_pwm" in tables.TABLE_X
     assert "goal_pwm" not in tables.TABLE_AX
 
 
 @each("model", MODELS.values())
-def test_the_goal_is_among_the_slow_registers_for_the_watch_to_compare(model: Model) -> None:
+def test_the_goal_is_among_the_slow_registers_for_the_watch_to_compare(model: ServoModel) -> None:
     goal = model.table[model.table.goal]
-    assert any(block.address <= goal.address and goal.end <= block.address + block.size for block in model.table.slow)
+    assert any(
+        block.address <= goal.address and goal.end <= block.address + block.size for block in model.table.slow_blocks
+    )

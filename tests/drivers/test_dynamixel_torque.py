@@ -8,17 +8,17 @@ from typing import Any, Literal
 
 import pytest
 
-from drivers.api import Away, Coupling, DeviceStatus
-from drivers.api.joints import FOLLOWING_TOLERANCE, RUN_IN
+from drivers.api import Coupling, DeviceStatus, ReconnectPolicy
+from drivers.api.joints import FOLLOWING_TOLERANCE, MAX_APPROACH_SPEED
 from drivers.clock import ManualClock
 from drivers.errors import NotConnected
-from drivers.servos.bus import Bus
+from drivers.servos.bus import ServoBus
 from drivers.servos.driver import DynamixelJoints
 from drivers.servos.joint import JointSpec
 from drivers.servos.models import MODELS
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
-from drivers.servos.wire import Instruction
+from drivers.servos.wire import Protocol1Instruction
 from tests.drivers.chains import mixed_chain
 from tests.drivers.lines import DirectLine
 from tests.waiting import wait_until
@@ -35,12 +35,12 @@ def code_of(frame: bytes) -> int:
 def wrote(frame: bytes, register: str, model: str = "AX-12A") -> bool:
     """Whether a request writes to one servo from ``register`` on."""
     place = frame[8] if frame[:3] == b"\xff\xff\xfd" else frame[5]
-    return code_of(frame) == Instruction.WRITE and place == MODELS[model].table[register].address
+    return code_of(frame) == Protocol1Instruction.WRITE and place == MODELS[model].table[register].address
 
 
 def together(frame: bytes) -> bool:
     """Whether a request is for many servos, of which none acknowledges it."""
-    return code_of(frame) == Instruction.SYNC_WRITE
+    return code_of(frame) == Protocol1Instruction.SYNC_WRITE
 
 
 def at_times(chance: Random, share: float) -> bool:
@@ -77,7 +77,7 @@ class Hand:
     """An arm whose rounds are gone through by hand, of servos called a, b and so on."""
 
     def __init__(
-        self, *models: str, at_rest: Literal["hold", "relax"] = "hold", away: Away | None = None, **spec: Any
+        self, *models: str, at_rest: Literal["hold", "relax"] = "hold", away: ReconnectPolicy | None = None, **spec: Any
     ) -> None:
         self.clock = ManualClock()
         self.chain = mixed_chain(*models)
@@ -87,21 +87,21 @@ class Hand:
             name: JointSpec(number, model=model, **{"lower": -2.0, "upper": 2.0, **spec})
             for number, (name, model) in enumerate(zip("abc", models, strict=False), 1)
         }
-        bus = Bus("/dev/servos", self.clock, name="arm", dial=self.line.dial)
+        bus = ServoBus("/dev/servos", self.clock, name="arm", dial=self.line.dial)
         self.joints = DynamixelJoints(bus, specs, self.clock, at_rest=at_rest, away=away, report=self.notices.append)
 
     def run(self, seconds: float = ROUND) -> None:
         """Go through the rounds of so many seconds."""
-        end = self.clock.now() + seconds
-        while self.clock.now() < end:
-            self.joints._round()
+        end = self.clock.read_value() + seconds
+        while self.clock.read_value() < end:
+            self.joints._poll_round()
             self.clock.advance(ROUND)
 
     def servo(self, number: int = 1) -> VirtualServo:
         return self.chain.servo(number)
 
     def faults(self) -> list[str]:
-        return [notice.what for notice in self.notices if notice.kind == "fault"]
+        return [notice.message for notice in self.notices if notice.kind == "fault"]
 
     def change_unseen(self, number: int, register: str, value: int) -> None:
         """Let a servo come back after a while with another setting."""
@@ -215,14 +215,14 @@ def test_joints_that_rest_are_not_said_to_have_refused_because_replies_were_late
             arm.run(0.5)
             chance = Random(seed)  # noqa: S311 - chance, not a secret
             arm.line.late = partial(at_times, chance, share)
-            began = arm.clock.now()
+            began = arm.clock.read_value()
             arm.joints.rest()
             assert arm.faults() == [], (share, seed)
-            assert arm.clock.now() - began < 2.0
+            assert arm.clock.read_value() - began < 2.0
             assert [servo.limp for servo in arm.chain.servos] == [at_rest == "relax"] * 3
             before = [servo.angle for servo in arm.chain.servos]
             arm.clock.advance(1.0)
-            arm.chain.poll(arm.clock.now())
+            arm.chain.poll(arm.clock.read_value())
             assert [servo.angle for servo in arm.chain.servos] == pytest.approx(before, abs=0.05)
 
 
@@ -341,7 +341,7 @@ def test_a_servo_that_was_left_in_torque_mode_goes_to_positions_again_and_does_n
     arm.run()
     assert servo.get("torque_mode") == 0
     assert servo.limp is not stiff
-    writes = [frame for frame in arm.line.sent if code_of(frame) == Instruction.WRITE]
+    writes = [frame for frame in arm.line.sent if code_of(frame) == Protocol1Instruction.WRITE]
     changed = next(at for at, frame in enumerate(writes) if wrote(frame, "torque_mode", "MX-64"))
     assert any(wrote(frame, "goal_position", "MX-64") for frame in writes[:changed]) is stiff
     arm.run(1.0)
@@ -357,12 +357,12 @@ def test_a_servo_that_was_left_in_torque_mode_goes_to_positions_again_and_does_n
 def fastest_far_off(arm: Hand, seconds: float) -> float:
     """Return how fast (rad/s) the second joint turns at most, over a tenth of a second, while the first is far off."""
     leader, follower = arm.servo(1), arm.servo(2)
-    found, end = 0.0, arm.clock.now() + seconds
-    while arm.clock.now() < end:
-        before, began = follower.angle, arm.clock.now()
+    found, end = 0.0, arm.clock.read_value() + seconds
+    while arm.clock.read_value() < end:
+        before, began = follower.angle, arm.clock.read_value()
         arm.run(0.1)
         if abs(follower.angle - leader.angle) > FOLLOWING_TOLERANCE:
-            found = max(found, abs(follower.angle - before) / (arm.clock.now() - began))
+            found = max(found, abs(follower.angle - before) / (arm.clock.read_value() - began))
     return found
 
 
@@ -374,14 +374,16 @@ def test_a_follower_that_is_far_off_is_brought_over_slowly_then_follows_at_its_l
     arm.joints.follow([Coupling("a", "b")])
     arm.run()
     arm.servo(1).turn_by_hand(1.4)
-    assert 0.8 * RUN_IN < fastest_far_off(arm, 2.5) < 1.1 * RUN_IN
+    assert 0.8 * MAX_APPROACH_SPEED < fastest_far_off(arm, 2.5) < 1.1 * MAX_APPROACH_SPEED
     assert arm.servo(2).angle == pytest.approx(1.4, abs=FOLLOWING_TOLERANCE / 2)
     arm.servo(1).turn_by_hand(0.0)
-    assert fastest_far_off(arm, 1.0) > 2 * RUN_IN
+    assert fastest_far_off(arm, 1.0) > 2 * MAX_APPROACH_SPEED
 
 
 def test_after_a_lost_bus_or_a_leader_that_was_silent_followers_are_brought_over_slowly_again() -> None:
-    patient = Away(decide=30.0, latch=60.0)  # what is tried here is how followers come over, not the rule for absences
+    patient = ReconnectPolicy(
+        decide_after=30.0, latch_after=60.0
+    )  # what is tried here is how followers come over, not the rule for absences
     arm = Hand("AX-12A", "AX-12A", speed=4.0, away=patient)
     arm.run()
     arm.joints.follow([Coupling("a", "b")])
@@ -389,16 +391,16 @@ def test_after_a_lost_bus_or_a_leader_that_was_silent_followers_are_brought_over
     arm.line.plugged = False
     with pytest.raises(NotConnected) as caught:
         arm.run()
-    arm.joints._watch.lost(caught.value)
+    arm.joints._monitor.on_port_lost(caught.value)
     arm.servo(1).turn_by_hand(1.0)
     arm.line.plugged = True
-    assert 0.8 * RUN_IN < fastest_far_off(arm, 2.0) < 1.1 * RUN_IN
+    assert 0.8 * MAX_APPROACH_SPEED < fastest_far_off(arm, 2.0) < 1.1 * MAX_APPROACH_SPEED
     assert arm.servo(2).angle == pytest.approx(1.0, abs=FOLLOWING_TOLERANCE / 2)
     arm.servo(1).present = False
     arm.run(1.0)
     arm.servo(1).turn_by_hand(0.0)
     arm.servo(1).present = True
-    assert 0.8 * RUN_IN < fastest_far_off(arm, 3.0) < 1.1 * RUN_IN
+    assert 0.8 * MAX_APPROACH_SPEED < fastest_far_off(arm, 3.0) < 1.1 * MAX_APPROACH_SPEED
     assert arm.servo(2).angle == pytest.approx(0.0, abs=FOLLOWING_TOLERANCE / 2)
 
 
@@ -413,7 +415,7 @@ def test_a_follower_that_had_shut_down_is_brought_over_slowly_when_it_recovers()
     arm.run(0.5)
     assert arm.servo(2).limp
     assert arm.joints.recover() == ("b",)
-    assert 0.8 * RUN_IN < fastest_far_off(arm, 2.0) < 1.1 * RUN_IN
+    assert 0.8 * MAX_APPROACH_SPEED < fastest_far_off(arm, 2.0) < 1.1 * MAX_APPROACH_SPEED
 
 
 def test_a_joint_that_was_away_is_brought_over_slowly_by_whoever_decides_anew() -> None:
@@ -425,11 +427,11 @@ def test_a_joint_that_was_away_is_brought_over_slowly_by_whoever_decides_anew() 
     arm.run(2.0)
     arm.servo(1).present = True
     arm.run(1.5)
-    assert arm.joints.health().returned is not None
+    assert arm.joints.health().reconnected_at is not None
     before = arm.servo(1).angle
     arm.joints.move({"a": 1.2})
     arm.run(0.5)
-    assert 0.6 * RUN_IN < (arm.servo(1).angle - before) / 0.5 < 1.1 * RUN_IN
+    assert 0.6 * MAX_APPROACH_SPEED < (arm.servo(1).angle - before) / 0.5 < 1.1 * MAX_APPROACH_SPEED
     arm.run(2.0)
     assert arm.servo(1).angle == pytest.approx(1.2, abs=FOLLOWING_TOLERANCE)
 
@@ -461,7 +463,9 @@ def test_a_goal_of_a_stream_that_was_asked_before_the_joint_was_back_moves_it_no
 
 
 def test_who_holds_the_arm_has_the_wire_before_the_next_joint_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("drivers.servos.driver.GIVEN_WAY", 60.0)  # in real time, however slow the machine is
+    monkeypatch.setattr(
+        "drivers.servos.driver.COMMAND_PRIORITY_TIMEOUT", 60.0
+    )  # in real time, however slow the machine is
     hand = Hand("AX-12A", "AX-12A", "AX-12A")
     hand.run(0.1)
     hand.joints.move({"a": 1.0, "b": 1.0, "c": 1.0})
@@ -470,15 +474,15 @@ def test_who_holds_the_arm_has_the_wire_before_the_next_joint_is_read(monkeypatc
 
     def seen(frame: bytes) -> bool:
         sent.append(frame)
-        if code_of(frame) == Instruction.READ and holding.ident is None:
+        if code_of(frame) == Protocol1Instruction.READ and holding.ident is None:
             holding.start()
-            wait_until(lambda: not hand.joints._calm.is_set())  # it waits for the wire
+            wait_until(lambda: not hand.joints._no_command_pending.is_set())  # it waits for the wire
         return False
 
     hand.line.loses = seen
     hand.run(0.5)
     holding.join()
     codes = [code_of(frame) for frame in sent]
-    first = codes.index(Instruction.READ)
-    assert codes[first + 1] == Instruction.SYNC_WRITE
-    assert hand.joints._calm.is_set()
+    first = codes.index(Protocol1Instruction.READ)
+    assert codes[first + 1] == Protocol1Instruction.SYNC_WRITE
+    assert hand.joints._no_command_pending.is_set()

@@ -6,18 +6,18 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from drivers.servos.wire import BROADCAST, Fault, Packet
+from drivers.servos.wire import BROADCAST, Packet, ServoFault
 from drivers.servos.wire2 import (
     ALERT,
     LAST_ID,
     MAX_PARAMETERS,
     STATUS,
-    Error,
-    Instruction,
-    Parser,
+    PacketParser2,
+    Protocol2Error,
+    Protocol2Instruction,
     crc,
-    faults_of,
-    hardware_faults,
+    decode_error,
+    decode_hardware_error,
     request,
     status,
     stuff,
@@ -25,29 +25,29 @@ from drivers.servos.wire2 import (
 )
 
 REQUESTS = [
-    ("01 03 00 01 19 4E", 1, Instruction.PING, ""),
-    ("FE 03 00 01 31 42", BROADCAST, Instruction.PING, ""),
-    ("01 07 00 02 84 00 04 00 1D 15", 1, Instruction.READ, "84 00 04 00"),
-    ("01 07 00 02 46 00 01 00 3C A3", 1, Instruction.READ, "46 00 01 00"),
-    ("01 09 00 03 74 00 00 02 00 00 CA 89", 1, Instruction.WRITE, "74 00 00 02 00 00"),
-    ("01 06 00 03 40 00 01 DB 66", 1, Instruction.WRITE, "40 00 01"),
-    ("01 0A 00 03 74 00 FF FF FD FD 00 21 E7", 1, Instruction.WRITE, "74 00 FF FF FD 00"),
-    ("01 09 00 04 68 00 C8 00 00 00 AE 8E", 1, Instruction.REG_WRITE, "68 00 C8 00 00 00"),
-    ("01 03 00 05 02 CE", 1, Instruction.ACTION, ""),
-    ("01 04 00 06 01 A1 E6", 1, Instruction.FACTORY_RESET, "01"),
-    ("01 03 00 08 2F 4E", 1, Instruction.REBOOT, ""),
-    ("01 08 00 10 01 44 58 4C 22 B1 DC", 1, Instruction.CLEAR, "01 44 58 4C 22"),
-    ("FE 09 00 82 84 00 04 00 01 02 CE FA", BROADCAST, Instruction.SYNC_READ, "84 00 04 00 01 02"),
+    ("01 03 00 01 19 4E", 1, Protocol2Instruction.PING, ""),
+    ("FE 03 00 01 31 42", BROADCAST, Protocol2Instruction.PING, ""),
+    ("01 07 00 02 84 00 04 00 1D 15", 1, Protocol2Instruction.READ, "84 00 04 00"),
+    ("01 07 00 02 46 00 01 00 3C A3", 1, Protocol2Instruction.READ, "46 00 01 00"),
+    ("01 09 00 03 74 00 00 02 00 00 CA 89", 1, Protocol2Instruction.WRITE, "74 00 00 02 00 00"),
+    ("01 06 00 03 40 00 01 DB 66", 1, Protocol2Instruction.WRITE, "40 00 01"),
+    ("01 0A 00 03 74 00 FF FF FD FD 00 21 E7", 1, Protocol2Instruction.WRITE, "74 00 FF FF FD 00"),
+    ("01 09 00 04 68 00 C8 00 00 00 AE 8E", 1, Protocol2Instruction.REG_WRITE, "68 00 C8 00 00 00"),
+    ("01 03 00 05 02 CE", 1, Protocol2Instruction.ACTION, ""),
+    ("01 04 00 06 01 A1 E6", 1, Protocol2Instruction.FACTORY_RESET, "01"),
+    ("01 03 00 08 2F 4E", 1, Protocol2Instruction.REBOOT, ""),
+    ("01 08 00 10 01 44 58 4C 22 B1 DC", 1, Protocol2Instruction.CLEAR, "01 44 58 4C 22"),
+    ("FE 09 00 82 84 00 04 00 01 02 CE FA", BROADCAST, Protocol2Instruction.SYNC_READ, "84 00 04 00 01 02"),
     (
         "FE 11 00 83 74 00 04 00 01 96 00 00 00 02 AA 00 00 00 82 87",
         BROADCAST,
-        Instruction.SYNC_WRITE,
+        Protocol2Instruction.SYNC_WRITE,
         "74 00 04 00 01 96 00 00 00 02 AA 00 00 00",
     ),
     (
         "FE 0D 00 92 01 90 00 02 00 02 92 00 01 00 1A 05",
         BROADCAST,
-        Instruction.BULK_READ,
+        Protocol2Instruction.BULK_READ,
         "01 90 00 02 00 02 92 00 01 00",
     ),
 ]
@@ -56,7 +56,7 @@ REPLIES = [
     ("01 07 00 55 00 24 04 2D F4 DF", 1, 0, "24 04 2D"),
     ("01 08 00 55 00 A6 00 00 00 8C C0", 1, 0, "A6 00 00 00"),
     ("01 04 00 55 00 A1 0C", 1, 0, ""),
-    ("01 04 00 55 07 B0 8C", 1, Error.ACCESS, ""),
+    ("01 04 00 55 07 B0 8C", 1, Protocol2Error.ACCESS, ""),
     ("02 08 00 55 00 1F 08 00 00 BA BE", 2, 0, "1F 08 00 00"),
     ("01 05 00 55 80 20 99 21", 1, ALERT, "20"),
 ]
@@ -65,7 +65,10 @@ HEADER = "FF FF FD 00 "
 ids = st.one_of(st.integers(0, LAST_ID), st.just(BROADCAST))
 tricky = st.lists(st.sampled_from([0xFF, 0xFF, 0xFD, 0xFD, 0x00, 0x01, 0x55]), max_size=24).map(bytes)
 packets = st.builds(
-    Packet, id=ids, code=st.sampled_from([*Instruction, STATUS]), parameters=st.one_of(st.binary(max_size=24), tricky)
+    Packet,
+    id=ids,
+    code=st.sampled_from([*Protocol2Instruction, STATUS]),
+    parameters=st.one_of(st.binary(max_size=24), tricky),
 )
 
 
@@ -75,33 +78,33 @@ def encoded(packet: Packet) -> bytes:
 
 @pytest.mark.parametrize(("golden", "servo", "instruction", "parameters"), REQUESTS)
 def test_a_published_request_is_built_and_understood(
-    golden: str, servo: int, instruction: Instruction, parameters: str
+    golden: str, servo: int, instruction: Protocol2Instruction, parameters: str
 ) -> None:
     frame, data = bytes.fromhex(HEADER + golden), bytes.fromhex(parameters)
     assert request(servo, instruction, data) == frame
-    assert Parser().feed(frame) == [Packet(servo, instruction, data)]
+    assert PacketParser2().feed(frame) == [Packet(servo, instruction, data)]
 
 
 @pytest.mark.parametrize(("golden", "servo", "error", "parameters"), REPLIES)
 def test_a_published_reply_is_built_and_understood(golden: str, servo: int, error: int, parameters: str) -> None:
     frame, data = bytes.fromhex(HEADER + golden), bytes.fromhex(parameters)
     assert status(servo, error, data) == frame
-    assert Parser().feed(frame) == [Packet(servo, STATUS, bytes((error,)) + data)]
+    assert PacketParser2().feed(frame) == [Packet(servo, STATUS, bytes((error,)) + data)]
 
 
 def test_the_error_byte_of_a_reply_says_why_and_whether_the_hardware_has_a_fault() -> None:
-    assert faults_of(0) == Fault(0)
-    assert faults_of(Error.ACCESS) == Fault.ACCESS
-    assert faults_of(Error.CRC) == Fault.CHECKSUM
-    assert faults_of(ALERT) == Fault.ALERT
-    assert faults_of(ALERT | Error.LIMIT) == Fault.ALERT | Fault.LIMIT
-    assert faults_of(Error.FAILED) == faults_of(8) == faults_of(0x7F) == Fault.FAILED
+    assert decode_error(0) == ServoFault(0)
+    assert decode_error(Protocol2Error.ACCESS) == ServoFault.ACCESS
+    assert decode_error(Protocol2Error.CRC) == ServoFault.CHECKSUM
+    assert decode_error(ALERT) == ServoFault.ALERT
+    assert decode_error(ALERT | Protocol2Error.LIMIT) == ServoFault.ALERT | ServoFault.LIMIT
+    assert decode_error(Protocol2Error.FAILED) == decode_error(8) == decode_error(0x7F) == ServoFault.FAILED
 
 
 def test_the_hardware_error_register_has_bits_with_names() -> None:
-    assert hardware_faults(0b100000) == Fault.OVERLOAD
-    assert hardware_faults(0b111101).words == "voltage, overheating, overload, encoder, shock"
-    assert hardware_faults(0b11000010) == Fault(0)  # bits without a meaning
+    assert decode_hardware_error(0b100000) == ServoFault.OVERLOAD
+    assert decode_hardware_error(0b111101).description == "voltage, overheating, overload, encoder, shock"
+    assert decode_hardware_error(0b11000010) == ServoFault(0)  # bits without a meaning
 
 
 def test_the_crc_is_that_of_the_published_packets() -> None:
@@ -112,32 +115,34 @@ def test_the_crc_is_that_of_the_published_packets() -> None:
 def test_a_packet_for_an_impossible_servo_or_of_impossible_length_is_refused() -> None:
     for servo in (253, 255, -1):
         with pytest.raises(ValueError, match=r"0\.\.252 or 254 for all"):
-            request(servo, Instruction.PING)
+            request(servo, Protocol2Instruction.PING)
     with pytest.raises(ValueError, match="1000 parameters, not 1001"):
-        request(1, Instruction.WRITE, bytes(MAX_PARAMETERS + 1))
+        request(1, Protocol2Instruction.WRITE, bytes(MAX_PARAMETERS + 1))
 
 
 def test_a_packet_as_long_as_can_be_is_understood_however_much_is_stuffed() -> None:
     data = b"\xff\xff\xfd" * (MAX_PARAMETERS // 3)
-    assert Parser().feed(request(1, Instruction.WRITE, data)) == [Packet(1, Instruction.WRITE, data)]
+    assert PacketParser2().feed(request(1, Protocol2Instruction.WRITE, data)) == [
+        Packet(1, Protocol2Instruction.WRITE, data)
+    ]
 
 
 def test_a_length_beyond_any_packet_does_not_hold_up_what_follows() -> None:
     false = bytes.fromhex("FF FF FD 00 01 FF FF 55")
-    assert Parser().feed(false + request(1, Instruction.PING)) == [Packet(1, Instruction.PING)]
+    assert PacketParser2().feed(false + request(1, Protocol2Instruction.PING)) == [Packet(1, Protocol2Instruction.PING)]
 
 
 def test_a_wrong_crc_marks_the_packet_and_is_counted() -> None:
-    parser = Parser()
+    parser = PacketParser2()
     (packet,) = parser.feed(bytes.fromhex("FF FF FD 00 01 03 00 01 19 4F"))
     assert not packet.intact
-    assert parser.broken == 1
+    assert parser.damaged_packets == 1
 
 
 def test_a_packet_of_protocol_1_is_none_of_protocol_2() -> None:
-    parser = Parser()
+    parser = PacketParser2()
     assert parser.feed(bytes.fromhex("FF FF 01 04 02 24 08 CC FF FF FD 00 01 03 00 01 19 4E")) == [Packet(1, 1)]
-    assert parser.skipped == 8
+    assert parser.skipped_bytes == 8
 
 
 @given(data=st.one_of(st.binary(max_size=60), tricky))
@@ -150,24 +155,24 @@ def test_what_is_stuffed_has_no_header_and_comes_back_unchanged(data: bytes) -> 
 def test_packets_are_found_wherever_the_stream_is_cut(packets: list[Packet], cuts: list[int]) -> None:
     stream = b"".join(encoded(packet) for packet in packets)
     edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
-    parser = Parser()
+    parser = PacketParser2()
     found = [p for a, b in pairwise(edges) for p in parser.feed(stream[a:b])]
     assert found == packets
-    assert parser.skipped == 0
+    assert parser.skipped_bytes == 0
 
 
 @given(noise=st.one_of(st.binary(max_size=60), tricky), packet=packets)
 def test_noise_before_a_packet_costs_only_itself(noise: bytes, packet: Packet) -> None:
     assume(b"\xff\xff\xfd\x00" not in noise + b"\xff\xff\xfd")
-    parser = Parser()
+    parser = PacketParser2()
     assert parser.feed(noise + encoded(packet)) == [packet]
-    assert parser.skipped == len(noise)
+    assert parser.skipped_bytes == len(noise)
 
 
 @given(noise=tricky, packet=packets)
 def test_even_false_headers_never_hide_a_packet_for_long(noise: bytes, packet: Packet) -> None:
     # A false header may wait for the longest packet; with so much sent after it, the truth comes out.
-    whole = [p for p in Parser().feed(noise + encoded(packet) + bytes(1400)) if p.intact]
+    whole = [p for p in PacketParser2().feed(noise + encoded(packet) + bytes(1400)) if p.intact]
     assert whole == [packet]
 
 
@@ -175,14 +180,14 @@ def test_even_false_headers_never_hide_a_packet_for_long(noise: bytes, packet: P
 def test_a_flipped_bit_never_makes_another_packet(packet: Packet, place: int, bit: int, more: list[Packet]) -> None:
     damaged = bytearray(encoded(packet))
     damaged[place % len(damaged)] ^= 1 << bit
-    assert not [p for p in Parser().feed(bytes(damaged)) if p.intact]
-    found = [p for p in Parser().feed(bytes(damaged) + b"".join(map(encoded, more)) + bytes(1400)) if p.intact]
+    assert not [p for p in PacketParser2().feed(bytes(damaged)) if p.intact]
+    found = [p for p in PacketParser2().feed(bytes(damaged) + b"".join(map(encoded, more)) + bytes(1400)) if p.intact]
     assert found == more
 
 
 @given(data=st.one_of(st.binary(max_size=400), tricky), cut=st.integers(0, 400))
 def test_any_bytes_are_digested_the_same_however_they_arrive(data: bytes, cut: int) -> None:
-    at_once, in_two = Parser(), Parser()
+    at_once, in_two = PacketParser2(), PacketParser2()
     found = at_once.feed(data)
     assert in_two.feed(data[:cut]) + in_two.feed(data[cut:]) == found
-    assert (in_two.skipped, in_two.broken) == (at_once.skipped, at_once.broken)
+    assert (in_two.skipped_bytes, in_two.damaged_packets) == (at_once.skipped_bytes, at_once.damaged_packets)

@@ -3,65 +3,68 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.sim.acts import Act
+from drivers.sim.acts import PersonAction
 from drivers.sim.people import EARSHOT, Person
 from drivers.sim.room import Room
 from drivers.sim.things import Wall
-from drivers.sim.world import World
+from drivers.sim.world import SimulatedWorld
 
-HALL = Room.furnished(20.0, 10.0, 2.6, (5.0, 0.0))
+HALL = Room.with_default_fixtures(20.0, 10.0, 2.6, (5.0, 0.0))
 
 
-def listeners(world: World, *at: float) -> tuple[str, ...]:
-    world.hear("hello", 0.0, (at[0], at[1]))
-    return world.heard[-1].by
+def listeners(world: SimulatedWorld, *at: float) -> tuple[str, ...]:
+    world.deliver_speech("hello", 0.0, (at[0], at[1]))
+    return world.utterances[-1].listeners
 
 
 @given(st.floats(0.3, 9.0), st.floats(0.5, 9.0))
 def test_people_hear_as_far_as_they_can(x: float, reach: float) -> None:
-    world = World(HALL, (Person("Anna", x=x, hears_within=reach),))
+    world = SimulatedWorld(HALL, (Person("Anna", x=x, hears_within=reach),))
     assert listeners(world, 0.0, 0.0) == (("Anna",) if x <= reach else ())
-    assert world.audible("Anna", 0.0, (0.0, 0.0)) is (x <= EARSHOT)
+    assert world.is_audible("Anna", 0.0, (0.0, 0.0)) is (x <= EARSHOT)
 
 
 def test_without_a_place_everybody_hears() -> None:
-    world = World(HALL, (Person("Anna", x=14.0),))
-    world.hear("hello", 0.0)
-    assert world.heard[-1].by == ("Anna",)
+    world = SimulatedWorld(HALL, (Person("Anna", x=14.0),))
+    world.deliver_speech("hello", 0.0)
+    assert world.utterances[-1].listeners == ("Anna",)
 
 
 def test_a_wall_keeps_words_from_both_sides_and_a_low_one_does_not() -> None:
     wall, low = Wall((1.0, -2.0), (1.0, 2.0)), Wall((1.0, -2.0), (1.0, 2.0), 0.9)
     anna = (Person("Anna", x=2.0),)
-    assert listeners(World(HALL, anna, walls=(wall,)), 0.0, 0.0) == ()
-    assert not World(HALL, anna, walls=(wall,)).audible("Anna", 0.0, (0.0, 0.0))
-    assert listeners(World(HALL, anna, walls=(low,)), 0.0, 0.0) == ("Anna",)
+    assert listeners(SimulatedWorld(HALL, anna, walls=(wall,)), 0.0, 0.0) == ()
+    assert not SimulatedWorld(HALL, anna, walls=(wall,)).is_audible("Anna", 0.0, (0.0, 0.0))
+    assert listeners(SimulatedWorld(HALL, anna, walls=(low,)), 0.0, 0.0) == ("Anna",)
 
 
 def test_who_walks_hears_where_they_are_then() -> None:
-    world = World(HALL, (Person("Anna", x=8.0, path=((1.0, 0.0),), speed=1.0, loop=False),))
-    world.hear("hello", 1.0, (0.0, 0.0))
-    world.hear("hello", 5.0, (0.0, 0.0))
-    assert [heard.by for heard in world.heard] == [(), ("Anna",)]
+    world = SimulatedWorld(HALL, (Person("Anna", x=8.0, path=((1.0, 0.0),), speed=1.0, loop=False),))
+    world.deliver_speech("hello", 1.0, (0.0, 0.0))
+    world.deliver_speech("hello", 5.0, (0.0, 0.0))
+    assert [heard.listeners for heard in world.utterances] == [(), ("Anna",)]
 
 
 def test_who_does_not_hear_does_not_answer() -> None:
-    world = World(HALL, (Person("Anna", x=8.0, acts=(Act(hears="hello", say="Hi"),)),))
-    assert world.hear("hello", 0.0, (0.0, 0.0)) == ()
-    assert [reply.text for reply in world.hear("hello", 0.0, (6.0, 0.0))] == ["Hi"]
+    world = SimulatedWorld(HALL, (Person("Anna", x=8.0, acts=(PersonAction(hears="hello", say="Hi"),)),))
+    assert world.deliver_speech("hello", 0.0, (0.0, 0.0)) == ()
+    assert [reply.text for reply in world.deliver_speech("hello", 0.0, (6.0, 0.0))] == ["Hi"]
 
 
 def test_an_act_is_done_so_many_times_and_another_always() -> None:
-    acts = (Act(hears="message", say="Say it again", times=1), Act(hears="message", after=2.0, say="Thank you"))
-    world = World(HALL, (Person("Anna", acts=acts),))
-    assert [reply.text for reply in world.hear("a message", 0.0)] == ["Say it again", "Thank you"]
-    assert [reply.text for reply in world.hear("a message", 9.0)] == ["Thank you"]
+    acts = (
+        PersonAction(hears="message", say="Say it again", times=1),
+        PersonAction(hears="message", after=2.0, say="Thank you"),
+    )
+    world = SimulatedWorld(HALL, (Person("Anna", acts=acts),))
+    assert [reply.text for reply in world.deliver_speech("a message", 0.0)] == ["Say it again", "Thank you"]
+    assert [reply.text for reply in world.deliver_speech("a message", 9.0)] == ["Thank you"]
 
 
 def test_who_has_left_is_not_heard() -> None:
-    world = World(HALL, (Person("Anna", acts=(Act(at=1.0, leave=True),), speed=5.0),))
-    assert world.audible("Anna", 0.5, (0.0, 0.0))
+    world = SimulatedWorld(HALL, (Person("Anna", acts=(PersonAction(at=1.0, leave=True),), speed=5.0),))
+    assert world.is_audible("Anna", 0.5, (0.0, 0.0))
     assert listeners(world, 0.0, 0.0) == ("Anna",)
-    assert not world.audible("Anna", 60.0, (0.0, 0.0))
-    world.hear("hello", 60.0, (0.0, 0.0))
-    assert world.heard[-1].by == ()
+    assert not world.is_audible("Anna", 60.0, (0.0, 0.0))
+    world.deliver_speech("hello", 60.0, (0.0, 0.0))
+    assert world.utterances[-1].listeners == ()

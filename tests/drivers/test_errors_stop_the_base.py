@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.api import STILL, BaseState, Pose2D, RangeScan, Source, Velocity, is_guarded
-from drivers.api.steering import GUARD_FAILED, SCANS_MISSING
-from drivers.base.limits import Limits
+from drivers.api import ZERO_VELOCITY, BaseState, Pose2D, RangeScan, Source, Velocity, is_guarded
+from drivers.api.steering import GUARD_FAILED_REASON, SCANS_MISSING_REASON
+from drivers.base.limits import VelocityLimits
 from drivers.base.motion_fault import MotionFault
 from drivers.base.velocity_multiplexer import GUARD_REPORT_INTERVAL, VelocityMultiplexer
 from tests.contract.rigs import simulated
@@ -20,7 +20,7 @@ from tests.contract.test_ros2_base_contract import Topics
 from tests.drivers.guarded import GuardedBase, ScriptedRanger
 
 AHEAD = Velocity(0.2, 0.0)
-STANDING = BaseState(Pose2D(0.0, 0.0, 0.0), STILL)
+STANDING = BaseState(Pose2D(0.0, 0.0, 0.0), ZERO_VELOCITY)
 
 
 class BrokenGuard:
@@ -53,7 +53,7 @@ class Driven:
 
     def __init__(self) -> None:
         self.now, self.felt = 0.0, STANDING
-        self.mux = VelocityMultiplexer(Limits(0.5, 1.9, 5.0, 5.0))
+        self.mux = VelocityMultiplexer(VelocityLimits(0.5, 1.9, 5.0, 5.0))
         self.mux.monitor.update = lambda *_: None  # type: ignore[method-assign]
         self.mux.guard = self.guard = BrokenGuard()
         self.faults: list[object] = []
@@ -78,8 +78,8 @@ def test_a_guard_that_raises_stops_the_base_at_that_renewal_and_lets_it_go_on_af
     bench = Driven()
     assert bench.drive(0.5)[-1] == AHEAD
     bench.guard.broken = True
-    assert bench.drive(0.5) == [STILL] * 25
-    assert bench.mux.steering.because.startswith(GUARD_FAILED)
+    assert bench.drive(0.5) == [ZERO_VELOCITY] * 25
+    assert bench.mux.steering.reason.startswith(GUARD_FAILED_REASON)
     assert is_guarded(bench.mux.steering)
     assert len(bench.faults) == 1
     bench.guard.broken = False
@@ -90,7 +90,7 @@ def test_a_command_that_ended_while_the_guard_raises_leaves_a_zero() -> None:
     bench = Driven()
     bench.drive(0.5)
     bench.guard.broken = True
-    assert set(bench.drive(1.0, None)) == {STILL}
+    assert set(bench.drive(1.0, None)) == {ZERO_VELOCITY}
     assert bench.mux.fault is not None
 
 
@@ -111,13 +111,13 @@ def test_an_error_in_the_arbitration_latches_the_base_with_a_zero(broken: str) -
     assert bench.drive(0.5)[-1] == AHEAD
     good = getattr(bench.mux, broken)
     setattr(bench.mux, broken, Broken(good))
-    assert set(bench.drive(0.5, None)) == {STILL}
+    assert set(bench.drive(0.5, None)) == {ZERO_VELOCITY}
     assert bench.mux.fault is not None
     assert "broken" in bench.mux.fault.reason
     assert bench.mux.latched == bench.mux.fault.reason
     assert len(bench.faults) == 1
     setattr(bench.mux, broken, good)
-    assert set(bench.drive(0.5)) == {STILL}
+    assert set(bench.drive(0.5)) == {ZERO_VELOCITY}
     bench.mux.enable()
     assert bench.drive(0.5)[-1] == AHEAD
 
@@ -137,7 +137,7 @@ def test_reflexes_that_raise_latch_the_base(monkeypatch: pytest.MonkeyPatch) -> 
     bench = Driven()
     bench.drive(0.5)
     monkeypatch.setattr(bench.mux._safety, "update", raising)
-    assert set(bench.drive(0.5)) == {STILL}
+    assert set(bench.drive(0.5)) == {ZERO_VELOCITY}
     assert "reflexes failed: RuntimeError: broken" in bench.mux.latched
 
 
@@ -165,7 +165,7 @@ def rig(request: pytest.FixtureRequest) -> Iterator[BaseRig]:
 
 def under_way(rig: BaseRig) -> Any:
     """Have it drive; return its multiplexer."""
-    rig.drive(0.2, 0.0, lambda: rig.device.steering().given == AHEAD and rig.truth().x > 0.02)
+    rig.drive(0.2, 0.0, lambda: rig.device.steering().allowed == AHEAD and rig.truth().x > 0.02)
     return rig.device._mux  # type: ignore[attr-defined]
 
 
@@ -186,7 +186,7 @@ def test_a_guard_that_raises_stops_every_base_and_is_reported(rig: BaseRig) -> N
     mux.guard = guard = BrokenGuard()
     guard.broken = True
     assert goes_on(rig, 1.0) == pytest.approx(0.0, abs=1e-3)
-    assert rig.told("fault", GUARD_FAILED)
+    assert rig.told("fault", GUARD_FAILED_REASON)
 
 
 @pytest.mark.parametrize("part", ["next_velocity", "on_state", "on_report"])
@@ -221,7 +221,7 @@ def test_a_report_that_cannot_be_read_stops_the_base_at_once(kind: Any, monkeypa
     for _ in range(10):
         rig.wait(0.02)
     assert next(failures, None) is None
-    assert rig.device.steering().given == STILL
+    assert rig.device.steering().given == ZERO_VELOCITY
     assert rig.truth().x - before < 0.03
     rig.drive(0.2, 0.0, lambda: rig.device.steering().given == AHEAD)  # it goes on when it is commanded anew
     rig.close()
@@ -261,8 +261,8 @@ def test_a_scan_that_cannot_be_used_stops_the_base_by_name(made: Callable[[float
         ranger.value = made(room.now)
 
     room.drive(0.4, seconds=1.2, each=look)
-    assert room.base.body.velocity == STILL
-    assert room.because.startswith(SCANS_MISSING)
+    assert room.base.body.velocity == ZERO_VELOCITY
+    assert room.because.startswith(SCANS_MISSING_REASON)
     assert said in room.because
     assert sum(said in each for each in room.faults) == 1
     room.drive(0.4, seconds=1.0, each=lambda: ranger.see(room.now, number=next(numbers)))
@@ -277,8 +277,8 @@ def test_an_error_in_any_part_of_the_range_guard_stops_the_base(place: str, monk
     monkeypatch.setattr(getattr(room.base._mux.guard, owner), name, raising)
     room.drive(0.4, seconds=5.5 if name == "clearance" else 1.0)
     if name != "clearance" or room.because:  # it is asked where something is near
-        assert room.base.body.velocity == STILL
-        assert GUARD_FAILED in room.because
+        assert room.base.body.velocity == ZERO_VELOCITY
+        assert GUARD_FAILED_REASON in room.because
     room.base.stop()
     room.run(1.0)
-    assert room.base.body.velocity == STILL
+    assert room.base.body.velocity == ZERO_VELOCITY

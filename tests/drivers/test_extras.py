@@ -10,20 +10,20 @@ from drivers.extras import extra_hint
 
 
 def test_an_extra_that_lacks_a_part_is_suggested(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(extras, "lacking", lambda names: list(names)[:1])
+    monkeypatch.setattr(extras, "missing_distributions", lambda names: list(names)[:1])
     assert extra_hint("speak", "aplay -l") == "pip install 'missiontree[speak]'; aplay -l"
     assert extra_hint("speak") == "pip install 'missiontree[speak]'"
 
 
 def test_an_installed_extra_is_not_suggested(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(extras, "lacking", lambda _: [])
+    monkeypatch.setattr(extras, "missing_distributions", lambda _: [])
     assert extra_hint("speak", "aplay -l", "", "alsamixer") == "aplay -l; alsamixer"
     assert extra_hint("speak") == ""
 
 
 def test_distributions_are_found_as_the_standard_library_finds_them() -> None:
     named = {dist.metadata["Name"]: dist.version for dist in metadata.distributions()}
-    assert {extras._normalized(name) for name in named} <= extras.installed().keys()
+    assert {extras._normalized(name) for name in named} <= extras.installed_distributions().keys()
     assert extras._requirements() == metadata.requires("missiontree")
 
 
@@ -32,4 +32,4 @@ def test_missing_metadata_means_no_requirements(monkeypatch: pytest.MonkeyPatch,
     assert not extras.extras()
     (tmp_path / "missiontree-1.0.dist-info").mkdir()
     assert not extras.extras()
-    assert extras.lacking(["missiontree", "mcap"]) == ["mcap"]
+    assert extras.missing_distributions(["missiontree", "mcap"]) == ["mcap"]

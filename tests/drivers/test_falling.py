@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from drivers.api import JointState
-from drivers.legs.acts import pressed
+from drivers.legs.acts import make_posture
 from drivers.legs.compensation import static_torques
-from drivers.legs.engine import PERIOD, Engine, Felt
-from drivers.legs.falling import LIES, Falls
+from drivers.legs.engine import CONTROL_INTERVAL, AttitudeEstimate, WalkingEngine
+from drivers.legs.falling import FALLEN_LEAN, FallDetector
 from tests.drivers.test_balance import engine
 
 __all__ = ["engine"]
@@ -21,59 +21,59 @@ STALL = 10.0
 class Standing:
     """A body in its stand, whose joints tell what they bear, with noise; time passes in turns of the driver."""
 
-    def __init__(self, engine: Engine) -> None:
-        self.falls, self.now, self.angles = Falls(engine), 0.0, engine.ready
-        self.held = static_torques(engine.body, pressed(engine.body, engine.ready, (True, True)))
-        self.places, self.chance = engine.body.leg_places, Random(1)  # noqa: S311 - noise, not a secret
+    def __init__(self, engine: WalkingEngine) -> None:
+        self.falls, self.now, self.angles = FallDetector(engine), 0.0, engine.ready_angles
+        self.held = static_torques(engine.body, make_posture(engine.body, engine.ready_angles, (True, True)))
+        self.places, self.chance = engine.body.leg_indices, Random(1)  # noqa: S311 - noise, not a secret
 
-    def feel(self, seconds: float, felt: Felt, *, afoot: bool = True) -> bool:
+    def feel(self, seconds: float, felt: AttitudeEstimate, *, afoot: bool = True) -> bool:
         return self._pass(seconds, felt, 0.0, afoot=afoot)
 
     def bear(self, seconds: float, share: float, *, torque: bool = True) -> bool:
         return self._pass(seconds, None, share, torque=torque)
 
     def _pass(
-        self, seconds: float, felt: Felt | None, share: float, *, afoot: bool = True, torque: bool = True
+        self, seconds: float, felt: AttitudeEstimate | None, share: float, *, afoot: bool = True, torque: bool = True
     ) -> bool:
-        for _ in range(round(seconds / PERIOD)):
-            self.now += PERIOD
+        for _ in range(round(seconds / CONTROL_INTERVAL)):
+            self.now += CONTROL_INTERVAL
             loads = share * self.held[self.places] / STALL
             states = [
                 JointState(angle, 0.0, angle, load + self.chance.gauss(0, 0.02), 12.0, 30.0, False, torque)
                 for angle, load in zip(self.angles.tolist(), loads.tolist(), strict=True)
             ]
-            self.falls.look(felt, states, self.now, afoot=afoot)
+            self.falls.update(felt, states, self.now, legs_led=afoot)
         return self.falls.fallen
 
 
 @pytest.fixture
-def body(engine: Engine) -> Standing:
+def body(engine: WalkingEngine) -> Standing:
     return Standing(engine)
 
 
 def test_a_body_that_tips_over_is_seen_to_fall_before_it_leans_far(body: Standing) -> None:
-    assert not body.feel(1.0, Felt(0.03, 0.05, 0.2, 0.2))
+    assert not body.feel(1.0, AttitudeEstimate(0.03, 0.05, 0.2, 0.2))
     lean = 0.05
-    while not body.feel(PERIOD, Felt(0.0, lean, 0.0, 3 * lean)):
-        lean += 3 * lean * PERIOD
-    assert lean < LIES / 2
+    while not body.feel(CONTROL_INTERVAL, AttitudeEstimate(0.0, lean, 0.0, 3 * lean)):
+        lean += 3 * lean * CONTROL_INTERVAL
+    assert lean < FALLEN_LEAN / 2
 
 
 def test_a_jerk_of_a_landing_foot_is_no_fall(body: Standing) -> None:
     for _ in range(20):
-        assert not body.feel(0.03, Felt(0.1, 0.1, 2.0, 0.0))
-        assert not body.feel(0.03, Felt(0.1, 0.1))
+        assert not body.feel(0.03, AttitudeEstimate(0.1, 0.1, 2.0, 0.0))
+        assert not body.feel(0.03, AttitudeEstimate(0.1, 0.1))
 
 
 def test_a_body_that_sits_may_lean_until_it_lies(body: Standing) -> None:
-    assert not body.feel(1.0, Felt(0.0, 0.6), afoot=False)
-    assert body.feel(PERIOD, Felt(0.0, LIES + 0.01), afoot=False)
+    assert not body.feel(1.0, AttitudeEstimate(0.0, 0.6), afoot=False)
+    assert body.feel(CONTROL_INTERVAL, AttitudeEstimate(0.0, FALLEN_LEAN + 0.01), afoot=False)
 
 
 def test_a_body_that_was_put_up_again_stands(body: Standing) -> None:
-    assert body.feel(0.5, Felt(1.4, 0.0))
-    assert body.feel(0.4, Felt(0.0, 0.0))
-    assert not body.feel(0.2, Felt(0.0, 0.0))
+    assert body.feel(0.5, AttitudeEstimate(1.4, 0.0))
+    assert body.feel(0.4, AttitudeEstimate(0.0, 0.0))
+    assert not body.feel(0.2, AttitudeEstimate(0.0, 0.0))
 
 
 def test_legs_that_bear_nothing_any_more_have_fallen_until_they_bear_again(body: Standing) -> None:

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.servos.wire import Instruction, Packet, Parser, request, status
+from drivers.servos.wire import Packet, PacketParser, Protocol1Instruction, request, status
 from tests.drivers.chains import chain
 from tests.drivers.fault_injection import MAX_DELAY, MAX_PAUSE, FaultInjection
 
@@ -14,7 +14,7 @@ KINDS = ("drop", "flip", "split", "noise", "late", "truncate")
 
 
 def arranged(injection: FaultInjection) -> list[list[tuple[float, bytes]]]:
-    return [injection.arrange(REPLY) for _ in range(MANY)]
+    return [injection.disturb(REPLY) for _ in range(MANY)]
 
 
 def whole(pieces: list[tuple[float, bytes]]) -> bytes:
@@ -23,7 +23,7 @@ def whole(pieces: list[tuple[float, bytes]]) -> bytes:
 
 def test_without_mishaps_a_reply_comes_as_it_is() -> None:
     injection = FaultInjection()
-    assert injection.arrange(REPLY) == [(0.0, REPLY)]
+    assert injection.disturb(REPLY) == [(0.0, REPLY)]
     assert not injection.echoes()
     assert not injection.happened
 
@@ -32,7 +32,7 @@ def test_without_mishaps_a_reply_comes_as_it_is() -> None:
 def test_each_mishap_is_as_frequent_as_asked_and_counted(kind: str) -> None:
     injection = FaultInjection(seed=3, **{kind: 0.1})
     for _ in range(MANY):
-        injection.arrange(REPLY)
+        injection.disturb(REPLY)
         injection.echoes()
     assert set(injection.happened) == {kind}
     assert injection.happened[kind] == pytest.approx(0.1 * MANY, rel=0.2)
@@ -63,22 +63,22 @@ def test_each_mishap_is_what_it_says() -> None:
 @given(seed=st.integers(0, 2**32), reply=st.binary(min_size=2, max_size=40))
 def test_the_same_seed_makes_the_same_mishaps(seed: int, reply: bytes) -> None:
     one, other = (FaultInjection(seed=seed, **dict.fromkeys(KINDS, 0.5)) for _ in range(2))
-    assert [one.arrange(reply) for _ in range(5)] == [other.arrange(reply) for _ in range(5)]
+    assert [one.disturb(reply) for _ in range(5)] == [other.disturb(reply) for _ in range(5)]
 
 
 def test_a_chain_hands_out_each_piece_when_it_is_due() -> None:
     bus = chain(1, injection=FaultInjection(seed=1, split=1, late=1))
-    heard = bus.feed(request(1, Instruction.PING), 10.0)
+    heard = bus.feed(request(1, Protocol1Instruction.PING), 10.0)
     times = []
-    while (due := bus.next_at()) is not None:
+    while (due := bus.next_poll_time()) is not None:
         times.append(due)
         heard += bus.poll(due)
-    assert Parser().feed(heard) == [Packet(1, 0)]
+    assert PacketParser().feed(heard) == [Packet(1, 0)]
     assert len(times) == 2
     assert 10.0 < times[0] < times[1] <= 10.0 + MAX_DELAY + MAX_PAUSE
 
 
 def test_an_echo_comes_before_the_reply() -> None:
     bus = chain(1, injection=FaultInjection(echo=1))
-    ping = request(1, Instruction.PING)
+    ping = request(1, Protocol1Instruction.PING)
     assert bus.feed(ping, 1.0) == ping + status(1)

@@ -7,12 +7,12 @@ from random import Random
 import pytest
 
 from drivers.errors import BadRequest, DeviceFault, NotConnected
-from drivers.servos.bus import At, Bus, Identity
-from drivers.servos.census import census
+from drivers.servos.bus import ServoAddress, ServoBus, ServoIdentity
+from drivers.servos.census import scan_bus
 from drivers.servos.driver import DynamixelJoints
 from drivers.servos.joint import JointSpec
-from drivers.servos.legs import AHEAD
-from drivers.servos.settings import apply, planned
+from drivers.servos.legs import LOOKAHEAD_TIME
+from drivers.servos.settings import apply_changes, plan_changes
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import STALL_TIME, VirtualServo
 from tests.cases import each
@@ -38,8 +38,8 @@ def six(make: Make, **options: object) -> Arm:
     return make(SIX, servos=chain(6, STS), **options)
 
 
-def first(servo: VirtualServo) -> tuple[Bus, At]:
-    return Wired(VirtualServoBus([servo])).bus(), At(servo.number, "STS")
+def first(servo: VirtualServo) -> tuple[ServoBus, ServoAddress]:
+    return Wired(VirtualServoBus([servo])).bus(), ServoAddress(servo.number, "STS")
 
 
 # --- the wire ---------------------------------------------------------------------------------------------------------
@@ -72,18 +72,22 @@ def test_a_reading_of_many_is_answered_in_turn() -> None:
 def test_a_ping_to_all_collides_and_the_scan_asks_id_by_id() -> None:
     servos = chain(3, STS)
     assert len(servos.feed(bytes.fromhex("FF FF FE 02 01 FE"), 0.0)) == 6
-    found = list(census(Wired(servos).bus(), [1_000_000], ids=range(5)))
-    assert [(row.at, row.number) for row in found] == [(At(number, "STS"), 777) for number in (1, 2, 3)]
-    assert not any(row.garbled for row in found)
+    found = list(scan_bus(Wired(servos).bus(), [1_000_000], ids=range(5)))
+    assert [(row.address, row.number) for row in found] == [(ServoAddress(number, "STS"), 777) for number in (1, 2, 3)]
+    assert not any(row.has_damaged_replies for row in found)
 
 
 def test_dynamixels_and_feetechs_on_one_wire_are_told_apart_whoever_is_asked() -> None:
     bus = Wired(mixed_chain("AX-12A", STS, "MX-28", "XL330-M288")).bus()
-    found = [(row.at.id, row.at.protocol, row.number) for row in census(bus, [1_000_000], ids=range(6))]
+    found = [(row.address.id, row.address.protocol, row.number) for row in scan_bus(bus, [1_000_000], ids=range(6))]
     assert sorted(found, key=str) == [(1, 1, 12), (2, "STS", 777), (3, 1, 29), (4, 2, 1200)]
-    assert bus.identify(At(2, 1)) == bus.identify(At(2, "STS")) == Identity(At(2, "STS"), 777, 3 | 10 << 8)
-    assert bus.identify(At(1, "STS")) == bus.identify(At(1, 1))
-    assert [row.at.protocol for row in census(bus, [1_000_000], ["STS"], range(6))] == ["STS"]
+    assert (
+        bus.identify(ServoAddress(2, 1))
+        == bus.identify(ServoAddress(2, "STS"))
+        == ServoIdentity(ServoAddress(2, "STS"), 777, 3 | 10 << 8)
+    )
+    assert bus.identify(ServoAddress(1, "STS")) == bus.identify(ServoAddress(1, 1))
+    assert [row.address.protocol for row in scan_bus(bus, [1_000_000], ["STS"], range(6))] == ["STS"]
 
 
 def test_an_ax_whose_table_begins_as_that_of_an_sts_is_an_ax() -> None:
@@ -92,15 +96,15 @@ def test_an_ax_whose_table_begins_as_that_of_an_sts_is_an_ax() -> None:
     servo.set("return_delay", 9)
     bus = Wired(chain).bus()
     bus.baud = 500_000
-    assert bus.identify(At(9, 1)).number == 12
-    assert bus.identify(At(9, 1)).at == At(9, 1)
+    assert bus.identify(ServoAddress(9, 1)).number == 12
+    assert bus.identify(ServoAddress(9, 1)).address == ServoAddress(9, 1)
 
 
 def test_what_the_protocol_lacks_is_said() -> None:
     servo = VirtualServo(1, model=STS)
     bus, at = first(servo)
     with pytest.raises(BadRequest, match="the STS protocol has no bulk read"):
-        bus.read_many({at: servo.model.table.fast}, how="bulk")
+        bus.read_many({at: servo.model.table.fast_block}, mode="bulk")
     with pytest.raises(BadRequest, match="the STS protocol has no reboot"):
         bus.reboot(at)
 
@@ -130,7 +134,7 @@ def test_settings_are_written_unlocked_and_locked_again(wanted: dict[str, int]) 
     servo = VirtualServo(1, model=STS)
     bus, at = first(servo)
     bus.write(at, servo.model.table["torque_enable"], 1)
-    assert apply(bus, at, servo.model.table, planned(bus, at, servo.model.table, wanted))
+    assert apply_changes(bus, at, servo.model.table, plan_changes(bus, at, servo.model.table, wanted))
     assert (servo.get("lock"), servo.get("torque_enable")) == (1, 0)
     servo.power_cycle()
     assert {name: servo.get(name) for name in wanted} == wanted
@@ -139,13 +143,13 @@ def test_settings_are_written_unlocked_and_locked_again(wanted: dict[str, int]) 
 def test_a_setting_that_does_not_hold_is_told_and_the_servo_is_locked_again() -> None:
     servo = VirtualServo(1, model=STS)
     bus, at = first(servo)
-    changes = planned(bus, at, servo.model.table, {"temperature_limit": 60})
+    changes = plan_changes(bus, at, servo.model.table, {"temperature_limit": 60})
     stubborn = servo.write
     servo.write = lambda address, data, *, clamp=False: stubborn(  # type: ignore[method-assign]
         address, b"\x50" if address == 13 else data, clamp=clamp
     )
     with pytest.raises(DeviceFault, match="temperature_limit holds 80 after 60"):
-        apply(bus, at, servo.model.table, changes)
+        apply_changes(bus, at, servo.model.table, changes)
     assert servo.get("lock") == 1
 
 
@@ -185,12 +189,12 @@ def test_when_nobody_sends_it_on_it_is_at_rest_within_half_a_second(make: Make) 
     arm.joints.move(dict.fromkeys(SIX, 1.5), speeds=dict.fromkeys(SIX, 1.0))
     arm.until(lambda: arm.state("elbow").position > 0.3)
     assert isinstance(arm.joints, DynamixelJoints)
-    began, at = arm.clock.now(), arm.chain.servo(3).angle
+    began, at = arm.clock.read_value(), arm.chain.servo(3).angle
     for step in range(50):  # the program is silent: the chain alone goes on
         for servo in arm.chain.servos:
             servo.advance(began + step / 100)
-    assert not any(servo.turning for servo in arm.chain.servos)
-    assert 0 < arm.chain.servo(3).angle - at <= AHEAD + 0.05
+    assert not any(servo.is_moving for servo in arm.chain.servos)
+    assert 0 < arm.chain.servo(3).angle - at <= LOOKAHEAD_TIME + 0.05
 
 
 def test_unplugged_in_mid_move_and_plugged_in_again_it_does_not_leap(make: Make) -> None:
@@ -198,8 +202,8 @@ def test_unplugged_in_mid_move_and_plugged_in_again_it_does_not_leap(make: Make)
     arm.joints.move(dict.fromkeys(SIX, 1.5), speeds=dict.fromkeys(SIX, 1.0))
     arm.until(lambda: arm.state("elbow").position > 0.3)
     arm.line.plugged = False
-    began = arm.clock.now()
-    arm.until(lambda: arm.clock.now() > began + 0.7)
+    began = arm.clock.read_value()
+    arm.until(lambda: arm.clock.read_value() > began + 0.7)
     arm.chain.servo(4).power_cycle()
     arm.chain.servo(4).turn_by_hand(-0.5)
     before = {servo.number: servo.angle for servo in arm.chain.servos}
@@ -207,7 +211,7 @@ def test_unplugged_in_mid_move_and_plugged_in_again_it_does_not_leap(make: Make)
     arm.until(lambda: arm.joints.health().online)
     steps = []
     for _ in range(200):
-        arm.timeline.run(arm.clock.now() + 0.005)
+        arm.timeline.run_until(arm.clock.read_value() + 0.005)
         now = {servo.number: servo.angle for servo in arm.chain.servos}
         steps.append(max(abs(now[number] - before[number]) for number in now))
         before = now
@@ -223,12 +227,12 @@ def test_unplugged_at_any_moment_for_any_time_it_never_leaps(make: Make) -> None
 
     def pass_by(seconds: float) -> None:
         nonlocal before
-        end = arm.clock.now() + seconds
-        while arm.clock.now() < end:
+        end = arm.clock.read_value() + seconds
+        while arm.clock.read_value() < end:
             for _ in range(4):
-                arm.timeline.run(arm.clock.now() + PERIOD)
+                arm.timeline.run_until(arm.clock.read_value() + PERIOD)
             for servo in arm.chain.servos:
-                servo.advance(arm.clock.now())
+                servo.advance(arm.clock.read_value())
             now = [servo.angle for servo in arm.chain.servos]
             way = max(abs(one - other) for one, other in zip(now, before, strict=True))
             assert way <= 2.0 * 4 * PERIOD * 1.3 + slack  # no faster than its joints may
@@ -259,8 +263,8 @@ def test_one_that_has_shut_down_is_let_go_lest_it_leaps_when_its_force_returns(m
     assert arm.told("elbow (servo 3) reports overheating")
     elbow.turn_by_hand(-1.0)
     elbow.temperature = 35.0
-    began = arm.clock.now()
-    arm.until(lambda: arm.clock.now() > began + 0.2)
+    began = arm.clock.read_value()
+    arm.until(lambda: arm.clock.read_value() > began + 0.2)
     assert elbow.angle == pytest.approx(-1.0, abs=0.01)
 
 
@@ -268,15 +272,15 @@ def test_an_overload_lasts_until_it_is_recovered_where_it_stands(make: Make) -> 
     arm = six(make).start()
     arm.joints.move({"elbow": 0.5})
     elbow = arm.chain.servo(3)
-    elbow.burden = 1.5
-    began = arm.clock.now()
+    elbow.load = 1.5
+    began = arm.clock.read_value()
     arm.until(lambda: arm.told("elbow (servo 3) reports overload"))
-    assert arm.clock.now() - began >= STALL_TIME
-    elbow.burden = 0.0
+    assert arm.clock.read_value() - began >= STALL_TIME
+    elbow.load = 0.0
     arm.until(lambda: arm.state("elbow").torque is False)
     elbow.turn_by_hand(0.2)
-    began = arm.clock.now()
-    arm.until(lambda: arm.clock.now() > began + 5.0)
+    began = arm.clock.read_value()
+    arm.until(lambda: arm.clock.read_value() > began + 5.0)
     assert elbow.limp
     assert arm.joints.health().detail == "arm: elbow (servo 3) has shut down"
     assert arm.joints.recover() == ("elbow",)

@@ -9,33 +9,33 @@ from pathlib import Path
 
 import pytest
 
-from drivers.api.driver import resolved
+from drivers.api.driver import resolve_name
 from drivers.arduino import wire as rosserial
 from drivers.arduino.virtual import VirtualRodney
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
-from drivers.finding.asking import Heard, certain, drivers_that_probe, put, who_answers
-from drivers.finding.machine import Machine
-from drivers.finding.serial_ports import SerialPort, Usb, lost_adapters, serial_ports
-from drivers.finding.survey import asker, cameras, pads, sound_cards, survey
+from drivers.finding.asking import PortScan, driver_by_serial_number, identify_device, probing_drivers, run_probe
+from drivers.finding.machine import HostMachine
+from drivers.finding.serial_ports import SerialPortInfo, UsbDevice, find_portless_adapters, find_serial_ports
+from drivers.finding.survey import find_cameras, find_game_pads, find_sound_cards, make_prober, scan_hardware
 from drivers.kobuki.virtual import VirtualKobuki
-from drivers.rplidar.virtual import VirtualLidar
-from drivers.rplidar.wire import BEGIN, Command
+from drivers.rplidar.virtual import VirtualRPLidar
+from drivers.rplidar.wire import START_BYTE, RPLidarCommand
 from drivers.servos.units import baud_code
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
-from drivers.servos.wire import Instruction
-from drivers.sim.body import Body
+from drivers.servos.wire import Protocol1Instruction
+from drivers.sim.body import BaseBody
 from drivers.transport import guardian_wire as lines
 from drivers.transport.ports import is_raspberry_pi_5, leads_to_debug_connector, open_port
-from drivers.virtual.terminal import Terminal, WireDevice
+from drivers.virtual.terminal import PseudoTerminal, WireDevice
 from drivers.waveshare.virtual import VirtualWaveshare
-from missions.library.drivers import Table
+from missions.library.drivers import DriverTable
 from tests.drivers.desks import HandAsked, RecordedMachine, gives_pictures, sent_instructions
 from tests.drivers.fault_injection import FaultInjection
 
-DRIVERS = drivers_that_probe(Table().all())
-READS = {Instruction.PING, Instruction.READ}
+DRIVERS = probing_drivers(DriverTable().iter_drivers())
+READS = {Protocol1Instruction.PING, Protocol1Instruction.READ}
 
 
 @pytest.fixture
@@ -43,14 +43,14 @@ def desk(tmp_path: Path) -> RecordedMachine:
     return RecordedMachine(tmp_path / "machine")
 
 
-def adapter(ids: str, serial: str = "", path: str = "/dev/ttyUSB0") -> SerialPort:
+def adapter(ids: str, serial: str = "", path: str = "/dev/ttyUSB0") -> SerialPortInfo:
     vendor, _, product = ids.partition(":")
-    return SerialPort(path, path, usb=Usb(vendor, product, serial))
+    return SerialPortInfo(path, path, usb=UsbDevice(vendor, product, serial))
 
 
-def asked(port: SerialPort, device: WireDevice | None, *, consent: bool = False) -> tuple[Heard, HandAsked]:
+def asked(port: SerialPortInfo, device: WireDevice | None, *, consent: bool = False) -> tuple[PortScan, HandAsked]:
     wire = HandAsked(device)
-    return who_answers(port, DRIVERS, wire, consent=consent), wire
+    return identify_device(port, DRIVERS, wire, consent=consent), wire
 
 
 # --- desk 1: two adapters alike ---------------------------------------------------------------------------------------
@@ -59,18 +59,18 @@ def asked(port: SerialPort, device: WireDevice | None, *, consent: bool = False)
 def test_of_two_adapters_alike_each_is_called_by_its_socket(desk: RecordedMachine) -> None:
     for name in ("ttyUSB0", "ttyUSB1"):
         desk.port(name, "1a86:55d3", by_id="usb-1a86_USB_Single_Serial-if00")
-    one, other = serial_ports(desk.machine)
+    one, other = find_serial_ports(desk.machine)
     assert [one.call, other.call] == [f"/dev/serial/by-path/pci0-usb-0:{number}:1.0-port0" for number in (1, 2)]
     for port, socket in ((one, "1-1"), (other, "1-2")):
         (trouble,) = port.troubles
-        assert f"only socket {socket} tells them apart" in trouble.what
-        assert "mission ports --find" in trouble.cure
+        assert f"only socket {socket} tells them apart" in trouble.message
+        assert "mission ports --find" in trouble.fix
 
 
 def test_one_alone_is_called_by_its_serial_number_and_a_rule_goes_before_that(desk: RecordedMachine) -> None:
     desk.port("ttyUSB0", "0403:6014", serial="FT1", by_id="usb-FTDI_FT1-if00-port0")
     desk.port("ttyUSB1", "0403:6001", serial="kobuki_A", by_id="usb-kobuki_A", rule="kobuki")
-    arm, base = serial_ports(desk.machine)
+    arm, base = find_serial_ports(desk.machine)
     assert arm.call == "/dev/serial/by-id/usb-FTDI_FT1-if00-port0"
     assert base.call == "/dev/kobuki"
     assert not arm.troubles
@@ -87,12 +87,12 @@ def test_one_alone_is_called_by_its_serial_number_and_a_rule_goes_before_that(de
 def test_a_port_in_use_is_left_alone_and_says_who_has_it(desk: RecordedMachine, program: str, cure: str) -> None:
     path = desk.port("ttyUSB0", "0403:6014", serial="FT1")
     desk.process(812, program, path, "/dev/null")
-    (port,) = serial_ports(desk.machine)
+    (port,) = find_serial_ports(desk.machine)
     assert port.shut is not None
-    assert port.shut.what == f"in use by {program} (process 812)"
-    assert cure in port.shut.cure
+    assert port.shut.message == f"in use by {program} (process 812)"
+    assert cure in port.shut.fix
     heard, wire = asked(port, VirtualServoBus([VirtualServo(1)]), consent=True)
-    assert heard.unasked == port.shut
+    assert heard.skip_reason == port.shut
     assert wire.sent == []
 
 
@@ -100,10 +100,10 @@ def test_a_port_that_a_run_of_ours_has_names_the_run_and_what_ends_it(desk: Reco
     path = desk.port("ttyUSB0", "0403:6014", serial="FT1")
     desk.process(812, "python3", path)
     (desk.root / "proc/812/cmdline").write_text("python3\0-m\0missions\0run\0greet\0", encoding="utf-8")
-    (port,) = serial_ports(desk.machine)
+    (port,) = find_serial_ports(desk.machine)
     assert port.shut is not None
-    assert port.shut.what == "in use by mission run greet (process 812)"
-    assert port.shut.cure == "mission stop --end 812"
+    assert port.shut.message == "in use by mission run greet (process 812)"
+    assert port.shut.fix == "mission stop --end 812"
 
 
 # --- desk 3: no rights ------------------------------------------------------------------------------------------------
@@ -112,13 +112,13 @@ def test_a_port_that_a_run_of_ours_has_names_the_run_and_what_ends_it(desk: Reco
 def test_without_the_right_the_group_is_named(desk: RecordedMachine) -> None:
     desk.port("ttyUSB0", "0403:6014", serial="FT1")
     group = (desk.root / "dev/ttyUSB0").group()
-    (port,) = serial_ports(desk.stranger())
+    (port,) = find_serial_ports(desk.stranger())
     assert port.shut is not None
     if group == "root":
-        assert "belongs to root alone" in port.shut.what
+        assert "belongs to root alone" in port.shut.message
     else:
-        assert f"usermod -a -G {group} $USER" in port.shut.cure
-    (allowed,) = serial_ports(desk.stranger((desk.root / "dev/ttyUSB0").stat().st_gid))
+        assert f"usermod -a -G {group} $USER" in port.shut.fix
+    (allowed,) = find_serial_ports(desk.stranger((desk.root / "dev/ttyUSB0").stat().st_gid))
     assert allowed.shut is None
 
 
@@ -128,10 +128,10 @@ def test_without_the_right_the_group_is_named(desk: RecordedMachine) -> None:
 def test_a_servo_at_an_unusual_rate_is_found_there_and_nothing_is_written() -> None:
     chain = VirtualServoBus([VirtualServo(3, model="AX-12A"), VirtualServo(4, model="AX-12A")], 250_000)
     heard, wire = asked(adapter("0403:6014"), chain)
-    assert heard.found is not None
-    assert heard.found.title == "arm.dynamixel"
-    assert heard.found.answer.keys == {"baud": 250_000}
-    assert [(unit.id, unit.model) for unit in heard.found.answer.units] == [(3, "AX-12A"), (4, "AX-12A")]
+    assert heard.device is not None
+    assert heard.device.title == "arm.dynamixel"
+    assert heard.device.result.keys == {"baud": 250_000}
+    assert [(unit.id, unit.model) for unit in heard.device.result.units] == [(3, "AX-12A"), (4, "AX-12A")]
     assert sent_instructions(wire.sent) == READS
 
 
@@ -143,8 +143,8 @@ def test_a_new_servo_among_others_is_found_at_its_own_rate_with_the_cure() -> No
     chain.poll(1e-6)
     heard, _ = asked(adapter("0403:6014"), chain)
     assert heard.trouble is not None
-    assert heard.trouble.what == "servos at 2 rates on one wire"
-    assert heard.trouble.cure == "mission servo set 1 baud 1000000 --baud 57600 --port /dev/ttyUSB0"
+    assert heard.trouble.message == "servos at 2 rates on one wire"
+    assert heard.trouble.fix == "mission servo set 1 baud 1000000 --baud 57600 --port /dev/ttyUSB0"
 
 
 # --- desk 5: a silent servo -------------------------------------------------------------------------------------------
@@ -154,12 +154,12 @@ def test_servos_without_power_are_silence_and_the_power_is_named_first() -> None
     silent = VirtualServo(1)
     silent.present = False
     heard, wire = asked(adapter("0403:6014"), VirtualServoBus([silent]))
-    assert heard.found is None
+    assert heard.device is None
     assert heard.trouble is not None
-    assert "nothing answers; asked were: arm.dynamixel" in heard.trouble.what
-    assert heard.trouble.cure.startswith("switch on the power")
-    assert "mission servo scan --all-bauds --port /dev/ttyUSB0" in heard.trouble.cure
-    assert sent_instructions(wire.sent) == {Instruction.PING}
+    assert "nothing answers; asked were: arm.dynamixel" in heard.trouble.message
+    assert heard.trouble.fix.startswith("switch on the power")
+    assert "mission servo scan --all-bauds --port /dev/ttyUSB0" in heard.trouble.fix
+    assert sent_instructions(wire.sent) == {Protocol1Instruction.PING}
     assert len({baud for baud, _ in wire.sent}) == 12
 
 
@@ -171,8 +171,8 @@ def test_two_servos_of_one_id_are_told_with_the_way_out(model: str, other: str) 
     chain = VirtualServoBus([VirtualServo(1, model=model, angle=0.3), VirtualServo(1, model=other, angle=-1.1)])
     heard, wire = asked(adapter("0403:6014"), chain)
     assert heard.trouble is not None
-    assert heard.trouble.what == "ID 1: damaged replies; two servos may have it"
-    assert "unplug all but one" in heard.trouble.cure
+    assert heard.trouble.message == "ID 1: damaged replies; two servos may have it"
+    assert "unplug all but one" in heard.trouble.fix
     assert sent_instructions(wire.sent) == READS
 
 
@@ -181,22 +181,22 @@ def test_two_servos_of_one_id_are_told_with_the_way_out(model: str, other: str) 
 
 def test_a_camera_is_told_with_who_has_it(desk: RecordedMachine) -> None:
     path = desk.camera("Black Box")
-    (camera,) = cameras(desk.machine, gives_pictures)
+    (camera,) = find_cameras(desk.machine, gives_pictures)
     assert (camera.path, camera.name, camera.trouble) == (path, "Black Box", None)
     assert camera.usb is not None
     desk.process(99, "cheese", path)
-    (camera,) = cameras(desk.machine, gives_pictures)
+    (camera,) = find_cameras(desk.machine, gives_pictures)
     assert camera.trouble is not None
-    assert camera.trouble.what == "in use by cheese (process 99)"
+    assert camera.trouble.message == "in use by cheese (process 99)"
 
 
 def test_a_csi_camera_is_told_with_the_way_to_read_it(desk: RecordedMachine) -> None:
     desk.camera("unicam-image")
-    (camera,) = cameras(desk.machine, gives_pictures)
+    (camera,) = find_cameras(desk.machine, gives_pictures)
     assert camera.source == "tcp://127.0.0.1:8888"
     assert camera.trouble is not None
-    assert "OpenCV cannot read" in camera.trouble.what
-    assert "rpicam-vid" in camera.trouble.cure
+    assert "OpenCV cannot read" in camera.trouble.message
+    assert "rpicam-vid" in camera.trouble.fix
 
 
 # --- desk 8: a Kobuki, on and off -------------------------------------------------------------------------------------
@@ -204,72 +204,75 @@ def test_a_csi_camera_is_told_with_the_way_to_read_it(desk: RecordedMachine) -> 
 
 def test_a_kobuki_is_only_listened_to() -> None:
     heard, wire = asked(adapter("0403:6001", "kobuki_AH02"), VirtualKobuki())
-    assert heard.found is not None
-    assert heard.found.title == "base.kobuki"
-    assert "battery at 16" in heard.found.answer.about
+    assert heard.device is not None
+    assert heard.device.title == "base.kobuki"
+    assert "battery at 16" in heard.device.result.about
     assert wire.bytes_sent == b""
 
 
 def test_a_kobuki_that_is_switched_off_is_known_by_its_adapter() -> None:
     heard, wire = asked(adapter("0403:6001", "kobuki_AH02"), None)
     assert heard.trouble is not None
-    assert heard.trouble.what == "a Kobuki, by its adapter, but it is silent"
-    assert "switch it on" in heard.trouble.cure
+    assert heard.trouble.message == "a Kobuki, by its adapter, but it is silent"
+    assert "switch it on" in heard.trouble.fix
     assert wire.bytes_sent == b""
-    kobuki = certain(adapter("0403:6001", "kobuki_AH02"), DRIVERS)
+    kobuki = driver_by_serial_number(adapter("0403:6001", "kobuki_AH02"), DRIVERS)
     assert kobuki is not None
-    assert certain(adapter("0403:6001", "A50285BI"), DRIVERS) is None
+    assert driver_by_serial_number(adapter("0403:6001", "A50285BI"), DRIVERS) is None
 
 
 # --- desk 9: a Teensy, and an Arduino that would start anew -----------------------------------------------------------
 
 
 def test_a_teensy_is_asked_for_its_topics_and_its_servos_get_no_angle() -> None:
-    teensy = VirtualRodney(baud=500_000, tacho=True, keeps=True)
+    teensy = VirtualRodney(baud=500_000, tacho=True, native_usb=True)
     heard, wire = asked(adapter("16c0:0483", path="/dev/ttyACM0"), teensy)
-    assert heard.found is not None
-    assert heard.found.title == "head.arduino"
-    assert heard.found.answer.keys == {"baud": 500_000}
-    assert "servo" in heard.found.answer.about
+    assert heard.device is not None
+    assert heard.device.title == "head.arduino"
+    assert heard.device.result.keys == {"baud": 500_000}
+    assert "servo" in heard.device.result.about
     assert teensy.commands == []
-    assert {data for _, data in wire.sent} <= {b"", rosserial.PROBE, lines.ASK}
+    assert {data for _, data in wire.sent} <= {b"", rosserial.PROBE, lines.REPORT_REQUEST}
 
 
 def test_a_board_that_starts_anew_when_it_is_opened_is_not_opened_without_consent() -> None:
     nano = VirtualRodney()
     port = adapter("1a86:7523")
     heard, wire = asked(port, nano)
-    assert heard.unasked is not None
-    assert "starts an Arduino anew, which may move its servos" in heard.unasked.what
-    assert "mission ports --ask /dev/ttyUSB0" in heard.unasked.cure
+    assert heard.skip_reason is not None
+    assert "starts an Arduino anew, which may move its servos" in heard.skip_reason.message
+    assert "mission ports --ask /dev/ttyUSB0" in heard.skip_reason.fix
     assert wire.sent == []
     heard, wire = asked(port, nano, consent=True)
-    assert heard.found is not None
-    assert heard.found.title == "head.arduino"
+    assert heard.device is not None
+    assert heard.device.title == "head.arduino"
     assert nano.commands == []
 
 
 def test_a_board_that_is_still_starting_is_asked_again() -> None:
     heard, _ = asked(adapter("2341:0043"), VirtualRodney(boot_delay=2.5), consent=True)
-    assert heard.found is not None
-    assert heard.found.answer.keys == {"baud": 57_600}
+    assert heard.device is not None
+    assert heard.device.result.keys == {"baud": 57_600}
 
 
 def test_a_printer_or_a_port_of_the_computer_is_not_asked_without_consent() -> None:
-    for port in (adapter("1d50:6029"), SerialPort("/dev/ttyS0", "/dev/ttyS0")):
+    for port in (adapter("1d50:6029"), SerialPortInfo("/dev/ttyS0", "/dev/ttyS0")):
         heard, wire = asked(port, VirtualServoBus([VirtualServo(1)]))
-        assert heard.unasked is not None
-        assert f"mission ports --ask {port.path}" in heard.unasked.cure
+        assert heard.skip_reason is not None
+        assert f"mission ports --ask {port.path}" in heard.skip_reason.fix
         assert wire.sent == []
 
 
 def test_a_lidar_that_was_left_scanning_is_silenced_and_says_what_it_is() -> None:
-    lidar = VirtualLidar(lambda bearings, _: bearings * 0 + 2.0, model="a2", streaming=True)
+    lidar = VirtualRPLidar(lambda bearings, _: bearings * 0 + 2.0, model="a2", streaming=True)
     heard, wire = asked(adapter("10c4:ea60"), lidar)
-    assert heard.found is not None
-    assert heard.found.title == "range.rplidar"
-    assert heard.found.answer.keys == {"baud": 115_200, "model": "a2"}
-    assert {data[1] for _, data in wire.sent if data.startswith(bytes([BEGIN]))} == {Command.STOP, Command.INFO}
+    assert heard.device is not None
+    assert heard.device.title == "range.rplidar"
+    assert heard.device.result.keys == {"baud": 115_200, "model": "a2"}
+    assert {data[1] for _, data in wire.sent if data.startswith(bytes([START_BYTE]))} == {
+        RPLidarCommand.STOP,
+        RPLidarCommand.INFO,
+    }
 
 
 @pytest.mark.parametrize("number", [1, 9])
@@ -277,15 +280,15 @@ def test_feetech_servos_are_told_from_dynamixels_by_their_table(number: int) -> 
     """An STS3215 with ID 9 has the 9 where a Dynamixel has it, too: in its model number."""
     chain = VirtualServoBus([VirtualServo(number, model="STS3215"), VirtualServo(12, model="STS3215")])
     heard, wire = asked(adapter("1a86:55d3"), chain)
-    assert heard.found is not None
-    assert heard.found.title == "arm.feetech"
-    assert [(unit.id, unit.model, unit.trouble) for unit in heard.found.answer.units] == [
+    assert heard.device is not None
+    assert heard.device.title == "arm.feetech"
+    assert [(unit.id, unit.model, unit.trouble) for unit in heard.device.result.units] == [
         (number, "STS3215", ""),
         (12, "STS3215", ""),
     ]
     assert sent_instructions(wire.sent) == READS
     others, _ = asked(adapter("0403:6014"), chain)
-    assert others.found is None
+    assert others.device is None
 
 
 @pytest.mark.parametrize("echo", [0.0, 1.0])
@@ -297,8 +300,8 @@ def test_servos_at_a_wrong_voltage_answer_though_with_the_bytes_of_the_ping(
     for servo in fed:
         servo.voltage = volts
     heard, wire = asked(adapter(usb), VirtualServoBus(fed, injection=FaultInjection(1, echo=echo)))
-    assert heard.found is not None
-    told = [(unit.id, unit.model, unit.trouble) for unit in heard.found.answer.units]
+    assert heard.device is not None
+    told = [(unit.id, unit.model, unit.trouble) for unit in heard.device.result.units]
     assert told == [(number, model, "voltage") for number in (1, 2, 3)]
     assert sent_instructions(wire.sent) == READS
 
@@ -307,17 +310,17 @@ def test_servos_at_a_wrong_voltage_answer_though_with_the_bytes_of_the_ping(
 def test_dynamixels_on_such_an_adapter_are_dynamixels(number: int) -> None:
     chain = VirtualServoBus([VirtualServo(number, model="XL330-M077"), VirtualServo(3, model="AX-12A")])
     heard, _ = asked(adapter("1a86:55d3"), chain)
-    assert heard.found is not None
-    assert heard.found.title == "arm.dynamixel"
-    assert {unit.model for unit in heard.found.answer.units} == {"XL330-M077", "AX-12A"}
+    assert heard.device is not None
+    assert heard.device.title == "arm.dynamixel"
+    assert {unit.model for unit in heard.device.result.units} == {"XL330-M077", "AX-12A"}
 
 
 def test_a_rover_of_waveshares_is_asked_for_one_report() -> None:
-    rover = VirtualWaveshare(Body(), track=0.2, unit=0.4, encoders=False)
+    rover = VirtualWaveshare(BaseBody(), track=0.2, unit=0.4, encoders=False)
     heard, wire = asked(adapter("10c4:ea60"), rover)
-    assert heard.found is not None
-    assert heard.found.title == "base.waveshare"
-    assert "V" in heard.found.answer.about
+    assert heard.device is not None
+    assert heard.device.title == "base.waveshare"
+    assert "V" in heard.device.result.about
     assert rover.commanded == (0.0, 0.0)
     assert b'{"T":1,' not in wire.bytes_sent
 
@@ -326,8 +329,14 @@ def test_a_rover_of_waveshares_is_asked_for_one_report() -> None:
 
 
 def test_an_empty_desk_is_empty(desk: RecordedMachine) -> None:
-    found = survey(desk.machine)
-    assert (found.plugs, found.lost, found.cameras, found.sounds, found.pads) == ((), (), (), (), ())
+    found = scan_hardware(desk.machine)
+    assert (found.ports, found.portless_adapters, found.cameras, found.sound_cards, found.game_pads) == (
+        (),
+        (),
+        (),
+        (),
+        (),
+    )
 
 
 # --- what else there is -----------------------------------------------------------------------------------------------
@@ -336,17 +345,17 @@ def test_an_empty_desk_is_empty(desk: RecordedMachine) -> None:
 def test_an_adapter_that_brltty_has_taken_has_no_port_and_is_told(desk: RecordedMachine) -> None:
     desk.usb("1a86:7523")
     desk.process(300, "brltty")
-    ((usb, trouble),) = lost_adapters(desk.machine)
+    ((usb, trouble),) = find_portless_adapters(desk.machine)
     assert usb.ids == "1a86:7523"
-    assert trouble.what == "it has no port: brltty has taken it"
+    assert trouble.message == "it has no port: brltty has taken it"
 
 
 def test_an_adapter_that_holds_bytes_back_is_told_with_its_cure(desk: RecordedMachine) -> None:
     desk.port("ttyUSB0", "0403:6014", serial="FT1", latency=16)
-    (port,) = serial_ports(desk.machine)
+    (port,) = find_serial_ports(desk.machine)
     (trouble,) = port.troubles
-    assert "holds bytes back for 16 ms" in trouble.what
-    assert "/sys/bus/usb-serial/devices/ttyUSB0/latency_timer" in trouble.cure
+    assert "holds bytes back for 16 ms" in trouble.message
+    assert "/sys/bus/usb-serial/devices/ttyUSB0/latency_timer" in trouble.fix
 
 
 def test_the_empty_uarts_of_a_computer_are_no_ports(desk: RecordedMachine) -> None:
@@ -354,7 +363,7 @@ def test_the_empty_uarts_of_a_computer_are_no_ports(desk: RecordedMachine) -> No
         desk.write(f"sys/class/tty/{name}/type", kind)
         (desk.root / f"sys/class/tty/{name}/device").mkdir()
         desk.write(f"dev/{name}", "")
-    assert [port.path for port in serial_ports(desk.machine)] == ["/dev/ttyS0"]
+    assert [port.path for port in find_serial_ports(desk.machine)] == ["/dev/ttyS0"]
 
 
 def uart(desk: RecordedMachine, name: str, link: str = "") -> None:
@@ -386,7 +395,7 @@ def test_the_debug_connector_of_a_raspberry_pi_5_is_not_taken_for_its_pins(
             desk.write(f"proc/device-tree/{name}", text)
     uart(desk, "ttyAMA0")
     uart(desk, "ttyAMA10", "serial0")
-    pins, debug = serial_ports(desk.machine)
+    pins, debug = find_serial_ports(desk.machine)
     assert is_raspberry_pi_5(desk.root) is is_5
     assert (pins.call, debug.call) == ("/dev/ttyAMA0", "/dev/ttyAMA10" if is_5 else "/dev/serial0")
     assert pins.title == ("the pins GPIO 14 and 15" if is_5 else "a port of the computer itself")
@@ -410,7 +419,7 @@ def test_a_port_that_leads_to_the_debug_connector_is_not_opened(
 def test_a_raspberry_pi_5_whose_first_port_is_that_of_the_pins_is_called_by_it(desk: RecordedMachine) -> None:
     desk.write("proc/device-tree/model", "Raspberry Pi 5 Model B Rev 1.1\0")
     uart(desk, "ttyAMA0", "serial0")
-    (pins,) = serial_ports(desk.machine)
+    (pins,) = find_serial_ports(desk.machine)
     assert pins.call == "/dev/ttyAMA0"
     assert not leads_to_debug_connector("/dev/serial0", desk.root)
 
@@ -423,9 +432,9 @@ def test_sound_and_game_pads_are_told(desk: RecordedMachine) -> None:
         'N: Name="AT Keyboard"\nH: Handlers=kbd event0\n\nN: Name="Xbox Pad"\nH: Handlers=event7 js0\n',
     )
     desk.write("dev/input/event7", "")
-    (card,) = sound_cards(desk.machine)
+    (card,) = find_sound_cards(desk.machine)
     assert (card.number, card.name, card.hears, card.speaks) == (1, "HD Pro Webcam C920", True, False)
-    (pad,) = pads(desk.machine)
+    (pad,) = find_game_pads(desk.machine)
     assert (pad.path, pad.name) == ("/dev/input/event7", "Xbox Pad")
 
 
@@ -454,7 +463,7 @@ def test_a_bad_line_makes_no_wrong_value_of_ten_thousand_questions() -> None:
             servos = [VirtualServo(number, model=model) for number, model in zip((2, 7), models, strict=True)]
             wire = HandAsked(VirtualServoBus(servos, injection=FaultInjection(seed, **mishaps)))
             probe = next(each.probe for each in DRIVERS if each.name == driver and each.kind == "arm")
-            answer = put(resolved(probe), wire)
+            answer = run_probe(resolve_name(probe), wire)
             questions += len(wire.sent)
             assert answer is not None
             assert answer.keys == {"baud": 1_000_000}
@@ -472,7 +481,7 @@ def test_who_holds_a_device_is_known_of_this_machine_too() -> None:
     ) as program:  # fmt: skip
         assert program.stdout is not None
         program.stdout.readline()
-        held = Machine().holders().get("/dev/full", [])
+        held = HostMachine().device_holders().get("/dev/full", [])
         program.communicate("\n")
     assert program.pid in {process.pid for process in held}
 
@@ -490,31 +499,31 @@ def test_a_port_that_is_pulled_while_it_is_asked_says_so_and_is_let_go(desk: Rec
             return b""
 
     pulled: list[bytes] = []
-    with closing(Terminal("servos", Pulled([VirtualServo(1)]), SystemClock())) as terminal:
+    with closing(PseudoTerminal("servos", Pulled([VirtualServo(1)]), SystemClock())) as terminal:
         terminal.open()
         desk.port("ttyUSB0", "0403:6014", serial="FT1", behind=terminal.path)
-        (plug,) = survey(desk.machine, asker(desk.machine, DRIVERS, SystemClock())).plugs
-    assert plug.heard is not None
-    assert plug.heard.found is None
-    assert plug.heard.trouble is not None
-    assert "ttyUSB0" in plug.heard.trouble.what
+        (plug,) = scan_hardware(desk.machine, make_prober(desk.machine, DRIVERS, SystemClock())).ports
+    assert plug.scan is not None
+    assert plug.scan.device is None
+    assert plug.scan.trouble is not None
+    assert "ttyUSB0" in plug.scan.trouble.message
     assert len(pulled) == 5
 
 
 def test_a_port_that_somebody_takes_meanwhile_is_left_alone(desk: RecordedMachine) -> None:
-    with closing(Terminal("servos", VirtualServoBus([VirtualServo(1)]), SystemClock())) as terminal:
+    with closing(PseudoTerminal("servos", VirtualServoBus([VirtualServo(1)]), SystemClock())) as terminal:
         terminal.open()
         desk.port("ttyUSB0", "0403:6014", serial="FT1", behind=terminal.path)
         with closing(open_port("somebody", terminal.path, 115_200)):
-            (plug,) = survey(desk.machine, asker(desk.machine, DRIVERS, SystemClock())).plugs
-    assert plug.heard is not None
-    assert plug.heard.trouble is not None
-    assert "in use" in plug.heard.trouble.what
+            (plug,) = scan_hardware(desk.machine, make_prober(desk.machine, DRIVERS, SystemClock())).ports
+    assert plug.scan is not None
+    assert plug.scan.trouble is not None
+    assert "in use" in plug.scan.trouble.message
 
 
 @pytest.fixture
-def kobuki_at_the_port(desk: RecordedMachine) -> Iterator[Terminal]:
-    with closing(Terminal("kobuki", VirtualKobuki(), SystemClock())) as terminal:
+def kobuki_at_the_port(desk: RecordedMachine) -> Iterator[PseudoTerminal]:
+    with closing(PseudoTerminal("kobuki", VirtualKobuki(), SystemClock())) as terminal:
         terminal.open()
         desk.port("ttyUSB0", "0403:6001", serial="kobuki_1", behind=terminal.path)
         yield terminal
@@ -522,10 +531,10 @@ def kobuki_at_the_port(desk: RecordedMachine) -> Iterator[Terminal]:
 
 @pytest.mark.usefixtures("kobuki_at_the_port")
 def test_a_real_port_is_opened_asked_and_let_go(desk: RecordedMachine) -> None:
-    found = survey(desk.machine, asker(desk.machine, DRIVERS, SystemClock(), patience=2.0))
-    ((port, heard),) = found.found
-    assert heard.found is not None
-    assert (port.path, heard.found.title) == ("/dev/ttyUSB0", "base.kobuki")
+    found = scan_hardware(desk.machine, make_prober(desk.machine, DRIVERS, SystemClock(), extra_timeout=2.0))
+    ((port, heard),) = found.identified
+    assert heard.device is not None
+    assert (port.path, heard.device.title) == ("/dev/ttyUSB0", "base.kobuki")
 
 
 @pytest.mark.parametrize("model", ["AX-12A", "STS3215", "XL330-M288"])
@@ -533,9 +542,9 @@ def test_answers_that_come_late_are_those_of_their_servos_and_of_no_others(model
     """A busy machine hands answers on 20 ms late: no servo is missed, none is taken for two."""
     device = VirtualServoBus([VirtualServo(number, model=model) for number in (4, 5, 17)])
     heard, _ = asked(adapter("1a86:55d3"), Late(device))
-    assert heard.found is not None
+    assert heard.device is not None
     assert heard.trouble is None
-    assert [(unit.id, unit.model, unit.trouble) for unit in heard.found.answer.units] == [
+    assert [(unit.id, unit.model, unit.trouble) for unit in heard.device.result.units] == [
         (number, model, "") for number in (4, 5, 17)
     ]
 
@@ -560,7 +569,7 @@ class Late(VirtualServoBus):
 
 def test_links_that_lead_in_a_circle_are_as_they_stand(tmp_path: Path) -> None:
     (tmp_path / "loop").symlink_to("loop")
-    assert Machine(tmp_path).real("/loop") == "/loop"
+    assert HostMachine(tmp_path).resolve("/loop") == "/loop"
 
 
 def test_a_pipe_in_a_recorded_tree_is_not_waited_for_and_an_endless_file_is_read_to_its_first_page(
@@ -569,5 +578,5 @@ def test_a_pipe_in_a_recorded_tree_is_not_waited_for_and_an_endless_file_is_read
     folder = desk.root / "sys"
     os.mkfifo(folder / "product")
     desk.write("sys/serial", "7" * 1_000_000)
-    assert desk.machine.text("/sys/product") == ""
-    assert len(desk.machine.text("/sys/serial")) == 4096
+    assert desk.machine.read_text("/sys/product") == ""
+    assert len(desk.machine.read_text("/sys/serial")) == 4096

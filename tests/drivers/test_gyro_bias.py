@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from drivers.base.gyro_bias import GATE, RELEARN_AFTER, SETTLING_LIMIT, GyroBias
+from drivers.base.gyro_bias import MAX_BIAS_CHANGE, MAX_SETTLING_TIME, RELEARN_AFTER, GyroBias
 
 PERIOD = 0.02
 
@@ -36,7 +36,7 @@ def test_a_slow_turn_teaches_nothing() -> None:
 
 def test_a_base_that_is_lifted_and_turned_is_followed_though_its_encoders_stand() -> None:
     bias = GyroBias()
-    assert pass_time(bias, 2 * GATE, 1.0, still=True) == pytest.approx(2 * GATE)
+    assert pass_time(bias, 2 * MAX_BIAS_CHANGE, 1.0, still=True) == pytest.approx(2 * MAX_BIAS_CHANGE)
     assert bias.rate == 0.0
 
 
@@ -81,7 +81,7 @@ def test_a_rounded_heading_teaches_the_bias(measured: bool) -> None:
 @pytest.mark.parametrize("encoders", [True, False])
 def test_nobody_waits_for_a_bias_that_cannot_be_learnt(encoders: bool) -> None:
     bias, chance = GyroBias(encoders=encoders), Random(2)  # noqa: S311 - noise is no secret
-    for _ in range(round(1.1 * SETTLING_LIMIT / PERIOD)):
+    for _ in range(round(1.1 * MAX_SETTLING_TIME / PERIOD)):
         rate = chance.choice((-1.0, 1.0)) * chance.uniform(0.02, 0.11)
         bias.correct(rate * PERIOD, rate, PERIOD, still=True)
     assert not bias.settling

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 
 from drivers.api import DeviceStatus
 from drivers.microphone.twin import HearingTwin
-from drivers.sim.acts import Reply
+from drivers.sim.acts import PersonReply
 from drivers.sim.timeline import Timeline
 from perception.api import Hearing, Words
-from perception.hearing.grammar import Grammar
+from perception.hearing.grammar import PhraseGrammar
 
-PHRASES = Grammar.of(["yes", "no", "thank you"])
+PHRASES = PhraseGrammar.from_texts(["yes", "no", "thank you"])
 
 
 class Scene:
@@ -26,7 +26,7 @@ class Scene:
             self.timeline.clock,
             PHRASES,
             Words,
-            deaf=lambda start, end: any(start < until and end > since for since, until in self.speaking),
+            is_deaf=lambda start, end: any(start < until and end > since for since, until in self.speaking),
             mishearing=mishearing,
             seed=seed,
             report=self.notices.append,
@@ -34,13 +34,13 @@ class Scene:
         )
         self.hearing: Hearing = self.twin
         self.twin.open()
-        self.timeline.every(self.twin.PERIOD, self.twin.step)
+        self.timeline.call_every(self.twin.STEP_INTERVAL, self.twin.step)
 
     def changed(self) -> None:
         self.changes += 1
 
     def say(self, text: str, when: float = 1.0, who: str = "ann") -> None:
-        self.timeline.at(when, lambda: self.twin.hear(Reply(who, text, when)))
+        self.timeline.call_at(when, lambda: self.twin.on_reply(PersonReply(who, text, when)))
 
     def phrases(self) -> list[str]:
         return [words.phrase for words in self.hearing.words()]
@@ -55,10 +55,10 @@ def scene() -> Iterator[Scene]:
 
 def test_a_phrase_is_understood_once_it_is_said(scene: Scene) -> None:
     scene.say("Thank you!")
-    scene.timeline.run(1.7)
+    scene.timeline.run_until(1.7)
     assert scene.hearing.words() == ()
     assert scene.hearing.level() > -30
-    scene.timeline.run(1.9)
+    scene.timeline.run_until(1.9)
     (words,) = scene.hearing.words()
     assert (words.id, words.phrase, words.who) == (1, "thank you", "ann")
     assert words.score > 0
@@ -69,7 +69,7 @@ def test_a_phrase_is_understood_once_it_is_said(scene: Scene) -> None:
 def test_other_words_beside_a_phrase_are_passed_over_and_other_speech_refused(scene: Scene) -> None:
     scene.say("well, yes please", 1.0)
     scene.say("I would like a coffee", 4.0)
-    scene.timeline.run(8.0)
+    scene.timeline.run_until(8.0)
     assert scene.phrases() == ["yes"]
     (refused,) = scene.hearing.refused()
     assert (refused.phrase, refused.score < 0) == ("", True)
@@ -80,16 +80,16 @@ def test_other_words_beside_a_phrase_are_passed_over_and_other_speech_refused(sc
 def test_what_holds_no_phrase_never_becomes_words(text: str) -> None:
     scene = Scene()
     scene.say(text)
-    scene.timeline.run(60.0)
+    scene.timeline.run_until(60.0)
     assert scene.phrases() == [phrase for phrase in [PHRASES.find(text)] if phrase and 1 + 0.4 * len(text.split()) > 30]
 
 
 def test_people_let_the_robot_finish(scene: Scene) -> None:
     scene.speaking = [(0.5, 3.0)]
     scene.say("yes")
-    scene.timeline.run(2.9)
+    scene.timeline.run_until(2.9)
     assert scene.hearing.level() == -90
-    scene.timeline.run(4.0)
+    scene.timeline.run_until(4.0)
     (words,) = scene.hearing.words()
     assert words.start == pytest.approx(3.0, abs=0.11)
 
@@ -97,7 +97,7 @@ def test_people_let_the_robot_finish(scene: Scene) -> None:
 def test_what_the_robot_talks_into_is_lost(scene: Scene) -> None:
     scene.speaking = [(1.2, 1.3)]
     scene.say("thank you")
-    scene.timeline.run(5.0)
+    scene.timeline.run_until(5.0)
     assert (scene.phrases(), scene.hearing.refused()) == ([], ())
     assert scene.twin.health().counters["lost"] == 1
 
@@ -105,40 +105,40 @@ def test_what_the_robot_talks_into_is_lost(scene: Scene) -> None:
 def test_words_are_kept_for_half_a_minute(scene: Scene) -> None:
     scene.say("yes", 1.0)
     scene.say("no", 20.0)
-    scene.timeline.run(30.0)
+    scene.timeline.run_until(30.0)
     assert scene.phrases() == ["no", "yes"]
-    scene.timeline.run(45.0)
+    scene.timeline.run_until(45.0)
     assert scene.phrases() == ["no"]
 
 
 def test_unplugged_it_listens_no_more_and_says_so(scene: Scene) -> None:
-    scene.timeline.run(2.0)
+    scene.timeline.run_until(2.0)
     assert scene.hearing.listened() == pytest.approx(2.0, abs=0.06)
     scene.twin.plug.unplug()
     scene.say("yes", 3.0)
-    scene.timeline.run(5.0)
+    scene.timeline.run_until(5.0)
     assert scene.hearing.listened() == pytest.approx(2.0, abs=0.06)
     assert not scene.twin.health().online
     scene.twin.plug.plug_in()
     scene.say("no", 6.0)
-    scene.timeline.run(8.0)
+    scene.timeline.run_until(8.0)
     assert scene.phrases() == ["no"]
     assert [notice.kind for notice in scene.notices] == ["online", "offline", "online"]
 
 
 def test_pulled_out_while_somebody_speaks_it_hears_nothing_of_it(scene: Scene) -> None:
     scene.say("thank you", 1.0)
-    scene.timeline.run(1.3)
+    scene.timeline.run_until(1.3)
     scene.twin.plug.unplug()
     scene.twin.plug.plug_in()
-    scene.timeline.run(5.0)
+    scene.timeline.run_until(5.0)
     assert scene.phrases() == []
 
 
 def test_dulled_it_hears_nothing_and_does_not_know(scene: Scene) -> None:
-    scene.twin.dulled = True
+    scene.twin.hears_nothing = True
     scene.say("yes")
-    scene.timeline.run(3.0)
+    scene.timeline.run_until(3.0)
     assert (scene.phrases(), scene.twin.health().online) == ([], True)
     assert scene.hearing.listened() == pytest.approx(3.0, abs=0.06)
 
@@ -149,7 +149,7 @@ def test_it_mishears_as_often_as_it_is_told_and_every_time_alike() -> None:
         right = wrong = 0
         for number in range(200):
             scene.say("yes", number * 2.0 + 1.0)
-            scene.timeline.run(number * 2.0 + 2.9)
+            scene.timeline.run_until(number * 2.0 + 2.9)
             newest = [words.phrase for words in scene.hearing.words() if words.start > number * 2.0]
             right += newest == ["yes"]
             wrong += newest in (["no"], ["thank you"])
@@ -165,6 +165,6 @@ def test_before_it_is_opened_and_after_it_is_closed_it_is_not_there() -> None:
     twin = HearingTwin(Timeline().clock, PHRASES, Words)
     twin.close()
     twin.rest()
-    twin.hear(Reply("ann", "yes", 0.0))
+    twin.on_reply(PersonReply("ann", "yes", 0.0))
     twin.step()
     assert (twin.words(), twin.listened(), twin.health().online) == ((), None, False)

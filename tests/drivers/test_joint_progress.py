@@ -15,7 +15,7 @@ from drivers.joints.progress import BLOCKED_AFTER, RETRY_AFTER, WRONG_WAY, Joint
 from drivers.servos.joint import JointSpec
 from drivers.servos.twin import JointsTwin
 from drivers.servos.virtual.servo import VirtualServo
-from drivers.servos.wire import Fault
+from drivers.servos.wire import ServoFault
 from tests.drivers.test_dynamixel_silence import Quiet
 from tests.machines import walk
 from tests.tries import tries
@@ -42,12 +42,12 @@ class Wire:
     def run(self, seconds: float) -> None:
         self.arm.run(seconds)
 
-    def now(self) -> float:
-        return self.arm.clock.now()
+    def read_value(self) -> float:
+        return self.arm.clock.read_value()
 
     def fail(self, fault: str) -> None:
         self.servo.freeze(on=fault == "frozen")
-        self.servo.shaft.grip = {"blocked": 0.0, "reversed": -1.0}.get(fault, 1.0)
+        self.servo.shaft.motion_factor = {"blocked": 0.0, "reversed": -1.0}.get(fault, 1.0)
 
     def angle(self) -> float:
         return self.servo.angle
@@ -68,19 +68,19 @@ class Twin:
         self.joints.hold()
 
     def run(self, seconds: float) -> None:
-        end = self.clock.now() + seconds
-        while self.clock.now() < end - 1e-9:
+        end = self.clock.read_value() + seconds
+        while self.clock.read_value() < end - 1e-9:
             self.clock.advance(self.joints.PERIOD)
             self.joints.step()
 
-    def now(self) -> float:
-        return self.clock.now()
+    def read_value(self) -> float:
+        return self.clock.read_value()
 
     def fail(self, fault: str) -> None:
         self.joints.fail("a", fault)
 
     def angle(self) -> float:
-        return self.joints.true_angle("a", self.clock.now())
+        return self.joints.true_angle("a", self.clock.read_value())
 
 
 Rig = Wire | Twin
@@ -96,8 +96,8 @@ def rig(request: pytest.FixtureRequest) -> Rig:
 
 def drive(rig: Rig, goal: float, speed: float = 1.0, limit: float = 5.0) -> str:
     """Send the joint to ``goal`` at each tick, as leaves do; return why it was refused, and until when."""
-    until = rig.now() + limit
-    while rig.now() < until:
+    until = rig.read_value() + limit
+    while rig.read_value() < until:
         try:
             rig.joints.move({"a": goal}, speeds={"a": speed})
         except DeviceFault as error:
@@ -113,16 +113,16 @@ def state(rig: Rig) -> float:
 
 
 def faults(rig: Rig) -> list[str]:
-    return [notice.what for notice in rig.notices if notice.kind == "fault"]
+    return [notice.message for notice in rig.notices if notice.kind == "fault"]
 
 
 @pytest.mark.parametrize("fault", ["blocked", "frozen"])
 def test_a_blocked_joint_is_held_where_it_stands_before_its_servo_shuts_down(rig: Rig, fault: str) -> None:
     drive(rig, 0.4, limit=1.0)
     rig.fail(fault)
-    began = rig.now()
+    began = rig.read_value()
     said = drive(rig, 1.2)
-    assert rig.now() - began < ENDS_WITHIN
+    assert rig.read_value() - began < ENDS_WITHIN
     match = re.fullmatch(
         r"joint a: commanded 1.20 rad, stands at 0\.\d\d rad since 0\.[89]\d? s: blocked\?(; load \d+ %)?", said
     )
@@ -137,7 +137,7 @@ def test_a_blocked_joint_is_held_where_it_stands_before_its_servo_shuts_down(rig
     assert felt.goal == pytest.approx(state(rig), abs=0.02)
     assert abs(felt.load) < 0.2
     if isinstance(rig, Wire):
-        assert not rig.servo.faults & Fault.OVERLOAD
+        assert not rig.servo.faults & ServoFault.OVERLOAD
         assert not rig.servo.limp
 
 
@@ -188,7 +188,7 @@ def followed_on_wire() -> tuple[Quiet, list[DeviceStatus], Callable[[], None]]:
     arm = Quiet("AX-12A", "AX-12A")
 
     def block() -> None:
-        arm.servo(2).shaft.grip = 0.0
+        arm.servo(2).shaft.motion_factor = 0.0
         arm.servo(1).turn_by_hand(1.0)
 
     return arm, arm.notices, block
@@ -218,7 +218,7 @@ def test_a_follower_that_is_blocked_follows_no_more(
     felt = rig.joints.states()["b"].value
     assert felt is not None
     assert "joint b: commanded" in felt.blocked
-    assert [notice.what for notice in notices if "joint b" in notice.what] == [felt.blocked]
+    assert [notice.message for notice in notices if "joint b" in notice.message] == [felt.blocked]
     assert felt.goal == pytest.approx(felt.position, abs=0.02)
 
 
@@ -244,9 +244,9 @@ def test_joints_that_get_where_they_are_sent_are_never_given_up() -> None:
             goal, speed = chance.uniform(-2.2, 2.2), chance.choice((0.0175, 0.1, 1.0, 4.0))
             assert not drive(rig, goal, speed, limit=chance.uniform(0.2, 4.0)), seed
         middle, width, period = chance.uniform(-1, 1), chance.uniform(0.1, 1.2), chance.uniform(1.0, 6.0)
-        began = rig.now()
-        while rig.now() - began < 6.0:  # a sweep that may be faster than the joint
-            rig.joints.move({"a": middle + width * sin(tau * (rig.now() - began) / period)})
+        began = rig.read_value()
+        while rig.read_value() - began < 6.0:  # a sweep that may be faster than the joint
+            rig.joints.move({"a": middle + width * sin(tau * (rig.read_value() - began) / period)})
             rig.run(0.05)
         assert faults(rig) == [], seed
 
@@ -260,12 +260,12 @@ def test_joints_that_fail_at_random_are_held_in_time_and_no_servo_overloads() ->
         drive(rig, start, 4.0, limit=2.0)
         drive(rig, goal, speed, limit=chance.uniform(0, 0.3) * abs(goal - start) / speed)
         rig.fail(fault)
-        began = rig.now()
+        began = rig.read_value()
         assert drive(rig, goal, speed), (seed, fault)
-        assert rig.now() - began < 1.0, (seed, fault)
+        assert rig.read_value() - began < 1.0, (seed, fault)
         rig.run(2.0)
         if isinstance(rig, Wire) and fault != "reversed":
-            assert not rig.servo.faults & Fault.OVERLOAD, (seed, fault)
+            assert not rig.servo.faults & ServoFault.OVERLOAD, (seed, fault)
 
 
 # --- without a device -------------------------------------------------------------------------------------------------
@@ -277,7 +277,7 @@ def watched(positions: Callable[[float], float], goal: float, *, speed: float = 
     for step in range(500):
         now = step * 0.04
         progress.command(goal, speed, now)
-        said = progress.look(positions(now) + chance.gauss(0, noise), 0.0, now)
+        said = progress.update(positions(now) + chance.gauss(0, noise), 0.0, now)
         if said:
             return f"{now:.1f} {said}"
     return ""
@@ -296,7 +296,7 @@ def test_a_joint_that_creeps_on_is_not_blocked_and_one_that_rests_near_its_goal_
 def test_seconds_without_readings_do_not_count() -> None:
     progress = JointProgress("joint a")
     progress.command(1.0, 1.0, 0.0)
-    assert not any(progress.look(0.0, 0.0, now) for now in (0.1, 5.0, 10.0))
+    assert not any(progress.update(0.0, 0.0, now) for now in (0.1, 5.0, 10.0))
 
 
 class Handled:
@@ -315,7 +315,7 @@ class Handled:
     def look(self, chance: Random) -> None:
         self.now += chance.choice((0.05, 0.2))
         self.here += chance.choice((0.0, 0.3, -0.3, 1.0)) * (self.goal - self.here)
-        self.progress.look(self.here, 0.0, self.now)
+        self.progress.update(self.here, 0.0, self.now)
         assert not self.progress.blocked or self.progress.active
 
 

@@ -18,13 +18,13 @@ from drivers.base.diff_drive import DiffDriveBase
 from drivers.base.reckoning import TwoWheels
 from drivers.errors import DeviceFault, DriverError
 from drivers.head.axis import ServoAxis
-from drivers.head.guardian_head import SILENT_AFTER, KeeperHead
-from drivers.pi_car.driver import KeeperProtocol
-from drivers.sim.body import Body
+from drivers.head.guardian_head import OFFLINE_TIMEOUT, GuardianHead
+from drivers.pi_car.driver import GuardianProtocol
+from drivers.sim.body import BaseBody
 from drivers.sim.timeline import Timeline
 from drivers.transport import guardian_wire
-from drivers.transport.guardian import SERVO_SPEED, Keeper, Servos, Wheels
-from drivers.transport.link import Link
+from drivers.transport.guardian import SERVO_SPEED, ActuatorGuardian, GuardianServos, GuardianWheels
+from drivers.transport.link import SerialLink
 from drivers.virtual.guardian import VirtualCar, VirtualServos
 from missions.executive.events import Event, Logged
 from missions.library.drivers import load_robot
@@ -48,16 +48,16 @@ class Hands:
         self.aimed: list[tuple[int, int]] = []
         self.rests = 0
 
-    def aim(self, first: int, second: int, now: float) -> None:  # noqa: ARG002
+    def set_goals(self, first: int, second: int, now: float) -> None:  # noqa: ARG002
         self.aimed.append((first, second))
 
     def rest(self, now: float) -> None:  # noqa: ARG002
         self.rests += 1
 
-    def step(self, now: float) -> None:
+    def advance(self, now: float) -> None:
         pass
 
-    def present(self) -> tuple[int, int]:
+    def positions(self) -> tuple[int, int]:
         return self.aimed[-1] if self.aimed else (0, 0)
 
 
@@ -68,13 +68,13 @@ class Bench:
         self.timeline = Timeline()
         self.clock = self.timeline.clock
         self.notices: list[DeviceStatus] = []
-        self.car = VirtualCar(Body(), TwoWheels(0.2, 0.5))
-        self.servos = VirtualServos((90, 90), warm=warm)
+        self.car = VirtualCar(BaseBody(), TwoWheels(0.2, 0.5))
+        self.servos = VirtualServos((90, 90), knows_angles=warm)
         self.car_wire, self.head_wire = HandWire(self.car, self.timeline), HandWire(self.servos, self.timeline)
         self.base = DiffDriveBase(
-            self.car_wire.link("base"), self.clock, KeeperProtocol(0.2, 0.5), report=self.notices.append
+            self.car_wire.link("base"), self.clock, GuardianProtocol(0.2, 0.5), report=self.notices.append
         )
-        self.head = KeeperHead(
+        self.head = GuardianHead(
             self.head_wire.link("head"),
             self.clock,
             pan=ServoAxis(0, radians(-80), radians(80), start=90),
@@ -94,11 +94,11 @@ class Bench:
         pass_until(self.timeline, holds)  # type: ignore[arg-type]
 
     def passes(self, seconds: float) -> None:
-        self.timeline.run(self.clock.now() + seconds)
+        self.timeline.run_until(self.clock.read_value() + seconds)
 
     def drives(self, linear: float, seconds: float) -> None:
-        end = self.clock.now() + seconds
-        while self.clock.now() < end:
+        end = self.clock.read_value() + seconds
+        while self.clock.read_value() < end:
             self.base.drive(Velocity(linear, 0.0))
             self.passes(0.05)
 
@@ -118,24 +118,28 @@ def bench() -> Iterator[Bench]:
 
 
 def test_a_line_is_read_as_it_was_written_and_its_sum_is_the_well_known_one() -> None:
-    assert guardian_wire.read(guardian_wire.ASK.strip()) == guardian_wire.Ask()
-    assert guardian_wire.read(guardian_wire.go(7, -1000, 1000).strip()) == guardian_wire.Go(7, -1000, 1000)
-    assert guardian_wire.read(guardian_wire.report(32000, 0, -1).strip()) == guardian_wire.Report(32000, 0, -1)
-    assert guardian_wire._lined("123456789").endswith(b"*29B1\n")
+    assert guardian_wire.parse_line(guardian_wire.REPORT_REQUEST.strip()) == guardian_wire.ReportRequest()
+    assert guardian_wire.parse_line(
+        guardian_wire.pack_command(7, -1000, 1000).strip()
+    ) == guardian_wire.GuardianCommand(7, -1000, 1000)
+    assert guardian_wire.parse_line(guardian_wire.pack_report(32000, 0, -1).strip()) == guardian_wire.GuardianReport(
+        32000, 0, -1
+    )
+    assert guardian_wire._make_line("123456789").endswith(b"*29B1\n")
 
 
 @given(st.binary(max_size=60))
 def test_noise_is_no_line(noise: bytes) -> None:
     with pytest.raises(ValueError, match=r"."):
-        guardian_wire.read(noise)
+        guardian_wire.parse_line(noise)
 
 
 @given(st.integers(1, 32000), st.integers(-1000, 1000), st.integers(-1000, 1000), st.data())
 def test_a_line_with_one_bit_turned_over_is_none(boot: int, first: int, second: int, data: st.DataObject) -> None:
-    line = bytearray(guardian_wire.go(boot, first, second).strip())
+    line = bytearray(guardian_wire.pack_command(boot, first, second).strip())
     line[data.draw(st.integers(0, len(line) - 1))] ^= 1 << data.draw(st.integers(0, 7))
     with pytest.raises(ValueError, match=r"."):
-        guardian_wire.read(bytes(line))
+        guardian_wire.parse_line(bytes(line))
 
 
 # --- the keeper -------------------------------------------------------------------------------------------------------
@@ -143,40 +147,40 @@ def test_a_line_with_one_bit_turned_over_is_none(boot: int, first: int, second: 
 
 def test_it_lets_all_rest_when_nobody_talks_and_obeys_nobody_who_knew_another() -> None:
     hands = Hands()
-    keeper = Keeper(hands, boot=5, now=0.0)
-    assert keeper.feed(guardian_wire.go(5, 300, 400), 1.0) == b""
-    assert keeper.feed(guardian_wire.go(4, 900, 900) + b"noise\n" + guardian_wire.ASK, 1.1) == guardian_wire.report(
-        5, 300, 400
-    )
+    keeper = ActuatorGuardian(hands, boot=5, now=0.0)
+    assert keeper.feed(guardian_wire.pack_command(5, 300, 400), 1.0) == b""
+    assert keeper.feed(
+        guardian_wire.pack_command(4, 900, 900) + b"noise\n" + guardian_wire.REPORT_REQUEST, 1.1
+    ) == guardian_wire.pack_report(5, 300, 400)
     assert hands.aimed == [(300, 400)]
-    keeper.poll(1.1 + guardian_wire.WATCHDOG - 0.001)
+    keeper.poll(1.1 + guardian_wire.WATCHDOG_TIMEOUT - 0.001)
     assert hands.rests == 0
-    keeper.poll(1.1 + guardian_wire.WATCHDOG + 0.001)
+    keeper.poll(1.1 + guardian_wire.WATCHDOG_TIMEOUT + 0.001)
     keeper.poll(9.0)
     assert hands.rests == 1
 
 
 def test_wheels_take_no_more_than_full_power_and_stand_at_first() -> None:
     told: list[tuple[float, float]] = []
-    wheels = Wheels(lambda left, right: told.append((left, right)))
-    wheels.aim(2000, -500, 0.0)
-    wheels.aim(2000, -500, 0.1)
+    wheels = GuardianWheels(lambda left, right: told.append((left, right)))
+    wheels.set_goals(2000, -500, 0.0)
+    wheels.set_goals(2000, -500, 0.1)
     wheels.rest(0.2)
     assert told == [(0.0, 0.0), (1.0, -0.5), (0.0, 0.0)]
 
 
 def test_servos_are_led_no_faster_than_they_may_and_stay_where_the_watchdog_finds_them() -> None:
     sent: list[tuple[int, int]] = []
-    servos = Servos(lambda number, degree: sent.append((number, degree)), (90, None))
-    servos.aim(180, 40, 0.0)
+    servos = GuardianServos(lambda number, degree: sent.append((number, degree)), (90, None))
+    servos.set_goals(180, 40, 0.0)
     assert sent == [(1, 40)], "one that has got no pulse yet goes at once"
     for step in range(1, 11):
-        servos.step(0.01 * step)
-    assert servos.present() == (120, 40)
+        servos.advance(0.01 * step)
+    assert servos.positions() == (120, 40)
     servos.rest(0.1)
     for step in range(10):
-        servos.step(0.1 + 0.1 * step)
-    assert servos.present() == (120, 40)
+        servos.advance(0.1 + 0.1 * step)
+    assert servos.positions() == (120, 40)
     pans = [90, *(degree for number, degree in sent if number == 0)]
     assert max(abs(one - other) for one, other in pairwise(pans)) <= 3
 
@@ -187,13 +191,13 @@ def test_servos_are_led_no_faster_than_they_may_and_stay_where_the_watchdog_find
 def test_a_head_whose_servos_stand_where_nobody_knows_is_sent_nowhere_before_it_is_asked() -> None:
     bench = Bench(warm=False).start()
     bench.passes(1.0)
-    assert bench.servos.sent == 0
+    assert bench.servos.pulse_count == 0
     assert [notice.kind for notice in bench.notices] == ["fault"]
-    assert "may leap" in bench.notices[0].what
+    assert "may leap" in bench.notices[0].message
     bench.head.look(HeadPose(radians(20), 0.0))
     bench.passes(1.0)
-    assert bench.servos.angle(0, bench.clock.now()) == pytest.approx(110)
-    assert bench.servos.widest <= STEP
+    assert bench.servos.angle(0, bench.clock.read_value()) == pytest.approx(110)
+    assert bench.servos.max_step <= STEP
     bench.close()
 
 
@@ -204,17 +208,17 @@ def test_a_keeper_that_begins_anew_in_mid_move_is_noticed_and_nothing_of_before_
     bench.servos.reset()
     bench.car.reset()
     bench.passes(0.2)
-    here, shares = bench.servos.angle(0, bench.clock.now()), bench.car.shares
+    here, shares = bench.servos.angle(0, bench.clock.read_value()), bench.car.shares
     bench.passes(1.0)
-    assert bench.servos.angle(0, bench.clock.now()) == here < 90 + 65
+    assert bench.servos.angle(0, bench.clock.read_value()) == here < 90 + 65
     assert shares == bench.car.shares == (0.0, 0.0)
-    assert sum("begun anew" in notice.what or "restarted" in notice.what for notice in bench.notices) == 2
-    assert bench.head.health().returned is not None
-    assert bench.base.health().returned is not None
+    assert sum("begun anew" in notice.message or "restarted" in notice.message for notice in bench.notices) == 2
+    assert bench.head.health().reconnected_at is not None
+    assert bench.base.health().reconnected_at is not None
     bench.head.look(HeadPose(0.0, 0.0))
     bench.passes(2.0)
-    assert bench.servos.angle(0, bench.clock.now()) == 90
-    assert bench.servos.widest <= STEP
+    assert bench.servos.angle(0, bench.clock.read_value()) == 90
+    assert bench.servos.max_step <= STEP
 
 
 def test_random_events_take_every_transition_and_servos_are_sent_nowhere_before_an_answer(
@@ -222,20 +226,20 @@ def test_random_events_take_every_transition_and_servos_are_sent_nowhere_before_
 ) -> None:
     def connect(bench: Bench, _: Random) -> None:
         sent.clear()
-        bench.head.connected()
-        bench.head.pulse()
-        assert not any(isinstance(guardian_wire.read(line), guardian_wire.Go) for line in sent)
+        bench.head.on_connected()
+        bench.head.on_poll()
+        assert not any(isinstance(guardian_wire.parse_line(line), guardian_wire.GuardianCommand) for line in sent)
 
     def answer(bench: Bench, chance: Random) -> None:
-        bench.head.received(guardian_wire.report(chance.choice((7, 8)), 90, 90))
+        bench.head.on_data(guardian_wire.pack_report(chance.choice((7, 8)), 90, 90))
 
     def fall_silent(bench: Bench, _: Random) -> None:
-        bench.clock.advance(SILENT_AFTER + 0.01)
-        bench.head.pulse()
+        bench.clock.advance(OFFLINE_TIMEOUT + 0.01)
+        bench.head.on_poll()
 
     sent = list[bytes]()
-    monkeypatch.setattr(Link, "write", lambda _, data: sent.extend(data.splitlines()))
-    monkeypatch.setattr(Link, "set_dtr", lambda *_, **__: None)
+    monkeypatch.setattr(SerialLink, "write", lambda _, data: sent.extend(data.splitlines()))
+    monkeypatch.setattr(SerialLink, "set_dtr", lambda *_, **__: None)
     table = walk(monkeypatch, "drivers.head.guardian_head.TRANSITIONS", Bench, [connect, answer, fall_silent])
     assert table.visited == set(table)
     assert not table.missing
@@ -248,15 +252,15 @@ def test_unplugged_in_mid_move_and_plugged_in_again_all_stays_at_rest_until_it_i
     for each in (bench.car_wire, bench.head_wire):
         each.unplug()
     bench.passes(1.5)
-    here, there = bench.servos.angle(0, bench.clock.now()), bench.car.pose(bench.clock.now())
+    here, there = bench.servos.angle(0, bench.clock.read_value()), bench.car.pose(bench.clock.read_value())
     for each in (bench.car_wire, bench.head_wire):
         each.plug_in()
     bench.until(lambda: bench.base.health().online and bench.head.health().online)
     bench.passes(1.0)
-    assert bench.servos.angle(0, bench.clock.now()) == here
-    assert bench.car.pose(bench.clock.now()) == there
-    assert bench.head.health().returned is not None
-    assert bench.base.health().returned is not None
+    assert bench.servos.angle(0, bench.clock.read_value()) == here
+    assert bench.car.pose(bench.clock.read_value()) == there
+    assert bench.head.health().reconnected_at is not None
+    assert bench.base.health().reconnected_at is not None
     for each in (bench.car_wire, bench.head_wire):
         each.unplug()
     bench.passes(6.0)
@@ -267,7 +271,7 @@ def test_unplugged_in_mid_move_and_plugged_in_again_all_stays_at_rest_until_it_i
         bench.head.look(HeadPose(0.0, 0.0))
     with pytest.raises(DeviceFault, match="away"):
         bench.base.drive(Velocity(0.1, 0.0))
-    assert bench.servos.widest <= STEP
+    assert bench.servos.max_step <= STEP
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -276,15 +280,15 @@ def test_thousands_of_questions_with_every_mishap_both_ways_and_no_wrong_value(b
     bench.start()
     sent: set[tuple[int, int]] = set()
     taken: list[tuple[int, int]] = []
-    keeper = bench.car.keeper
+    keeper = bench.car.guardian
     assert keeper is not None
-    aim = keeper._hands.aim
+    aim = keeper._actuators.set_goals
 
     def aimed(first: int, second: int, now: float) -> None:
         taken.append((first, second))
         aim(first, second, now)
 
-    keeper._hands.aim = aimed  # type: ignore[method-assign]
+    keeper._actuators.set_goals = aimed  # type: ignore[method-assign]
     drive = bench.base.protocol.drive
 
     def drives(velocity: Velocity, now: float) -> bytes:
@@ -305,7 +309,7 @@ def test_thousands_of_questions_with_every_mishap_both_ways_and_no_wrong_value(b
         lost += not bench.base.health().online
     assert set(taken) <= sent
     assert len(taken) > 0.5 * TRANSACTIONS
-    assert bench.servos.widest <= STEP
+    assert bench.servos.max_step <= STEP
     assert bench.base.health().counters["malformed"] > TRANSACTIONS / 100
     assert lost == 0
     for faults in (wheels.faults, servos.faults):
@@ -313,7 +317,7 @@ def test_thousands_of_questions_with_every_mishap_both_ways_and_no_wrong_value(b
     bench.car_wire.distort = bench.head_wire.distort = bytes
     bench.head.look(HeadPose(radians(33), radians(7)))
     bench.passes(4.0 + PERIOD)
-    assert bench.servos.angle(0, bench.clock.now()) == pytest.approx(90 + 33)
+    assert bench.servos.angle(0, bench.clock.read_value()) == pytest.approx(90 + 33)
 
 
 # --- in a robot file --------------------------------------------------------------------------------------------------

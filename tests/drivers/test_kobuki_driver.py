@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.api import (
-    COMMAND_LIFE,
-    STILL,
+    COMMAND_TIMEOUT,
+    ZERO_VELOCITY,
     Base,
     BaseState,
     DeviceStatus,
@@ -25,39 +25,46 @@ from drivers.api import (
     ignore,
 )
 from drivers.base.diff_drive import DiffDriveBase
-from drivers.base.limits import Limits
+from drivers.base.limits import VelocityLimits
 from drivers.clock import Clock, ManualClock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
-from drivers.kobuki.commands import OUTPUTS_AT_START, BaseControl, Extra, GetGains, SetGains, Sound
-from drivers.kobuki.driver import DOZE, OFFLINE_AFTER, STOP_REPEATS, Identity, KobukiProtocol, kobuki_base
-from drivers.kobuki.feedback import FEEDBACK, METRES_PER_TICK, Core, Gains, Inertia
-from drivers.kobuki.odometry import Odometry, Senses, battery_percent
+from drivers.kobuki.commands import OUTPUTS_AT_START, BaseControl, Extra, GetGains, KobukiSound, SetGains
+from drivers.kobuki.driver import (
+    IDLE_POLL_INTERVAL,
+    OFFLINE_AFTER,
+    STOP_REPEATS,
+    KobukiIdentity,
+    KobukiProtocol,
+    kobuki_base,
+)
+from drivers.kobuki.feedback import FEEDBACK, METRES_PER_TICK, Core, Inertia, KobukiGains
+from drivers.kobuki.odometry import KobukiOdometry, KobukiStateBuilder, battery_percent
 from drivers.kobuki.virtual import VirtualKobuki
-from drivers.kobuki.wire import BAUD, HEADER, FrameFinder, Part, decode, encode
-from drivers.sim.body import COMMAND_TIMEOUT
+from drivers.kobuki.wire import BAUD, HEADER, KobukiFrameFinder, KobukiSubpayload, decode, encode
+from drivers.sim.body import BODY_COMMAND_TIMEOUT
 from drivers.sim.timeline import Timeline
-from drivers.sim.wheels import Wheels
+from drivers.sim.wheels import SimulatedWheels
 from drivers.transport import ports
-from drivers.transport.link import Link, Talker
+from drivers.transport.link import LinkHandler, SerialLink
 from drivers.virtual.patient_clock import PatientClock
-from drivers.virtual.terminal import Terminal
+from drivers.virtual.terminal import PseudoTerminal
 from tests.drivers.cranked import HandWire, pass_until
 from tests.waiting import wait_until
 
-NOWHERE = BaseState(Pose2D(0.0, 0.0, 0.0), STILL)
+NOWHERE = BaseState(Pose2D(0.0, 0.0, 0.0), ZERO_VELOCITY)
 
 # --- odometry, limits, senses: plain arithmetic -----------------------------------------------------------------------
 
 
 def test_odometry_starts_at_zero_whatever_the_base_says_first() -> None:
-    odometry = Odometry()
+    odometry = KobukiOdometry()
     odometry.update(Core(time_ms=60000, left_encoder=999, right_encoder=5), Inertia(heading_cdeg=-17000), 3.0)
     assert odometry.pose == Pose2D(0.0, 0.0, 0.0)
 
 
 @given(st.lists(st.tuples(st.integers(-3000, 3000), st.integers(-3000, 3000)), max_size=60), st.integers(0, 0xFFFF))
 def test_encoders_may_wrap_as_often_as_they_like(moves: list[tuple[int, int]], start: int) -> None:
-    odometry = Odometry()
+    odometry = KobukiOdometry()
     left = right = start
     odometry.update(Core(left_encoder=left, right_encoder=right), Inertia(), 0.0)
     for number, (more_left, more_right) in enumerate(moves, 1):
@@ -69,7 +76,7 @@ def test_encoders_may_wrap_as_often_as_they_like(moves: list[tuple[int, int]], s
 
 @given(st.lists(st.integers(-17000, 17000), max_size=60), st.integers(-18000, 17999))
 def test_the_heading_does_not_wrap(turns: list[int], start: int) -> None:
-    odometry = Odometry()
+    odometry = KobukiOdometry()
     odometry.commanded = True  # at rest a small turn is taken for drift of the gyro
     heading = start
     odometry.update(Core(), Inertia(heading), 0.0)
@@ -81,24 +88,24 @@ def test_the_heading_does_not_wrap(turns: list[int], start: int) -> None:
 
 @pytest.mark.parametrize(("time_ms", "now"), [(5000, 5.0), (20, 5.0), (40000, 0.02)])
 def test_a_long_gap_makes_no_jump(time_ms: int, now: float) -> None:
-    odometry = Odometry()
+    odometry = KobukiOdometry()
     odometry.update(Core(), Inertia(), 0.0)
     odometry.update(Core(time_ms=time_ms, left_encoder=9000, right_encoder=9000), Inertia(9000), now)
-    assert (odometry.pose, odometry.velocity) == (Pose2D(0.0, 0.0, 0.0), STILL)
+    assert (odometry.pose, odometry.velocity) == (Pose2D(0.0, 0.0, 0.0), ZERO_VELOCITY)
     odometry.update(Core(time_ms=time_ms + 20, left_encoder=9010, right_encoder=9010), Inertia(9000), now + 0.02)
     assert odometry.pose.x == pytest.approx(10 * METRES_PER_TICK)
     assert odometry.velocity.linear == pytest.approx(10 * METRES_PER_TICK / 0.02)
 
 
 def test_a_quarter_circle_between_two_reports_is_a_chord() -> None:
-    odometry = Odometry()
+    odometry = KobukiOdometry()
     odometry.update(Core(), Inertia(), 0.0)
     odometry.update(Core(time_ms=20, left_encoder=1000, right_encoder=2000), Inertia(9000), 0.02)
     assert odometry.pose.x == pytest.approx(odometry.pose.y)
     assert odometry.pose.x == pytest.approx(1500 * METRES_PER_TICK / 2**0.5)
 
 
-LIMITS = Limits(max_linear=0.5, max_angular=1.9, linear_acceleration=0.5, angular_acceleration=3.5)
+LIMITS = VelocityLimits(max_linear=0.5, max_angular=1.9, linear_acceleration=0.5, angular_acceleration=3.5)
 
 
 @given(st.floats(-5, 5), st.floats(-9, 9))
@@ -123,14 +130,14 @@ def test_a_ramp_changes_no_faster_than_allowed_and_arrives(
 
 
 def test_braking_is_harder_than_speeding_up() -> None:
-    assert LIMITS.approach(STILL, Velocity(0.5, 0.0), 0.1).linear == pytest.approx(0.05)
-    assert LIMITS.approach(Velocity(0.5, 0.0), STILL, 0.1).linear == pytest.approx(0.44)
+    assert LIMITS.approach(ZERO_VELOCITY, Velocity(0.5, 0.0), 0.1).linear == pytest.approx(0.05)
+    assert LIMITS.approach(Velocity(0.5, 0.0), ZERO_VELOCITY, 0.1).linear == pytest.approx(0.44)
 
 
 @pytest.mark.parametrize("wrong", [0.0, -1.0, nan, inf])
 def test_a_limit_must_be_a_positive_number(wrong: float) -> None:
     with pytest.raises(ValueError, match="max_angular must be a positive number"):
-        Limits(0.5, wrong, 0.5, 3.5)
+        VelocityLimits(0.5, wrong, 0.5, 3.5)
 
 
 def test_the_battery_is_read_by_the_documented_line() -> None:
@@ -140,7 +147,7 @@ def test_the_battery_is_read_by_the_documented_line() -> None:
 
 
 def test_a_battery_that_fills_at_less_is_full_at_that() -> None:
-    senses = Senses()
+    senses = KobukiStateBuilder()
     inertia = Inertia()
     aged = senses.update(Core(battery_decivolts=162), inertia, 0.0)
     assert aged is not None
@@ -151,7 +158,7 @@ def test_a_battery_that_fills_at_less_is_full_at_that() -> None:
 
 
 def test_every_sense_has_its_own_side() -> None:
-    state = Senses().update(Core(bumper=4, cliff=1, wheel_drop=2, buttons=0b101, charger=6), Inertia(), 0.0)
+    state = KobukiStateBuilder().update(Core(bumper=4, cliff=1, wheel_drop=2, buttons=0b101, charger=6), Inertia(), 0.0)
     assert state is not None
     assert (state.bumper, state.cliff) == (Sides(left=True), Sides(right=True))
     assert state.wheel_drop == Sides(left=True)
@@ -161,7 +168,7 @@ def test_every_sense_has_its_own_side() -> None:
 # --- the driver's rules, in simulated time ----------------------------------------------------------------------------
 
 
-class DirectLink(Link):
+class DirectLink(SerialLink):
     """A link without port and thread: a virtual base at its other end, driven by a clock that stands still."""
 
     def __init__(self, device: VirtualKobuki, clock: ManualClock) -> None:
@@ -169,18 +176,18 @@ class DirectLink(Link):
         self.device = device
         self.clock = clock
         self.sent: list[bytes] = []
-        self.talker: Talker | None = None
+        self.talker: LinkHandler | None = None
         self.plugged = True
         self.before_close: Callable[[], None] = ignore
 
-    def open(self, talker: Talker) -> None:
-        self.talker = talker
-        talker.connected()
+    def open(self, handler: LinkHandler) -> None:
+        self.talker = handler
+        handler.on_connected()
 
     def close(self) -> None:
         self.before_close()
         if self.talker is not None:
-            self.talker.ending()
+            self.talker.on_closing()
         self.talker = None
 
     @property
@@ -194,7 +201,7 @@ class DirectLink(Link):
         if not self.online:
             raise NotConnected("base: /dev/kobuki: not there")
         self.sent.append(data)
-        self.device.feed(data, self.clock.now())
+        self.device.feed(data, self.clock.read_value())
 
     def run(self, seconds: float, *, each: Callable[[], object] = lambda: None) -> None:
         """Let time pass in steps of 10 ms, calling ``each`` at every one."""
@@ -203,8 +210,8 @@ class DirectLink(Link):
             said = self.device.poll(now)
             if self.talker is not None and self.plugged:
                 if said:
-                    self.talker.received(said)
-                self.talker.pulse()
+                    self.talker.on_data(said)
+                self.talker.on_poll()
             each()
 
     def velocities(self) -> list[tuple[float, float]]:
@@ -213,7 +220,7 @@ class DirectLink(Link):
 
     def commands(self) -> list[object]:
         kinds = {BaseControl.ID: BaseControl}
-        payloads = FrameFinder().feed(b"".join(self.sent))
+        payloads = KobukiFrameFinder().feed(b"".join(self.sent))
         return [part for payload in payloads for part in decode(payload, kinds).parts]
 
 
@@ -222,7 +229,7 @@ class Bench:
 
     def __init__(self, device: VirtualKobuki | None = None) -> None:
         self.clock = ManualClock(100.0)
-        self.device = device or VirtualKobuki(wheels=Wheels(acceleration=1e6))
+        self.device = device or VirtualKobuki(wheels=SimulatedWheels(acceleration=1e6))
         self.link = DirectLink(self.device, self.clock)
         self.notices: list[DeviceStatus] = []
         self.changes = 0
@@ -234,7 +241,7 @@ class Bench:
         self.changes += 1
 
     @property
-    def identity(self) -> Identity:
+    def identity(self) -> KobukiIdentity:
         assert isinstance(self.base.protocol, KobukiProtocol)
         return self.base.protocol.identity
 
@@ -322,11 +329,11 @@ def test_a_velocity_that_nobody_renews_ends() -> None:
     bench = Bench()
     bench.drive(1.0, 0.3)
     assert bench.link.velocities()[-1][0] == pytest.approx(0.3)
-    bench.link.run(COMMAND_LIFE - 0.03)
+    bench.link.run(COMMAND_TIMEOUT - 0.03)
     assert bench.link.velocities()[-1][0] == pytest.approx(0.3)
     bench.link.run(0.06)
     assert bench.link.velocities()[-1] == (0.0, 0.0)
-    assert bench.device.wheels.velocity == STILL
+    assert bench.device.wheels.velocity == ZERO_VELOCITY
 
 
 def test_the_deadman_works_without_reports_too() -> None:
@@ -377,21 +384,23 @@ LENGTHS = pytest.mark.parametrize("length", [3, 85, 254, 255])
 def test_no_damaged_header_swallows_the_stops(length: int, frozen: bool) -> None:
     bench = Bench()
     bench.drive(1.0, 0.3)
-    bench.device.feed(HEADER + bytes([length]), bench.clock.now())  # the bytes that follow are counted as its own
+    bench.device.feed(
+        HEADER + bytes([length]), bench.clock.read_value()
+    )  # the bytes that follow are counted as its own
     bench.device.frozen = frozen
     bench.base.stop()
     bench.link.run(0.25 if frozen else 0.12)
-    assert bench.device.wheels.velocity == STILL
+    assert bench.device.wheels.velocity == ZERO_VELOCITY
 
 
 @LENGTHS
 def test_no_damaged_header_swallows_the_last_word(length: int) -> None:
     bench = Bench()
     bench.drive(1.0, 0.3)
-    bench.device.feed(HEADER + bytes([length]), bench.clock.now())
+    bench.device.feed(HEADER + bytes([length]), bench.clock.read_value())
     bench.base.close()
     bench.link.run(0.02)
-    assert bench.device.wheels.velocity == STILL
+    assert bench.device.wheels.velocity == ZERO_VELOCITY
 
 
 def test_stops_leave_most_of_the_wire_free() -> None:
@@ -407,7 +416,7 @@ def test_the_last_word_of_the_links_thread_is_to_stand_still() -> None:
     bench = Bench()
     bench.drive(1.0, 0.3)
     sent = len(bench.link.velocities())
-    bench.base.ending()
+    bench.base.on_closing()
     assert set(bench.link.velocities()[sent:]) == {(0.0, 0.0)}
 
 
@@ -433,7 +442,7 @@ def test_close_ends_with_zeros_though_others_go_on_commanding_and_renewing() -> 
         """What a caller and the link's thread may still do until the link is closed."""
         bench.base.drive(Velocity(0.4, 0.0))
         bench.clock.advance(0.05)
-        bench.base.pulse()
+        bench.base.on_poll()
 
     bench.link.before_close = meanwhile
     bench.base.close()
@@ -445,7 +454,7 @@ def test_odometry_agrees_with_where_the_base_really_is() -> None:
     device.gyro_offset = 3.0
     bench = Bench(device)
     bench.drive(12.0, 0.2, 0.6)
-    true, measured = bench.device.pose(bench.clock.now()), bench.value().pose
+    true, measured = bench.device.pose(bench.clock.read_value()), bench.value().pose
     assert true.heading > 2 * pi  # so the gyro has wrapped, and more than once
     assert (measured.x, measured.y) == pytest.approx((true.x, true.y), abs=0.02)
     assert measured.heading == pytest.approx(true.heading, abs=0.02)
@@ -454,10 +463,10 @@ def test_odometry_agrees_with_where_the_base_really_is() -> None:
 
 
 def test_slipping_wheels_deceive_the_distance_but_not_the_heading() -> None:
-    bench = Bench(VirtualKobuki(wheels=Wheels(slip=0.2)))
+    bench = Bench(VirtualKobuki(wheels=SimulatedWheels(slip=0.2)))
     bench.drive(4.0, 0.3)
     bench.drive(1.0, 0.0, 1.0)
-    true, measured = bench.device.pose(bench.clock.now()), bench.value().pose
+    true, measured = bench.device.pose(bench.clock.read_value()), bench.value().pose
     assert true.x == pytest.approx(0.8 * measured.x, rel=0.02)
     assert measured.heading == pytest.approx(true.heading, abs=0.02)
 
@@ -465,7 +474,7 @@ def test_slipping_wheels_deceive_the_distance_but_not_the_heading() -> None:
 def test_the_heading_of_a_moment_ago_is_known() -> None:
     bench = Bench()
     bench.drive(2.0, 0.0, 1.0)
-    now = bench.clock.now()
+    now = bench.clock.read_value()
     newest, before = bench.base.heading_at(now), bench.base.heading_at(now - 0.5)
     assert newest is not None
     assert before is not None
@@ -506,19 +515,19 @@ def test_away_for_long_nothing_of_before_goes_on_and_for_longer_it_waits_to_be_e
     bench = Bench()
     bench.drive(1.0, 0.2)
     for away, returns, latched in ((0.9, False, ""), (1.5, True, ""), (7.0, True, "it was away for 7 s")):
-        before = bench.base.health().returned
+        before = bench.base.health().reconnected_at
         bench.device.frozen = True
         bench.link.run(away)
         if anew:
-            bench.base.connected()
+            bench.base.on_connected()
         bench.device.frozen = False
         bench.link.run(0.1)
-        assert (bench.base.health().returned != before, bench.base.latched) == (returns, latched)
+        assert (bench.base.health().reconnected_at != before, bench.base.latched) == (returns, latched)
     with pytest.raises(DeviceFault, match="stopped: it was away for 7 s") as caught:
         bench.base.drive(Velocity(0.2, 0.0))
     assert "enable the base" in caught.value.hint
     bench.link.run(1.0)
-    assert bench.value().velocity == STILL
+    assert bench.value().velocity == ZERO_VELOCITY
     bench.base.enable()
     bench.drive(1.0, 0.2)
     assert bench.value().velocity.linear == pytest.approx(0.2, abs=0.01)
@@ -527,13 +536,13 @@ def test_away_for_long_nothing_of_before_goes_on_and_for_longer_it_waits_to_be_e
 def test_a_new_connection_begins_anew() -> None:
     bench = Bench()
     bench.clock.advance(0.05)
-    bench.base.connected()  # what was heard a moment ago was heard on the port before
+    bench.base.on_connected()  # what was heard a moment ago was heard on the port before
     assert not bench.base.health().online
     bench.link.run(0.1)
     bench.device.frozen = True
     bench.link.run(1.0)
-    bench.base.received(encode(Core(), Inertia())[:10])  # cut in the middle by the plug
-    bench.base.connected()
+    bench.base.on_data(encode(Core(), Inertia())[:10])  # cut in the middle by the plug
+    bench.base.on_connected()
     assert not bench.base.health().online
     with pytest.raises(NotConnected):
         bench.base.drive(Velocity(0.1, 0.0))
@@ -549,7 +558,7 @@ def test_a_new_connection_begins_anew() -> None:
 def test_a_port_that_speaks_something_else_is_told_apart_from_a_silent_one() -> None:
     bench = Bench()
     bench.device.frozen = True
-    bench.link.run(1.0, each=lambda: bench.base.received(b"$GPGGA,"))
+    bench.link.run(1.0, each=lambda: bench.base.on_data(b"$GPGGA,"))
     assert "bytes arrive, but no report of a Kobuki" in bench.base.health().detail
     assert bench.base.health().counters["skipped_bytes"] > 0
 
@@ -560,9 +569,9 @@ def test_a_cliff_ends_forward_motion_in_the_same_instant_and_is_told_once() -> N
     bench.device.cliff = Sides(centre=True)
     bench.drive(0.02, 0.4)
     assert bench.link.velocities()[-1] == (0.0, 0.0)
-    assert bench.base.drive(Velocity(0.4, 0.0)) == STILL
+    assert bench.base.drive(Velocity(0.4, 0.0)) == ZERO_VELOCITY
     bench.drive(0.5, 0.4)
-    assert [(notice.kind, notice.what) for notice in bench.notices] == [
+    assert [(notice.kind, notice.message) for notice in bench.notices] == [
         ("fault", "cliff centre: it does not drive forward")
     ]
     bench.drive(0.5, -0.2)
@@ -572,7 +581,7 @@ def test_a_cliff_ends_forward_motion_in_the_same_instant_and_is_told_once() -> N
 def test_a_cliff_in_several_reports_read_at_once_is_told_once() -> None:
     bench = Bench()
     bench.device.cliff = Sides(left=True)
-    bench.base.received(bench.device.poll(bench.clock.advance(0.1)))
+    bench.base.on_data(bench.device.poll(bench.clock.advance(0.1)))
     assert len(bench.notices) == bench.changes == 1
 
 
@@ -582,7 +591,7 @@ def test_a_wheel_in_the_air_ends_all_motion_and_is_told_once() -> None:
     bench.device.wheel_drop = Sides(left=True, right=True)
     bench.drive(0.5, -0.2, 0.5)
     assert bench.link.velocities()[-1] == (0.0, 0.0)
-    assert [notice.what for notice in bench.notices] == ["wheel drop left and right: it does not drive"]
+    assert [notice.message for notice in bench.notices] == ["wheel drop left and right: it does not drive"]
     assert bench.notices[0].hint
 
 
@@ -633,14 +642,14 @@ class MuteKobuki(VirtualKobuki):
 
     mute = True
 
-    def _extras(self, flags: int) -> Iterator[Part]:
+    def _extras(self, flags: int) -> Iterator[KobukiSubpayload]:
         yield from super()._extras(flags & ~Extra.FIRMWARE if self.mute else flags)
 
 
 def test_a_firmware_of_another_generation_is_told() -> None:
     bench = Bench(VirtualKobuki(firmware=(2, 0, 1)))
     bench.link.run(1.0)
-    assert [(notice.kind, notice.what) for notice in bench.notices] == [("fault", "firmware 2.0.1, not 1.x")]
+    assert [(notice.kind, notice.message) for notice in bench.notices] == [("fault", "firmware 2.0.1, not 1.x")]
 
 
 def test_the_supplies_are_switched_on_with_the_connection() -> None:
@@ -667,7 +676,7 @@ def test_a_lost_heading_is_caught_up_with() -> None:
     bench.drive(0.5, 0.0, 1.0)
     bench.device.shortened = None
     bench.drive(0.1, 0.0, 1.0)
-    assert bench.value().pose.heading == pytest.approx(bench.device.pose(bench.clock.now()).heading, abs=0.03)
+    assert bench.value().pose.heading == pytest.approx(bench.device.pose(bench.clock.read_value()).heading, abs=0.03)
 
 
 def test_without_its_core_report_the_base_counts_as_silent() -> None:
@@ -698,22 +707,22 @@ def test_a_virtual_base_that_nobody_controls_comes_to_rest() -> None:
     device = VirtualKobuki()
     device.poll(0.0)
     device.feed(encode(BaseControl.of(0.3, 0.0)), 0.0)
-    device.pose(COMMAND_TIMEOUT)
+    device.pose(BODY_COMMAND_TIMEOUT)
     assert device.wheels.velocity.linear == pytest.approx(0.3)
-    at_rest = device.pose(COMMAND_TIMEOUT + 0.5)
-    assert device.wheels.velocity == STILL
+    at_rest = device.pose(BODY_COMMAND_TIMEOUT + 0.5)
+    assert device.wheels.velocity == ZERO_VELOCITY
     assert device.pose(10.0) == at_rest
 
 
 def test_a_virtual_base_tells_its_gains_when_asked() -> None:
     device = VirtualKobuki()
     device.poll(0.0)
-    device.feed(encode(SetGains(1, 5, 6, 7), GetGains(), Sound(1000, 10)), 0.01)
-    (payload,) = FrameFinder().feed(device.poll(0.02))
-    assert Gains(1, 5, 6, 7) in decode(payload, FEEDBACK).parts
+    device.feed(encode(SetGains(1, 5, 6, 7), GetGains(), KobukiSound(1000, 10)), 0.01)
+    (payload,) = KobukiFrameFinder().feed(device.poll(0.02))
+    assert KobukiGains(1, 5, 6, 7) in decode(payload, FEEDBACK).parts
     device.feed(encode(SetGains(0, 5, 6, 7), GetGains()), 0.03)
-    (payload,) = FrameFinder().feed(device.poll(0.04))
-    assert Gains() in decode(payload, FEEDBACK).parts
+    (payload,) = KobukiFrameFinder().feed(device.poll(0.04))
+    assert KobukiGains() in decode(payload, FEEDBACK).parts
 
 
 # --- the whole of it, turned by hand and over a pseudo-terminal -------------------------------------------------------
@@ -733,8 +742,8 @@ class Rig:
         return self.base.health().online
 
     def moves(self) -> bool:
-        self.device.pose(self.clock.now())
-        return self.device.wheels.velocity != STILL
+        self.device.pose(self.clock.read_value())
+        return self.device.wheels.velocity != ZERO_VELOCITY
 
     def driving(self, linear: float = 0.3) -> bool:
         """Ask for a velocity once, if that is possible, and say whether the base moves."""
@@ -781,42 +790,42 @@ def test_it_stops_when_nobody_renews(rig: HandRig) -> None:
 
 def test_at_rest_its_reports_are_read_three_at_a_time_until_it_is_told_to_move(rig: HandRig) -> None:
     reads: list[float] = []
-    received = rig.base.received
+    received = rig.base.on_data
 
     def counted(data: bytes) -> None:
-        reads.append(rig.clock.now())
+        reads.append(rig.clock.read_value())
         received(data)
 
-    rig.base.received = counted  # type: ignore[method-assign]
-    rig.timeline.run(rig.clock.now() + 1.0)
+    rig.base.on_data = counted  # type: ignore[method-assign]
+    rig.timeline.run_until(rig.clock.read_value() + 1.0)
     reads.clear()
     fresh = []
     for _ in range(200):
-        rig.timeline.run(rig.clock.now() + 0.005)
+        rig.timeline.run_until(rig.clock.read_value() + 0.005)
         fresh.append(rig.base.state().quality)
-    assert len(reads) == pytest.approx(1 / DOZE, abs=2)
+    assert len(reads) == pytest.approx(1 / IDLE_POLL_INTERVAL, abs=2)
     assert set(fresh) == {Quality.GOOD}
-    rig.timeline.run(reads[-1] + 0.005)  # it has just begun to doze
-    asked = rig.clock.now()
+    rig.timeline.run_until(reads[-1] + 0.005)  # it has just begun to doze
+    asked = rig.clock.read_value()
     rig.base.drive(Velocity(0.3, 0.0))
     rig.until(rig.moves)
-    assert rig.clock.now() - asked <= 0.03
+    assert rig.clock.read_value() - asked <= 0.03
     reads.clear()
-    begun = rig.clock.now()
-    while rig.clock.now() < begun + 0.2:
+    begun = rig.clock.read_value()
+    while rig.clock.read_value() < begun + 0.2:
         rig.driving()
-        rig.timeline.run(rig.clock.now() + 0.005)
+        rig.timeline.run_until(rig.clock.read_value() + 0.005)
     assert len(reads) == pytest.approx(10, abs=2)
 
 
 def test_at_rest_silence_is_told_in_time_and_its_last_report_is_stale_by_then(rig: HandRig) -> None:
-    rig.timeline.run(rig.clock.now() + 1.0)
+    rig.timeline.run_until(rig.clock.read_value() + 1.0)
     rig.device.frozen = True
-    frozen = rig.clock.now()
+    frozen = rig.clock.read_value()
     rig.until(lambda: rig.base.state().quality is Quality.STALE)
-    assert rig.clock.now() - frozen <= 0.1 + DOZE
+    assert rig.clock.read_value() - frozen <= 0.1 + IDLE_POLL_INTERVAL
     rig.until(lambda: "offline" in rig.kinds())
-    assert rig.clock.now() - frozen <= OFFLINE_AFTER + DOZE
+    assert rig.clock.read_value() - frozen <= OFFLINE_AFTER + IDLE_POLL_INTERVAL
 
 
 def test_a_silent_wire_is_offline_and_comes_back(rig: HandRig) -> None:
@@ -871,8 +880,8 @@ class Ported(Rig):
     def __init__(self) -> None:
         super().__init__()
         self.clock = PatientClock()
-        self.terminal = Terminal("kobuki", self.device, self.clock)
-        link = Link("base", self.terminal.path, BAUD, retry=0.05, report=self.notices.append)
+        self.terminal = PseudoTerminal("kobuki", self.device, self.clock)
+        link = SerialLink("base", self.terminal.path, BAUD, retry_interval=0.05, report=self.notices.append)
         self.base = kobuki_base(link, self.clock, report=self.notices.append)
 
 
@@ -900,7 +909,7 @@ def test_it_drives_and_stops(running: Ported) -> None:
     wait_until(lambda: not running.moves())
     reading = running.base.state()
     assert reading.value is not None
-    assert reading.value.pose.x == pytest.approx(running.device.pose(running.clock.now()).x, abs=0.1)
+    assert reading.value.pose.x == pytest.approx(running.device.pose(running.clock.read_value()).x, abs=0.1)
 
 
 def test_it_is_stopped_when_it_is_closed(running: Ported) -> None:

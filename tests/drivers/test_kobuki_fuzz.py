@@ -6,7 +6,7 @@ from drivers.kobuki.commands import COMMANDS
 from drivers.kobuki.driver import KobukiProtocol
 from drivers.kobuki.feedback import FEEDBACK
 from drivers.kobuki.virtual import VirtualKobuki
-from drivers.kobuki.wire import FrameFinder, decode, frame
+from drivers.kobuki.wire import KobukiFrameFinder, decode, frame
 
 MILLION = 1_000_000
 
@@ -35,7 +35,7 @@ def reports(size: int) -> list[bytes]:
     kobuki, found, length = VirtualKobuki(), [], 0
     kobuki.poll(0.0)
     while length < size:
-        now = kobuki.next_at() or 0.0
+        now = kobuki.next_poll_time() or 0.0
         kobuki.body.command(0.3, 1.0, now)
         found.append(kobuki.poll(now))
         length += len(found[-1])
@@ -74,7 +74,7 @@ def mutated(whole: list[bytes], random: Random) -> tuple[bytes, list[tuple[int, 
 
 def fed(stream: bytes, random: Random) -> tuple[list[bytes], KobukiProtocol]:
     """Feed a stream, cut anywhere, to a finder and to the driver's ear; return the payloads, and the ear."""
-    finder, listener, found, at = FrameFinder(), KobukiProtocol(), [], 0
+    finder, listener, found, at = KobukiFrameFinder(), KobukiProtocol(), [], 0
     while at < len(stream):
         piece = stream[at : at + random.randint(1, 200)]
         at += len(piece)

@@ -14,13 +14,13 @@ from drivers.kobuki.commands import (
     BaseControl,
     Extra,
     GetGains,
-    Output,
+    KobukiOutput,
+    KobukiSound,
+    KobukiTune,
     RequestExtra,
     SetGains,
     SetOutputs,
-    Sound,
     SoundSequence,
-    Tune,
 )
 from drivers.kobuki.feedback import (
     FEEDBACK,
@@ -28,18 +28,18 @@ from drivers.kobuki.feedback import (
     Core,
     DockInfrared,
     FirmwareVersion,
-    Gains,
     HardwareVersion,
     Inertia,
     Inputs,
+    KobukiGains,
     MotorCurrent,
     RawGyro,
     UniqueId,
 )
-from drivers.kobuki.wire import HEADER, FrameFinder, Part, decode, encode, frame, subpayload
+from drivers.kobuki.wire import HEADER, KobukiFrameFinder, KobukiSubpayload, decode, encode, frame, subpayload
 from tests.cases import each
 
-COMMAND_PACKETS: list[tuple[Part, str]] = [
+COMMAND_PACKETS: list[tuple[KobukiSubpayload, str]] = [
     (BaseControl.of(0.0, 0.0), "AA 55 06 01 04 00 00 00 00 03"),
     (BaseControl.of(0.1, 0.0), "AA 55 06 01 04 64 00 00 00 67"),
     (BaseControl.of(-0.1, 0.0), "AA 55 06 01 04 9C FF 00 00 60"),
@@ -50,14 +50,14 @@ COMMAND_PACKETS: list[tuple[Part, str]] = [
     (BaseControl.of(-0.1, 0.5), "AA 55 06 01 04 63 FF 38 FF 58"),
     (RequestExtra(Extra.HARDWARE | Extra.FIRMWARE | Extra.UNIQUE_ID), "AA 55 04 09 02 0B 00 04"),
     (SetOutputs(OUTPUTS_AT_START), "AA 55 04 0C 02 F0 00 FA"),
-    (SetOutputs(OUTPUTS_AT_START | Output.LED1_GREEN), "AA 55 04 0C 02 F0 02 F8"),
-    (SoundSequence(Tune.ON), "AA 55 03 04 01 00 06"),
-    (Sound.of(440, 0.1), "AA 55 05 03 03 3A 03 64 58"),
+    (SetOutputs(OUTPUTS_AT_START | KobukiOutput.LED1_GREEN), "AA 55 04 0C 02 F0 02 F8"),
+    (SoundSequence(KobukiTune.ON), "AA 55 03 04 01 00 06"),
+    (KobukiSound.of(440, 0.1), "AA 55 05 03 03 3A 03 64 58"),
     (SetGains(1, 100_000, 100, 2000), "AA 55 0F 0D 0D 01 A0 86 01 00 64 00 00 00 D0 07 00 00 9A"),
     (GetGains(), "AA 55 03 0E 01 00 0C"),
 ]
 
-FEEDBACK_PACKETS: list[tuple[tuple[Part, ...], str]] = [
+FEEDBACK_PACKETS: list[tuple[tuple[KobukiSubpayload, ...], str]] = [
     (
         (Core(time_ms=1234, left_encoder=100, right_encoder=200, charger=2, battery_decivolts=160),),
         "AA 55 11 01 0F D2 04 00 00 00 64 00 C8 00 00 00 00 02 A0 00 C7",
@@ -92,7 +92,7 @@ WORDS = st.integers(0, 0xFFFF)
 SHORTS = st.integers(-0x8000, 0x7FFF)
 LONGS = st.integers(0, 0xFFFFFFFF)
 BYTES = st.integers(0, 0xFF)
-ANY_PART: st.SearchStrategy[Part] = st.one_of(
+ANY_PART: st.SearchStrategy[KobukiSubpayload] = st.one_of(
     st.builds(
         Core, time_ms=WORDS, bumper=BYTES, left_encoder=WORDS, right_encoder=WORDS, left_pwm=st.integers(-128, 127)
     ),
@@ -105,23 +105,23 @@ ANY_PART: st.SearchStrategy[Part] = st.one_of(
     st.builds(RawGyro, BYTES, st.lists(st.tuples(SHORTS, SHORTS, SHORTS), max_size=3).map(tuple)),
     st.builds(Inputs, WORDS, WORDS, WORDS, WORDS, WORDS),
     st.builds(UniqueId, LONGS, LONGS, LONGS),
-    st.builds(Gains, BYTES, LONGS, LONGS, LONGS),
+    st.builds(KobukiGains, BYTES, LONGS, LONGS, LONGS),
 )
 
 
 @each(("command", "packet"), COMMAND_PACKETS)
-def test_a_command_is_the_published_packet_in_both_directions(command: Part, packet: str) -> None:
+def test_a_command_is_the_published_packet_in_both_directions(command: KobukiSubpayload, packet: str) -> None:
     raw = bytes.fromhex(packet)
     assert encode(command) == raw
-    (payload,) = FrameFinder().feed(raw)
+    (payload,) = KobukiFrameFinder().feed(raw)
     assert decode(payload, COMMANDS).parts == (command,)
 
 
 @each(("parts", "packet"), FEEDBACK_PACKETS)
-def test_feedback_is_the_published_packet_in_both_directions(parts: tuple[Part, ...], packet: str) -> None:
+def test_feedback_is_the_published_packet_in_both_directions(parts: tuple[KobukiSubpayload, ...], packet: str) -> None:
     raw = bytes.fromhex(packet)
     assert encode(*parts) == raw
-    (payload,) = FrameFinder().feed(raw)
+    (payload,) = KobukiFrameFinder().feed(raw)
     assert decode(payload, FEEDBACK).parts == parts
 
 
@@ -133,8 +133,8 @@ def test_a_usual_report_has_81_or_87_bytes() -> None:
 
 
 @given(st.lists(ANY_PART, min_size=1, max_size=7))
-def test_every_part_survives_the_way_there_and_back(parts: list[Part]) -> None:
-    (payload,) = FrameFinder().feed(encode(*parts))
+def test_every_part_survives_the_way_there_and_back(parts: list[KobukiSubpayload]) -> None:
+    (payload,) = KobukiFrameFinder().feed(encode(*parts))
     decoded = decode(payload, FEEDBACK)
     assert decoded.parts == tuple(parts)
     assert (decoded.unknown, decoded.malformed) == (0, 0)
@@ -201,7 +201,7 @@ def test_speed_and_radius_are_those_of_the_documented_rule(linear: float) -> Non
         speed, radius = documented(linear, angular)
         assert command.speed_mm in cut(speed), (linear, angular)
         assert command.radius_mm in cut(radius), (linear, angular)
-        (payload,) = FrameFinder().feed(encode(command))
+        (payload,) = KobukiFrameFinder().feed(encode(command))
         assert decode(payload, COMMANDS).parts == (command,)
 
 
@@ -228,7 +228,7 @@ def test_one_unknown_part_does_not_cost_the_others() -> None:
 
 
 @each("kind", [Core(), Inertia(), RawGyro(0, ((1, 2, 3),)), UniqueId(1, 2, 3)])
-def test_one_short_or_long_part_does_not_cost_the_others(kind: Part) -> None:
+def test_one_short_or_long_part_does_not_cost_the_others(kind: KobukiSubpayload) -> None:
     good = subpayload(DockInfrared.ID, DockInfrared(1, 2, 3).pack())
     for data in (kind.pack()[:-1], kind.pack() + b"\x00", b""):
         decoded = decode(good + subpayload(kind.ID, data) + good, FEEDBACK)
@@ -260,14 +260,14 @@ def test_what_does_not_fit_the_wire_is_refused() -> None:
 
 def test_bytes_may_come_one_at_a_time() -> None:
     raw = encode(Inertia(1, 2)) + encode(DockInfrared(1, 2, 3))
-    finder = FrameFinder()
+    finder = KobukiFrameFinder()
     payloads = [payload for byte in raw for payload in finder.feed(bytes([byte]))]
     assert [decode(payload, FEEDBACK).parts for payload in payloads] == [(Inertia(1, 2),), (DockInfrared(1, 2, 3),)]
     assert (finder.frames, finder.checksum_errors, finder.skipped_bytes) == (2, 0, 0)
 
 
 def test_noise_before_a_header_is_skipped_and_counted() -> None:
-    finder = FrameFinder()
+    finder = KobukiFrameFinder()
     assert len(finder.feed(b"\x00\xaa\xaa" + encode(GetGains()))) == 1
     assert (finder.frames, finder.checksum_errors, finder.skipped_bytes) == (1, 0, 3)
 
@@ -276,19 +276,19 @@ def test_a_flipped_bit_costs_one_frame_and_no_more() -> None:
     whole = encode(Inertia(4500, -100))
     broken = bytearray(whole)
     broken[6] ^= 0x10
-    finder = FrameFinder()
+    finder = KobukiFrameFinder()
     assert len(finder.feed(whole + broken + whole)) == 2
     assert (finder.frames, finder.checksum_errors, finder.skipped_bytes) == (2, 1, len(whole))
 
 
 def test_a_length_too_small_for_a_part_is_no_header() -> None:
-    finder = FrameFinder()
+    finder = KobukiFrameFinder()
     assert len(finder.feed(HEADER + b"\x02\x01\x00" + encode(GetGains()))) == 1
     assert finder.skipped_bytes == 5
 
 
 def test_a_frame_inside_a_false_one_is_found() -> None:
-    finder = FrameFinder()
+    finder = KobukiFrameFinder()
     assert finder.feed(HEADER + b"\xfe" + encode(GetGains())) == []
     assert finder.feed(bytes(255)) == [encode(GetGains())[3:-1]]
     assert finder.checksum_errors == 1
@@ -296,7 +296,7 @@ def test_a_frame_inside_a_false_one_is_found() -> None:
 
 def test_a_frame_half_arrived_is_forgotten_on_request() -> None:
     raw = encode(GetGains())
-    finder = FrameFinder()
+    finder = KobukiFrameFinder()
     finder.feed(raw[:4])
     finder.clear()
     assert finder.feed(raw[4:]) == []
@@ -320,7 +320,7 @@ def test_every_frame_between_noise_is_found_however_it_is_cut(
     stream: tuple[bytes, list[bytes]], cuts: list[int]
 ) -> None:
     raw, payloads = stream
-    finder = FrameFinder()
+    finder = KobukiFrameFinder()
     found, at = [], 0
     for cut in [*cuts, len(raw)]:
         found += finder.feed(raw[at : at + cut])
@@ -336,7 +336,7 @@ HEADERISH = st.lists(st.one_of(st.just(HEADER), st.binary(max_size=8)), max_size
 
 @given(HEADERISH, st.lists(st.integers(1, 50), max_size=10))
 def test_no_noise_breaks_the_finder_nor_passes_a_wrong_checksum(noise: bytes, cuts: list[int]) -> None:
-    finder = FrameFinder()
+    finder = KobukiFrameFinder()
     found, at = [], 0
     for cut in [*cuts, len(noise)]:
         found += finder.feed(noise[at : at + cut])
@@ -354,7 +354,7 @@ def test_no_noise_breaks_the_finder_nor_passes_a_wrong_checksum(noise: bytes, cu
 def test_only_the_right_checksum_makes_a_frame(payload: bytes, flipped: int) -> None:
     raw = bytearray(frame(payload))
     raw[-1] ^= flipped
-    found = FrameFinder().feed(bytes(raw))
+    found = KobukiFrameFinder().feed(bytes(raw))
     if flipped == 0:
         assert found == [payload]
     else:  # at most what happens to be a frame within

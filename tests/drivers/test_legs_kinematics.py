@@ -5,25 +5,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.legs.body import SIDES, Body, Floats, Side, body_of
+from drivers.legs.body import SIDES, Floats, LeggedBody, Side, body_of
 from drivers.legs.checking import clearance
 from drivers.legs.declared import LegsKeys
-from drivers.legs.kinematics import centre_jacobian, centre_of_mass, forward, jacobian, sole
-from drivers.legs.leg_ik import REASONS, solve
+from drivers.legs.kinematics import centre_jacobian, centre_of_mass, forward_kinematics, jacobian, sole_pose
+from drivers.legs.leg_ik import UNREACHABLE_REASONS, solve_leg
 from missions.library.drivers import load_robot
 from tests.tries import tries
 
 ROBOTS = Path(__file__).parents[2] / "config" / "robots"
 
 
-def described(name: str) -> tuple[Body, Floats, Floats]:
+def described(name: str) -> tuple[LeggedBody, Floats, Floats]:
     """Return the body of a shipped robot, with the lower and the upper limits of its joints."""
     robot = load_robot(ROBOTS / f"{name}.yaml")
     keys = robot.keys(LegsKeys)
     assert keys is not None
     assert robot.arm is not None
     body = body_of(keys.body)
-    reach = [robot.arm.reaches[joint] for joint in body.joints]
+    reach = [robot.arm.ranges[joint] for joint in body.joints]
     return body, np.array([low for low, _ in reach]), np.array([high for _, high in reach])
 
 
@@ -32,14 +32,14 @@ def described(name: str) -> tuple[Body, Floats, Floats]:
 def test_the_inverse_leads_back_to_the_foot_of_any_pose(name: str, side: Side) -> None:
     body, low, high = described(name)
     q = np.random.default_rng(1).uniform(low, high, (tries(4000, most=20_000), len(low)))
-    place, turned = sole(body, forward(body, q), side)
-    found = solve(body, side, place, turned)
+    place, turned = sole_pose(body, forward_kinematics(body, q), side)
+    found = solve_leg(body, side, place, turned)
     again = q.copy()
     again[:, list(body.legs[side].joints)] = found.angles
-    there, rotation = sole(body, forward(body, again[found.reachable]), side)
-    assert np.abs(there - place[found.reachable]).max() < 1e-9
-    assert np.abs(rotation - turned[found.reachable]).max() < 1e-9
-    assert found.reachable.mean() > 0.999  # OP3's hip is 0.1 mm off: upside down, a stretched leg is too short
+    there, rotation = sole_pose(body, forward_kinematics(body, again[found.is_reachable]), side)
+    assert np.abs(there - place[found.is_reachable]).max() < 1e-9
+    assert np.abs(rotation - turned[found.is_reachable]).max() < 1e-9
+    assert found.is_reachable.mean() > 0.999  # OP3's hip is 0.1 mm off: upside down, a stretched leg is too short
 
 
 @pytest.mark.parametrize("name", ["humanoid", "op3"])
@@ -54,7 +54,7 @@ def test_a_bent_leg_under_its_hip_has_the_very_angles_that_it_was_made_of(name: 
         ]
         knee = leg[3]
         q[:, knee] = np.sign(high[knee] + low[knee]) * np.random.default_rng(3).uniform(0.2, 1.5, 5000)
-        found = solve(body, side, *sole(body, forward(body, q), side))
+        found = solve_leg(body, side, *sole_pose(body, forward_kinematics(body, q), side))
         assert np.abs(found.angles - q[:, leg]).max() < 1e-9
 
 
@@ -79,9 +79,9 @@ def test_a_foot_that_no_leg_can_have_is_refused_with_the_reason(
     leg = body.legs["left"]
     last = leg.joints[-1]
     meeting = np.array([-body.offset[last][0], 0.0, 0.0])  # of the ankle's axes, from the last joint
-    found = solve(body, "left", np.array(ankle) + turned @ (leg.sole - meeting), turned)
-    assert not found.reachable
-    assert why in REASONS[int(found.reason)]
+    found = solve_leg(body, "left", np.array(ankle) + turned @ (leg.sole - meeting), turned)
+    assert not found.is_reachable
+    assert why in UNREACHABLE_REASONS[int(found.reason)]
     assert np.isnan(found.angles).all()
 
 
@@ -89,11 +89,11 @@ def test_a_foot_that_no_leg_can_have_is_refused_with_the_reason(
 def test_the_mirror_image_of_a_pose_is_its_mirror_image(name: str) -> None:
     body, low, high = described(name)
     q = np.random.default_rng(4).uniform(low, high, (100, len(low)))
-    here, image = forward(body, q), forward(body, body.mirrored(q))
+    here, image = forward_kinematics(body, q), forward_kinematics(body, body.mirror(q))
     flip = np.array([1.0, -1.0, 1.0])
-    assert np.allclose(sole(body, image, "right")[0], flip * sole(body, here, "left")[0], atol=1e-12)
+    assert np.allclose(sole_pose(body, image, "right")[0], flip * sole_pose(body, here, "left")[0], atol=1e-12)
     assert np.allclose(centre_of_mass(body, image), flip * centre_of_mass(body, here), atol=1e-12)
-    assert np.array_equal(body.mirrored(body.mirrored(q)), q)
+    assert np.array_equal(body.mirror(body.mirror(q)), q)
 
 
 @pytest.mark.parametrize("name", ["humanoid", "op3"])
@@ -101,12 +101,12 @@ def test_the_jacobians_are_the_derivatives(name: str) -> None:
     body, low, high = described(name)
     q = np.random.default_rng(5).uniform(low, high, (5, len(low)))
     link, point, step = body.legs["left"].joints[-1], np.array([0.02, 0.01, -0.05]), 1e-6
-    placed = forward(body, q)
+    placed = forward_kinematics(body, q)
     moves, masses = jacobian(body, placed, link, point), centre_jacobian(body, placed)
     for joint in range(len(low)):
         nudge = np.zeros(len(low))
         nudge[joint] = step
-        ahead, behind = forward(body, q + nudge), forward(body, q - nudge)
+        ahead, behind = forward_kinematics(body, q + nudge), forward_kinematics(body, q - nudge)
         way = [each.position[:, link] + each.rotation[:, link] @ point for each in (ahead, behind)]
         assert np.allclose(moves[:, :3, joint], (way[0] - way[1]) / (2 * step), atol=1e-8)
         drift = (centre_of_mass(body, ahead) - centre_of_mass(body, behind)) / (2 * step)
@@ -115,8 +115,8 @@ def test_the_jacobians_are_the_derivatives(name: str) -> None:
 
 def test_the_op3_weighs_and_stands_as_its_model_says() -> None:
     body, _, _ = described("op3")
-    assert body.total == pytest.approx(3.147, abs=1e-3)
-    place, turned = sole(body, forward(body, np.zeros(20)), "left")
+    assert body.total_mass == pytest.approx(3.147, abs=1e-3)
+    place, turned = sole_pose(body, forward_kinematics(body, np.zeros(20)), "left")
     assert place == pytest.approx([0.0, 0.048, -0.27915], abs=1e-9)
     assert np.allclose(turned, np.eye(3))
 
@@ -124,10 +124,10 @@ def test_the_op3_weighs_and_stands_as_its_model_says() -> None:
 @pytest.mark.parametrize("name", ["humanoid", "op3"])
 def test_a_body_that_stands_hits_nothing_and_crossed_legs_do(name: str) -> None:
     body, _, _ = described(name)
-    gaps, names = clearance(body, forward(body, np.zeros(len(body.joints))))
+    gaps, names = clearance(body, forward_kinematics(body, np.zeros(len(body.joints))))
     assert gaps.min() > 0, names[int(gaps.argmin())]
     crossed = np.zeros(len(body.joints))
     for side in SIDES:
         roll = body.legs[side].joints[1]
         crossed[roll] = -0.35 * body.axis[roll, 0] * (1 if side == "left" else -1)
-    assert clearance(body, forward(body, crossed))[0].min() < 0
+    assert clearance(body, forward_kinematics(body, crossed))[0].min() < 0

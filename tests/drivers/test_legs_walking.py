@@ -7,19 +7,44 @@ from random import Random
 import numpy as np
 import pytest
 
-from drivers.api import STILL, DeviceStatus, Quality, Velocity
+from drivers.api import ZERO_VELOCITY, DeviceStatus, Quality, Velocity
 from drivers.errors import BadRequest, DeviceFault, NotConnected
-from drivers.legs.body import SIDES, Body, Floats, body_of
+from drivers.legs.body import SIDES, Floats, LeggedBody, body_of
 from drivers.legs.declared import LegsKeys, StrideKeys
-from drivers.legs.engine import PERIOD, Engine, Felt, Plan, Posture, manner_of, plan, whole
-from drivers.legs.kinematics import FootOdometry, centre_of_mass, centre_over_legs, centres, forward, turning
+from drivers.legs.engine import (
+    CONTROL_INTERVAL,
+    AttitudeEstimate,
+    LegPosture,
+    WalkingEngine,
+    WalkPlan,
+    plan_walk,
+    walk_parameters,
+    whole_body_pose,
+)
+from drivers.legs.kinematics import (
+    FootOdometry,
+    centre_of_mass,
+    centre_over_legs,
+    forward_kinematics,
+    link_centres,
+    rotation_about,
+)
 from drivers.legs.twin import LegsTwin
 from drivers.legs.twin import make as make_legs
-from drivers.legs.walker import GRAVITY, Spot, Walker, edges, margin, rate, swayed, swaying
+from drivers.legs.walker import (
+    GRAVITY,
+    FloorPose,
+    WalkPatternGenerator,
+    advance_pendulum,
+    hull_edges,
+    pendulum_rate,
+    polygon_margin,
+    sway_share,
+)
 from drivers.servos.declared import DynamixelKeys
 from drivers.servos.twin import JointsTwin
 from drivers.servos.twin import make as make_arm
-from drivers.sim.stage import Stage
+from drivers.sim.stage import SimContext
 from drivers.sim.timeline import Timeline
 from drivers.sim.world import ORIGIN
 from missions.library.drivers import load_robot
@@ -33,7 +58,7 @@ WALKS = [
 ]
 
 
-def described(name: str) -> tuple[Body, StrideKeys, DynamixelKeys]:
+def described(name: str) -> tuple[LeggedBody, StrideKeys, DynamixelKeys]:
     robot = load_robot(ROBOTS / f"{name}.yaml")
     keys, arm = robot.keys(LegsKeys), robot.keys(DynamixelKeys)
     assert keys is not None
@@ -41,14 +66,16 @@ def described(name: str) -> tuple[Body, StrideKeys, DynamixelKeys]:
     return body_of(keys.body), keys.stride, arm
 
 
-def pressure(body: Body, stride: StrideKeys, walk: Plan) -> Floats:
+def pressure(body: LeggedBody, stride: StrideKeys, walk: WalkPlan) -> Floats:
     """Return where all the masses of the body, as they are moved, press on the floor: (M, 2)."""
-    placed = forward(body, whole(body, walk.angles))
-    turned = turning(np.array([0.0, 0, 1]), walk.heading) @ turning(np.array([0.0, 1, 0]), np.array(stride.lean))
-    links = walk.trunk[:, None] + (turned[:, None] @ centres(body, placed)[..., None])[..., 0]
+    placed = forward_kinematics(body, whole_body_pose(body, walk.angles))
+    turned = rotation_about(np.array([0.0, 0, 1]), walk.heading) @ rotation_about(
+        np.array([0.0, 1, 0]), np.array(stride.lean)
+    )
+    links = walk.trunk[:, None] + (turned[:, None] @ link_centres(body, placed)[..., None])[..., 0]
     places = np.concatenate((links, (walk.trunk + turned @ body.trunk.centre)[:, None]), axis=1)
     mass = np.append(body.mass, body.trunk.mass)
-    push = np.gradient(np.gradient(places, PERIOD, axis=0), PERIOD, axis=0)
+    push = np.gradient(np.gradient(places, CONTROL_INTERVAL, axis=0), CONTROL_INTERVAL, axis=0)
     weight = mass * (push[..., 2] + GRAVITY)
     sums = [(weight * places[..., axis] - mass * push[..., axis] * places[..., 2]).sum(axis=1) for axis in (0, 1)]
     found: Floats = np.stack(sums, axis=1) / weight.sum(axis=1)[:, None]
@@ -58,16 +85,16 @@ def pressure(body: Body, stride: StrideKeys, walk: Plan) -> Floats:
 @pytest.mark.parametrize(("name", "command"), WALKS)
 def test_the_masses_of_the_whole_body_press_within_the_soles(name: str, command: tuple[float, float, float]) -> None:
     body, stride, _ = described(name)
-    walk = plan(body, stride, command, 5.0)
+    walk = plan_walk(body, stride, command, 5.0)
     assert not walk.reason.any()
     there = pressure(body, stride, walk)
     leg, worst = body.legs["left"], 1.0
     for moment, p in list(zip(walk.patterns, there, strict=True))[3:-3]:
         on = [side for side in SIDES if moment.support in (side, "both")]
-        spots = [Spot(x, y, heading) for x, y, _, heading in (moment.feet[side] for side in on)]
+        spots = [FloorPose(x, y, heading) for x, y, _, heading in (moment.feet[side] for side in on)]
         corners = [(u * leg.length / 2, v * leg.width / 2) for u in (-1, 1) for v in (-1, 1)]
-        support = edges([spot.beside(*corner).point for spot in spots for corner in corners])
-        worst = min(worst, margin(support, (float(p[0]), float(p[1]))))
+        support = hull_edges([spot.offset(*corner).point for spot in spots for corner in corners])
+        worst = min(worst, polygon_margin(support, (float(p[0]), float(p[1]))))
     assert worst > 0.01
     assert min(moment.margin for moment in walk.patterns) > 0.03
 
@@ -75,71 +102,73 @@ def test_the_masses_of_the_whole_body_press_within_the_soles(name: str, command:
 @pytest.mark.parametrize(("name", "command"), WALKS)
 def test_a_walk_keeps_the_limits_and_the_speeds_of_its_joints(name: str, command: tuple[float, float, float]) -> None:
     body, stride, arm = described(name)
-    walk = plan(body, stride, command, 5.0)
-    limits = [arm.limits[joint] for joint in body.walking]
+    walk = plan_walk(body, stride, command, 5.0)
+    limits = [arm.limits[joint] for joint in body.leg_joints]
     assert (walk.angles > [each.lower for each in limits]).all()
     assert (walk.angles < [each.upper for each in limits]).all()
-    assert (np.abs(np.gradient(walk.angles, PERIOD, axis=0)).max(axis=0) < [each.speed for each in limits]).all()
+    assert (
+        np.abs(np.gradient(walk.angles, CONTROL_INTERVAL, axis=0)).max(axis=0) < [each.speed for each in limits]
+    ).all()
 
 
 @pytest.mark.parametrize("name", ["humanoid", "op3"])
 @pytest.mark.parametrize("more", [-0.005, 0.0, 0.005])
 def test_it_sways_as_far_as_it_is_told_and_presses_that_much_nearer_to_an_edge(name: str, more: float) -> None:
     body, stride, _ = described(name)
-    plain = manner_of(body, stride)
-    share = swaying(rate(plain.com_height), plain.step, plain.double_support)
-    stride = replace(stride, sway=share * plain.feet / 2 + more)
-    moments = plan(body, stride, (0.1, 0.0, 0.0), 8.0).patterns[400:]
+    plain = walk_parameters(body, stride)
+    share = sway_share(pendulum_rate(plain.com_height), plain.step_time, plain.double_support)
+    stride = replace(stride, sway=share * plain.foot_spacing / 2 + more)
+    moments = plan_walk(body, stride, (0.1, 0.0, 0.0), 8.0).patterns[400:]
     assert max(abs(moment.centre[1]) for moment in moments) == pytest.approx(stride.sway, abs=5e-4)
-    assert min(moment.margin for moment in moments) == pytest.approx(plain.width / 2 - abs(more) / share, abs=2e-3)
+    assert min(moment.margin for moment in moments) == pytest.approx(plain.sole_width / 2 - abs(more) / share, abs=2e-3)
 
 
 def test_a_sway_that_would_press_outside_of_the_soles_is_refused_with_what_can_be() -> None:
     body, stride, _ = described("humanoid")
     with pytest.raises(BadRequest, match="a sway of 100 mm presses outside of the soles") as refused:
-        manner_of(body, replace(stride, sway=0.1))
+        walk_parameters(body, replace(stride, sway=0.1))
     assert "give sway 8 to 31 mm" in str(refused.value.hint)
 
 
 @pytest.mark.parametrize("name", ["humanoid", "op3"])
 def test_whatever_is_commanded_when_it_stays_over_its_feet_and_stands_in_the_end(name: str) -> None:
     body, stride, _ = described(name)
-    manner = manner_of(body, stride)
+    manner = walk_parameters(body, stride)
     for seed in range(8):
         chance = Random(seed)  # noqa: S311 - chance, not a secret
-        walker, worst = Walker(manner), 1.0
+        walker, worst = WalkPatternGenerator(manner), 1.0
         for _ in range(40):
             some = chance.uniform(-0.25, 0.25), chance.choice((0, 0.05, -0.05)), chance.choice((0, 0.6, -0.6))
             walker.command(*(some if chance.random() > 0.35 else (0.0, 0.0, 0.0)))
             for _ in range(chance.randrange(1, 120)):
-                moment = walker.advance(PERIOD)
+                moment = walker.advance(CONTROL_INTERVAL)
                 worst = min(worst, moment.margin)
                 off = np.hypot(moment.centre[0] - moment.pose.x, moment.centre[1] - moment.pose.y)
                 assert off < 0.15
         assert worst > 0.01
         walker.command(0.0, 0.0, 0.0)
         for _ in range(400):
-            moment = walker.advance(PERIOD)
-        assert walker.standing
+            moment = walker.advance(CONTROL_INTERVAL)
+        assert walker.is_standing
         assert moment.centre == moment.pose.point
 
 
 @pytest.mark.parametrize("after", np.arange(1.0, 3.0, 0.13).tolist())
 def test_a_halt_ends_in_a_stand_within_two_steps(after: float) -> None:
     body, stride, _ = described("humanoid")
-    walker = Walker(manner_of(body, stride))
+    walker = WalkPatternGenerator(walk_parameters(body, stride))
     walker.command(0.2, 0.0, 0.1)
-    before = [walker.advance(PERIOD).support for _ in range(round(after / PERIOD))][-1]
+    before = [walker.advance(CONTROL_INTERVAL).support for _ in range(round(after / CONTROL_INTERVAL))][-1]
     walker.command(0.0, 0.0, 0.0)
     landings = 0
     for _ in range(300):
-        moment = walker.advance(PERIOD)
+        moment = walker.advance(CONTROL_INTERVAL)
         landings += before != "both" == moment.support
         before = moment.support
-    assert walker.standing
+    assert walker.is_standing
     assert landings <= 2
     left, right = (moment.feet[side] for side in SIDES)
-    assert np.hypot(left[0] - right[0], left[1] - right[1]) == pytest.approx(walker.manner.feet)
+    assert np.hypot(left[0] - right[0], left[1] - right[1]) == pytest.approx(walker.manner.foot_spacing)
 
 
 def test_a_pendulum_follows_its_differential_equation() -> None:
@@ -148,7 +177,7 @@ def test_a_pendulum_follows_its_differential_equation() -> None:
     for _ in range(100_000):  # Euler, in tiny steps
         fine = tuple(a + w * (b - a) * 2e-6 for a, b in zip(fine, capture, strict=True))  # type: ignore[assignment]
         capture = tuple(b + w * (b - q) * 2e-6 for b, q in zip(capture, p, strict=True))  # type: ignore[assignment]
-    there, after = swayed(c, xi, p, w, 0.2)
+    there, after = advance_pendulum(c, xi, p, w, 0.2)
     assert there == pytest.approx(fine, abs=1e-6)
     assert after == pytest.approx(capture, abs=1e-6)
 
@@ -157,28 +186,28 @@ def test_the_quick_centre_of_mass_is_the_centre_of_mass() -> None:
     for name in ("humanoid", "op3"):
         body, _, _ = described(name)
         angles = np.random.default_rng(6).normal(size=(20, 12)) / 2
-        slow = centre_of_mass(body, forward(body, whole(body, angles)))
+        slow = centre_of_mass(body, forward_kinematics(body, whole_body_pose(body, angles)))
         assert np.allclose(centre_over_legs(body, angles.reshape(-1, 2, 6)), slow, atol=1e-12)
 
 
 def test_step_by_step_it_walks_as_planned_at_once() -> None:
     body, stride, _ = described("humanoid")
-    engine = Engine(body, stride)
+    engine = WalkingEngine(body, stride)
     engine.command(0.2, 0.0, 0.0)
     walked = np.array([engine.step().angles for _ in range(300)])
-    assert np.abs(walked - plan(body, stride, (0.2, 0.0, 0.0), 3.0).angles).max() < np.radians(1)
+    assert np.abs(walked - plan_walk(body, stride, (0.2, 0.0, 0.0), 3.0).angles).max() < np.radians(1)
 
 
 def test_the_feet_themselves_tell_how_far_it_has_walked() -> None:
     body, stride, _ = described("humanoid")
-    engine = Engine(body, stride)
+    engine = WalkingEngine(body, stride)
     engine.command(0.2, 0.0, 0.15)
     led = FootOdometry(body, ORIGIN)
     for step in range(800):
-        pose = led.update(whole(body, engine.step().angles))
+        pose = led.update(whole_body_pose(body, engine.step().angles))
         if step == 500:
             engine.halt()
-    assert engine.standing
+    assert engine.is_standing
     told = engine.pose[0]
     assert np.hypot(pose.x - told.x, pose.y - told.y) < 0.04  # of 0.8 m
     assert pose.heading == pytest.approx(told.heading, abs=0.06)
@@ -194,20 +223,20 @@ class Legs:
         assert keys is not None
         self.told: list[DeviceStatus] = []
         self.line = Timeline()
-        stage = Stage(self.line.clock, None, lambda _: ORIGIN, report=self.told.append)
+        stage = SimContext(self.line.clock, None, lambda _: ORIGIN, report=self.told.append)
         self.arm: JointsTwin = make_arm(arm, stage)
         self.base: LegsTwin = make_legs(keys, replace(stage, parts={"arm": self.arm}))
-        self.legs = self.base._engine.body.walking
+        self.legs = self.base._engine.body.leg_joints
         self.jumps = 0.0
         for each in (self.arm, self.base):
             each.open()
-            self.line.every(each.PERIOD, each.step)
-        self.line.every(PERIOD, self._look)
+            self.line.call_every(each.PERIOD, each.step)
+        self.line.call_every(CONTROL_INTERVAL, self._look)
         self._before = self.angles()
         self.pass_(0.1)
 
     def angles(self) -> Floats:
-        return np.array([self.arm.true_angle(name, self.line.clock.now()) for name in self.legs])
+        return np.array([self.arm.true_angle(name, self.line.clock.read_value()) for name in self.legs])
 
     def _look(self) -> None:
         now = self.angles()
@@ -215,11 +244,11 @@ class Legs:
 
     def pass_(self, seconds: float, velocity: Velocity | None = None) -> None:
         clock = self.line.clock
-        until = clock.now() + seconds
-        while clock.now() < until - 1e-9:
+        until = clock.read_value() + seconds
+        while clock.read_value() < until - 1e-9:
             if velocity is not None:
                 self.base.drive(velocity)
-            self.line.run(min(until, clock.now() + 0.05))
+            self.line.run_until(min(until, clock.read_value() + 0.05))
 
 
 @pytest.fixture
@@ -234,20 +263,20 @@ def test_it_walks_from_a_straight_stand_and_stands_again_when_nobody_commands_it
     assert state.value.reckoned
     assert state.value.velocity.linear == pytest.approx(0.15)
     legs.pass_(2.5)  # the command is valid for 0.3 s
-    assert not legs.base.walking
+    assert not legs.base.is_walking
     state = legs.base.state()
     assert state.value is not None
-    assert state.value.velocity == STILL
+    assert state.value.velocity == ZERO_VELOCITY
     assert state.value.pose.x > 0.5
     before = legs.angles()
     legs.pass_(1.0)
     assert np.array_equal(legs.angles(), before)
-    assert legs.jumps < np.radians(300) * PERIOD  # no joint faster than it may
+    assert legs.jumps < np.radians(300) * CONTROL_INTERVAL  # no joint faster than it may
 
 
 def test_a_chain_unplugged_in_mid_step_is_no_leap(legs: Legs) -> None:
     legs.pass_(6.23, Velocity(0.2, 0.0))
-    assert legs.base.walking
+    assert legs.base.is_walking
     legs.arm.plug.unplug()
     before = legs.angles()
     legs.pass_(0.5)
@@ -261,9 +290,9 @@ def test_a_chain_unplugged_in_mid_step_is_no_leap(legs: Legs) -> None:
     assert np.abs(legs.angles() - held).max() < np.radians(1)  # it stays until somebody commands it
     legs.jumps = 0.0
     legs.pass_(0.3, Velocity(0.1, 0.0))
-    assert legs.jumps < np.radians(60) * PERIOD  # slowly, to where a walk begins
+    assert legs.jumps < np.radians(60) * CONTROL_INTERVAL  # slowly, to where a walk begins
     legs.pass_(6.0, Velocity(0.1, 0.0))
-    assert legs.base.walking
+    assert legs.base.is_walking
 
 
 def test_legs_that_sit_are_told_to_stand_first(legs: Legs) -> None:
@@ -279,7 +308,7 @@ def test_legs_that_sit_are_told_to_stand_first(legs: Legs) -> None:
 def test_legs_that_were_brought_to_a_sit_after_a_walk_are_not_flung_up_by_the_next_one(legs: Legs) -> None:
     legs.pass_(3.0, Velocity(0.1, 0.0))
     legs.pass_(3.0)
-    assert not legs.base.walking
+    assert not legs.base.is_walking
     legs.arm.move({"left_hip_pitch": 1.56, "right_hip_pitch": 1.56, "left_knee": 1.9, "right_knee": 1.9})
     legs.pass_(3.0)
     before = legs.angles()
@@ -294,7 +323,7 @@ def test_a_foot_out_of_reach_ends_the_walk_though_somebody_goes_on_commanding(le
     engine = legs.base._engine
     step = engine.step
 
-    def short(dt: float, felt: Felt | None) -> Posture:
+    def short(dt: float, felt: AttitudeEstimate | None) -> LegPosture:
         return replace(step(dt, felt), refused="left leg: too far")
 
     with pytest.MonkeyPatch.context() as patch:
@@ -304,7 +333,7 @@ def test_a_foot_out_of_reach_ends_the_walk_though_somebody_goes_on_commanding(le
     with pytest.raises(DeviceFault, match="too far"):
         legs.base.drive(Velocity(0.1, 0.0))
     legs.pass_(3.0)
-    assert not legs.base.walking
+    assert not legs.base.is_walking
 
 
 def test_a_leg_that_goes_limp_in_a_walk_stops_it_until_somebody_enables_it(legs: Legs) -> None:
@@ -342,10 +371,10 @@ def perform(legs: Legs, act: str, seconds: float) -> None:
 
 
 def test_a_fall_latches_the_legs_and_lets_them_go_limp(legs: Legs) -> None:
-    attitude = Felt(0.0, 0.1)
-    legs.base._felt_now = lambda: attitude
+    attitude = AttitudeEstimate(0.0, 0.1)
+    legs.base._read_attitude = lambda: attitude
     legs.pass_(6.0, Velocity(0.1, 0.0))
-    attitude = Felt(0.0, 1.2)
+    attitude = AttitudeEstimate(0.0, 1.2)
     legs.pass_(0.1)
     state = legs.base.state().value
     assert state is not None
@@ -361,7 +390,7 @@ def test_a_fall_latches_the_legs_and_lets_them_go_limp(legs: Legs) -> None:
     legs.base.enable()  # as the release of a stop does
     with pytest.raises(DeviceFault, match="it has fallen"):
         legs.base.drive(Velocity(0.1, 0.0))
-    legs.base._felt_now = lambda: None
+    legs.base._read_attitude = lambda: None
     legs.pass_(0.1)
     state = legs.base.state().value
     assert state is not None
@@ -370,7 +399,7 @@ def test_a_fall_latches_the_legs_and_lets_them_go_limp(legs: Legs) -> None:
 
 def test_legs_that_bear_nothing_latch_and_stay_stiff_for_somebody_may_hold_the_robot(legs: Legs) -> None:
     legs.pass_(6.0, Velocity(0.1, 0.0))
-    legs.base._falls.fallen = True
+    legs.base._fall_detector.fallen = True
     legs.pass_(0.1)
     assert legs.base.latched == "it has fallen"
     states = [legs.arm.states()[name].value for name in legs.legs]
@@ -386,19 +415,19 @@ def arms_stay(legs: Legs) -> None:
 
 
 def test_arms_of_legs_that_nobody_led_stay_when_it_lies_or_is_tilted(legs: Legs) -> None:
-    legs.base._felt_now = lambda: Felt(0.0, 1.2)  # it lies, and was never stood up
+    legs.base._read_attitude = lambda: AttitudeEstimate(0.0, 1.2)  # it lies, and was never stood up
     legs.pass_(0.2)
     assert legs.base.latched == "it has fallen"
     arms_stay(legs)
 
 
 def test_arms_of_a_robot_that_is_stopped_stay_when_it_is_carried_away(legs: Legs) -> None:
-    attitude = Felt(0.0, 0.0)
-    legs.base._felt_now = lambda: attitude
+    attitude = AttitudeEstimate(0.0, 0.0)
+    legs.base._read_attitude = lambda: attitude
     legs.pass_(6.0, Velocity(0.1, 0.0))
     legs.base.latch("stopped")
     legs.pass_(3.0)
-    attitude = Felt(0.0, 1.2)
+    attitude = AttitudeEstimate(0.0, 1.2)
     legs.pass_(0.2)
     arms_stay(legs)
 
@@ -408,7 +437,7 @@ def test_an_error_in_mid_walk_leaves_the_legs_where_they_are_until_it_is_enabled
     legs: Legs, part: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     legs.pass_(6.23, Velocity(0.2, 0.0))
-    assert legs.base.walking
+    assert legs.base.is_walking
 
     def broken(*_: object) -> None:
         raise RuntimeError("broken")
@@ -426,4 +455,4 @@ def test_an_error_in_mid_walk_leaves_the_legs_where_they_are_until_it_is_enabled
     assert np.array_equal(legs.angles(), before)
     legs.base.enable()
     legs.pass_(8.0, Velocity(0.15, 0.0))
-    assert legs.base.walking
+    assert legs.base.is_walking

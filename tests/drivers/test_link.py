@@ -11,8 +11,8 @@ import serial
 from drivers.api import DeviceStatus, ignore
 from drivers.errors import NotConnected
 from drivers.sim.timeline import Timeline
-from drivers.transport.link import Link
-from drivers.transport.loop import guarded
+from drivers.transport.link import SerialLink
+from drivers.transport.loop import guard_callback
 from tests.drivers.cranked import HandPort, HandWire, pass_until
 
 ANYTHING = [ValueError("broken"), SystemExit(1), BaseException("worse")]
@@ -47,20 +47,20 @@ class Chatter:
     patience: float | None = None
     at_ending: Callable[[], object] = ignore
 
-    def connected(self) -> None:
+    def on_connected(self) -> None:
         self.connections += 1
         self.at_connected()
 
-    def received(self, data: bytes) -> None:
+    def on_data(self, data: bytes) -> None:
         self.heard += data
         self.at_received()
 
-    def pulse(self) -> float | None:
+    def on_poll(self) -> float | None:
         self.pulses += 1
         self.at_pulse()
         return self.patience
 
-    def ending(self) -> None:
+    def on_closing(self) -> None:
         self.at_ending()
 
 
@@ -68,7 +68,7 @@ class Chatter:
 class Rig:
     """A link over a wire with an echo at its end."""
 
-    link: Link
+    link: SerialLink
     wire: HandWire
     timeline: Timeline
     echo: Echo
@@ -95,7 +95,7 @@ class Rig:
         return self.wire.holder is None
 
     def told(self, kind: str) -> list[str]:
-        return [notice.what for notice in list(self.notices) if notice.kind == kind]
+        return [notice.message for notice in list(self.notices) if notice.kind == kind]
 
 
 @pytest.fixture
@@ -122,17 +122,17 @@ def test_bytes_gather_for_as_long_as_the_talker_says_unless_the_link_is_woken(ri
     rig.open()
     rig.chatter.patience = 0.5
     rig.lives_on()
-    begun, rig.chatter.pulses = rig.timeline.clock.now(), 0
+    begun, rig.chatter.pulses = rig.timeline.clock.read_value(), 0
     for letter in (b"a", b"b", b"c"):
         rig.wire.take(letter)
-        rig.timeline.run(rig.timeline.clock.now() + 0.1)
+        rig.timeline.run_until(rig.timeline.clock.read_value() + 0.1)
         assert rig.chatter.heard == b""
     rig.until(lambda: rig.chatter.heard)
     assert (rig.chatter.heard, rig.chatter.pulses) == (b"abc", 1)
-    assert rig.timeline.clock.now() - begun == pytest.approx(0.5, abs=0.02)
+    assert rig.timeline.clock.read_value() - begun == pytest.approx(0.5, abs=0.02)
     rig.wire.take(b"d")
     rig.link.wake()
-    rig.timeline.run(rig.timeline.clock.now() + 0.02)
+    rig.timeline.run_until(rig.timeline.clock.read_value() + 0.02)
     assert (rig.chatter.heard, rig.chatter.pulses) == (b"abcd", 2)
 
 
@@ -143,7 +143,7 @@ def test_bytes_gather_for_as_long_as_the_talker_says_unless_the_link_is_woken(ri
 def test_a_guarded_listener_never_raises_and_is_logged_once(
     error: BaseException, caplog: pytest.LogCaptureFixture
 ) -> None:
-    listener = guarded(raising(error))
+    listener = guard_callback(raising(error))
     with caplog.at_level(logging.ERROR):
         listener(1)
         listener(2)
@@ -153,15 +153,15 @@ def test_a_guarded_listener_never_raises_and_is_logged_once(
 
 def test_a_guarded_listener_hears_everything_and_lets_a_keyboard_interrupt_through() -> None:
     heard: list[int] = []
-    guarded(heard.append)(3)
+    guard_callback(heard.append)(3)
     assert heard == [3]
     with pytest.raises(KeyboardInterrupt):
-        guarded(raising(KeyboardInterrupt()))()
+        guard_callback(raising(KeyboardInterrupt()))()
 
 
 def test_a_log_that_fails_too_hurts_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(logging.getLogger("drivers.transport.loop"), "error", raising(SystemExit(1)))
-    guarded(raising(SystemExit(1)))()
+    guard_callback(raising(SystemExit(1)))()
 
 
 # --- the loop -------------------------------------------------------------------------------------------------------
@@ -251,6 +251,6 @@ def test_data_that_cannot_be_read_does_not_keep_a_driver_from_its_pulse(rig: Rig
     before = rig.chatter.pulses
     for _ in range(20):  # a device that never pauses
         rig.wire.take(b"x")
-        rig.timeline.run(rig.timeline.clock.now() + 0.01)
+        rig.timeline.run_until(rig.timeline.clock.read_value() + 0.01)
     assert rig.chatter.pulses - before >= 5
     assert rig.told("fault") == ["ValueError: broken"]

@@ -24,13 +24,13 @@ def test_turns_are_taken_on_its_thread_until_it_ends_and_the_last_is_done_there_
         turns.clear()
         loop.start()
         loop.start()
-        assert loop.alive
+        assert loop.is_alive
         wait_until(lambda: len(turns) >= 3)
         loop.end()
         loop.end()
         assert last == ["link head"] * run
         assert set(turns) == {"link head"}
-    assert not loop.alive
+    assert not loop.is_alive
 
 
 def test_a_pause_ends_with_the_loop() -> None:

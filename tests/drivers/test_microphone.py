@@ -16,8 +16,8 @@ from drivers.api.sensors import SOUND_RATE
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NotConnected
 from drivers.microphone import captured
-from drivers.microphone.captured import HANGS, KEPT, CapturedMicrophone
-from drivers.microphone.wav import PIECE, WavMicrophone, load, resampled
+from drivers.microphone.captured import HANG_TIMEOUT, MAX_KEPT_SECONDS, SoundCardMicrophone
+from drivers.microphone.wav import PIECE_SAMPLES, WavMicrophone, load_wav, resample
 from tests.waiting import wait_until
 
 
@@ -61,7 +61,7 @@ def test_behind_its_end_there_is_silence_or_its_beginning_again(tmp_path: Path) 
     once.open()
     again.open()
     clock.advance(0.06)
-    assert once.read(1)[0].samples.tolist() == [0] * PIECE
+    assert once.read(1)[0].samples.tolist() == [0] * PIECE_SAMPLES
     assert again.read(1)[0].samples.tolist() == [*range(240, 400), *range(160)]
 
 
@@ -77,13 +77,13 @@ def test_at_most_five_seconds_are_kept(tmp_path: Path) -> None:
 
 def test_two_channels_become_one(tmp_path: Path) -> None:
     path = write(tmp_path / "a.wav", np.full(9, 100, np.int16), np.full(9, -40, np.int16))
-    assert load("microphone", path).tolist() == [30] * 9
+    assert load_wav("microphone", path).tolist() == [30] * 9
 
 
 @given(st.sampled_from((8000, 11025, 22050, 44100, 48000)), st.integers(200, 3000))
 def test_a_tone_keeps_its_pitch_and_strength_at_any_rate(rate: int, pitch: int) -> None:
     tone = 1000 * np.sin(2 * np.pi * pitch * np.arange(rate) / rate)
-    heard = resampled(tone, rate)
+    heard = resample(tone, rate)
     assert len(heard) == SOUND_RATE
     strength = np.abs(np.fft.rfft(heard)) / (SOUND_RATE / 2)
     assert int(strength.argmax()) == pitch
@@ -107,14 +107,14 @@ def test_what_a_header_says_is_not_believed_where_no_recording_is_like_that(tmp_
     for rate in (1, 3999, 384_001, 2**32 - 1):
         path.write_bytes(whole[:24] + rate.to_bytes(4, "little") + whole[28:])
         with pytest.raises(NotConnected, match=rf"a\.wav: says {rate} samples a second: 4000 to 384000 can be"):
-            load("microphone", path)
+            load_wav("microphone", path)
     path.write_bytes(whole[:40] + (0xFFFFFFF0).to_bytes(4, "little") + whole[44:])
-    assert load("microphone", path).tolist() == ramp(10).tolist(), "as much as is there"
+    assert load_wav("microphone", path).tolist() == ramp(10).tolist(), "as much as is there"
     path.write_bytes(whole[:16] + (0xFFFFFFFF).to_bytes(4, "little") + whole[20:])
     os.mkfifo(path.with_name("fifo.wav"))
     for each in (path, path.with_name("fifo.wav"), Path("/dev/zero")):
         with pytest.raises(NotConnected, match="cannot be read as a WAV file"):
-            load("microphone", each)
+            load_wav("microphone", each)
 
 
 def test_a_recording_that_is_too_long_is_refused_with_what_to_type(
@@ -123,7 +123,7 @@ def test_a_recording_that_is_too_long_is_refused_with_what_to_type(
     monkeypatch.setattr("drivers.microphone.wav.MAX_DURATION", 60.0)
     path = write(tmp_path / "a.wav", np.zeros(16_000 * 180, np.int16))
     with pytest.raises(NotConnected, match="lasts 3 min, and 1 are the most") as raised:
-        load("microphone", path)
+        load_wav("microphone", path)
     assert "ffmpeg" in raised.value.hint
 
 
@@ -138,7 +138,7 @@ def test_closed_it_is_silent_and_opened_again_it_begins_anew(tmp_path: Path) -> 
     assert (microphone.read(-1), microphone.health().online) == ([], False)
     microphone.open()
     clock.advance(0.03)
-    assert [sound.samples.tolist() for sound in microphone.read(-1)] == [[*range(PIECE)]]
+    assert [sound.samples.tolist() for sound in microphone.read(-1)] == [[*range(PIECE_SAMPLES)]]
 
 
 # --- the sound card ---------------------------------------------------------------------------------------------------
@@ -150,17 +150,17 @@ def notices() -> list[DeviceStatus]:
 
 
 @pytest.fixture
-def silent(notices: list[DeviceStatus]) -> Iterator[CapturedMicrophone]:
+def silent(notices: list[DeviceStatus]) -> Iterator[SoundCardMicrophone]:
     """A microphone on miniaudio's null backend, which records silence in real time."""
     pytest.importorskip("miniaudio")
-    microphone = CapturedMicrophone(SystemClock(), backend="null", report=notices.append)
+    microphone = SoundCardMicrophone(SystemClock(), backend="null", report=notices.append)
     yield microphone
     microphone.close()
 
 
 @pytest.mark.real_time
 def test_sound_arrives_piece_by_piece_in_order_and_without_gaps(
-    silent: CapturedMicrophone, notices: list[DeviceStatus]
+    silent: SoundCardMicrophone, notices: list[DeviceStatus]
 ) -> None:
     assert not silent.health().online
     silent.open()
@@ -178,14 +178,14 @@ def test_sound_arrives_piece_by_piece_in_order_and_without_gaps(
 
 def test_a_microphone_that_is_not_there_says_which_there_are(notices: list[DeviceStatus]) -> None:
     pytest.importorskip("miniaudio")
-    microphone = CapturedMicrophone(SystemClock(), device="golden ear", backend="null", report=notices.append)
+    microphone = SoundCardMicrophone(SystemClock(), device="golden ear", backend="null", report=notices.append)
     microphone.open()
     try:
         wait_until(lambda: notices)
         health = microphone.health()
     finally:
         microphone.close()
-    assert "no microphone is called 'golden ear'; there are: 'NULL Capture Device'" in notices[0].what
+    assert "no microphone is called 'golden ear'; there are: 'NULL Capture Device'" in notices[0].message
     assert (health.online, "arecord -l" in health.hint) == (False, True)
 
 
@@ -201,13 +201,13 @@ def test_a_program_that_gives_no_more_sound_is_killed_and_another_follows(
 ) -> None:
     program = tmp_path / "hanging.py"
     program.write_text(HANGING)
-    monkeypatch.setattr(captured, "PROGRAM", program)
+    monkeypatch.setattr(captured, "WORKER_PROGRAM", program)
     clock = ManualClock()
-    microphone = CapturedMicrophone(clock)
+    microphone = SoundCardMicrophone(clock)
     microphone.open()
     try:
         wait_until(lambda: len(microphone.read(-1)) == 1)
-        clock.advance(HANGS - 0.1)
+        clock.advance(HANG_TIMEOUT - 0.1)
         assert [microphone.read(0), microphone.health().counters["starts"]] == [[], 1]
         clock.advance(0.2)
         microphone.read(0)
@@ -215,7 +215,7 @@ def test_a_program_that_gives_no_more_sound_is_killed_and_another_follows(
         assert microphone.health().counters["starts"] == 2
     finally:
         microphone.close()
-    clock.advance(2 * HANGS)
+    clock.advance(2 * HANG_TIMEOUT)
     assert microphone.read(-1) == []
 
 
@@ -264,13 +264,13 @@ def test_as_long_as_sound_comes_it_goes_on(capsysbinary: pytest.CaptureFixture[b
 
 def test_what_was_lost_on_the_way_shows_in_the_numbers() -> None:
     clock = ManualClock()
-    microphone = CapturedMicrophone(clock)
-    piece = np.ones(PIECE, "<i2").tobytes()
+    microphone = SoundCardMicrophone(clock)
+    piece = np.ones(PIECE_SAMPLES, "<i2").tobytes()
     for _ in range(3):
         clock.advance(0.02)
-        microphone.received({}, piece)
+        microphone.on_message({}, piece)
     clock.advance(1.0)
-    microphone.received({}, piece)
+    microphone.on_message({}, piece)
     sounds = microphone.read(-1)
     assert [sound.number for sound in sounds] == [0, 1, 2, 4]
     assert [sound.stamp for sound in sounds] == [pytest.approx(each) for each in (0, 0.02, 0.04, 1.04)]
@@ -280,10 +280,10 @@ def test_what_was_lost_on_the_way_shows_in_the_numbers() -> None:
 @given(st.lists(st.floats(0.0, 0.03), min_size=100, max_size=100))
 def test_stamps_are_steady_though_sound_arrives_unsteadily(delays: list[float]) -> None:
     clock = ManualClock()
-    microphone = CapturedMicrophone(clock)
+    microphone = SoundCardMicrophone(clock)
     for number, delay in enumerate(delays, 1):
-        clock.reach(number * 0.02 + delay)
-        microphone.received({}, np.ones(PIECE, "<i2").tobytes())
+        clock.advance_to(number * 0.02 + delay)
+        microphone.on_message({}, np.ones(PIECE_SAMPLES, "<i2").tobytes())
     sounds = microphone.read(-1)
     assert [sound.number for sound in sounds] == list(range(100))
     steps = np.diff([sound.stamp for sound in sounds])
@@ -292,10 +292,10 @@ def test_stamps_are_steady_though_sound_arrives_unsteadily(delays: list[float]) 
 
 def test_no_more_than_a_few_seconds_are_kept() -> None:
     clock = ManualClock()
-    microphone = CapturedMicrophone(clock)
+    microphone = SoundCardMicrophone(clock)
     for _ in range(500):
         clock.advance(0.02)
-        microphone.received({}, np.ones(PIECE, "<i2").tobytes())
+        microphone.on_message({}, np.ones(PIECE_SAMPLES, "<i2").tobytes())
     sounds = microphone.read(-1)
-    assert sounds[-1].end - sounds[0].stamp == pytest.approx(KEPT, abs=0.05)
+    assert sounds[-1].end - sounds[0].stamp == pytest.approx(MAX_KEPT_SECONDS, abs=0.05)
     assert sounds[-1].number == 499

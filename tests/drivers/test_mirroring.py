@@ -5,9 +5,9 @@ from math import degrees, pi, radians, sin
 
 import pytest
 
-from behaviours.joint_motion import Mirroring, by_range
+from behaviours.joint_motion import JointMirror, range_coupling
 from drivers.api import Coupling
-from drivers.api.joints import FOLLOWING_TOLERANCE, RUN_IN
+from drivers.api.joints import FOLLOWING_TOLERANCE, MAX_APPROACH_SPEED
 from drivers.errors import BadRequest, NotConnected
 from drivers.servos.joint import JointSpec
 from drivers.servos.virtual.chain import VirtualServoBus
@@ -32,26 +32,28 @@ class Pair:
 
     def __init__(self) -> None:
         self.leader, self.follower = Arm(specs(), servos=chain()), Arm(specs(upper=1.0), servos=chain())
-        self.follower.timeline.every(PERIOD, lambda: self.leader.timeline.run(self.follower.clock.now()))
+        self.follower.timeline.call_every(
+            PERIOD, lambda: self.leader.timeline.run_until(self.follower.clock.read_value())
+        )
         self.leader.start()
         self.follower.start()
         self.catch_up()
         self.leader.joints.relax()
         self.rounds = 0
-        self.leader.joints.attend(NAMES, self.count)
+        self.leader.joints.poll_fast(NAMES, self.count)
         limits, lower = self.leader.joints.limits, self.follower.joints.limits
         couplings = [Coupling(name, name) for name in NAMES[:-1]]
-        gripper = by_range("gripper", limits["gripper"], "gripper", lower["gripper"])
-        self.mirroring = Mirroring(self.leader.joints, self.follower.joints, [*couplings, gripper])
+        gripper = range_coupling("gripper", limits["gripper"], "gripper", lower["gripper"])
+        self.mirroring = JointMirror(self.leader.joints, self.follower.joints, [*couplings, gripper])
 
     def count(self) -> None:
         self.rounds += 1
 
     def catch_up(self) -> None:
         """Bring both to one time."""
-        end = max(arm.clock.now() for arm in (self.leader, self.follower))
+        end = max(arm.clock.read_value() for arm in (self.leader, self.follower))
         for arm in (self.leader, self.follower):
-            arm.timeline.run(end)
+            arm.timeline.run_until(end)
 
     def turn(self, angle: float, *joints: int) -> None:
         for number in joints or range(1, 7):
@@ -59,8 +61,8 @@ class Pair:
 
     def go_on(self, seconds: float = 0.01) -> None:
         """Let time pass, and mirror once."""
-        end = self.follower.clock.now() + seconds
-        self.follower.timeline.run(end)
+        end = self.follower.clock.read_value() + seconds
+        self.follower.timeline.run_until(end)
         self.mirroring.step(end)
 
     def speed_to(self, goal: float) -> float:
@@ -86,11 +88,11 @@ def pair() -> Iterator[Pair]:
 
 def test_what_is_far_comes_over_slowly_then_follows_at_once(pair: Pair) -> None:
     pair.turn(0.8)
-    began, fastest = pair.follower.clock.now(), 0.0
+    began, fastest = pair.follower.clock.read_value(), 0.0
     while abs(pair.at() - 0.8) > 0.02:
         fastest = max(fastest, pair.speed_to(0.8))
-        assert pair.follower.clock.now() - began < 3.0
-    assert fastest <= RUN_IN * 1.21  # a shaft is seen to 5 ms, an angle to a step
+        assert pair.follower.clock.read_value() - began < 3.0
+    assert fastest <= MAX_APPROACH_SPEED * 1.21  # a shaft is seen to 5 ms, an angle to a step
     late = []
     for step in range(300):  # a hand that swings by 30 degrees, once a second
         pair.turn(0.8 + radians(30) * sin(2 * pi * step / 100))
@@ -119,10 +121,10 @@ def test_a_leader_that_falls_silent_leaves_the_follower_at_rest(pair: Pair) -> N
         pair.go_on()
     stands = pair.at()
     for _ in range(100):
-        assert pair.mirroring.step(pair.follower.clock.now()) == {}
-        pair.follower.timeline.run(pair.follower.clock.now() + 0.01)
+        assert pair.mirroring.step(pair.follower.clock.read_value()) == {}
+        pair.follower.timeline.run_until(pair.follower.clock.read_value() + 0.01)
     assert pair.at() == stands
-    assert not any(servo.turning for servo in pair.follower.chain.servos)
+    assert not any(servo.is_moving for servo in pair.follower.chain.servos)
 
 
 def test_a_follower_that_was_unplugged_in_mid_move_is_brought_over_anew_without_a_leap(pair: Pair) -> None:
@@ -141,9 +143,9 @@ def test_a_follower_that_was_unplugged_in_mid_move_is_brought_over_anew_without_
     pair.follower.fresh()
     fastest = max(pair.speed_to(-0.9) for _ in range(300))
     assert pair.at() == pytest.approx(-0.9, abs=0.02)
-    assert fastest <= RUN_IN * 1.21  # a shaft is seen to 5 ms, an angle to a step
+    assert fastest <= MAX_APPROACH_SPEED * 1.21  # a shaft is seen to 5 ms, an angle to a step
 
 
 def test_only_joints_that_there_are_can_be_attended_to(pair: Pair) -> None:
     with pytest.raises(BadRequest, match="no joint 'toe'"):
-        pair.leader.joints.attend(["toe"])
+        pair.leader.joints.poll_fast(["toe"])

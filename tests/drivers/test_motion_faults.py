@@ -3,14 +3,14 @@
 import pytest
 from py_trees.common import Status
 
-from behaviours.driving.motion import Drive, Motion, Turn
+from behaviours.driving.motion import BaseMotion, DriveLeaf, TurnLeaf
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.robot import Robot
 from drivers.base.motion_fault import MAX_FAULTS
-from drivers.sim.body import Body
+from drivers.sim.body import BaseBody
 from drivers.sim.timeline import Timeline
-from drivers.sim.wheels import Wheels
-from missions.plugins.testing.recorders import Bench
+from drivers.sim.wheels import SimulatedWheels
+from missions.plugins.testing.recorders import LeafTestBench
 from tests.drivers.motion_faults import BASES, FAULTS, TICK, TRACK, MotionCase, draw, play
 from tests.tries import tries
 
@@ -54,13 +54,13 @@ class Run:
 
     def __init__(self, base: str) -> None:
         self.timeline = Timeline()
-        self.stand = BASES[base](Body(wheels=Wheels(separation=TRACK)), self.timeline)
+        self.stand = BASES[base](BaseBody(wheels=SimulatedWheels(separation=TRACK)), self.timeline)
         self.stand.base.open()
-        self.timeline.run(1.0)
-        self.bench = Bench(self.timeline.clock)
+        self.timeline.run_until(1.0)
+        self.bench = LeafTestBench(self.timeline.clock)
         self.bench.robot = Robot(base_part=self.stand.base)
 
-    def play(self, leaf: Motion, **arguments: float) -> Status:
+    def play(self, leaf: BaseMotion, **arguments: float) -> Status:
         """Tick a leaf at once, and until it ends."""
         self.bench.put(leaf, **arguments)
         for _ in range(1000):
@@ -68,7 +68,7 @@ class Run:
             status = leaf.execute_tick()
             if status is not RUNNING:
                 return status
-            self.timeline.run(self.timeline.clock.now() + TICK)
+            self.timeline.run_until(self.timeline.clock.read_value() + TICK)
         raise AssertionError(leaf.reason)
 
 
@@ -79,9 +79,9 @@ COMPARED = ["kobuki, twin", "kobuki, wire", "ros2, wire", "rover with encoders, 
 def test_the_next_branch_of_a_selector_moves_a_base_at_once_after_a_fault(base: str) -> None:
     run = Run(base)
     run.stand.body.wheels.blocked = True
-    assert run.play(Drive("drive"), distance=1.0) is FAILURE
+    assert run.play(DriveLeaf("drive"), distance=1.0) is FAILURE
     run.stand.body.wheels.blocked = False
-    turn = Turn("turn")
+    turn = TurnLeaf("turn")
     assert run.play(turn, angle=1.57) is SUCCESS, turn.reason
     run.stand.base.close()
 
@@ -91,11 +91,11 @@ def test_a_retry_against_an_obstacle_tries_each_time_and_ends_latched(base: str)
     run = Run(base)
     run.stand.body.wheels.blocked = True
     for number in range(MAX_FAULTS):
-        began, drive = run.timeline.clock.now(), Drive("drive")
+        began, drive = run.timeline.clock.read_value(), DriveLeaf("drive")
         assert run.play(drive, distance=1.0) is FAILURE
-        assert run.timeline.clock.now() - began > 0.5, "it has tried"
+        assert run.timeline.clock.read_value() - began > 0.5, "it has tried"
         assert bool(run.stand.base.latched) is (number == MAX_FAULTS - 1), drive.reason
-    assert run.play(Turn("turn"), angle=1.57) is FAILURE
+    assert run.play(TurnLeaf("turn"), angle=1.57) is FAILURE
     run.stand.base.close()
 
 

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from drivers.clock import SystemClock
-from drivers.rplidar.virtual import VirtualLidar
-from drivers.servos.calibration import load, text
+from drivers.rplidar.virtual import VirtualRPLidar
+from drivers.servos.calibration import format_calibration, load_calibration
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
-from drivers.virtual.terminal import Terminal, WireDevice
+from drivers.virtual.terminal import PseudoTerminal, WireDevice
 from tests.drivers.chains import chain, mixed_chain
 
 pytestmark = pytest.mark.real_time
@@ -30,7 +30,7 @@ def needs(package: str) -> pytest.MarkDecorator:
 
 def told(client: str, bus: WireDevice, *arguments: str) -> dict[str, Any]:
     """Let ``client`` have its way with ``bus``; return what it saw."""
-    terminal = Terminal("servos", bus, SystemClock())
+    terminal = PseudoTerminal("servos", bus, SystemClock())
     terminal.open()
     try:
         command = [sys.executable, str(CLIENTS / f"{client}.py"), *arguments, terminal.path]
@@ -116,8 +116,8 @@ def test_lerobots_own_bus_calibrates_reads_and_moves_a_chain_of_feetech_servos(t
     assert seen["negative goal"] == [-321, -1234]
     file = tmp_path / "lerobot.json"
     file.write_text(json.dumps(seen["calibration"], indent=4), encoding="utf-8")
-    assert {name: each.homing_offset for name, each in load(str(file)).items()} == seen["homings"]
-    assert text(load(str(file))).strip() == file.read_text(encoding="utf-8")
+    assert {name: each.homing_offset for name, each in load_calibration(str(file)).items()} == seen["homings"]
+    assert format_calibration(load_calibration(str(file))).strip() == file.read_text(encoding="utf-8")
 
 
 @needs("lerobot")
@@ -150,7 +150,7 @@ def test_slamtecs_sdk_gets_a_scan(model: str, number: int, firmware: tuple[int, 
         """A metre away up to half a radian to both sides, all else two."""
         return np.where(np.cos(bearings) > cos(0.5), 1.0, 2.0)
 
-    seen = told("slamtec_client", VirtualLidar(pillar, model=model, firmware=firmware))
+    seen = told("slamtec_client", VirtualRPLidar(pillar, model=model, firmware=firmware))
     assert (seen["connected"], seen["model"], seen["health"], seen["scans"]) == (True, number, 0, True)
     assert seen["firmware"] == firmware[0] << 8 | firmware[1]
     bearings, distances = np.array(seen["bearings"]), np.array(seen["distances"])

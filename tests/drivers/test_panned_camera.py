@@ -13,17 +13,17 @@ from hypothesis import strategies as st
 
 from drivers.api import Camera, Image
 from drivers.clock import ManualClock
-from drivers.sim.painter import PannedCamera, turned
+from drivers.sim.painter import PannedCamera, rotate_view
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
 from drivers.sim.rendered import RenderedCamera
-from drivers.sim.viewpoint import Pinhole, Viewpoint
-from drivers.sim.world import World
+from drivers.sim.viewpoint import PinholeLens, Viewpoint
+from drivers.sim.world import SimulatedWorld
 from tests.footage import FOOTAGE
 
 SIXTY = radians(60)
-WORLD = World(people=(Person("p", x=1.5, y=0.2),))
-RENDERER = Renderer(WORLD, Pinhole(640, 480, SIXTY), noise=0.0)
+WORLD = SimulatedWorld(people=(Person("p", x=1.5, y=0.2),))
+RENDERER = Renderer(WORLD, PinholeLens(640, 480, SIXTY), noise=0.0)
 
 
 @cache
@@ -35,10 +35,10 @@ def straight() -> Image:
 @pytest.mark.parametrize(("yaw", "pitch"), [(0.0, 0.0), (0.2, 0.0), (-0.3, 0.1), (0.1, -0.25)])
 def test_a_turned_picture_is_what_a_turned_camera_would_have_seen(yaw: float, pitch: float) -> None:
     source = np.full_like(straight(), 255)
-    within = turned(source, Viewpoint(yaw=yaw, pitch=pitch), SIXTY)  # all white: the border takes the mean too
+    within = rotate_view(source, Viewpoint(yaw=yaw, pitch=pitch), SIXTY)  # all white: the border takes the mean too
     assert within.min() >= 254
     seen = RENDERER.draw(Viewpoint(z=1.5, yaw=yaw, pitch=pitch), 0.0)
-    made = turned(straight(), Viewpoint(yaw=yaw, pitch=pitch), SIXTY)
+    made = rotate_view(straight(), Viewpoint(yaw=yaw, pitch=pitch), SIXTY)
     centre = (slice(200, 280), slice(270, 370))  # in the source for all of these angles
     difference = np.abs(seen[centre].astype(int) - made[centre])
     assert float(difference.mean()) < 3.0
@@ -49,9 +49,9 @@ def test_a_turned_picture_is_what_a_turned_camera_would_have_seen(yaw: float, pi
 def test_looking_left_moves_the_picture_to_the_right_and_leaves_a_dull_edge() -> None:
     marked: Image = np.full((480, 640, 3), 90, np.uint8)
     cv2.circle(marked, (320, 240), 12, (0, 0, 255), -1)
-    moved = turned(marked, Viewpoint(yaw=radians(10)), SIXTY)
+    moved = rotate_view(marked, Viewpoint(yaw=radians(10)), SIXTY)
     rows, columns = np.nonzero(moved[..., 2] > 200)
-    assert columns.mean() == pytest.approx(319.5 + Pinhole(640, 480, SIXTY).focal * np.tan(radians(10)), abs=1.5)
+    assert columns.mean() == pytest.approx(319.5 + PinholeLens(640, 480, SIXTY).focal * np.tan(radians(10)), abs=1.5)
     assert rows.mean() == pytest.approx(240, abs=1.5)
     assert float(moved[:, :60].std()) == pytest.approx(0.0, abs=1.0)
 
@@ -62,7 +62,7 @@ def test_what_is_behind_the_camera_never_shows(yaw: float, pitch: float, field_o
     marked: Image = np.full((48, 64, 3), 100, np.uint8)
     marked[20:28, 28:36] = 255
     view = Viewpoint(yaw=yaw, pitch=pitch)
-    moved = turned(marked, view, field_of_view)
+    moved = rotate_view(marked, view, field_of_view)
     ahead = (np.array(view.rotation()) @ (1.0, 0.0, 0.0))[2] > 0  # the marked middle is in front of the turned camera
     assert ahead or moved.max() < 200
     assert moved.shape == marked.shape
@@ -83,7 +83,7 @@ def test_a_panned_camera_asks_for_the_view_at_the_stamp_of_the_frame() -> None:
     frame = camera.read(0.0)
     assert frame is not None
     assert (frame.stamp, frame.number, asked) == (2.0, 0, [2.0])
-    assert np.array_equal(frame.image, turned(straight(), Viewpoint(yaw=0.2), SIXTY))
+    assert np.array_equal(frame.image, rotate_view(straight(), Viewpoint(yaw=0.2), SIXTY))
     assert camera.read(0.0) is None
     assert camera.health().online
     camera.rest()
@@ -98,7 +98,7 @@ def test_recorded_people_are_still_found_after_a_turn() -> None:
     _, image = clip.read()
     clip.release()
     for yaw in (-0.3, 0.0, 0.3):
-        moved = turned(np.asarray(image, np.uint8), Viewpoint(yaw=yaw), SIXTY)
+        moved = rotate_view(np.asarray(image, np.uint8), Viewpoint(yaw=yaw), SIXTY)
         found = haar.detectMultiScale(cv2.cvtColor(moved, cv2.COLOR_BGR2GRAY), 1.2, 4, minSize=(40, 40))
         assert len(found) == 1
         ((x, _, width, _),) = found

@@ -3,7 +3,7 @@
 import pytest
 
 from drivers.clock import ManualClock
-from drivers.virtual.patient_clock import PATIENCE, PatientClock
+from drivers.virtual.patient_clock import MAX_DEVICE_DELAY, PatientClock
 
 
 @pytest.fixture
@@ -15,30 +15,30 @@ def machine() -> ManualClock:
 def test_it_is_the_machines_clock_while_it_waits_for_nobody(machine: ManualClock) -> None:
     clock = PatientClock(machine)
     machine.advance(7.5)
-    assert clock.now() == 7.5
+    assert clock.read_value() == 7.5
 
 
 def test_no_time_passes_while_one_of_two_is_held_up(machine: ManualClock) -> None:
     clock = PatientClock(machine)
-    clock.attend("base")
-    clock.attend("head")
+    clock.heartbeat("base")
+    clock.heartbeat("head")
     for _ in range(100):
         machine.advance(0.01)
-        clock.attend("base")
-    assert clock.now() == pytest.approx(PATIENCE)
-    clock.attend("head")
+        clock.heartbeat("base")
+    assert clock.read_value() == pytest.approx(MAX_DEVICE_DELAY)
+    clock.heartbeat("head")
     machine.advance(0.01)
-    assert clock.now() == pytest.approx(PATIENCE + 0.01)
+    assert clock.read_value() == pytest.approx(MAX_DEVICE_DELAY + 0.01)
 
 
 def test_time_goes_on_for_the_others_once_one_is_gone(machine: ManualClock) -> None:
     clock = PatientClock(machine)
-    clock.attend("base")
+    clock.heartbeat("base")
     machine.advance(1.0)
-    assert clock.now() == pytest.approx(PATIENCE)
-    clock.dismiss("base")
+    assert clock.read_value() == pytest.approx(MAX_DEVICE_DELAY)
+    clock.unregister("base")
     machine.advance(1.0)
-    assert clock.now() == pytest.approx(PATIENCE + 1.0)
+    assert clock.read_value() == pytest.approx(MAX_DEVICE_DELAY + 1.0)
 
 
 def test_it_never_runs_backwards_whoever_comes_and_goes(machine: ManualClock) -> None:
@@ -46,8 +46,8 @@ def test_it_never_runs_backwards_whoever_comes_and_goes(machine: ManualClock) ->
     for turn in range(500):
         machine.advance((turn * 37 % 11) / 100)
         if turn % 3:
-            clock.attend(turn % 5)
+            clock.heartbeat(turn % 5)
         if turn % 7 == 0:
-            clock.dismiss(turn % 4)
-        seen.append(clock.now())
+            clock.unregister(turn % 4)
+        seen.append(clock.read_value())
     assert seen == sorted(seen)

@@ -16,10 +16,10 @@ from gpiozero.pins.mock import MockFactory, MockPWMPin
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
 from drivers.pi_car import guardian
-from drivers.pi_car.guardian import REST_TRIES, Pca9685, on_channels, on_pins, servos
-from drivers.pi_car.make import COMMAND, Guarded, Guardian, cure
+from drivers.pi_car.guardian import REST_TRIES, Pca9685, make_channel_motor, make_pin_motor, make_servos
+from drivers.pi_car.make import COMMAND, GuardianLauncher, GuardianProcess, offline_hint
 from drivers.transport import guardian_wire
-from drivers.transport.ports import Lost, explain
+from drivers.transport.ports import PortLostError, make_port_error
 from tests.waiting import wait_until
 
 MOCK = (sys.executable, "-m", "tests.drivers.mock_guardian")
@@ -90,29 +90,29 @@ def test_a_chip_is_woken_at_fifty_hertz_and_one_that_runs_is_left_alone() -> Non
 def test_a_servo_gets_the_pulses_of_the_arduino_and_is_found_where_it_was_sent(degree: int) -> None:
     chip = Chip()
     board = woken(chip)
-    assert board.sent(3) is None, "after it was switched on it sends nobody anywhere"
-    board.degree(3, degree)
+    assert board.read_angle(3) is None, "after it was switched on it sends nobody anywhere"
+    board.set_angle(3, degree)
     assert chip.share(3) * 20_000 == pytest.approx(544 + (2400 - 544) * degree / 180, abs=3)
     board = woken(chip)
-    assert board.sent(3) == degree
-    board.share(4, 1.0)
-    assert board.sent(4) is None, "a motor's channel is no servo's"
+    assert board.read_angle(3) == degree
+    board.set_duty_cycle(4, 1.0)
+    assert board.read_angle(4) is None, "a motor's channel is no servo's"
 
 
 def test_servos_start_where_the_chip_has_sent_them() -> None:
     chip = Chip()
-    assert servos(woken(chip), 0, 1).present() == (guardian_wire.UNKNOWN, guardian_wire.UNKNOWN)
-    woken(chip).degree(1, 70)
-    assert servos(woken(chip), 0, 1).present() == (guardian_wire.UNKNOWN, 70)
+    assert make_servos(woken(chip), 0, 1).positions() == (guardian_wire.UNKNOWN_ANGLE, guardian_wire.UNKNOWN_ANGLE)
+    woken(chip).set_angle(1, 70)
+    assert make_servos(woken(chip), 0, 1).positions() == (guardian_wire.UNKNOWN_ANGLE, 70)
 
 
 def test_pulses_of_somebody_with_another_frequency_are_taken_for_no_place_and_end() -> None:
     chip = Chip()
-    woken(chip).degree(0, 90)
+    woken(chip).set_angle(0, 90)
     chip.registers[0xFE] = 101  # 60 Hz: the same counts are shorter pulses
-    assert servos(woken(chip), 0, 1).present() == (guardian_wire.UNKNOWN, guardian_wire.UNKNOWN)
+    assert make_servos(woken(chip), 0, 1).positions() == (guardian_wire.UNKNOWN_ANGLE, guardian_wire.UNKNOWN_ANGLE)
     assert chip.share(0) == 0.0
-    assert servos(woken(chip), 0, 1).present() == (guardian_wire.UNKNOWN, guardian_wire.UNKNOWN)
+    assert make_servos(woken(chip), 0, 1).positions() == (guardian_wire.UNKNOWN_ANGLE, guardian_wire.UNKNOWN_ANGLE)
 
 
 OF_ADAFRUIT = {0: (111, 0), 45: (206, 0), 90: (45, 1), 135: (140, 1), 180: (235, 1)}
@@ -123,12 +123,12 @@ OF_ADAFRUIT = {0: (111, 0), 45: (206, 0), 90: (45, 1), 135: (140, 1), 180: (235,
 def test_a_chip_is_told_what_the_library_of_its_makers_tells_it() -> None:
     chip = Chip()
     for degree, (low, high) in OF_ADAFRUIT.items():
-        woken(chip).degree(0, degree)
+        woken(chip).set_angle(0, degree)
         assert chip.registers[8] + 256 * chip.registers[9] == pytest.approx(low + 256 * high, abs=1)
         assert chip.registers[6] == chip.registers[7] == 0
-    woken(chip).share(1, 0.0)
+    woken(chip).set_duty_cycle(1, 0.0)
     assert [chip.registers[register] for register in range(10, 14)] == [0, 0, 0, 16]
-    woken(chip).share(1, 1.0)
+    woken(chip).set_duty_cycle(1, 1.0)
     assert [chip.registers[register] for register in range(10, 14)] == [0, 16, 0, 0]
 
 
@@ -137,9 +137,9 @@ def test_a_chip_is_told_what_the_library_of_its_makers_tells_it() -> None:
 )
 def test_a_motor_on_channels_turns_both_ways(share: float, expected: tuple[float, float]) -> None:
     chip = Chip()
-    on_channels(Pca9685(chip, 0x40), {"forward": 8, "backward": 9, "enable": None})(share)
+    make_channel_motor(Pca9685(chip, 0x40), {"forward": 8, "backward": 9, "enable": None})(share)
     assert (chip.share(8), chip.share(9)) == pytest.approx(expected, abs=0.001)
-    on_channels(Pca9685(chip, 0x40), {"forward": 11, "backward": 12, "enable": 10})(share)
+    make_channel_motor(Pca9685(chip, 0x40), {"forward": 11, "backward": 12, "enable": 10})(share)
     assert (chip.share(11), chip.share(12), chip.share(10)) == pytest.approx(
         (float(share > 0), float(share < 0), abs(share)), abs=0.001
     )
@@ -155,7 +155,7 @@ def pins() -> Iterator[Callable[[int], float]]:
 
 
 def test_a_motor_on_pins_turns_both_ways_and_stands(pins: Callable[[int], float]) -> None:
-    two, three = on_pins(TWO), on_pins(THREE)
+    two, three = make_pin_motor(TWO), make_pin_motor(THREE)
     for share in (0.6, -0.3, 1.0, 0.0):
         two(share)
         three(share)
@@ -259,7 +259,7 @@ def test_a_driver_that_is_killed_leaves_motors_that_stand(
     clock = SystemClock()
     os.kill(driver.pid, signal.SIGKILL)
     wait_until(lambda: not journal.turns())
-    assert clock.now() <= WITHIN
+    assert clock.read_value() <= WITHIN
 
 
 class Stubborn:
@@ -280,8 +280,8 @@ def test_a_guardian_that_cannot_let_the_motors_rest_says_so(
     fails: int, is_told: bool, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     keeper = Stubborn(fails)
-    monkeypatch.setattr(guardian, "hands", lambda _: None)
-    monkeypatch.setattr(guardian, "Keeper", lambda *_: keeper)
+    monkeypatch.setattr(guardian, "make_actuators", lambda _: None)
+    monkeypatch.setattr(guardian, "ActuatorGuardian", lambda *_: keeper)
     monkeypatch.setattr(guardian, "serve", lambda *_: None)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
     assert guardian.main("{}") == int(is_told)
@@ -320,20 +320,20 @@ def test_a_driver_that_stands_still_leaves_motors_that_stand(
     clock = SystemClock()
     os.kill(driver.pid, signal.SIGSTOP)
     wait_until(lambda: not journal.turns())
-    assert clock.now() <= guardian_wire.WATCHDOG + WITHIN
+    assert clock.read_value() <= guardian_wire.WATCHDOG_TIMEOUT + WITHIN
     os.kill(driver.pid, signal.SIGKILL)
 
 
 @pytest.mark.real_time
 def test_a_guardian_hears_no_signals_of_a_terminal_and_ends_with_its_driver(journal: Journal) -> None:
-    guardian = Guarded(CHIP, MOCK)("base", "the guardian", guardian_wire.BAUD)
+    guardian = GuardianLauncher(CHIP, MOCK)("base", "the guardian", guardian_wire.BAUD)
     try:
         boot = hello(guardian)
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             os.kill(guardian.pid, number)
-        guardian.write(guardian_wire.go(boot, 500, -500))
+        guardian.write(guardian_wire.pack_command(boot, 500, -500))
         wait_until(journal.turns)
-        guardian.write(guardian_wire.go(boot + 1, 1000, 1000))  # meant for another
+        guardian.write(guardian_wire.pack_command(boot + 1, 1000, 1000))  # meant for another
         assert hello(guardian) == boot
         assert journal.motors()["channel 8"] == pytest.approx(2048)
         wait_until(lambda: not journal.turns())  # nobody says anything any more
@@ -344,55 +344,58 @@ def test_a_guardian_hears_no_signals_of_a_terminal_and_ends_with_its_driver(jour
 
 @pytest.mark.usefixtures("journal")
 def test_another_guardian_knows_where_the_servos_stand() -> None:
-    for expected, goal in (((guardian_wire.UNKNOWN, guardian_wire.UNKNOWN), (80, 100)), ((80, 100), (81, 101))):
-        guardian = Guarded(HEAD, MOCK)("head", "the guardian", guardian_wire.BAUD)
+    for expected, goal in (
+        ((guardian_wire.UNKNOWN_ANGLE, guardian_wire.UNKNOWN_ANGLE), (80, 100)),
+        ((80, 100), (81, 101)),
+    ):
+        guardian = GuardianLauncher(HEAD, MOCK)("head", "the guardian", guardian_wire.BAUD)
         try:
             report = asked(guardian)
             assert (report.first, report.second) == expected
-            guardian.write(guardian_wire.go(report.boot, *goal))
+            guardian.write(guardian_wire.pack_command(report.boot, *goal))
             wait_until(lambda: (asked(guardian).first, asked(guardian).second) == goal)  # noqa: B023 - of this round
         finally:
             guardian.close()
 
 
 def test_a_pi_without_pins_is_told_in_words() -> None:
-    dials = Guarded({"motors": "gpio", "left": {}, "right": {}}, COMMAND)
+    dials = GuardianLauncher({"motors": "gpio", "left": {}, "right": {}}, COMMAND)
     guardian = dials("base", "the guardian", guardian_wire.BAUD)
     said = ""
     try:
         while not said:
-            guardian.write(guardian_wire.ASK)
+            guardian.write(guardian_wire.REPORT_REQUEST)
             said = ended(guardian)
     finally:
         guardian.close()
-    assert said == dials.words == "KeyError: 'enable'"
-    assert "raspi-config" in explain("base", "the guardian", Lost(said, cure())).hint
+    assert said == dials.last_message == "KeyError: 'enable'"
+    assert "raspi-config" in make_port_error("base", "the guardian", PortLostError(said, offline_hint())).hint
     with pytest.raises(NotConnected, match="KeyError: 'enable'"):
         dials("base", "the guardian", guardian_wire.BAUD)  # not at once again
     with pytest.raises(NotConnected, match="the guardian"):
-        Guarded({}, ["/nowhere/python"])("base", "the guardian", guardian_wire.BAUD)
+        GuardianLauncher({}, ["/nowhere/python"])("base", "the guardian", guardian_wire.BAUD)
 
 
-def ended(guardian: Guardian) -> str:
+def ended(guardian: GuardianProcess) -> str:
     """Return why it has ended; nothing while it runs."""
     try:
-        guardian.arrived(0.1)
-    except Lost as lost:
+        guardian.read_available(0.1)
+    except PortLostError as lost:
         return str(lost)
     return ""
 
 
-def asked(guardian: Guardian) -> guardian_wire.Report:
+def asked(guardian: GuardianProcess) -> guardian_wire.GuardianReport:
     """Return how it is."""
-    guardian.write(guardian_wire.ASK)
+    guardian.write(guardian_wire.REPORT_REQUEST)
     said = b""
     while not said.endswith(b"\n"):
-        said += guardian.arrived(5.0)
-    found = guardian_wire.read(said.splitlines()[-1])
-    assert isinstance(found, guardian_wire.Report)
+        said += guardian.read_available(5.0)
+    found = guardian_wire.parse_line(said.splitlines()[-1])
+    assert isinstance(found, guardian_wire.GuardianReport)
     return found
 
 
-def hello(guardian: Guardian) -> int:
+def hello(guardian: GuardianProcess) -> int:
     """Return its boot."""
     return asked(guardian).boot

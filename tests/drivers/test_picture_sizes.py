@@ -15,10 +15,10 @@ import pytest
 
 from drivers.api import Camera
 from drivers.camera.make import open_source
-from drivers.camera.pictures import pictures
+from drivers.camera.pictures import iter_pictures
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest
-from drivers.pictures.decode import decoded, load, size_of
+from drivers.pictures.decode import decode_picture, load_picture, picture_size
 from missions.library.people import People, PeopleError
 from tests.waiting import wait_until
 
@@ -52,8 +52,8 @@ def test_the_header_of_each_kind_tells_the_size() -> None:
         for width, height in ((64, 48), (3, 500), (1000, 1)):
             for options in ([], OTHERS.get(kind, [])):
                 data = written(kind, width, height, options)
-                found = size_of(BytesIO(data))
-                if found != (width, height) or decoded(data) is None:
+                found = picture_size(BytesIO(data))
+                if found != (width, height) or decode_picture(data) is None:
                     wrong.append((kind, options, (width, height), found))
     assert wrong == []
 
@@ -63,10 +63,10 @@ def test_a_header_that_is_cut_off_or_nonsense_tells_no_size_and_raises_nothing()
     for kind in KINDS:
         whole = written(kind, 64, 48)
         for length in range(len(whole)):
-            assert size_of(BytesIO(whole[:length])) in (None, (64, 48)), (kind, length)
+            assert picture_size(BytesIO(whole[:length])) in (None, (64, 48)), (kind, length)
         for _ in range(200):
-            size_of(BytesIO(whole[:8] + random.bytes(400)))
-    assert decoded(b"") is decoded(b"a text") is None
+            picture_size(BytesIO(whole[:8] + random.bytes(400)))
+    assert decode_picture(b"") is decode_picture(b"a text") is None
 
 
 def test_a_picture_that_would_take_gigabytes_is_refused_by_every_reader(tmp_path: Path) -> None:
@@ -74,14 +74,14 @@ def test_a_picture_that_would_take_gigabytes_is_refused_by_every_reader(tmp_path
     path.write_bytes(empty_png(12_000, 12_000))
     words = r"huge\.png: has 12000 x 12000 pixels, and 50 million are the most"
     with pytest.raises(BadRequest, match=words):
-        load(path)
+        load_picture(path)
     with pytest.raises(BadRequest, match=words):
-        list(pictures([tmp_path]))
-    assert decoded(path.read_bytes()) is None
+        list(iter_pictures([tmp_path]))
+    assert decode_picture(path.read_bytes()) is None
     film = tmp_path / "huge.mp4"  # FFmpeg tells by the content what it is
     film.write_bytes(path.read_bytes())
     with pytest.raises(BadRequest, match=r"huge\.mp4: has 12000 x 12000 pixels"):
-        list(pictures([film]))
+        list(iter_pictures([film]))
     for source in (film, path):
         with closing(open_source(source, SystemClock(), retry=0.02)) as camera:
             camera.open()
@@ -91,20 +91,20 @@ def test_a_picture_that_would_take_gigabytes_is_refused_by_every_reader(tmp_path
 def test_a_film_with_frames_that_are_too_large_is_refused_before_one_is_decoded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("drivers.pictures.decode.MOST_PIXELS", 3000)
-    monkeypatch.setattr("drivers.pictures.decode.grab", None)
+    monkeypatch.setattr("drivers.pictures.decode.MAX_PIXELS", 3000)
+    monkeypatch.setattr("drivers.pictures.decode.grab_picture", None)
     film = tmp_path / "wide.avi"
     writer = cv2.VideoWriter(str(film), cv2.VideoWriter.fourcc(*"MJPG"), 5.0, (64, 48))
     writer.write(np.zeros((48, 64, 3), np.uint8))
     writer.release()
     with pytest.raises(BadRequest, match=r"wide\.avi: has 64 x 48 pixels"):
-        list(pictures([film]))
+        list(iter_pictures([film]))
 
 
 def test_what_is_no_file_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.png")
     with pytest.raises(BadRequest, match=r"pipe\.png: is no file"):
-        load(tmp_path / "pipe.png")
+        load_picture(tmp_path / "pipe.png")
 
 
 def test_a_portrait_that_would_take_gigabytes_is_left_out(tmp_path: Path) -> None:

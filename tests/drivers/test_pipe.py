@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from drivers.api import DeviceStatus, ignore
 from drivers.clock import SystemClock
 from drivers.errors import NoReply, NotConnected
-from drivers.transport.pipe import Unframer, Worker, frame
+from drivers.transport.pipe import MessageParser, WorkerProcess, pack_message
 from tests.waiting import wait_until
 
 ECHO = """
@@ -36,7 +36,7 @@ messages = st.lists(
 def test_messages_come_out_as_they_went_in_wherever_they_are_cut(
     sent: list[tuple[dict[str, Any], bytes]], cuts: list[int]
 ) -> None:
-    data, unframer = b"".join(frame(head, body) for head, body in sent), Unframer()
+    data, unframer = b"".join(pack_message(head, body) for head, body in sent), MessageParser()
     got: list[tuple[dict[str, Any], bytes]] = []
     while data:
         cut = cuts[len(got) % len(cuts)]
@@ -50,7 +50,7 @@ def test_messages_come_out_as_they_went_in_wherever_they_are_cut(
 )
 def test_what_is_no_message_is_refused(nonsense: bytes) -> None:
     with pytest.raises(ValueError, match=r"."):
-        list(Unframer().feed(nonsense))
+        list(MessageParser().feed(nonsense))
 
 
 class Ear:
@@ -62,15 +62,15 @@ class Ear:
         self.losses: list[str] = []
         self.at_start: Callable[[], object] = ignore
 
-    def started(self) -> None:
+    def on_started(self) -> None:
         self.starts += 1
         self.at_start()
 
-    def received(self, message: Mapping[str, Any], body: bytes) -> None:
+    def on_message(self, message: Mapping[str, Any], body: bytes) -> None:
         self.got.append((message, body))
 
-    def lost(self, why: str) -> None:
-        self.losses.append(why)
+    def on_exit(self, reason: str) -> None:
+        self.losses.append(reason)
 
 
 class Bench:
@@ -78,12 +78,14 @@ class Bench:
         self.folder = folder
         self.ear = Ear()
         self.notices: list[DeviceStatus] = []
-        self.workers: list[Worker] = []
+        self.workers: list[WorkerProcess] = []
 
-    def run(self, program: str, *arguments: str) -> Worker:
+    def run(self, program: str, *arguments: str) -> WorkerProcess:
         path = self.folder / "program.py"
         path.write_text(program)
-        worker = Worker("voice", path, SystemClock(), arguments=arguments, hint="try this", report=self.notices.append)
+        worker = WorkerProcess(
+            "voice", path, SystemClock(), arguments=arguments, hint="try this", report=self.notices.append
+        )
         self.workers.append(worker)
         worker.open(self.ear)
         return worker
@@ -117,7 +119,7 @@ def test_one_that_dies_is_reported_with_its_last_words_and_started_again(bench: 
     wait_until(lambda: bench.ear.starts == 2)
     (notice,) = bench.notices
     assert (notice.device, notice.kind, notice.hint) == ("voice", "fault", "try this")
-    assert notice.what == "voice: program: ended with 1: out of paper" == bench.ear.losses[0]
+    assert notice.message == "voice: program: ended with 1: out of paper" == bench.ear.losses[0]
     worker.send({"a": 3})
     wait_until(lambda: bench.ear.got)
     assert worker.health().counters["starts"] == 2
@@ -186,8 +188,8 @@ def test_a_program_that_cannot_be_run_says_why(bench: Bench) -> None:
 
 def test_what_a_talker_raises_does_no_harm(bench: Bench) -> None:
     class Clumsy(Ear):
-        def received(self, message: Mapping[str, Any], body: bytes) -> None:
-            super().received(message, body)
+        def on_message(self, message: Mapping[str, Any], body: bytes) -> None:
+            super().on_message(message, body)
             raise RuntimeError("oh")
 
     bench.ear = Clumsy()
@@ -200,7 +202,7 @@ def test_what_a_talker_raises_does_no_harm(bench: Bench) -> None:
 
 
 def test_closed_in_any_state_and_opened_again_it_runs(bench: Bench) -> None:
-    worker = Worker("voice", bench.folder / "none.py", SystemClock())
+    worker = WorkerProcess("voice", bench.folder / "none.py", SystemClock())
     worker.close()
     worker.kill()
     with pytest.raises(NotConnected, match="not started yet"):

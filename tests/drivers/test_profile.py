@@ -8,20 +8,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.api import HeadLimits
-from drivers.head.pantilt import LONGEST_STEP, Profile
+from drivers.head.pantilt import MAX_STEP, MotionProfile
 
 SPEED, ACCELERATION = 2.0, 7.0
 angles = st.floats(-3, 3)
 
 
-def profile(position: float = 0.0) -> Profile:
-    return Profile(position, SPEED, ACCELERATION)
+def profile(position: float = 0.0) -> MotionProfile:
+    return MotionProfile(position, SPEED, ACCELERATION)
 
 
 def seconds_to(goal: float, step: float) -> float:
     """How long it takes from rest at 0 to rest at ``goal``, asked every ``step`` seconds."""
     way, steps = profile(), 0
-    way.aim(goal, now=0.0)
+    way.set_goal(goal, now=0.0)
     while way.position != goal or way.velocity != 0.0:
         steps += 1
         way.advance(steps * step)
@@ -35,18 +35,18 @@ def test_a_profile_keeps_to_its_speed_and_its_acceleration_whatever_it_is_told(
 ) -> None:
     way, now = profile(start), 0.0
     for goal, seconds in moves:
-        way.aim(goal, now)
+        way.set_goal(goal, now)
         before, speed, now = way.position, way.velocity, now + seconds
-        after, time = way.advance(now), min(seconds, LONGEST_STEP)
+        after, time = way.advance(now), min(seconds, MAX_STEP)
         assert abs(after - before) <= SPEED * time + 1e-9
         assert abs(way.velocity) <= SPEED + 1e-9
         assert abs(way.velocity - speed) <= ACCELERATION * time + 1e-6
 
 
-@given(angles, angles, st.floats(0.001, LONGEST_STEP))
+@given(angles, angles, st.floats(0.001, MAX_STEP))
 def test_from_rest_it_never_overshoots_and_never_turns_back(start: float, goal: float, step: float) -> None:
     way = profile(start)
-    way.aim(goal, now=0.0)
+    way.set_goal(goal, now=0.0)
     positions = [way.advance(number * step) for number in range(1, 200)]
     low, high = sorted((start, goal))
     assert all(low - 1e-9 <= position <= high + 1e-9 for position in positions)
@@ -70,12 +70,12 @@ def test_where_it_is_does_not_depend_on_how_often_it_was_asked(
 ) -> None:
     often, seldom = profile(start), profile(start)
     for way in (often, seldom):
-        way.aim(goal, now=0.0)
+        way.set_goal(goal, now=0.0)
     for number in range(1, 401):
         now = number / 200
         if number == round(turned * 400):
             for way in (often, seldom):
-                way.aim(other, now)
+                way.set_goal(other, now)
         often.advance(now)
         if number % 16 == 0:
             assert seldom.advance(now) == pytest.approx(often.position, abs=1e-6)
@@ -84,7 +84,7 @@ def test_where_it_is_does_not_depend_on_how_often_it_was_asked(
 @given(angles, st.floats(0.05, 2.0))
 def test_braking_it_comes_to_rest_within_what_its_acceleration_needs(goal: float, after: float) -> None:
     way = profile()
-    way.aim(goal, now=0.0)
+    way.set_goal(goal, now=0.0)
     steps = round(after / 0.01)
     for number in range(steps):
         way.advance(number * 0.01)
@@ -99,32 +99,32 @@ def test_braking_it_comes_to_rest_within_what_its_acceleration_needs(goal: float
 
 def test_turned_round_in_full_motion_it_brakes_first() -> None:
     way = profile()
-    way.aim(3.0, now=0.0)
+    way.set_goal(3.0, now=0.0)
     for number in range(1, 11):
         way.advance(number / 10)
     assert way.velocity == pytest.approx(SPEED)
     there = way.position
-    way.aim(0.0, now=1.0)
+    way.set_goal(0.0, now=1.0)
     assert way.advance(1.1) > there
     assert way.velocity == pytest.approx(SPEED - ACCELERATION * 0.1)
 
 
 def test_halted_it_stands_still_at_once_and_placed_it_goes_on_from_there() -> None:
     way = profile()
-    way.aim(1.0, now=0.0)
+    way.set_goal(1.0, now=0.0)
     way.advance(0.1)
     way.halt()
     assert way.advance(0.2) == pytest.approx(ACCELERATION * 0.01 / 2)
     assert way.velocity == 0.0
-    way.aim(1.0, now=0.2)
-    way.place(-1.0, now=0.3)
+    way.set_goal(1.0, now=0.2)
+    way.set_position(-1.0, now=0.3)
     assert way.goal == 1.0
     assert -1.0 < way.advance(0.4) < -0.9
 
 
 def test_called_by_another_number_it_goes_on_as_smoothly() -> None:
     way = profile()
-    way.aim(1.0, now=0.0)
+    way.set_goal(1.0, now=0.0)
     way.advance(0.1)
     speed = way.velocity
     way.shift(0.5)
@@ -134,7 +134,7 @@ def test_called_by_another_number_it_goes_on_as_smoothly() -> None:
 
 def test_a_thread_that_was_held_up_makes_no_jump() -> None:
     way = profile()
-    way.aim(1.0, now=0.0)
-    assert way.advance(5.0) == pytest.approx(ACCELERATION * LONGEST_STEP**2 / 2)
+    way.set_goal(1.0, now=0.0)
+    assert way.advance(5.0) == pytest.approx(ACCELERATION * MAX_STEP**2 / 2)
     assert way.advance(4.0) == way.position
-    assert sqrt(2 * way.position / ACCELERATION) == pytest.approx(LONGEST_STEP)
+    assert sqrt(2 * way.position / ACCELERATION) == pytest.approx(MAX_STEP)

@@ -13,7 +13,7 @@ import pytest
 
 from drivers.errors import NotConnected
 from drivers.transport import ports
-from drivers.transport.programs import Program, device_holders, program_of, tcp_holders
+from drivers.transport.programs import Program, device_holders, read_program, tcp_holders
 from tests.cases import each
 from tests.waiting import wait_until
 
@@ -39,7 +39,7 @@ def test_a_program_is_named_as_it_was_typed(words: tuple[str, ...], tmp_path: Pa
     if words:
         (folder / "cmdline").write_text("\0".join(words) + "\0", encoding="utf-8")
         (folder / "comm").write_text(f"{Path(words[0]).name[:15]}\n", encoding="utf-8")
-    found = program_of(7, root)
+    found = read_program(7, root)
     name, ends = COMMANDS[words]
     assert (str(found), found.end_command) == (f"{name} (process 7)", ends)
 
@@ -71,13 +71,13 @@ def test_a_device_is_held_by_the_other_processes_that_have_it_open() -> None:
 def test_a_port_that_a_run_of_ours_holds_names_the_run_and_how_to_end_it(monkeypatch: pytest.MonkeyPatch) -> None:
     held = [Program(4711, "mission run greet"), Program(9, "ModemManager")]
     monkeypatch.setattr(ports, "device_holders", lambda _: held)
-    error = ports.explain("base", "/dev/ttyUSB0", OSError(errno.EBUSY, "busy"))
+    error = ports.make_port_error("base", "/dev/ttyUSB0", OSError(errno.EBUSY, "busy"))
     assert str(error).startswith(
         "base: /dev/ttyUSB0: in use by mission run greet (process 4711), ModemManager (process 9)"
     )
     assert error.hint == "mission stop --end 4711"
     monkeypatch.setattr(ports, "device_holders", lambda _: held[1:])
-    assert "fuser -v" in ports.explain("base", "/dev/ttyUSB0", OSError(errno.EAGAIN, "busy")).hint
+    assert "fuser -v" in ports.make_port_error("base", "/dev/ttyUSB0", OSError(errno.EAGAIN, "busy")).hint
 
 
 READER = "import os, sys; number = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY); print('open', flush=True); input()"

@@ -5,35 +5,35 @@ from math import radians
 
 import pytest
 
-from drivers.api import STILL, BaseState, Pose2D, Sides, Source, Velocity
-from drivers.base.limits import Limits
-from drivers.base.motion_fault import LET_GO, MAX_FAULTS
+from drivers.api import ZERO_VELOCITY, BaseState, Pose2D, Sides, Source, Velocity
+from drivers.base.limits import VelocityLimits
+from drivers.base.motion_fault import MAX_FAULTS, RELEASE_TIMEOUT
 from drivers.base.progress_monitor import NO_DATA_TIMEOUT, Instruments, ProgressMonitor
 from drivers.base.velocity_multiplexer import VelocityMultiplexer
-from drivers.sim.wheels import Wheels
+from drivers.sim.wheels import SimulatedWheels
 
 PERIOD = 0.02
 AHEAD, LEFT = Velocity(0.2, 0.0), Velocity(0.0, 1.0)
 
-Report = Callable[[Wheels], BaseState]
+Report = Callable[[SimulatedWheels], BaseState]
 """What a base reports of its wheels."""
 
 
-def odometry(wheels: Wheels) -> BaseState:
+def odometry(wheels: SimulatedWheels) -> BaseState:
     """Report where the wheels truly are."""
     return BaseState(wheels.pose, wheels.velocity)
 
 
-def mirrored(wheels: Wheels) -> BaseState:
+def mirrored(wheels: SimulatedWheels) -> BaseState:
     """Report the opposite of all motion."""
     pose = wheels.pose
-    return BaseState(Pose2D(-pose.x, -pose.y, -pose.heading), STILL)
+    return BaseState(Pose2D(-pose.x, -pose.y, -pose.heading), ZERO_VELOCITY)
 
 
-def nothing(wheels: Wheels) -> BaseState:
+def nothing(wheels: SimulatedWheels) -> BaseState:
     """Report no motion, whatever the wheels do."""
     del wheels
-    return BaseState(Pose2D(0.0, 0.0, 0.0), STILL)
+    return BaseState(Pose2D(0.0, 0.0, 0.0), ZERO_VELOCITY)
 
 
 class Bench:
@@ -45,12 +45,12 @@ class Bench:
         *,
         interval: float = PERIOD,
         late: float = 0.0,
-        wheels: Wheels | None = None,
+        wheels: SimulatedWheels | None = None,
     ) -> None:
         self.mux = VelocityMultiplexer(
-            Limits(0.5, 1.9, 0.5, 3.5), monitor=ProgressMonitor(Instruments("encoders", "gyro"))
+            VelocityLimits(0.5, 1.9, 0.5, 3.5), monitor=ProgressMonitor(Instruments("encoders", "gyro"))
         )
-        self.wheels = wheels or Wheels()
+        self.wheels = wheels or SimulatedWheels()
         self.report, self.interval, self.late = report, interval, late
         self.now, self.felt = 0.0, report(self.wheels)
         self.under_way: list[tuple[float, BaseState]] = []
@@ -87,15 +87,15 @@ class Bench:
 def test_a_base_that_measures_nothing_or_the_opposite_is_stopped_within_a_second(
     velocity: Velocity, report: Report
 ) -> None:
-    bench = Bench(report, wheels=Wheels(dead_time=0.1))
+    bench = Bench(report, wheels=SimulatedWheels(dead_time=0.1))
     assert bench.time_to_fault(velocity) <= 1.3
-    assert bench.mux.next_velocity(bench.now, bench.felt) == STILL
+    assert bench.mux.next_velocity(bench.now, bench.felt) == ZERO_VELOCITY
     assert "commanded" in bench.mux.steering.fault
-    assert bench.mux.steering.because == bench.mux.steering.fault
+    assert bench.mux.steering.reason == bench.mux.steering.fault
 
 
 def test_the_reason_names_command_time_source_and_overcurrent() -> None:
-    bench = Bench(lambda _: BaseState(Pose2D(0.0, 0.0, 0.0), STILL, overcurrent=Sides(left=True)))
+    bench = Bench(lambda _: BaseState(Pose2D(0.0, 0.0, 0.0), ZERO_VELOCITY, overcurrent=Sides(left=True)))
     bench.time_to_fault(AHEAD)
     fault = bench.mux.steering.fault
     assert fault.startswith("commanded 0.2 m/s for ")
@@ -106,7 +106,7 @@ def test_encoders_that_stop_counting_under_way_stop_the_base_within_a_second() -
     bench = Bench()
     assert not bench.drive(AHEAD, 2.0)
     lost = bench.felt
-    bench.report = lambda _: BaseState(lost.pose, STILL)
+    bench.report = lambda _: BaseState(lost.pose, ZERO_VELOCITY)
     assert bench.time_to_fault(AHEAD) <= 1.0
 
 
@@ -115,18 +115,18 @@ def test_encoders_that_stop_counting_under_way_stop_the_base_within_a_second() -
 @pytest.mark.parametrize("dead_time", [0.0, 0.25])
 @pytest.mark.parametrize("acceleration", [0.6, 2.0])
 def test_a_base_that_obeys_is_left_alone(interval: float, late: float, dead_time: float, acceleration: float) -> None:
-    wheels = Wheels(dead_time=dead_time, acceleration=acceleration, slip=0.2)
+    wheels = SimulatedWheels(dead_time=dead_time, acceleration=acceleration, slip=0.2)
     bench = Bench(interval=interval, late=late, wheels=wheels)
     for velocity in (
-        AHEAD, Velocity(-0.2, 0.0), LEFT, Velocity(0.0, -1.5), Velocity(0.3, 0.6), Velocity(-0.5, -0.2), STILL,
+        AHEAD, Velocity(-0.2, 0.0), LEFT, Velocity(0.0, -1.5), Velocity(0.3, 0.6), Velocity(-0.5, -0.2), ZERO_VELOCITY,
         Velocity(0.02, 0.0), Velocity(0.0, radians(4)), Velocity(0.5, 0.0),
     ):  # fmt: skip
         assert not bench.drive(velocity, 1.7)
-        bench.drive(STILL, 0.1)
+        bench.drive(ZERO_VELOCITY, 0.1)
 
 
 def test_dead_reckoning_is_never_compared_with_its_own_commands() -> None:
-    bench = Bench(lambda _: BaseState(Pose2D(0.0, 0.0, 0.0), STILL, reckoned=True))
+    bench = Bench(lambda _: BaseState(Pose2D(0.0, 0.0, 0.0), ZERO_VELOCITY, reckoned=True))
     assert not bench.drive(AHEAD, 5.0)
 
 
@@ -140,7 +140,7 @@ def test_a_computer_that_was_held_up_is_no_fault_of_the_base() -> None:
 
 def test_a_moving_base_without_reports_is_stopped() -> None:
     monitor = ProgressMonitor()
-    state = BaseState(Pose2D(0.0, 0.0, 0.0), STILL)
+    state = BaseState(Pose2D(0.0, 0.0, 0.0), ZERO_VELOCITY)
     faults = [monitor.update(step * PERIOD, AHEAD, state) for step in range(round(1.2 * NO_DATA_TIMEOUT / PERIOD))]
     assert faults[-1] is not None
     assert "no report" in faults[-1].reason
@@ -154,7 +154,7 @@ def test_a_monitor_that_raises_stops_the_base() -> None:
     bench = Bench()
     bench.mux.monitor = Broken()
     assert "the progress monitor failed" in bench.drive(AHEAD, 0.1)
-    assert bench.mux.next_velocity(bench.now, bench.felt) == STILL
+    assert bench.mux.next_velocity(bench.now, bench.felt) == ZERO_VELOCITY
 
 
 def test_renewed_commands_do_not_restart_a_stopped_base_but_fresh_ones_do() -> None:
@@ -167,10 +167,10 @@ def test_renewed_commands_do_not_restart_a_stopped_base_but_fresh_ones_do() -> N
     bench.mux.stop(Source.MISSION)
     assert bench.mux.steering.fault == ""
     assert not bench.drive(AHEAD, 1.0)
-    assert bench.mux.steering.given == AHEAD
+    assert bench.mux.steering.allowed == AHEAD
 
 
-@pytest.mark.parametrize("pause", [STILL, None])
+@pytest.mark.parametrize("pause", [ZERO_VELOCITY, None])
 def test_a_key_that_is_released_lets_a_person_begin_anew(pause: Velocity | None) -> None:
     bench = Bench(nothing)
     while not bench.drive(AHEAD, PERIOD, Source.TELEOP):
@@ -178,9 +178,9 @@ def test_a_key_that_is_released_lets_a_person_begin_anew(pause: Velocity | None)
     bench.report = odometry
     assert bench.drive(AHEAD, 1.0, Source.TELEOP)
     assert bench.drive(AHEAD, 0.2), "while a person is held, the mission does not take the wheels"
-    bench.drive(pause, LET_GO + 0.1, Source.TELEOP)
+    bench.drive(pause, RELEASE_TIMEOUT + 0.1, Source.TELEOP)
     assert not bench.drive(AHEAD, 0.5, Source.TELEOP)
-    assert bench.mux.steering.given == AHEAD
+    assert bench.mux.steering.allowed == AHEAD
 
 
 def test_faults_that_recur_latch_the_base_until_it_is_enabled() -> None:
@@ -223,7 +223,7 @@ def test_the_next_leaf_moves_the_base_at_once_after_a_fault(velocity: Velocity) 
     bench.mux.stop()  # as a leaf does that fails
     assert bench.mux.request(velocity, bench.now, bench.felt) == velocity
     assert not bench.drive(velocity, 1.0)
-    assert bench.mux.steering.given == velocity
+    assert bench.mux.steering.allowed == velocity
 
 
 def test_a_stop_of_the_mission_releases_no_person() -> None:
@@ -246,14 +246,14 @@ def test_leaves_that_try_again_at_once_latch_a_blocked_base_at_the_third_fault()
             bench.mux.stop()
     assert faults == MAX_FAULTS - 1
     assert not bench.drive(LEFT, 1.0)
-    assert bench.mux.next_velocity(bench.now, bench.felt) == STILL
+    assert bench.mux.next_velocity(bench.now, bench.felt) == ZERO_VELOCITY
 
 
 def test_a_person_may_drive_on_while_the_mission_is_held() -> None:
     bench = Bench(nothing)
     bench.time_to_fault(AHEAD)
-    assert bench.mux.steering.wanted == AHEAD
+    assert bench.mux.steering.requested == AHEAD
     bench.report = odometry
     bench.mux.request(AHEAD, bench.now, bench.felt)  # the mission goes on commanding
     assert not bench.drive(LEFT, 0.5, Source.TELEOP)
-    assert (bench.mux.steering.given, bench.mux.steering.fault) == (LEFT, "")
+    assert (bench.mux.steering.allowed, bench.mux.steering.fault) == (LEFT, "")

@@ -9,22 +9,28 @@ import numpy as np
 import pytest
 
 from drivers.api import Pose2D, RangeScan, Sides, Source, Velocity, is_guarded
-from drivers.api.steering import IN_THE_WAY, OUT_OF_SIGHT, SCANS_LATE, SCANS_MISSING, RangeGuardKeys
-from drivers.base.footprint import Disc, PathPoses, Polygon
-from drivers.base.range_guard import RENEWAL
+from drivers.api.steering import (
+    OBSTACLE_REASON,
+    OUT_OF_SIGHT_REASON,
+    SCANS_LATE_REASON,
+    SCANS_MISSING_REASON,
+    RangeGuardKeys,
+)
+from drivers.base.footprint import PathPoses, PolygonOutline, RoundOutline
+from drivers.base.range_guard import RENEWAL_INTERVAL
 from drivers.base.seen_points import SeenPoints
 from drivers.sim.people import Person
 from drivers.sim.room import Room
-from drivers.sim.things import Box
-from drivers.sim.world import World
+from drivers.sim.things import WorldBox
+from drivers.sim.world import SimulatedWorld
 from tests.drivers.guarded import HALL, START, GuardedBase, ScriptedRanger
 
 CORNERS = ((0.2, 0.15), (0.2, -0.15), (-0.2, -0.15), (-0.2, 0.15))
 
 
-def hall_with(*places: tuple[float, float], size: float = 0.1) -> World:
-    boxes = (Box(f"post {n}", x, y, (size, size, 1.0), (90, 90, 90)) for n, (x, y) in enumerate(places))
-    return World(room=Room(40.0, 40.0, centre=(0.0, 0.0), fixtures=()), furniture=tuple(boxes))
+def hall_with(*places: tuple[float, float], size: float = 0.1) -> SimulatedWorld:
+    boxes = (WorldBox(f"post {n}", x, y, (size, size, 1.0), (90, 90, 90)) for n, (x, y) in enumerate(places))
+    return SimulatedWorld(room=Room(40.0, 40.0, centre=(0.0, 0.0), fixtures=()), furniture=tuple(boxes))
 
 
 def after(linear: float, angular: float, seconds: float) -> Pose2D:
@@ -41,11 +47,11 @@ def after(linear: float, angular: float, seconds: float) -> Pose2D:
 @pytest.mark.parametrize("speed", [0.1, 0.3, 0.5, 1.0])
 @pytest.mark.parametrize("lag", [0.0, 0.2])
 def test_straight_ahead_it_stops_the_gap_before_a_wall(speed: float, lag: float) -> None:
-    room = GuardedBase(World(room=Room(3.0, 3.0, centre=(0.0, 0.0), fixtures=())), speed=speed, lag=lag)
+    room = GuardedBase(SimulatedWorld(room=Room(3.0, 3.0, centre=(0.0, 0.0), fixtures=())), speed=speed, lag=lag)
     room.drive(speed, seconds=20.0)
     assert room.base.body.velocity == Velocity(0.0, 0.0)
     assert 0.03 <= room.least_clear <= 0.08
-    assert room.because.startswith(IN_THE_WAY)
+    assert room.because.startswith(OBSTACLE_REASON)
     assert room.because.endswith("ahead")
 
 
@@ -63,7 +69,7 @@ def test_on_every_arc_forwards_and_backwards_it_stops_before_what_its_body_would
     room.drive(linear, angular, seconds=8.0)
     assert not room.touched_moving
     assert room.least_clear > 0.015
-    assert room.because.startswith(IN_THE_WAY)
+    assert room.because.startswith(OBSTACLE_REASON)
     assert room.base.body.velocity == Velocity(0.0, 0.0)
 
 
@@ -75,7 +81,7 @@ def test_what_it_only_passes_does_not_stop_it() -> None:
 
 @pytest.mark.parametrize("angle", [0, 20, 45, 90, 135, 180, -90])
 def test_a_base_beside_a_wall_turns_and_leaves_it(angle: float) -> None:
-    wall = World(room=Room(10.0, 10.0, centre=(0.0, 0.0), fixtures=()))  # its walls are 5 m away
+    wall = SimulatedWorld(room=Room(10.0, 10.0, centre=(0.0, 0.0), fixtures=()))  # its walls are 5 m away
     room = GuardedBase(wall, start=Pose2D(5.0 - 0.177 - 0.03, 0.0, radians(angle)))
     before = room.pose
     room.drive(0.0, 1.5, seconds=4.0)
@@ -87,7 +93,7 @@ def test_a_base_beside_a_wall_turns_and_leaves_it(angle: float) -> None:
 
 
 def test_a_base_beside_a_wall_backs_off_and_drives_along_it_but_comes_no_nearer() -> None:
-    wall = World(room=Room(10.0, 10.0, centre=(0.0, 0.0), fixtures=()))
+    wall = SimulatedWorld(room=Room(10.0, 10.0, centre=(0.0, 0.0), fixtures=()))
     near = 5.0 - 0.177 - 0.035
     ahead = GuardedBase(wall, start=Pose2D(near, 0.0, 0.0))
     ahead.drive(0.3, seconds=5.0)
@@ -100,7 +106,7 @@ def test_a_base_beside_a_wall_backs_off_and_drives_along_it_but_comes_no_nearer(
 
 
 def test_it_does_not_creep_up_to_a_wall_however_long_it_is_told_to() -> None:
-    room = GuardedBase(World(room=Room(3.0, 3.0, centre=(0.0, 0.0), fixtures=())), noise=0.02)
+    room = GuardedBase(SimulatedWorld(room=Room(3.0, 3.0, centre=(0.0, 0.0), fixtures=())), noise=0.02)
     room.drive(0.5, seconds=10.0)
     there = room.pose.x
     room.drive(0.5, seconds=60.0)
@@ -115,14 +121,14 @@ def test_the_distance_from_an_outline_is_never_more_than_it_truly_is() -> None:
     here = PathPoses(np.zeros(1), np.zeros(1), np.array([radians(30)]))
     x = np.tile(np.linspace(-1, 1, 41), 41)
     y = np.repeat(np.linspace(-1, 1, 41), 41)
-    outline = Polygon(CORNERS)
+    outline = PolygonOutline(CORNERS)
     u, v = x * cos(radians(30)) + y * sin(radians(30)), y * cos(radians(30)) - x * sin(radians(30))
     true = np.hypot(np.maximum(abs(u) - 0.2, 0), np.maximum(abs(v) - 0.15, 0))
     told = outline.clearance(x, y, here)[:, 0]
     assert (told <= true + 1e-9).all()
     assert (told >= true / 1.5 - 1e-9)[true > 0].all()
     assert ((told > 0) == (true > 0)).all()
-    assert Disc(0.2).clearance(x, y, here)[:, 0] == pytest.approx(np.hypot(x, y) - 0.2)
+    assert RoundOutline(0.2).clearance(x, y, here)[:, 0] == pytest.approx(np.hypot(x, y) - 0.2)
 
 
 def test_a_rectangular_base_does_not_turn_its_corner_into_a_wall_and_turns_where_there_is_room() -> None:
@@ -145,8 +151,8 @@ def test_a_rectangular_base_does_not_turn_its_corner_into_a_wall_and_turns_where
 
 @pytest.mark.parametrize("corners", [(), ((0.1, 0.1),), ((0.1, 0.1), (0.2, 0.1), (0.1, 0.2))])
 def test_a_footprint_must_enclose_the_middle_of_the_base(corners: tuple[tuple[float, float], ...]) -> None:
-    assert [each.at for each in RangeGuardKeys(footprint=corners).mistakes()] == [("footprint",)]
-    assert not [*RangeGuardKeys(footprint=CORNERS).mistakes()]
+    assert [each.at for each in RangeGuardKeys(footprint=corners).diagnostics()] == [("footprint",)]
+    assert not [*RangeGuardKeys(footprint=CORNERS).diagnostics()]
 
 
 def test_parts_of_the_robot_itself_do_not_stop_it() -> None:
@@ -162,12 +168,12 @@ def test_parts_of_the_robot_itself_do_not_stop_it() -> None:
 
 @pytest.mark.parametrize("source", [Source.MISSION, Source.TELEOP])
 def test_it_holds_whoever_commands_and_says_so_in_what_is_given(source: Source) -> None:
-    room = GuardedBase(World(room=Room(3.0, 3.0, centre=(0.0, 0.0), fixtures=())))
+    room = GuardedBase(SimulatedWorld(room=Room(3.0, 3.0, centre=(0.0, 0.0), fixtures=())))
     room.drive(0.5, seconds=10.0, source=source)
     steering = room.base.steering()
     assert steering.source is source
     assert is_guarded(steering)
-    assert steering.given == Velocity(0.0, 0.0)
+    assert steering.allowed == Velocity(0.0, 0.0)
     assert room.base.drive(Velocity(0.5, 0.0), source=source) == Velocity(0.0, 0.0)
 
 
@@ -180,7 +186,7 @@ def test_it_does_not_back_off_from_a_bump_into_what_it_sees_behind() -> None:
 
 
 def test_off_it_drives_as_it_is_told() -> None:
-    room = GuardedBase(World(room=Room(3.0, 3.0, centre=(0.0, 0.0), fixtures=())), guard="off")  # type: ignore[arg-type]
+    room = GuardedBase(SimulatedWorld(room=Room(3.0, 3.0, centre=(0.0, 0.0), fixtures=())), guard="off")  # type: ignore[arg-type]
     room.drive(0.5, seconds=10.0)
     assert room.touched_moving
 
@@ -197,7 +203,9 @@ def test_it_stands_by_the_time_that_somebody_walks_into_it(pace: float, speed: f
     x, y = meet + way * cos(radians(angle)), way * sin(radians(angle))
     end = (meet - cos(radians(angle)), -sin(radians(angle)))
     anna = Person("Anna", x=x, y=y, path=(end,), speed=pace, start=0.6, loop=False)
-    room = GuardedBase(World(room=Room(40.0, 40.0, centre=(0.0, 0.0), fixtures=()), people=(anna,)), speed=speed)
+    room = GuardedBase(
+        SimulatedWorld(room=Room(40.0, 40.0, centre=(0.0, 0.0), fixtures=()), people=(anna,)), speed=speed
+    )
     room.drive(speed, seconds=6.0)
     assert not room.touched_moving
 
@@ -205,14 +213,14 @@ def test_it_stands_by_the_time_that_somebody_walks_into_it(pace: float, speed: f
 def test_without_a_measured_speed_it_would_still_move_then(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("drivers.base.seen_points.MAX_SPEED", 0.0)
     anna = Person("Anna", x=6.0, y=0.0, path=((1.0, 0.0),), speed=1.0, start=0.6, loop=False)
-    room = GuardedBase(World(room=Room(40.0, 40.0, centre=(0.0, 0.0), fixtures=()), people=(anna,)), speed=0.5)
+    room = GuardedBase(SimulatedWorld(room=Room(40.0, 40.0, centre=(0.0, 0.0), fixtures=()), people=(anna,)), speed=0.5)
     room.drive(0.5, seconds=6.0)
     assert room.touched_moving
 
 
 def test_it_follows_somebody_who_walks_away() -> None:
     anna = Person("Anna", x=0.9, y=0.0, path=((6.0, 0.0),), speed=0.4, start=0.6, loop=False)
-    room = GuardedBase(World(room=Room(40.0, 40.0, centre=(0.0, 0.0), fixtures=()), people=(anna,)))
+    room = GuardedBase(SimulatedWorld(room=Room(40.0, 40.0, centre=(0.0, 0.0), fixtures=()), people=(anna,)))
     room.drive(0.4, seconds=8.0)
     assert room.pose.x > 2.2
 
@@ -228,11 +236,11 @@ def test_late_scans_slow_it_down_and_missing_ones_stop_it_and_both_are_reported(
     assert room.base.body.velocity.linear > 0.15
     room.drive(0.5, seconds=0.6)
     assert room.base.body.velocity.linear == pytest.approx(0.1, abs=0.005)
-    assert room.because == SCANS_LATE
+    assert room.because == SCANS_LATE_REASON
     room.drive(0.5, seconds=1.3)
     assert room.base.body.velocity == Velocity(0.0, 0.0)
-    assert room.because == SCANS_MISSING
-    assert [each.partition(":")[0] for each in room.faults] == [SCANS_LATE, SCANS_MISSING]
+    assert room.because == SCANS_MISSING_REASON
+    assert [each.partition(":")[0] for each in room.faults] == [SCANS_LATE_REASON, SCANS_MISSING_REASON]
     ranger.see(room.now, number=1)
     room.drive(0.5, seconds=0.4)
     assert room.base.body.velocity.linear > 0.15
@@ -253,7 +261,7 @@ def test_a_range_finder_that_never_came_or_raises_keeps_the_base_from_moving(val
     room = GuardedBase(ranger=ranger)
     room.drive(0.5, 0.5, seconds=3.0)
     assert room.pose == START
-    assert room.because.startswith(SCANS_MISSING)
+    assert room.because.startswith(SCANS_MISSING_REASON)
     assert (str(value) if value else "") in room.because
     assert len(room.faults) == 1
 
@@ -263,10 +271,10 @@ def test_scans_with_stamps_of_the_future_or_long_ago_do_not_stay_fresh() -> None
     room = GuardedBase(ranger=ranger)
     ranger.see(room.now + 100.0)
     room.drive(0.5, seconds=3.0)
-    assert room.because == SCANS_MISSING
+    assert room.because == SCANS_MISSING_REASON
     numbers = iter(range(1, 10_000))
     room.drive(0.5, seconds=3.0, each=lambda: ranger.see(room.now - 10.0, number=next(numbers)))
-    assert room.because == SCANS_MISSING
+    assert room.because == SCANS_MISSING_REASON
 
 
 @pytest.mark.parametrize("linear", [-0.4, 0.4])
@@ -276,7 +284,7 @@ def test_it_goes_slowly_where_its_range_finder_does_not_look(linear: float) -> N
     room.drive(linear, seconds=3.0, each=lambda: ranger.see(room.now, width=240.0))
     expected = 0.4 if linear > 0 else -0.1
     assert room.base.body.velocity.linear == pytest.approx(expected, abs=0.005)
-    assert room.because == ("" if linear > 0 else OUT_OF_SIGHT)
+    assert room.because == ("" if linear > 0 else OUT_OF_SIGHT_REASON)
     free = GuardedBase(ranger=ranger, guard=RangeGuardKeys(unseen="free"))
     free.drive(linear, seconds=3.0, each=lambda: ranger.see(free.now, width=240.0))
     assert free.base.body.velocity.linear == pytest.approx(linear, abs=0.005)
@@ -316,7 +324,7 @@ def test_near_its_dock_a_base_that_is_still_fast_or_backs_off_is_guarded(
     monkeypatch.setattr(guard, "_near_dock", lambda: True)
     sent, why = guard.limit(Velocity(going, 0.0), Velocity(wanted, 0.0), room.base._mux._limits, room.now)
     assert abs(sent.linear) < min(abs(going), 0.06)
-    assert why.startswith(IN_THE_WAY)
+    assert why.startswith(OBSTACLE_REASON)
 
 
 # --- what it costs ----------------------------------------------------------------------------------------------------
@@ -358,7 +366,7 @@ def test_a_scan_costs_less_than_a_third_of_a_renewal_however_much_moves(crowd: b
         points.add(scan, (0.0, 0.0, 0.0), number * 0.1)
         times.append(process_time() - begun)
     assert points.moving
-    assert sorted(times)[len(times) // 2] < RENEWAL / 3
+    assert sorted(times)[len(times) // 2] < RENEWAL_INTERVAL / 3
 
 
 def test_open_floor_is_as_free_as_without_a_guard() -> None:

@@ -14,14 +14,14 @@ from hypothesis import strategies as st
 
 from drivers.api import Camera, Image
 from drivers.clock import ManualClock, SystemClock
-from drivers.sim.looks import LOOKS
+from drivers.sim.looks import APPEARANCES
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
 from drivers.sim.rendered import RenderedCamera
-from drivers.sim.viewpoint import Pinhole, Viewpoint
-from drivers.sim.world import World
+from drivers.sim.viewpoint import PinholeLens, Viewpoint
+from drivers.sim.world import SimulatedWorld
 
-LENS = Pinhole(640, 480, radians(60))
+LENS = PinholeLens(640, 480, radians(60))
 EYES = Viewpoint(z=1.6)
 HAAR = cv2.CascadeClassifier(str(Path(cv2.data.haarcascades) / "haarcascade_frontalface_default.xml"))
 CLAHE = cv2.createCLAHE(2.0, (8, 8))
@@ -35,13 +35,13 @@ def faces(image: Image) -> list[tuple[float, float, float]]:
 
 
 def picture(*people: Person, view: Viewpoint = EYES, noise: float = 3.0, seed: int = 0, light: float = 1.0) -> Image:
-    return Renderer(World(people=people, light=light), LENS, noise=noise, seed=seed).draw(view, 0.0)
+    return Renderer(SimulatedWorld(people=people, light=light), LENS, noise=noise, seed=seed).draw(view, 0.0)
 
 
-@pytest.mark.parametrize("look", LOOKS)
+@pytest.mark.parametrize("look", APPEARANCES)
 def test_a_face_is_found_from_near_to_far_where_geometry_says(look: str) -> None:
     walker = Person("p", look, x=0.5, y=0.05, path=((4.5, 0.45),), speed=float(np.hypot(4.0, 0.4)) / 4.0, loop=False)
-    renderer = Renderer(World(people=(walker,)), LENS)
+    renderer = Renderer(SimulatedWorld(people=(walker,)), LENS)
     found = 0
     for distance in (0.6, 1.0, 1.5, 2.2, 3.0):
         for x, y, width in faces(renderer.draw(EYES, distance - 0.5)):  # one metre ahead a second
@@ -63,14 +63,14 @@ def test_a_face_is_found_by_a_low_camera_that_looks_up_and_sideways() -> None:
 
 def test_the_back_of_a_head_is_no_face() -> None:
     places = ((2.0, -0.8), (1.6, 0.0), (2.0, 0.8))
-    for looks in (list(LOOKS)[:3], list(LOOKS)[3:]):
+    for looks in (list(APPEARANCES)[:3], list(APPEARANCES)[3:]):
         for facing, count in ((0.0, 0), (pi, 3)):
             people = (Person(look, look, x=x, y=y, facing=facing) for look, (x, y) in zip(looks, places, strict=True))
             assert len(faces(picture(*people))) == count
 
 
 def test_no_face_is_found_in_the_empty_room() -> None:
-    renderer = Renderer(World(), LENS)
+    renderer = Renderer(SimulatedWorld(), LENS)
     for yaw in np.linspace(-pi, pi, 12, endpoint=False):
         for view in (Viewpoint(z=0.4, yaw=yaw, pitch=-0.4), Viewpoint(x=2.0, y=-1.0, z=1.2, yaw=yaw, pitch=0.2)):
             assert faces(renderer.draw(view, 0.0)) == []
@@ -84,7 +84,7 @@ def test_the_nearer_person_hides_the_farther() -> None:
 
 
 def test_the_picture_of_a_walker_changes_with_time() -> None:
-    renderer = Renderer(World(people=(Person("p", x=2.0, y=-1.0, path=((2.0, 1.0),)),)), LENS, noise=0.0)
+    renderer = Renderer(SimulatedWorld(people=(Person("p", x=2.0, y=-1.0, path=((2.0, 1.0),)),)), LENS, noise=0.0)
     middles = [x for time in (1.0, 2.0, 3.0) for x, _, _ in faces(renderer.draw(EYES, time))]
     assert len(middles) == 3
     assert middles == sorted(middles, reverse=True)  # from the right to the left
@@ -106,7 +106,7 @@ def test_a_camera_outside_the_room_is_kept_inside() -> None:
     assert np.array_equal(picture(view=outside), picture(view=wall))
 
 
-RENDERER = Renderer(World(people=(Person("p", x=1.0), Person("q", "ben", x=2.0, y=0.5))), LENS)
+RENDERER = Renderer(SimulatedWorld(people=(Person("p", x=1.0), Person("q", "ben", x=2.0, y=0.5))), LENS)
 
 
 @settings(max_examples=60, deadline=None)
@@ -124,7 +124,7 @@ def clock() -> ManualClock:
 
 @pytest.fixture
 def camera(clock: ManualClock) -> Iterator[RenderedCamera]:
-    camera = RenderedCamera(World(), lambda time: Viewpoint(z=0.5, yaw=time), clock, rate=20, size=(160, 120))
+    camera = RenderedCamera(SimulatedWorld(), lambda time: Viewpoint(z=0.5, yaw=time), clock, rate=20, size=(160, 120))
     camera.open()
     yield camera
     camera.close()
@@ -158,14 +158,14 @@ def test_a_frame_shows_the_view_at_its_stamp(clock: ManualClock) -> None:
         asked.append(time)
         return Viewpoint(z=0.5, yaw=time)
 
-    camera: Camera = RenderedCamera(World(), viewpoint, clock, noise=0.0, size=(160, 120))
+    camera: Camera = RenderedCamera(SimulatedWorld(), viewpoint, clock, noise=0.0, size=(160, 120))
     camera.open()
     frame = camera.read(0.0)
     camera.close()
     assert frame is not None
     assert asked == [frame.stamp]
-    lens = Pinhole(160, 120, camera.field_of_view)
-    assert np.array_equal(frame.image, Renderer(World(), lens, noise=0.0).draw(Viewpoint(z=0.5, yaw=5.0), 5.0))
+    lens = PinholeLens(160, 120, camera.field_of_view)
+    assert np.array_equal(frame.image, Renderer(SimulatedWorld(), lens, noise=0.0).draw(Viewpoint(z=0.5, yaw=5.0), 5.0))
 
 
 def test_a_read_gives_up_when_simulated_time_stands_still(camera: RenderedCamera) -> None:
@@ -174,7 +174,7 @@ def test_a_read_gives_up_when_simulated_time_stands_still(camera: RenderedCamera
 
 
 def test_a_read_in_real_time_waits_for_the_next_frame() -> None:
-    camera = RenderedCamera(World(), lambda _: Viewpoint(), SystemClock(), rate=50, size=(160, 120))
+    camera = RenderedCamera(SimulatedWorld(), lambda _: Viewpoint(), SystemClock(), rate=50, size=(160, 120))
     camera.open()
     frames = [camera.read(2.0) for _ in range(4)]
     camera.close()
@@ -190,14 +190,14 @@ class WatchedClock(ManualClock):
         super().__init__()
         self.looked = Event()
 
-    def now(self) -> float:
+    def read_value(self) -> float:
         self.looked.set()
-        return super().now()
+        return super().read_value()
 
 
 def test_closing_ends_a_read_that_waits() -> None:
     clock = WatchedClock()
-    camera = RenderedCamera(World(), lambda _: Viewpoint(), clock, size=(160, 120))
+    camera = RenderedCamera(SimulatedWorld(), lambda _: Viewpoint(), clock, size=(160, 120))
     camera.open()
     assert camera.read(0.0) is not None
     clock.looked.clear()
@@ -213,7 +213,7 @@ def test_closing_ends_a_read_that_waits() -> None:
 
 
 def test_a_camera_that_is_not_open_says_so_and_gives_nothing(clock: ManualClock) -> None:
-    camera = RenderedCamera(World(), lambda _: Viewpoint(), clock)
+    camera = RenderedCamera(SimulatedWorld(), lambda _: Viewpoint(), clock)
     assert camera.health().detail == "camera: not open"
     assert camera.read(0.0) is None
     camera.open()

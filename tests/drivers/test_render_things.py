@@ -9,22 +9,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.api import Image, Pose2D
-from drivers.sim.acts import NOD_TIME, Act
-from drivers.sim.block import Block, Disc
+from drivers.sim.acts import NOD_TIME, PersonAction
+from drivers.sim.block import UprightBox, UprightCylinder
 from drivers.sim.people import Person
-from drivers.sim.render import Renderer, back_to_front
-from drivers.sim.things import MARKER_SIZE, Ball, Box, Edge, Rover, Wall
+from drivers.sim.render import Renderer, sort_back_to_front
+from drivers.sim.things import MARKER_SIZE, Edge, Rover, Wall, WorldBall, WorldBox
 from drivers.sim.topview import TopView
-from drivers.sim.viewpoint import Pinhole, Viewpoint
-from drivers.sim.world import Change, Light, World
+from drivers.sim.viewpoint import PinholeLens, Viewpoint
+from drivers.sim.world import Light, LightChange, SimulatedWorld
 
-LENS = Pinhole(640, 480, radians(60))
+LENS = PinholeLens(640, 480, radians(60))
 EYE = Viewpoint(z=0.6)
 RED, GREEN, BLUE, YELLOW = (200, 40, 40), (40, 150, 60), (40, 80, 190), (240, 205, 40)
 ARUCO = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50))
 
 
-def drawn(world: World, view: Viewpoint = EYE, *, time: float = 0.0, noise: float = 0.0) -> Image:
+def drawn(world: SimulatedWorld, view: Viewpoint = EYE, *, time: float = 0.0, noise: float = 0.0) -> Image:
     return Renderer(world, LENS, noise=noise).draw(view, time)
 
 
@@ -46,7 +46,7 @@ def hue_mask(image: Image, hue: int) -> Image:
 @pytest.mark.parametrize("away", [0.7, 1.5, 2.5])
 def test_a_marker_is_found_with_its_number_and_its_size(number: int, away: float) -> None:
     rover = Rover("R2", number, x=away + 0.175, y=0.0, heading=pi)
-    found = markers(drawn(World(robots=(rover,)), Viewpoint(z=0.3), noise=3.0))
+    found = markers(drawn(SimulatedWorld(robots=(rover,)), Viewpoint(z=0.3), noise=3.0))
     assert list(found) == [number]
     corners = found[number]
     side = float(np.mean(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)))
@@ -55,12 +55,12 @@ def test_a_marker_is_found_with_its_number_and_its_size(number: int, away: float
 
 @pytest.mark.parametrize("heading", [0.0, 0.5, 0.5 + pi / 2, 0.5 + pi, -1.0])
 def test_a_marker_shows_on_every_side(heading: float) -> None:
-    world = World(robots=(Rover("R2", 12, x=1.2, y=0.1, heading=heading),))
+    world = SimulatedWorld(robots=(Rover("R2", 12, x=1.2, y=0.1, heading=heading),))
     assert 12 in markers(drawn(world, Viewpoint(z=0.4), noise=3.0))
 
 
 def test_a_marker_is_not_mirrored_and_stands_upright() -> None:
-    found = markers(drawn(World(robots=(Rover("R2", 7, x=1.0, y=0.0, heading=pi),)), Viewpoint(z=0.3)))
+    found = markers(drawn(SimulatedWorld(robots=(Rover("R2", 7, x=1.0, y=0.0, heading=pi),)), Viewpoint(z=0.3)))
     top_left, top_right, _, bottom_left = found[7]  # ArUco's order for a marker that stands upright
     assert top_left[0] < top_right[0]
     assert top_left[1] < bottom_left[1]
@@ -71,16 +71,16 @@ def test_a_marker_is_not_mirrored_and_stands_upright() -> None:
 
 @pytest.mark.parametrize(("colour", "hue"), [(YELLOW, 25), (GREEN, 65), (BLUE, 112)])
 def test_a_ball_is_found_by_its_colour_round_and_where_geometry_says(colour: tuple[int, int, int], hue: int) -> None:
-    world = World(objects=(Ball("ball", 1.5, 0.3, 0.2, colour, bottom=0.4),))
+    world = SimulatedWorld(objects=(WorldBall("ball", 1.5, 0.3, 0.2, colour, bottom=0.4),))
     contours, _ = cv2.findContours(hue_mask(drawn(world), hue), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     (x, y), radius = cv2.minEnclosingCircle(max(contours, key=cv2.contourArea))
-    right, down, ahead = EYE.sees(1.5, 0.3, 0.5)
+    right, down, ahead = EYE.to_camera_axes(1.5, 0.3, 0.5)
     assert (x, y) == pytest.approx((319.5 + LENS.focal * right / ahead, 239.5 + LENS.focal * down / ahead), abs=3)
     assert radius == pytest.approx(LENS.focal * 0.1 / ahead, rel=0.12)
 
 
 def test_a_box_is_of_one_hue_on_all_its_sides() -> None:
-    image = drawn(World(objects=(Box("crate", 1.2, 0.0, (0.4, 0.4, 0.4), BLUE, heading=0.6),)))
+    image = drawn(SimulatedWorld(objects=(WorldBox("crate", 1.2, 0.0, (0.4, 0.4, 0.4), BLUE, heading=0.6),)))
     contours, _ = cv2.findContours(hue_mask(image, 112), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     largest = max(contours, key=cv2.contourArea)
     assert cv2.contourArea(largest) > 0.97 * cv2.contourArea(cv2.convexHull(largest))
@@ -89,44 +89,44 @@ def test_a_box_is_of_one_hue_on_all_its_sides() -> None:
 def test_a_wall_hides_who_is_behind_it_and_not_who_is_before_it() -> None:
     wall = Wall((2.0, -1.0), (2.0, 1.0))
     behind, before = Person("Anna", x=3.0), Person("Anna", x=1.2)
-    bare = drawn(World(walls=(wall,)), Viewpoint(z=1.5))
-    assert np.array_equal(drawn(World(walls=(wall,), people=(behind,)), Viewpoint(z=1.5)), bare)
-    assert not np.array_equal(drawn(World(walls=(wall,), people=(before,)), Viewpoint(z=1.5)), bare)
+    bare = drawn(SimulatedWorld(walls=(wall,)), Viewpoint(z=1.5))
+    assert np.array_equal(drawn(SimulatedWorld(walls=(wall,), people=(behind,)), Viewpoint(z=1.5)), bare)
+    assert not np.array_equal(drawn(SimulatedWorld(walls=(wall,), people=(before,)), Viewpoint(z=1.5)), bare)
 
 
 def test_a_long_wall_does_not_hide_somebody_who_stands_before_its_end() -> None:
     """The middle of the wall is nearer than they are: an order by distance alone would paint them over."""
     wall = Wall((0.8, 0.5), (4.8, 0.7))
     anna = Person("Anna", x=3.2, y=0.2)
-    with_her = drawn(World(walls=(wall,), people=(anna,)), Viewpoint(z=1.5))
-    right, _, ahead = Viewpoint(z=1.5).sees(3.2, 0.2, 1.5)
+    with_her = drawn(SimulatedWorld(walls=(wall,), people=(anna,)), Viewpoint(z=1.5))
+    right, _, ahead = Viewpoint(z=1.5).to_camera_axes(3.2, 0.2, 1.5)
     column = round(319.5 + LENS.focal * right / ahead)
     shirt = with_her[330, column].astype(int)
     assert shirt[0] > shirt[2] + 30  # blue, not the wall
 
 
 def test_where_the_floor_ends_it_is_dark() -> None:
-    plain = drawn(World())
-    pit = drawn(World(edges=(Edge(2.0, 0.0, 1.0, 1.0),)))
-    _, down, ahead = EYE.sees(2.0, 0.0, 0.0)
+    plain = drawn(SimulatedWorld())
+    pit = drawn(SimulatedWorld(edges=(Edge(2.0, 0.0, 1.0, 1.0),)))
+    _, down, ahead = EYE.to_camera_axes(2.0, 0.0, 0.0)
     row = round(239.5 + LENS.focal * down / ahead)
     assert pit[row, 320].mean() < 0.4 * plain[row, 320].mean()
     assert np.array_equal(pit[:200], plain[:200])
 
 
 def test_light_that_fades_darkens_the_picture() -> None:
-    renderer = Renderer(World(light=Light(1.0, (Change(1.0, 0.2, over=2.0),))), LENS, noise=0.0)
+    renderer = Renderer(SimulatedWorld(light=Light(1.0, (LightChange(1.0, 0.2, duration=2.0),))), LENS, noise=0.0)
     bright, half, dark = (float(renderer.draw(EYE, time).mean()) for time in (0.5, 2.0, 4.0))
     assert half == pytest.approx(0.6 * bright, rel=0.02)
     assert dark == pytest.approx(0.2 * bright, rel=0.03)
 
 
 def test_somebody_who_nods_moves_their_face_down_in_the_picture_and_keeps_their_feet() -> None:
-    world = World(people=(Person("Anna", x=2.5, acts=(Act(at=1.0, nod=True),)),))
+    world = SimulatedWorld(people=(Person("Anna", x=2.5, acts=(PersonAction(at=1.0, nod=True),)),))
     renderer = Renderer(world, LENS, noise=0.0)
     view = Viewpoint(z=1.0)
     still, nodding = (renderer.draw(view, time) for time in (0.0, 1.0 + NOD_TIME / 4))
-    blank = drawn(World(), view)
+    blank = drawn(SimulatedWorld(), view)
 
     def top_and_bottom(image: Image) -> tuple[int, int]:
         rows = np.flatnonzero((np.abs(image.astype(int) - blank).sum(axis=2) > 60).any(axis=1))
@@ -138,7 +138,9 @@ def test_somebody_who_nods_moves_their_face_down_in_the_picture_and_keeps_their_
 
 
 def test_a_picture_that_is_kept_is_drawn_anew_when_anything_moves() -> None:
-    world = World(people=(Person("Anna", x=2.0, path=((2.0, 1.0),), start=5.0),), robots=(Rover("R2", 1, 1.5, -0.5),))
+    world = SimulatedWorld(
+        people=(Person("Anna", x=2.0, path=((2.0, 1.0),), start=5.0),), robots=(Rover("R2", 1, 1.5, -0.5),)
+    )
     renderer = Renderer(world, LENS, noise=0.0)
     first = renderer.draw(EYE, 0.0)
     assert np.array_equal(renderer.draw(EYE, 1.0), first)
@@ -151,10 +153,13 @@ def test_a_picture_that_is_kept_is_drawn_anew_when_anything_moves() -> None:
 
 
 CROWD = Renderer(
-    World(
+    SimulatedWorld(
         walls=(Wall((1.0, -3.0), (1.0, -1.0)),),
-        furniture=(Box("table", 2.0, 1.0, (1.2, 0.8, 0.7), RED, heading=0.4),),
-        objects=(Ball("ball", 2.0, 1.0, 0.2, YELLOW, bottom=0.7), Box("crate", 0.5, 0.0, (0.3, 0.3, 0.3), BLUE)),
+        furniture=(WorldBox("table", 2.0, 1.0, (1.2, 0.8, 0.7), RED, heading=0.4),),
+        objects=(
+            WorldBall("ball", 2.0, 1.0, 0.2, YELLOW, bottom=0.7),
+            WorldBox("crate", 0.5, 0.0, (0.3, 0.3, 0.3), BLUE),
+        ),
         robots=(Rover("R2", 7, 1.5, -0.4),),
         people=(Person("Anna", x=2.5),),
         edges=(Edge(3.5, 0.0, 1.0, 1.0),),
@@ -175,41 +180,46 @@ def test_every_viewpoint_gives_a_picture_of_a_full_room(x: float, y: float, z: f
 class Thing:
     """A shape."""
 
-    def __init__(self, solid: Block | Disc) -> None:
+    def __init__(self, solid: UprightBox | UprightCylinder) -> None:
         self.solid = solid
 
 
 def test_a_ball_on_a_table_comes_after_the_table_from_above_and_before_it_from_below() -> None:
-    table, ball = Thing(Block(2.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.7)), Thing(Disc(2.4, 0.0, 0.1, 0.7, 0.9))
-    assert back_to_front([ball, table], (0.0, 0.0, 1.5)) == [table, ball]
-    assert back_to_front([table, ball], (0.0, 0.0, 0.3)) == [ball, table]
+    table, ball = Thing(UprightBox(2.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.7)), Thing(UprightCylinder(2.4, 0.0, 0.1, 0.7, 0.9))
+    assert sort_back_to_front([ball, table], (0.0, 0.0, 1.5)) == [table, ball]
+    assert sort_back_to_front([table, ball], (0.0, 0.0, 0.3)) == [ball, table]
 
 
 spot = st.floats(-5, 5)
 footprints = st.builds(
-    lambda x, y, a, b, turn: Block(x, y, a, b, turn, 0.0, 1.0), spot, spot, st.floats(0.2, 3), st.floats(0.2, 3), spot
+    lambda x, y, a, b, turn: UprightBox(x, y, a, b, turn, 0.0, 1.0),
+    spot,
+    spot,
+    st.floats(0.2, 3),
+    st.floats(0.2, 3),
+    spot,
 )
 
 
 @given(footprints, footprints, st.tuples(spot, spot))
 def test_of_two_that_stand_apart_the_one_that_rays_meet_first_is_painted_last(
-    one: Block, other: Block, eye: tuple[float, float]
+    one: UprightBox, other: UprightBox, eye: tuple[float, float]
 ) -> None:
-    order = back_to_front([Thing(one), Thing(other)], (*eye, 0.5))
+    order = sort_back_to_front([Thing(one), Thing(other)], (*eye, 0.5))
     last = order[-1].solid
     first = order[0].solid
     if _apart(one, other):
         for step in range(180):
             way = (cos(radians(2 * step)), sin(radians(2 * step)))
-            near, far = last.ray(*eye, *way), first.ray(*eye, *way)
+            near, far = last.intersect_ray(*eye, *way), first.intersect_ray(*eye, *way)
             if 0 < far < 1e9 and near < 1e9:
                 assert near <= far + 0.02 * hypot(*way)
 
 
-def _apart(one: Block, other: Block) -> bool:
+def _apart(one: UprightBox, other: UprightBox) -> bool:
     """Whether a side of one of them parts the two."""
     for a, b in ((one, other), (other, one)):
-        us, vs = zip(*(a.local(*corner) for corner in b.corners()), strict=True)
+        us, vs = zip(*(a.to_local(*corner) for corner in b.corners()), strict=True)
         if min(us) > a.length / 2 or max(us) < -a.length / 2 or min(vs) > a.width / 2 or max(vs) < -a.width / 2:
             return True
     return False
@@ -219,7 +229,9 @@ def _apart(one: Block, other: Block) -> bool:
 
 
 def test_the_map_shows_people_things_and_the_robot_in_their_places() -> None:
-    world = World(people=(Person("Anna", x=3.0, y=1.0),), furniture=(Box("t", 1.0, -2.0, (1.0, 0.6, 0.7), GREEN),))
+    world = SimulatedWorld(
+        people=(Person("Anna", x=3.0, y=1.0),), furniture=(WorldBox("t", 1.0, -2.0, (1.0, 0.6, 0.7), GREEN),)
+    )
     size = (870, 670)  # 100 pixels to the metre of a room of 8 m by 6 m and its margin
     image = TopView(world, size).draw(0.0, Pose2D(-1.0, 1.0, pi / 2))
 
@@ -235,7 +247,7 @@ def test_the_map_shows_people_things_and_the_robot_in_their_places() -> None:
 
 
 def test_the_map_lights_what_the_camera_sees_as_far_as_a_wall() -> None:
-    view = TopView(World(walls=(Wall((2.0, -1.0), (2.0, 1.0)),)), (870, 670))
+    view = TopView(SimulatedWorld(walls=(Wall((2.0, -1.0), (2.0, 1.0)),)), (870, 670))
     pose = Pose2D(0.0, 0.0, 0.0)
     plain, lit = view.draw(0.0, pose), view.draw(0.0, pose, camera=Viewpoint(z=1.0), field_of_view=radians(60))
     changed = np.abs(lit.astype(int) - plain).sum(axis=2) > 20
@@ -246,9 +258,11 @@ def test_the_map_lights_what_the_camera_sees_as_far_as_a_wall() -> None:
 
 
 def test_the_map_leaves_out_who_has_gone_and_draws_where_the_robot_has_been() -> None:
-    view = TopView(World(people=(Person("Anna", x=4.0, acts=(Act(at=0.0, leave=True),)),)), (870, 670))
+    view = TopView(
+        SimulatedWorld(people=(Person("Anna", x=4.0, acts=(PersonAction(at=0.0, leave=True),)),)), (870, 670)
+    )
     pose = Pose2D(0.0, 0.0, 0.0)
     assert not np.array_equal(view.draw(0.0, pose), view.draw(30.0, pose))
-    empty = TopView(World(), (870, 670))
+    empty = TopView(SimulatedWorld(), (870, 670))
     assert np.array_equal(view.draw(30.0, pose), empty.draw(0.0, pose))
     assert not np.array_equal(empty.draw(0.0, pose, trail=[(-1.0, 0.0), (-1.0, 1.0)]), empty.draw(0.0, pose))

@@ -10,30 +10,30 @@ import pytest
 from drivers.api import Pose2D
 from drivers.errors import BadRequest
 from drivers.servos.joint import JointSpec
-from drivers.servos.models import MODELS, motor_of
+from drivers.servos.models import MODELS, motor_physics
 from drivers.servos.rigid_twin import RigidServo
 from drivers.sim.rigid import scene as scenes
-from drivers.sim.rigid.links import Floor, Push, mjcf
-from drivers.sim.rigid.scene import Scene
+from drivers.sim.rigid.links import Floor, TrunkPush, make_mjcf
+from drivers.sim.rigid.scene import PhysicsScene
 from tests.drivers.toy_humanoid import MOTOR, crouch, figure, scene
 
 
 def test_a_servo_is_as_stiff_as_the_one_that_was_measured() -> None:
     measured = 21.1  # Nm/rad, of the XM430-W350 in the public model of the OP3
-    assert motor_of(MODELS["XM430-W350"]).stiffness == pytest.approx(measured, rel=0.15)
+    assert motor_physics(MODELS["XM430-W350"]).stiffness == pytest.approx(measured, rel=0.15)
 
 
 def test_a_servo_without_burden_turns_as_fast_as_its_data_sheet_says() -> None:
     for model in MODELS.values():
-        motor = motor_of(model)
+        motor = motor_physics(model)
         assert motor.torque / motor.damping == pytest.approx(model.free_speed)
 
 
 def test_it_stands_on_its_soles_and_stays() -> None:
     robot = scene()
     robot.advance(2.0)
-    assert not robot.fallen
-    assert robot.force()[2] == pytest.approx(9.81, abs=0.1)
+    assert not robot.has_fallen
+    assert robot.proper_acceleration()[2] == pytest.approx(9.81, abs=0.1)
     assert abs(robot.pose().x) < 0.02
     assert abs(robot.lean()[0]) < 0.01
 
@@ -51,7 +51,7 @@ def test_its_weight_keeps_a_bent_knee_behind_its_goal_as_much_as_the_servo_is_so
 
 def test_a_joint_turns_no_faster_than_it_is_told() -> None:
     robot = scene()
-    robot.go("l_hip_yaw", 0.5, 0.2)
+    robot.set_goal("l_hip_yaw", 0.5, 0.2)
     robot.advance(1.0)
     assert 0.1 < robot.angle("l_hip_yaw") <= 0.2  # the floor's friction keeps it back
 
@@ -59,7 +59,7 @@ def test_a_joint_turns_no_faster_than_it_is_told() -> None:
 def test_a_servo_tells_its_load_as_a_share_of_the_stall_torque_whatever_it_may_use() -> None:
     weak = replace(MOTOR, torque=MOTOR.torque / 4)
     body = replace(figure(), links=[replace(link, motor=weak) for link in figure().links])
-    robot = Scene(mjcf(body), dict.fromkeys([link.name for link in body.links], MOTOR.backlash), Floor())
+    robot = PhysicsScene(make_mjcf(body), dict.fromkeys([link.name for link in body.links], MOTOR.backlash), Floor())
     knee = RigidServo("l_knee", JointSpec(1, "XM430-W350"), robot)
     crouch(robot, 1.9, speed=5.0)
     robot.advance(0.3)
@@ -70,22 +70,22 @@ def test_a_servo_tells_its_load_as_a_share_of_the_stall_torque_whatever_it_may_u
 def test_limp_it_falls() -> None:
     robot = scene()
     for joint in ("l_knee", "r_knee", "l_ank_pitch", "r_ank_pitch", "l_hip_pitch", "r_hip_pitch"):
-        robot.relax(joint)
+        robot.switch_torque_off(joint)
     robot.advance(3.0)
-    assert robot.fallen
-    assert not robot.stiff("l_knee")
+    assert robot.has_fallen
+    assert not robot.has_torque("l_knee")
 
 
 def test_a_push_moves_it_that_way_and_a_hard_one_throws_it_over() -> None:
-    left, pushed = scene(), scene(Floor(pushes=(Push(0.5, 0.1),)))
+    left, pushed = scene(), scene(Floor(pushes=(TrunkPush(0.5, 0.1),)))
     left.advance(0.65)
     pushed.advance(0.65)
     assert pushed.lean()[1] > left.lean()[1] + 0.005
     pushed.advance(3.0)
-    assert not pushed.fallen
-    thrown = scene(Floor(pushes=(Push(0.5, 1.5, radians(90)),)))
+    assert not pushed.has_fallen
+    thrown = scene(Floor(pushes=(TrunkPush(0.5, 1.5, radians(90)),)))
     thrown.advance(3.0)
-    assert thrown.fallen
+    assert thrown.has_fallen
     assert thrown.pose().y > 0.03
 
 
@@ -99,7 +99,7 @@ def test_on_a_slope_it_stands_by_friction_and_slides_without() -> None:
 
 
 def test_a_delay_keeps_the_goal_from_the_servo() -> None:
-    late = scene(Floor(delay=0.1))
+    late = scene(Floor(servo_delay=0.1))
     crouch(late, 1.0)
     late.advance(0.09)
     assert abs(late.angle("l_knee")) < 0.02
@@ -108,7 +108,7 @@ def test_a_delay_keeps_the_goal_from_the_servo() -> None:
 
 
 def test_two_runs_of_one_seed_are_the_same_to_the_bit_however_often_they_are_asked() -> None:
-    one, other = (scene(Floor(masses=0.05, pushes=(Push(0.1, 0.1),)), seed=7) for _ in range(2))
+    one, other = (scene(Floor(mass_error=0.05, pushes=(TrunkPush(0.1, 0.1),)), seed=7) for _ in range(2))
     for robot in (one, other):
         crouch(robot, 0.7)
     one.advance(1.0)
@@ -119,13 +119,13 @@ def test_two_runs_of_one_seed_are_the_same_to_the_bit_however_often_they_are_ask
 
 
 def test_seeds_differ_in_the_masses() -> None:
-    masses = [scene(Floor(masses=0.05), seed=seed).model.body_mass.sum() for seed in (1, 2)]
+    masses = [scene(Floor(mass_error=0.05), seed=seed).model.body_mass.sum() for seed in (1, 2)]
     assert masses[0] != masses[1]
 
 
 def test_it_begins_where_the_world_says() -> None:
     robot = scene()
-    moved = Scene(MODEL.format(joint="l_knee"), {"l_knee": 0.0}, Floor(), start=Pose2D(1.0, 2.0, 0.5))
+    moved = PhysicsScene(MODEL.format(joint="l_knee"), {"l_knee": 0.0}, Floor(), start=Pose2D(1.0, 2.0, 0.5))
     assert (moved.pose().x, moved.pose().y) == (1.0, 2.0)
     assert moved.pose().heading == pytest.approx(0.5)
     assert robot.pose().x == 0
@@ -138,8 +138,8 @@ MODEL = """<mujoco><worldbody><body name="b"><freejoint/><geom size="0.1"/><body
 
 def test_a_model_of_the_users_own_is_taken_from_its_file(tmp_path: Path) -> None:
     (tmp_path / "mine.xml").write_text(MODEL.format(joint="l_knee"))
-    robot = Scene(tmp_path / "mine.xml", {"l_knee": 0.0}, Floor())
-    robot.go("l_knee", 0.3, 5.0)
+    robot = PhysicsScene(tmp_path / "mine.xml", {"l_knee": 0.0}, Floor())
+    robot.set_goal("l_knee", 0.3, 5.0)
     robot.advance(1.0)
     assert robot.angle("l_knee") == pytest.approx(0.3, abs=0.1)
 
@@ -156,12 +156,12 @@ def test_a_model_of_the_users_own_is_taken_from_its_file(tmp_path: Path) -> None
 def test_a_model_that_does_not_fit_is_refused(tmp_path: Path, text: str, said: str) -> None:
     (tmp_path / "mine.xml").write_text(text)
     with pytest.raises(BadRequest, match=said) as refused:
-        Scene(tmp_path / "mine.xml", {"l_knee": 0.0}, Floor())
+        PhysicsScene(tmp_path / "mine.xml", {"l_knee": 0.0}, Floor())
     assert "mine.xml" in str(refused.value)
 
 
 def test_without_mujoco_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(BadRequest) as refused:
-        scenes.mujoco()
+        scenes.import_mujoco()
     assert refused.value.hint == "pip install 'missiontree[physics]'"

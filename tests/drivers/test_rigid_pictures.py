@@ -8,8 +8,8 @@ import pytest
 from drivers.api import Image
 from drivers.sim.rigid import filmed
 from drivers.sim.rigid.filmed import BodyCamera
-from drivers.sim.rigid.scene import Scene
-from drivers.sim.rigid.stick import AROUND, LEFT, MARKS, RIGHT, Stroke, stick_figure
+from drivers.sim.rigid.scene import PhysicsScene
+from drivers.sim.rigid.stick import BACKGROUND, LEFT, MARKS, RIGHT, Stroke, draw_stick_figure
 from tests.drivers.toy_humanoid import scene
 
 SIZE = (320, 240)
@@ -25,40 +25,40 @@ def line(y: float, *, x: float = 0.0) -> Stroke:
 
 
 def test_from_the_front_its_left_is_at_the_right() -> None:
-    image = stick_figure([line(0.1), line(-0.1)], SIZE, height=0.5)
+    image = draw_stick_figure([line(0.1), line(-0.1)], SIZE, height=0.5)
     middle = 3 * SIZE[0] / 4
     assert min(coloured(image[:, SIZE[0] // 2 :], LEFT)) + SIZE[0] / 2 > middle
     assert max(coloured(image, RIGHT)[coloured(image, RIGHT) > SIZE[0] / 2]) < middle
 
 
 def test_from_its_right_ahead_is_at_the_right_and_its_right_leg_hides_the_left_one() -> None:
-    image = stick_figure([line(-0.1), line(0.1), line(0.1, x=0.2)], SIZE, height=0.5)[:, : SIZE[0] // 2]
+    image = draw_stick_figure([line(-0.1), line(0.1), line(0.1, x=0.2)], SIZE, height=0.5)[:, : SIZE[0] // 2]
     assert min(coloured(image, LEFT)) > max(coloured(image, RIGHT)) > SIZE[0] / 4 - 20
 
 
 def test_the_floor_lies_back_as_it_walks() -> None:
-    one, other = (stick_figure([], SIZE, height=0.5, gone=gone)[:, : SIZE[0] // 2] for gone in (0.0, 0.03))
+    one, other = (draw_stick_figure([], SIZE, height=0.5, walked=gone)[:, : SIZE[0] // 2] for gone in (0.0, 0.03))
     assert not np.array_equal(coloured(one, MARKS), coloured(other, MARKS))
-    assert np.array_equal(one, stick_figure([], SIZE, height=0.5, gone=0.1)[:, : SIZE[0] // 2])
+    assert np.array_equal(one, draw_stick_figure([], SIZE, height=0.5, walked=0.1)[:, : SIZE[0] // 2])
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), 1e300, -1e12])
 def test_what_is_nowhere_is_not_drawn(value: float) -> None:
     gone = Stroke(np.array([value, 0.1, 0.0]), np.array([0.0, 0.1, value]), 0.02)
-    assert not len(coloured(stick_figure([gone], SIZE, height=0.5), LEFT))
+    assert not len(coloured(draw_stick_figure([gone], SIZE, height=0.5), LEFT))
 
 
 @pytest.fixture
-def robot() -> Scene:
+def robot() -> PhysicsScene:
     found = scene()
     found.advance(0.2)
     return found
 
 
 @pytest.fixture(params=[True, False], ids=["rendered", "lines"])
-def camera(request: pytest.FixtureRequest, robot: Scene) -> Iterator[BodyCamera]:
+def camera(request: pytest.FixtureRequest, robot: PhysicsScene) -> Iterator[BodyCamera]:
     found = BodyCamera(robot, SIZE, render=request.param)
-    if found.rendered is not request.param:
+    if found.is_rendered is not request.param:
         pytest.skip("there is no EGL here")
     yield found
     found.close()
@@ -68,20 +68,20 @@ def test_a_robot_in_physics_is_to_be_seen_and_the_same_each_time(camera: BodyCam
     image = camera.draw(0.2)
     assert image.shape == (240, 320, 3)
     assert np.array_equal(image, camera.draw(0.2))
-    around = image[20:220, 5:150] if not camera.rendered else image
-    assert (around != AROUND).any(axis=2).mean() > 0.05
+    around = image[20:220, 5:150] if not camera.is_rendered else image
+    assert (around != BACKGROUND).any(axis=2).mean() > 0.05
 
 
-def test_a_robot_that_lies_looks_otherwise(camera: BodyCamera, robot: Scene) -> None:
+def test_a_robot_that_lies_looks_otherwise(camera: BodyCamera, robot: PhysicsScene) -> None:
     stands = camera.draw(0.2)
     for joint in ("l_knee", "r_knee", "l_ank_pitch", "r_ank_pitch", "l_hip_pitch", "r_hip_pitch"):
-        robot.relax(joint)
+        robot.switch_torque_off(joint)
     robot.advance(2.0)
-    assert robot.fallen
+    assert robot.has_fallen
     assert np.abs(stands.astype(int) - camera.draw(0.2)).mean() > 3
 
 
-def test_looking_changes_nothing(camera: BodyCamera, robot: Scene) -> None:
+def test_looking_changes_nothing(camera: BodyCamera, robot: PhysicsScene) -> None:
     alone = scene()
     alone.advance(0.5)
     camera.draw(0.2)
@@ -89,12 +89,12 @@ def test_looking_changes_nothing(camera: BodyCamera, robot: Scene) -> None:
     assert np.array_equal(alone.data.qpos, robot.data.qpos)
 
 
-def test_without_egl_it_is_drawn_of_lines(robot: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_egl_it_is_drawn_of_lines(robot: PhysicsScene, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken() -> None:
         raise AttributeError("'NoneType' object has no attribute 'eglQueryString'")  # as PyOpenGL without libEGL
 
-    monkeypatch.setattr(filmed, "_egl", broken)
+    monkeypatch.setattr(filmed, "_egl_context_class", broken)
     camera = BodyCamera(robot, SIZE)
-    assert not camera.rendered
+    assert not camera.is_rendered
     assert len(coloured(camera.draw(0.0), LEFT))
     camera.close()

@@ -12,12 +12,12 @@ from drivers.api import Angles, DeviceStatus, Health, Quality
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NotConnected
 from drivers.rplidar import wire
-from drivers.rplidar.make import AGAIN, GATHER, STALE_AFTER, STUCK_AFTER, RPLidar
-from drivers.rplidar.session import BOOT, REPLY_TIMEOUT, SILENCE, STOP_PAUSE, TRIES
-from drivers.rplidar.virtual import VirtualLidar
-from drivers.rplidar.wire import BAUD, Command, Condition, Status, request
-from drivers.transport.link import Link
-from drivers.virtual.terminal import Terminal
+from drivers.rplidar.make import GATHER_TIME, RETRY_INTERVAL, SCAN_TIMEOUT, STALE_AFTER, RPLidar
+from drivers.rplidar.session import BOOT_TIME, MAX_TRIES, QUIET_TIME, REPLY_TIMEOUT, STOP_PAUSE
+from drivers.rplidar.virtual import VirtualRPLidar
+from drivers.rplidar.wire import BAUD, RPLidarCommand, RPLidarHealth, RPLidarStatus, request
+from drivers.transport.link import SerialLink
+from drivers.virtual.terminal import PseudoTerminal
 from tests.waiting import wait_until
 
 FAR = 3.0
@@ -29,10 +29,10 @@ def all_round(bearings: Angles, time: float) -> Angles:
     return np.full(len(bearings), FAR)
 
 
-class Directly(Link):
+class Directly(SerialLink):
     """A link without a port or thread: a virtual finder is at its end, on a clock that stands still."""
 
-    def __init__(self, lidar: VirtualLidar, clock: ManualClock) -> None:
+    def __init__(self, lidar: VirtualRPLidar, clock: ManualClock) -> None:
         super().__init__("range", "/dev/rplidar", BAUD)
         self.sent: list[tuple[float, bytes]] = []
         self.dtr: list[bool] = []
@@ -45,8 +45,8 @@ class Directly(Link):
     def write(self, data: bytes) -> None:
         if not self.plugged:
             raise NotConnected("range: gone")
-        self.sent.append((self._time.now(), data))
-        self._inbox += self._lidar.feed(data, self._time.now())
+        self.sent.append((self._time.read_value(), data))
+        self._inbox += self._lidar.feed(data, self._time.read_value())
 
     def set_dtr(self, *, on: bool) -> None:
         self.dtr.append(on)
@@ -55,7 +55,7 @@ class Directly(Link):
         return Health(self.plugged, counters={"connections": 1})
 
     def read(self) -> bytes:
-        data, self._inbox = self._inbox + self._lidar.poll(self._time.now()), b""
+        data, self._inbox = self._inbox + self._lidar.poll(self._time.read_value()), b""
         return self.distort(data)
 
 
@@ -72,24 +72,24 @@ class Bench:
     ) -> None:
         self.clock = ManualClock()
         self.notices: list[DeviceStatus] = []
-        self.lidar = VirtualLidar(all_round, model=model, streaming=streaming, firmware=firmware)
+        self.lidar = VirtualRPLidar(all_round, model=model, streaming=streaming, firmware=firmware)
         self.link = Directly(self.lidar, self.clock)
         self.device = RPLidar(self.link, self.clock, model=driven_as, report=self.notices.append)
-        self.device.connected()
+        self.device.on_connected()
 
     def run(self, seconds: float) -> None:
-        end = self.clock.now() + seconds
-        while self.clock.now() < end:
+        end = self.clock.read_value() + seconds
+        while self.clock.read_value() < end:
             if data := self.link.read():
-                self.device.received(data)
-            self.device.pulse()
+                self.device.on_data(data)
+            self.device.on_poll()
             self.clock.advance(0.01)
 
     def asked(self) -> list[bytes]:
         return [data for _, data in self.link.sent]
 
     def told(self, kind: str) -> list[str]:
-        return [notice.what for notice in self.notices if notice.kind == kind]
+        return [notice.message for notice in self.notices if notice.kind == kind]
 
     def nearest(self) -> float:
         scan = self.device.scan()
@@ -99,7 +99,14 @@ class Bench:
 
 
 STOP, RESET, SCAN, INFO, HEALTH = (
-    request(command) for command in (Command.STOP, Command.RESET, Command.SCAN, Command.INFO, Command.HEALTH)
+    request(command)
+    for command in (
+        RPLidarCommand.STOP,
+        RPLidarCommand.RESET,
+        RPLidarCommand.SCAN,
+        RPLidarCommand.INFO,
+        RPLidarCommand.HEALTH,
+    )
 )
 
 
@@ -119,17 +126,17 @@ def test_a_finder_is_silenced_asked_and_set_turning_before_it_scans() -> None:
 def test_an_a2_is_turned_by_pulse_width_and_stopped_at_the_end() -> None:
     bench = Bench(driven_as="a2", model="a2")
     bench.run(1.0)
-    assert bench.asked() == [STOP, INFO, HEALTH, wire.BOARD, wire.motor(660), SCAN]
+    assert bench.asked() == [STOP, INFO, HEALTH, wire.BOARD_REQUEST, wire.motor_request(660), SCAN]
     assert bench.device.scan().good
-    bench.device.ending()
-    assert bench.asked()[-2:] == [STOP, wire.motor(0)]
+    bench.device.on_closing()
+    assert bench.asked()[-2:] == [STOP, wire.motor_request(0)]
     assert (bench.lidar.pwm, bench.lidar.streaming, bench.link.dtr) == (0, False, [False, True])
 
 
 def test_an_a1_is_stopped_by_the_line_dtr() -> None:
     bench = Bench()
     bench.run(1.0)
-    bench.device.ending()
+    bench.device.on_closing()
     assert bench.asked()[-1] == STOP
     assert bench.link.dtr == [False, True]
 
@@ -138,16 +145,16 @@ def test_a_finder_that_is_scanning_already_is_flushed_first() -> None:
     bench = Bench(streaming=True)
     bench.run(1.5)
     assert bench.asked() == [STOP, INFO, HEALTH, SCAN]
-    assert bench.link.sent[1][0] >= SILENCE
+    assert bench.link.sent[1][0] >= QUIET_TIME
     assert bench.nearest() == pytest.approx(FAR, rel=0.06)
     assert bench.device.health().counters["skipped bytes"] == 0
 
 
 def test_one_that_misses_the_stop_is_told_again() -> None:
     bench = Bench(streaming=True)
-    bench.lidar.mute = True
+    bench.lidar.is_deaf = True
     bench.run(0.5)
-    bench.lidar.mute = False
+    bench.lidar.is_deaf = False
     bench.run(2.5)
     assert bench.asked() == [STOP, STOP, INFO, HEALTH, SCAN]
     assert bench.device.scan().good
@@ -165,17 +172,17 @@ def test_an_answer_that_got_lost_is_asked_for_again() -> None:
 
 def test_a_silent_port_says_what_to_try_once_and_is_tried_again() -> None:
     bench = Bench()
-    bench.lidar.mute = True
+    bench.lidar.is_deaf = True
     bench.run(10.0)
     (notice,) = bench.notices
-    assert (notice.kind, notice.what) == ("offline", "range: /dev/rplidar: open but silent")
+    assert (notice.kind, notice.message) == ("offline", "range: /dev/rplidar: open but silent")
     assert "power" in notice.hint
     health = bench.device.health()
-    assert (health.online, health.detail, health.hint) == (False, notice.what, notice.hint)
-    assert bench.asked().count(INFO) >= 2 * TRIES
+    assert (health.online, health.detail, health.hint) == (False, notice.message, notice.hint)
+    assert bench.asked().count(INFO) >= 2 * MAX_TRIES
     assert len(bench.asked()) < 30  # and not all the time
-    bench.lidar.mute = False
-    bench.run(AGAIN + REPLY_TIMEOUT * TRIES + 2.0)
+    bench.lidar.is_deaf = False
+    bench.run(RETRY_INTERVAL + REPLY_TIMEOUT * MAX_TRIES + 2.0)
     assert bench.told("online") == ["/dev/rplidar: whole turns come again"]
     assert bench.device.health().online
     assert bench.device.scan().good
@@ -190,8 +197,8 @@ def test_something_else_at_the_port_is_told_from_silence() -> None:
 
 def test_a_finder_that_is_out_of_order_is_reset_once_and_then_scans() -> None:
     bench = Bench()
-    bench.lidar.condition = Condition(Status.ERROR, 0x8001)
-    bench.run(BOOT + 2.0)
+    bench.lidar.condition = RPLidarHealth(RPLidarStatus.ERROR, 0x8001)
+    bench.run(BOOT_TIME + 2.0)
     assert bench.asked() == [STOP, INFO, HEALTH, RESET, STOP, HEALTH, SCAN]
     assert bench.told("fault") == ["range: /dev/rplidar: it is out of order, code 32769: reset"]
     assert bench.device.scan().good
@@ -199,21 +206,21 @@ def test_a_finder_that_is_out_of_order_is_reset_once_and_then_scans() -> None:
 
 def test_one_that_a_reset_does_not_help_stays_off_until_it_is_well() -> None:
     bench = Bench()
-    bench.lidar.condition, bench.lidar.curable = Condition(Status.ERROR, 7), False
+    bench.lidar.condition, bench.lidar.is_fixed_by_reset = RPLidarHealth(RPLidarStatus.ERROR, 7), False
     bench.run(15.0)
-    assert bench.lidar.requests[Command.RESET] == 1
+    assert bench.lidar.requests[RPLidarCommand.RESET] == 1
     assert SCAN not in bench.asked()
     assert bench.told("fault")[1:] == ["range: /dev/rplidar: it is out of order, code 7, and a reset did not help"]
     assert "power" in bench.device.health().hint
     assert bench.link.dtr[-1] is True
-    bench.lidar.condition = Condition(Status.GOOD)
+    bench.lidar.condition = RPLidarHealth(RPLidarStatus.GOOD)
     bench.run(4.0)
     assert bench.device.scan().good
 
 
 def test_a_warning_is_told_and_it_scans() -> None:
     bench = Bench()
-    bench.lidar.condition = Condition(Status.WARNING, 3)
+    bench.lidar.condition = RPLidarHealth(RPLidarStatus.WARNING, 3)
     bench.run(1.0)
     assert bench.told("fault") == ["range: /dev/rplidar: it warns of trouble, code 3"]
     assert bench.device.scan().good
@@ -223,25 +230,25 @@ def test_another_model_than_the_robot_file_says_is_told() -> None:
     bench = Bench(driven_as="a2", model="a1")
     bench.run(3.5)
     assert bench.told("fault") == ["range: /dev/rplidar: it is an A1 (model 0x18), not an A2"]
-    assert wire.motor(660) not in bench.asked()  # its board cannot do that
+    assert wire.motor_request(660) not in bench.asked()  # its board cannot do that
     assert bench.device.scan().good
 
 
 def test_a_stuck_motor_is_told_once_rests_between_the_tries_and_is_noticed_when_it_turns() -> None:
     bench = Bench()
     bench.run(1.0)
-    bench.lidar.stuck = True
+    bench.lidar.is_stuck = True
     bench.run(0.2)
     assert bench.device.scan().good
     bench.run(STALE_AFTER)
     assert bench.device.scan().quality is Quality.STALE
     bench.run(15.0)
-    assert bench.told("offline") == [f"range: /dev/rplidar: no whole turn for {STUCK_AFTER:g} s"]
+    assert bench.told("offline") == [f"range: /dev/rplidar: no whole turn for {SCAN_TIMEOUT:g} s"]
     assert not bench.device.health().online
     assert bench.link.dtr[:4] == [False, True, False, True]
     assert 3 <= bench.asked().count(SCAN) <= 6
-    bench.lidar.stuck = False
-    bench.run(STUCK_AFTER + AGAIN + 2.0)
+    bench.lidar.is_stuck = False
+    bench.run(SCAN_TIMEOUT + RETRY_INTERVAL + 2.0)
     assert bench.told("online") == ["/dev/rplidar: whole turns come again"]
     assert bench.device.scan().good
 
@@ -277,7 +284,7 @@ def test_a_port_that_goes_in_the_middle_is_left_to_the_link() -> None:
         bench.run(1.0)
     assert not bench.device.health().online
     bench.link.plugged = True
-    bench.device.connected()
+    bench.device.on_connected()
     bench.run(1.0)
     assert bench.device.scan().good
 
@@ -285,14 +292,14 @@ def test_a_port_that_goes_in_the_middle_is_left_to_the_link() -> None:
 def test_a_new_connection_has_no_fresh_scan_of_the_one_before() -> None:
     bench = Bench()
     bench.run(1.0)
-    bench.device.connected()
+    bench.device.on_connected()
     assert bench.device.scan().quality is Quality.STALE
     assert "waiting for its first turn" in bench.device.health().detail
 
 
 def test_an_unknown_model_is_refused() -> None:
     with pytest.raises(ValueError, match="no model 'a9': there are a1, a2"):
-        RPLidar(Link("range", "/dev/rplidar", BAUD), ManualClock(), model="a9")
+        RPLidar(SerialLink("range", "/dev/rplidar", BAUD), ManualClock(), model="a9")
 
 
 # --- over a pseudo-terminal -------------------------------------------------------------------------------------------
@@ -306,18 +313,20 @@ class Wired:
         self.turns: list[tuple[float, float]] = []
         """Seconds of computing of the driver's thread, and seconds of the clock, at each turn."""
         self.notices: list[tuple[str, float, float]] = []
-        self.lidar = VirtualLidar(all_round, model=model, streaming=True)
-        self.terminal = Terminal("rplidar", self.lidar, self.clock)
+        self.lidar = VirtualRPLidar(all_round, model=model, streaming=True)
+        self.terminal = PseudoTerminal("rplidar", self.lidar, self.clock)
         self.terminal.open()
-        link = Link("range", self.terminal.path, BAUD, retry=0.05, gather=GATHER, report=self.tell)
+        link = SerialLink(
+            "range", self.terminal.path, BAUD, retry_interval=0.05, gather_time=GATHER_TIME, report=self.tell
+        )
         self.device = RPLidar(link, self.clock, model=model, report=self.tell, changed=self.turned)
         self.device.open()
 
     def turned(self) -> None:
-        self.turns.append((thread_time(), self.clock.now()))
+        self.turns.append((thread_time(), self.clock.read_value()))
 
     def tell(self, notice: DeviceStatus) -> None:
-        self.notices.append((notice.kind, thread_time(), self.clock.now()))
+        self.notices.append((notice.kind, thread_time(), self.clock.read_value()))
 
 
 @pytest.fixture(params=["a1", "a2"])
@@ -338,7 +347,7 @@ def test_a_dirty_start_ends_in_scans_and_closing_stops_everything(wired: Wired) 
     assert wired.device.health().counters["skipped bytes"] == 0
     wired.device.close()
     wait_until(lambda: not wired.lidar.streaming)
-    wait_until(lambda: wired.lidar.pwm == 0 or not wired.lidar.model.pwm)
+    wait_until(lambda: wired.lidar.pwm == 0 or not wired.lidar.model.has_pwm)
     wired.device.close()
 
 
@@ -354,7 +363,7 @@ def test_an_unplugged_finder_makes_nobody_spin(wired: Wired) -> None:
     wired.terminal.unplug()
     wait_until(lambda: wired.notices[-1][0] == "offline")
     gone = wired.notices[-1][1:]
-    wait_until(lambda: wired.clock.now() - gone[1] > 1.0)
+    wait_until(lambda: wired.clock.read_value() - gone[1] > 1.0)
     wired.terminal.replug()
     wait_until(lambda: wired.notices[-1][0] == "online")
     assert share(gone, wired.notices[-1][1:]) < 0.25
@@ -363,5 +372,5 @@ def test_an_unplugged_finder_makes_nobody_spin(wired: Wired) -> None:
 
 
 def test_before_anything_came_no_turn_is_known() -> None:
-    device = RPLidar(Link("range", "/dev/nowhere", BAUD), ManualClock(7.0))
+    device = RPLidar(SerialLink("range", "/dev/nowhere", BAUD), ManualClock(7.0))
     assert (device.scan().value, device.scan().stamp, device.scan().quality) == (None, 7.0, Quality.NONE)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from drivers.rplidar import capsules
-from drivers.rplidar.capsules import COUNT, SIZE, CapsuleFinder, capsule
-from drivers.rplidar.nodes import TURN
-from drivers.rplidar.virtual import VirtualLidar
-from drivers.rplidar.wire import EXPRESS, Command, request
+from drivers.rplidar.capsules import CAPSULE_NODES, CAPSULE_SIZE, CapsuleFinder, pack_capsule
+from drivers.rplidar.nodes import STEPS_PER_TURN
+from drivers.rplidar.virtual import VirtualRPLidar
+from drivers.rplidar.wire import EXPRESS_REQUEST, RPLidarCommand, request
 from tests.drivers.test_rplidar_driver import FAR, Bench, all_round
 
 STEP = 16 * 64
@@ -18,16 +18,18 @@ STEP = 16 * 64
 
 
 def distances(number: int) -> np.ndarray[tuple[int], np.dtype[np.uint16]]:
-    return (np.arange(number * COUNT, (number + 1) * COUNT, dtype=np.uint16) % 3000 + 200) * 4
+    return (np.arange(number * CAPSULE_NODES, (number + 1) * CAPSULE_NODES, dtype=np.uint16) % 3000 + 200) * 4
 
 
 def stream(count: int) -> bytes:
-    return b"".join(capsule(number * STEP % TURN, distances(number), first=number == 0) for number in range(count))
+    return b"".join(
+        pack_capsule(number * STEP % STEPS_PER_TURN, distances(number), first=number == 0) for number in range(count)
+    )
 
 
 def test_a_capsule_is_as_the_protocol_has_it() -> None:
-    data = capsule(0x1234, np.array([0x0FFF, 0x8000] * 16, np.uint16), first=True)
-    assert len(data) == SIZE
+    data = pack_capsule(0x1234, np.array([0x0FFF, 0x8000] * 16, np.uint16), first=True)
+    assert len(data) == CAPSULE_SIZE
     assert data[2:9] == b"\x34\x92\xfc\x0f\x00\x80\x00"
     check = 0x34 ^ 0x92  # sixteen equal cabins are no more than none
     assert data[:2] == bytes((0xA0 | check & 15, 0x50 | check >> 4))
@@ -43,22 +45,24 @@ def test_capsules_that_are_cut_anywhere_give_all_their_measurements_in_order() -
         far += nodes.distance.tolist()
         new += int(nodes.new.sum())
         at = end
-    assert len(angles) == finder.nodes == 59 * COUNT
-    assert angles == [number * STEP // COUNT % TURN for number in range(59 * COUNT)]
+    assert len(angles) == finder.nodes == 59 * CAPSULE_NODES
+    assert angles == [number * STEP // CAPSULE_NODES % STEPS_PER_TURN for number in range(59 * CAPSULE_NODES)]
     assert far == np.concatenate([distances(number) for number in range(59)]).tolist()
-    assert new == 59 * STEP // TURN
-    assert (finder.skipped_bytes, finder.slips) == (0, 0)
+    assert new == 59 * STEP // STEPS_PER_TURN
+    assert (finder.skipped_bytes, finder.resyncs) == (0, 0)
 
 
 def test_what_is_taken_from_an_angle_is_in_eighths_of_a_degree() -> None:
-    data = bytearray(capsule(640, np.full(COUNT, 4000, np.uint16)))
+    data = bytearray(pack_capsule(640, np.full(CAPSULE_NODES, 4000, np.uint16)))
     data[4] |= 0b01  # the upper bits of the first
     data[8] = 0x8F  # the lower ones of the second and the first
     check = 0
     for byte in data[2:]:
         check ^= byte
     data[0], data[1] = 0xA0 | check & 15, 0x50 | check >> 4
-    nodes = CapsuleFinder().feed(bytes(data) + capsule(640 + COUNT * 8, np.zeros(COUNT, np.uint16)))
+    nodes = CapsuleFinder().feed(
+        bytes(data) + pack_capsule(640 + CAPSULE_NODES * 8, np.zeros(CAPSULE_NODES, np.uint16))
+    )
     assert nodes.angle[:3].tolist() == [640 - 0x1F * 8, 648 - 8 * 8, 656]
     assert set(nodes.distance.tolist()) == {4000}
 
@@ -70,14 +74,14 @@ def test_damage_costs_the_capsules_that_it_hits_and_nothing_is_made_up() -> None
     data = bytes(byte ^ 1 << random.randrange(8) if random.random() < 0.001 else byte for byte in left)
     finder = CapsuleFinder()
     nodes = finder.feed(data)
-    assert len(nodes) > 0.6 * 400 * COUNT
+    assert len(nodes) > 0.6 * 400 * CAPSULE_NODES
     made_up = [row for row in zip(nodes.angle.tolist(), nodes.distance.tolist(), strict=True) if row not in true]
     assert len(made_up) <= 4, "but where the same bit of two bytes was hit, which no XOR tells"
-    assert finder.slips > 10
+    assert finder.resyncs > 10
 
 
 def _rows(number: int) -> list[tuple[int, int]]:
-    places = (number * STEP + np.arange(COUNT) * STEP // COUNT) % TURN
+    places = (number * STEP + np.arange(CAPSULE_NODES) * STEP // CAPSULE_NODES) % STEPS_PER_TURN
     return list(zip(places.tolist(), distances(number).tolist(), strict=True))
 
 
@@ -87,7 +91,7 @@ def _rows(number: int) -> list[tuple[int, int]]:
 def test_firmware_that_has_it_is_asked_for_an_express_scan(firmware: tuple[int, int], express: bool) -> None:
     bench = Bench(firmware=firmware)
     bench.run(3.0)
-    assert (bench.lidar.requests.get(Command.EXPRESS, 0), bench.lidar.requests.get(Command.SCAN, 0)) == (
+    assert (bench.lidar.requests.get(RPLidarCommand.EXPRESS, 0), bench.lidar.requests.get(RPLidarCommand.SCAN, 0)) == (
         (1, 0) if express else (0, 1)
     )
     scan = bench.device.scan()
@@ -99,10 +103,10 @@ def test_firmware_that_has_it_is_asked_for_an_express_scan(firmware: tuple[int, 
     assert bench.device.health().counters["nodes"] - before == pytest.approx(4000 if express else 2000, abs=80)
 
 
-class Deaf(VirtualLidar):
+class Deaf(VirtualRPLidar):
     """Says that it is new, and yet knows nothing of express scans."""
 
-    def _obey_newer(self, *_: object) -> bytes:
+    def _execute_newer(self, *_: object) -> bytes:
         return b""
 
 
@@ -110,7 +114,7 @@ def test_one_that_does_not_answer_scans_plainly() -> None:
     bench = Bench()
     bench.link._lidar = bench.lidar = Deaf(all_round)
     bench.run(3.0)
-    assert bench.lidar.requests[Command.SCAN] == 1
+    assert bench.lidar.requests[RPLidarCommand.SCAN] == 1
     assert bench.device.scan().good
 
 
@@ -120,36 +124,48 @@ def test_on_a_wire_that_loses_bytes_it_goes_over_to_a_plain_scan() -> None:
     assert bench.device.scan().good
     bench.link.distort = lambda data: bytes(byte for byte in data if random.random() > 0.003)
     bench.run(4.0)
-    assert bench.lidar.requests[Command.SCAN] == 1
+    assert bench.lidar.requests[RPLidarCommand.SCAN] == 1
     assert bench.device.scan().good
     assert bench.notices == []
 
 
 def test_a_virtual_finder_tells_of_its_ways_to_scan_as_the_protocol_has_it() -> None:
-    lidar = VirtualLidar(all_round)
+    lidar = VirtualRPLidar(all_round)
 
     def asked(kind: int, *mode: int) -> bytes:
         payload = struct.pack("<I", kind) + b"".join(struct.pack("<H", each) for each in mode)
-        return lidar.feed(request(Command.SETTING, payload), 0.0)
+        return lidar.feed(request(RPLidarCommand.SETTING, payload), 0.0)
 
     def told(kind: int, data: bytes) -> bytes:
         return b"\xa5\x5a" + struct.pack("<IB", 4 + len(data), 0x20) + struct.pack("<I", kind) + data
 
-    assert lidar.feed(request(Command.RATES), 0.0) == b"\xa5\x5a\x04\0\0\0\x15" + struct.pack("<HH", 500, 250)
+    assert lidar.feed(request(RPLidarCommand.SAMPLE_RATES), 0.0) == b"\xa5\x5a\x04\0\0\0\x15" + struct.pack(
+        "<HH", 500, 250
+    )
     assert asked(0x70) == told(0x70, b"\x02\0")
     assert asked(0x7C) == told(0x7C, b"\x01\0")
     assert asked(0x71, 1) == told(0x71, struct.pack("<I", 250 * 256))
     assert asked(0x74, 0) == told(0x74, struct.pack("<I", 12 * 256))
     assert asked(0x75, 1) == told(0x75, b"\x82")
     assert asked(0x7F, 0) == told(0x7F, b"Standard\0")
-    assert asked(0x7F, 2) == asked(0x7F) == asked(0x99, 0) == lidar.feed(request(Command.SETTING, b"\x70"), 0.0) == b""
+    assert (
+        asked(0x7F, 2)
+        == asked(0x7F)
+        == asked(0x99, 0)
+        == lidar.feed(request(RPLidarCommand.SETTING, b"\x70"), 0.0)
+        == b""
+    )
 
 
 def test_a_forced_scan_measures_also_what_does_not_turn() -> None:
-    lidar = VirtualLidar(all_round)
-    lidar.stuck = True
-    for command, heard in ((request(Command.SCAN), False), (EXPRESS, False), (request(Command.FORCED), True)):
+    lidar = VirtualRPLidar(all_round)
+    lidar.is_stuck = True
+    for command, heard in (
+        (request(RPLidarCommand.SCAN), False),
+        (EXPRESS_REQUEST, False),
+        (request(RPLidarCommand.FORCE_SCAN), True),
+    ):
         assert lidar.feed(command, 0.0)
         assert bool(lidar.poll(1.0)) == heard
-        lidar.feed(request(Command.STOP), 1.0)
-    assert capsules.SAMPLES == 4000.0
+        lidar.feed(request(RPLidarCommand.STOP), 1.0)
+    assert capsules.EXPRESS_SAMPLE_RATE == 4000.0

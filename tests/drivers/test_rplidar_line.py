@@ -10,9 +10,9 @@ import pytest
 from drivers.api import Health
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
-from drivers.transport.link import Link
+from drivers.transport.link import SerialLink
 from drivers.transport.ports import open_port
-from drivers.virtual.terminal import Terminal
+from drivers.virtual.terminal import PseudoTerminal
 from tests.waiting import wait_until
 
 BAUD = 115200
@@ -39,20 +39,20 @@ class Reader:
         self.pieces: list[int] = []
         self.ended = Event()
 
-    def connected(self) -> None: ...
+    def on_connected(self) -> None: ...
 
-    def received(self, data: bytes) -> None:
+    def on_data(self, data: bytes) -> None:
         self.pieces.append(len(data))
 
-    def pulse(self) -> None: ...
+    def on_poll(self) -> None: ...
 
-    def ending(self) -> None:
+    def on_closing(self) -> None:
         self.ended.set()
 
 
 @pytest.fixture
-def terminal() -> Iterator[Terminal]:
-    terminal = Terminal("source", Source(), SystemClock())
+def terminal() -> Iterator[PseudoTerminal]:
+    terminal = PseudoTerminal("source", Source(), SystemClock())
     terminal.open()
     yield terminal
     terminal.close()
@@ -60,7 +60,7 @@ def terminal() -> Iterator[Terminal]:
 
 @pytest.mark.parametrize("on", [True, False])
 def test_dtr_is_set_so_that_closing_the_port_leaves_it(
-    terminal: Terminal, on: bool, monkeypatch: pytest.MonkeyPatch
+    terminal: PseudoTerminal, on: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lines: list[bool] = []
     with open_port("range", terminal.path, BAUD) as port:
@@ -74,12 +74,12 @@ def test_dtr_is_set_so_that_closing_the_port_leaves_it(
         wait_until(lambda: port.read(1) == b"x")  # the port is as usable as before
 
 
-def test_a_terminal_without_modem_lines_is_no_error(terminal: Terminal) -> None:
+def test_a_terminal_without_modem_lines_is_no_error(terminal: PseudoTerminal) -> None:
     with open_port("range", terminal.path, BAUD) as port:
         port.set_dtr(on=True)
 
 
-def test_any_other_trouble_with_the_line_is_an_error(terminal: Terminal, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_any_other_trouble_with_the_line_is_an_error(terminal: PseudoTerminal, monkeypatch: pytest.MonkeyPatch) -> None:
     def breaks() -> None:
         raise OSError(errno.EIO, "broken")
 
@@ -89,7 +89,7 @@ def test_any_other_trouble_with_the_line_is_an_error(terminal: Terminal, monkeyp
             port.set_dtr(on=True)
 
 
-def test_a_port_that_has_gone_is_an_error_with_a_number(terminal: Terminal) -> None:
+def test_a_port_that_has_gone_is_an_error_with_a_number(terminal: PseudoTerminal) -> None:
     with open_port("range", terminal.path, BAUD) as port:
         terminal.unplug()
         found: list[int | None] = []
@@ -105,8 +105,8 @@ def test_a_port_that_has_gone_is_an_error_with_a_number(terminal: Terminal) -> N
         assert found == [errno.EIO]
 
 
-def test_a_link_passes_dtr_on_and_is_offline_once_the_port_has_gone(terminal: Terminal) -> None:
-    link, reader = Link("range", terminal.path, BAUD, retry=0.05), Reader()
+def test_a_link_passes_dtr_on_and_is_offline_once_the_port_has_gone(terminal: PseudoTerminal) -> None:
+    link, reader = SerialLink("range", terminal.path, BAUD, retry_interval=0.05), Reader()
     with pytest.raises(NotConnected, match="not opened yet"):
         link.set_dtr(on=True)
     link.open(reader)
@@ -126,10 +126,10 @@ def test_a_link_passes_dtr_on_and_is_offline_once_the_port_has_gone(terminal: Te
     link.close()
 
 
-def test_bytes_gather_where_that_is_asked_for_and_closing_does_not_wait(terminal: Terminal) -> None:
+def test_bytes_gather_where_that_is_asked_for_and_closing_does_not_wait(terminal: PseudoTerminal) -> None:
     plain, patient = Reader(), Reader()
     for reader, gather in ((plain, 0.0), (patient, 0.1)):
-        link = Link("range", terminal.path, BAUD, gather=gather)
+        link = SerialLink("range", terminal.path, BAUD, gather_time=gather)
         link.open(reader)
         wait_until(lambda: sum(reader.pieces) >= 60)  # noqa: B023 - it is waited for in the loop
         link.close()

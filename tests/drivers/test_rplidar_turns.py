@@ -9,16 +9,16 @@ from hypothesis import strategies as st
 
 from drivers.api import RangeScan
 from drivers.base.scan_mounting import BEAMS, Mounting, beam, bearings
-from drivers.rplidar.make import MAX_NODES, Turns
-from drivers.rplidar.models import MODELS, SAMPLES
-from drivers.rplidar.nodes import TURN, Nodes
+from drivers.rplidar.make import MAX_NODES, ScanAssembler
+from drivers.rplidar.models import MODELS, SAMPLE_RATE
+from drivers.rplidar.nodes import STEPS_PER_TURN, Nodes
 
 A1 = MODELS["a1"]
 
 
 def turn(*, near: int = 0, metres: float = 2.0, count: int = 360, elsewhere: float = 4.0, new: bool = True) -> Nodes:
     """One turn; something is ``metres`` away at ``near`` degrees clockwise from the finder's own front."""
-    angle = np.arange(count) * TURN // count
+    angle = np.arange(count) * STEPS_PER_TURN // count
     distance = np.full(count, elsewhere)
     distance[(angle + 32) // 64 % 360 == near % 360] = metres
     first = np.zeros(count, dtype=np.bool_)
@@ -27,7 +27,7 @@ def turn(*, near: int = 0, metres: float = 2.0, count: int = 360, elsewhere: flo
     return Nodes(first, np.full(count, 15, dtype=np.uint8), angle.astype(np.uint16), steps)
 
 
-def scanned(turns: Turns, *parts: Nodes) -> RangeScan:
+def scanned(turns: ScanAssembler, *parts: Nodes) -> RangeScan:
     """The scan of these nodes, which come a tenth of a second apart, and of the first of a further turn."""
     for number, part in enumerate(parts):
         turns.add(part, 0.1 * number)
@@ -51,7 +51,7 @@ def at(scan: RangeScan, bearing: float) -> float:
     [(0, 0, 0), (90, 0, -90), (270, 0, 90), (0, 180, -180), (90, 180, 90), (30, 90, 60), (10, -90, -100)],
 )
 def test_angles_that_count_clockwise_become_bearings_of_the_base(clockwise: int, yaw: float, bearing: float) -> None:
-    scan = scanned(Turns(A1, Mounting((0.1, 0.0, radians(yaw)))), turn(near=clockwise))
+    scan = scanned(ScanAssembler(A1, Mounting((0.1, 0.0, radians(yaw)))), turn(near=clockwise))
     assert seen_at(scan) == pytest.approx(bearing, abs=0.01)
     assert scan.nearest(radians(bearing), radians(4)) == pytest.approx(2.0)
     assert scan.nearest(radians(bearing + 90), radians(90)) == pytest.approx(4.0)
@@ -62,7 +62,7 @@ def test_angles_that_count_clockwise_become_bearings_of_the_base(clockwise: int,
 @pytest.mark.parametrize(("sector", "blind", "seen"), [((100, 120), 110, 130), ((170, -170), 180, 160)])
 def test_nothing_is_measured_in_a_blind_sector(sector: tuple[float, float], blind: float, seen: float) -> None:
     mounting = Mounting((0.0, 0.0, pi), (((radians(sector[0])), radians(sector[1])),))
-    scan = scanned(Turns(A1, mounting), turn())
+    scan = scanned(ScanAssembler(A1, mounting), turn())
     assert isnan(at(scan, blind))
     assert isnan(at(scan, sector[0]))
     assert isnan(at(scan, sector[1]))
@@ -86,7 +86,7 @@ def test_a_place_or_sector_must_be_finite(wrong: float) -> None:
 
 @pytest.mark.parametrize("metres", [0.0, 0.14, 12.1])
 def test_what_is_out_of_range_is_nothing(metres: float) -> None:
-    scan = scanned(Turns(A1, Mounting()), turn(near=0, metres=metres))
+    scan = scanned(ScanAssembler(A1, Mounting()), turn(near=0, metres=metres))
     assert isnan(at(scan, 0))
     assert at(scan, 1) == pytest.approx(4.0)
     assert (scan.least, scan.most) == (0.15, 12.0)
@@ -96,20 +96,20 @@ def test_of_several_measurements_in_one_beam_the_nearest_counts() -> None:
     nodes = turn(count=1440)
     nodes.distance[::2] = 0
     nodes.distance[1::2] = 5000
-    scan = scanned(Turns(A1, Mounting()), nodes)
+    scan = scanned(ScanAssembler(A1, Mounting()), nodes)
     assert np.nanmax(scan.ranges) == np.nanmin(scan.ranges) == pytest.approx(1.25)
     assert not np.isnan(scan.ranges).any()
 
 
 def test_a_finder_that_measures_every_second_degree_leaves_no_gaps() -> None:
-    scan = scanned(Turns(MODELS["a2"], Mounting()), turn(near=90, count=200))
+    scan = scanned(ScanAssembler(MODELS["a2"], Mounting()), turn(near=90, count=200))
     assert not np.isnan(scan.ranges).any()
     assert at(scan, -90) == pytest.approx(2.0)
 
 
 def test_the_stamp_is_the_middle_of_the_turn_and_numbers_rise() -> None:
-    turns = Turns(A1, Mounting())
-    nodes, whole = turn(), 359 / SAMPLES  # the first node of a turn came so long before its last
+    turns = ScanAssembler(A1, Mounting())
+    nodes, whole = turn(), 359 / SAMPLE_RATE  # the first node of a turn came so long before its last
     assert turns.add(nodes, 5.0 + whole) is None
     first, second = turns.add(nodes, 5.2 + whole), turns.add(nodes, 5.4 + whole)
     assert first is not None
@@ -119,7 +119,7 @@ def test_the_stamp_is_the_middle_of_the_turn_and_numbers_rise() -> None:
 
 
 def test_of_two_turns_that_come_at_once_the_newest_wins() -> None:
-    turns = Turns(A1, Mounting())
+    turns = ScanAssembler(A1, Mounting())
     one, two, three = turn(metres=1.0), turn(metres=2.0), turn(metres=3.0)
     nodes = Nodes(
         *(np.concatenate([getattr(part, name) for part in (one, two, three)]) for name in Nodes.__dataclass_fields__)
@@ -131,23 +131,23 @@ def test_of_two_turns_that_come_at_once_the_newest_wins() -> None:
 
 
 def test_a_turn_of_which_much_was_lost_is_none() -> None:
-    turns = Turns(A1, Mounting())
+    turns = ScanAssembler(A1, Mounting())
     whole = turn()
     turns.add(Nodes(whole.new[:200], whole.quality[:200], whole.angle[:200], whole.distance[:200]), 0.0)
     assert turns.add(turn(), 0.1) is None
-    assert turns.partial == 1
+    assert turns.partial_scans == 1
     assert turns.add(turn(), 0.2) is not None
 
 
 def test_when_the_beginning_of_a_turn_was_lost_the_newer_of_both_counts() -> None:
-    scan = scanned(Turns(A1, Mounting()), turn(near=10, metres=1.0), turn(near=20, metres=1.5, new=False))
+    scan = scanned(ScanAssembler(A1, Mounting()), turn(near=10, metres=1.0), turn(near=20, metres=1.5, new=False))
     assert at(scan, -20) == pytest.approx(1.5)
     assert at(scan, -10) == pytest.approx(4.0)
-    assert scan.stamp == pytest.approx(0.15 - 359 / SAMPLES)
+    assert scan.stamp == pytest.approx(0.15 - 359 / SAMPLE_RATE)
 
 
 def test_nodes_without_end_are_not_kept() -> None:
-    turns = Turns(A1, Mounting())
+    turns = ScanAssembler(A1, Mounting())
     for number in range(100):
         turns.add(turn(new=False), 0.1 * number)
-        assert sum(len(part[0]) for part in turns._kept) <= MAX_NODES + 360
+        assert sum(len(part[0]) for part in turns._parts) <= MAX_NODES + 360

@@ -10,24 +10,24 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from drivers.api import Angles, Pose2D
-from drivers.sim.block import Block, Point3, Solid
+from drivers.sim.block import Point3, Solid, UprightBox
 from drivers.sim.people import Person
 from drivers.sim.room import Room
-from drivers.sim.scanner import cast, looking
-from drivers.sim.things import Ball, Box, Rover, Wall
-from drivers.sim.world import World
+from drivers.sim.scanner import cast_rays, make_range_function
+from drivers.sim.things import Rover, Wall, WorldBall, WorldBox
+from drivers.sim.world import SimulatedWorld
 
 GREY = (120, 120, 120)
 ALL_ROUND: Angles = np.arange(-pi, pi, tau / 360)
-EMPTY = World(room=Room(8.0, 6.0, 2.6, (1.0, 0.0), fixtures=()))
-FULL = World(
+EMPTY = SimulatedWorld(room=Room(8.0, 6.0, 2.6, (1.0, 0.0), fixtures=()))
+FULL = SimulatedWorld(
     walls=(Wall((0.0, -3.0), (0.5, -1.5)), Wall((3.0, 1.0), (3.0, 2.5))),
     furniture=(
-        Box("table", 1.0, 1.0, (1.2, 0.6, 0.05), GREY, 0.3, bottom=0.7),
-        Box("shelf", -2.0, 0.5, (0.4, 1.0, 1.8), GREY, 0.7),
-        Box("box", 2.0, -2.0, (0.3, 0.3, 0.2), GREY),
+        WorldBox("table", 1.0, 1.0, (1.2, 0.6, 0.05), GREY, 0.3, bottom=0.7),
+        WorldBox("shelf", -2.0, 0.5, (0.4, 1.0, 1.8), GREY, 0.7),
+        WorldBox("box", 2.0, -2.0, (0.3, 0.3, 0.2), GREY),
     ),
-    objects=(Ball("ball", 2.0, 0.0, 0.25, GREY), Ball("high", 1.0, -1.0, 0.2, GREY, bottom=1.0)),
+    objects=(WorldBall("ball", 2.0, 0.0, 0.25, GREY), WorldBall("high", 1.0, -1.0, 0.2, GREY, bottom=1.0)),
     people=(Person("anna", x=3.5, y=-1.0), Person("ben", x=0.0, y=2.0, path=((3.0, 2.0),))),
     robots=(Rover("rover", 7, -1.0, -1.0, path=((1.0, -2.5),)),),
 )
@@ -39,8 +39,8 @@ places = st.tuples(st.floats(-2.9, 4.9), st.floats(-2.9, 2.9))
 def test_every_ray_is_as_long_as_the_world_says(
     place: tuple[float, float], angles: list[float], time: float, height: float
 ) -> None:
-    assume(FULL.touched(*place, 1e-6, time) == [])  # on the very edge of something is both in it and not
-    lengths = cast(FULL, *place, np.array(angles), time, height=height)
+    assume(FULL.contact_directions(*place, 1e-6, time) == [])  # on the very edge of something is both in it and not
+    lengths = cast_rays(FULL, *place, np.array(angles), time, height=height)
     for angle, length in zip(angles, lengths, strict=True):
         # A ray that grazes something may miss it by the last bit of a sine.
         beside = [FULL.distance(*place, angle + off, time, height=height) for off in (-1e-9, 0.0, 1e-9)]
@@ -48,22 +48,22 @@ def test_every_ray_is_as_long_as_the_world_says(
 
 
 @pytest.mark.parametrize("world", [EMPTY, FULL])
-def test_rays_along_the_axes_and_from_within_things_are_exact(world: World) -> None:
+def test_rays_along_the_axes_and_from_within_things_are_exact(world: SimulatedWorld) -> None:
     angles = np.array([0.0, pi / 2, pi, -pi / 2])
     for x, y in ((0.3, 0.2), (3.0, 1.5), (2.0, 0.0), (-3.0, -3.0), (9.0, 9.0)):
         said = [world.distance(x, y, float(angle), 0.0) for angle in angles]
-        assert cast(world, x, y, angles, 0.0).tolist() == pytest.approx(said, abs=1e-9)
+        assert cast_rays(world, x, y, angles, 0.0).tolist() == pytest.approx(said, abs=1e-9)
 
 
 def test_a_finder_does_not_see_what_is_above_or_below_it() -> None:
     to_ball = np.array([0.0])
-    assert cast(FULL, 1.0, 0.0, to_ball, 0.0, height=0.2)[0] == pytest.approx(1.0 - 0.125)
-    assert cast(FULL, 1.0, 0.0, to_ball, 0.0, height=0.3)[0] == pytest.approx(4.0)
+    assert cast_rays(FULL, 1.0, 0.0, to_ball, 0.0, height=0.2)[0] == pytest.approx(1.0 - 0.125)
+    assert cast_rays(FULL, 1.0, 0.0, to_ball, 0.0, height=0.3)[0] == pytest.approx(4.0)
 
 
 def test_somebody_who_walks_is_where_the_world_has_them_then() -> None:
     ahead = np.array([0.0])
-    first, later = (cast(FULL, -1.0, 2.0, ahead, time, height=0.2)[0] for time in (0.0, 4.0))
+    first, later = (cast_rays(FULL, -1.0, 2.0, ahead, time, height=0.2)[0] for time in (0.0, 4.0))
     assert later == pytest.approx(first + 2.0)
 
 
@@ -71,33 +71,33 @@ def test_a_shape_that_the_scanner_does_not_know_is_asked_itself() -> None:
     class Post:
         """A block by another name."""
 
-        x, y, bottom, top, reach = 2.0, 0.0, 0.0, 1.0, 0.3
+        x, y, bottom, top, bounding_radius = 2.0, 0.0, 0.0, 1.0, 0.3
 
         def __init__(self) -> None:
-            self._block = Block(2.0, 0.0, 0.4, 0.4)
+            self._block = UprightBox(2.0, 0.0, 0.4, 0.4)
 
-        def nearest(self, x: float, y: float) -> tuple[float, float]:
-            return self._block.nearest(x, y)
+        def nearest_offset(self, x: float, y: float) -> tuple[float, float]:
+            return self._block.nearest_offset(x, y)
 
-        def ray(self, x: float, y: float, dx: float, dy: float) -> float:
-            return self._block.ray(x, y, dx, dy)
+        def intersect_ray(self, x: float, y: float, dx: float, dy: float) -> float:
+            return self._block.intersect_ray(x, y, dx, dy)
 
-        def hides(self, eye: Point3, point: Point3) -> bool:
-            return self._block.hides(eye, point)
+        def blocks_sight(self, eye: Point3, point: Point3) -> bool:
+            return self._block.blocks_sight(eye, point)
 
-    class Odd(World):
+    class Odd(SimulatedWorld):
         def solids(self, time: float) -> Iterator[Solid]:
             del time
             yield Post()
 
-    assert cast(Odd(), 0.0, 0.0, np.array([0.0, pi]), 0.0).tolist() == pytest.approx([1.8, 3.0])
+    assert cast_rays(Odd(), 0.0, 0.0, np.array([0.0, pi]), 0.0).tolist() == pytest.approx([1.8, 3.0])
 
 
 @given(places, st.floats(-4, 4), st.floats(-0.1, 0.1), st.floats(-0.1, 0.1))
 def test_a_finder_looks_from_where_it_sits_on_the_base(
     place: tuple[float, float], heading: float, ahead: float, left: float
 ) -> None:
-    look = looking(EMPTY, (ahead, left, 1.0), lambda time: Pose2D(*place, heading + time))
+    look = make_range_function(EMPTY, (ahead, left, 1.0), lambda time: Pose2D(*place, heading + time))
     now = heading + 0.5
     x = place[0] + ahead * cos(now) - left * sin(now)
     y = place[1] + ahead * sin(now) + left * cos(now)
@@ -112,6 +112,6 @@ def test_a_scan_costs_a_small_part_of_what_single_rays_do() -> None:
             scan()
         return process_time() - began
 
-    at_once = min(cost(lambda: cast(FULL, 0.0, 0.0, ALL_ROUND, 0.0)) for _ in range(5))
+    at_once = min(cost(lambda: cast_rays(FULL, 0.0, 0.0, ALL_ROUND, 0.0)) for _ in range(5))
     singly = min(cost(lambda: [FULL.distance(0.0, 0.0, a, 0.0) for a in ALL_ROUND.tolist()]) for _ in range(2))
     assert at_once < singly / 3

@@ -11,24 +11,31 @@ import resvg_py
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.api import Image, Mood, Screen, Shown
+from drivers.api import Image, Mood, Screen, ScreenContent
 from drivers.clock import ManualClock
-from drivers.screen.drawing import HEIGHT, WIDTH, draw, frame
-from drivers.screen.expression import BLINK, BLINK_EVERY, LINES, MAX_TEXT_LENGTH, arranged, expression
+from drivers.screen.drawing import HEIGHT, WIDTH, draw_face, face_image
+from drivers.screen.expression import (
+    BLINK_INTERVAL,
+    BLINK_TIME,
+    MAX_LINES,
+    MAX_TEXT_LENGTH,
+    face_expression,
+    layout_text,
+)
 from drivers.screen.make import PrintedScreen
-from drivers.screen.pages import news, numbers, picture, svg
+from drivers.screen.pages import picture, shape_numbers, state_line, svg
 from drivers.screen.twin import ScreenTwin
 from missions.plugins.testing.recorders.bench import RecordedScreen
 
 CALM = 2.3
 """A time at which nobody blinks."""
 
-SHOWN = st.builds(Shown, st.sampled_from(Mood), st.text(max_size=60), st.floats(0, 1) | st.just(1.0))
+SHOWN = st.builds(ScreenContent, st.sampled_from(Mood), st.text(max_size=60), st.floats(0, 1) | st.just(1.0))
 TIMES = st.floats(0, 1e6)
 
 
-def photograph(shown: Shown, size: tuple[int, int]) -> Image:
-    return frame(expression(shown, CALM), shown.text, size)
+def photograph(shown: ScreenContent, size: tuple[int, int]) -> Image:
+    return face_image(face_expression(shown, CALM), shown.text, size)
 
 
 def unlike(one: Image, other: Image) -> float:
@@ -39,24 +46,26 @@ def unlike(one: Image, other: Image) -> float:
 @pytest.mark.parametrize(("one", "other"), list(combinations(Mood, 2)))
 def test_moods_are_told_apart_from_three_metres(one: Mood, other: Mood) -> None:
     # A display 15 cm wide, seen from 3 m, in 48 pixels: each 3.6 minutes of arc, where a good eye resolves 1.
-    far = photograph(Shown(one), (48, 36)), photograph(Shown(other), (48, 36))
+    far = photograph(ScreenContent(one), (48, 36)), photograph(ScreenContent(other), (48, 36))
     assert unlike(*far) > 5.0
 
 
 @pytest.mark.parametrize("mood", Mood)
 def test_films_show_the_face_of_the_page(mood: Mood) -> None:
-    face = expression(Shown(mood, mouth=0.4), CALM)
+    face = face_expression(ScreenContent(mood, mouth=0.4), CALM)
     page = resvg_py.svg_to_bytes(svg_string=svg(face, "", (400, 300)))
     seen = cv2.imdecode(np.frombuffer(bytes(page), np.uint8), cv2.IMREAD_COLOR)
     assert seen is not None
-    apart = {other: unlike(seen.astype(np.uint8), photograph(Shown(other, mouth=0.4), (400, 300))) for other in Mood}
+    apart = {
+        other: unlike(seen.astype(np.uint8), photograph(ScreenContent(other, mouth=0.4), (400, 300))) for other in Mood
+    }
     assert apart.pop(mood) < 1.6  # where edges are soft
     assert min(apart.values()) > 2.5
 
 
 @pytest.mark.parametrize("size", [(320, 240), (800, 480), (100, 400), (16, 12)])
 def test_a_film_has_the_size_that_is_asked_for_and_the_face_in_its_middle(size: tuple[int, int]) -> None:
-    image = photograph(Shown(Mood.SURPRISED), size)
+    image = photograph(ScreenContent(Mood.SURPRISED), size)
     assert image.shape == (size[1], size[0], 3)
     assert image.dtype == np.uint8
     grey = image.mean(axis=2)
@@ -65,34 +74,34 @@ def test_a_film_has_the_size_that_is_asked_for_and_the_face_in_its_middle(size: 
 
 
 @given(SHOWN, TIMES)
-def test_all_faces_are_of_the_same_shapes_so_that_one_can_become_another(shown: Shown, time: float) -> None:
-    usual, face = draw(expression(Shown(), 0.0)), draw(expression(shown, time), shown.text)
+def test_all_faces_are_of_the_same_shapes_so_that_one_can_become_another(shown: ScreenContent, time: float) -> None:
+    usual, face = draw_face(face_expression(ScreenContent(), 0.0)), draw_face(face_expression(shown, time), shown.text)
     assert [len(shape.points) for shape in face.shapes] == [len(shape.points) for shape in usual.shapes]
     assert [(shape.fill, shape.line) for shape in face.shapes] == [(shape.fill, shape.line) for shape in usual.shapes]
-    told = np.array([number for shape in face.shapes for number in numbers(shape)])
+    told = np.array([number for shape in face.shapes for number in shape_numbers(shape)])
     assert np.isfinite(told).all()
     assert all(0 <= shape.opacity <= 1 for shape in face.shapes)
 
 
 @given(SHOWN, TIMES)
-def test_what_is_seen_of_a_face_is_on_the_sheet(shown: Shown, time: float) -> None:
-    face = draw(expression(shown, time), shown.text)
+def test_what_is_seen_of_a_face_is_on_the_sheet(shown: ScreenContent, time: float) -> None:
+    face = draw_face(face_expression(shown, time), shown.text)
     edges = [(shape.points, shape.width / 2) for shape in face.shapes if shape.opacity > 0.5]
     assert all(half <= x <= WIDTH - half and half <= y <= HEIGHT - half for points, half in edges for x, y in points)
 
 
 def lids(mood: Mood, time: float) -> float:
-    return expression(Shown(mood), time).upper
+    return face_expression(ScreenContent(mood), time).upper
 
 
 @pytest.mark.parametrize("mood", [Mood.NEUTRAL, Mood.SAD, Mood.SURPRISED, Mood.LISTENING, Mood.SPEAKING])
 def test_it_blinks_once_in_four_seconds_and_never_at_the_same_moment(mood: Mood) -> None:
-    times = np.arange(0, 100 * BLINK_EVERY, 0.02)
+    times = np.arange(0, 100 * BLINK_INTERVAL, 0.02)
     shut = np.array([lids(mood, float(time)) < lids(mood, CALM) / 2 for time in times])
     begins = times[1:][shut[1:] & ~shut[:-1]]
     assert len(begins) == 100
-    assert shut.mean() < BLINK / BLINK_EVERY
-    assert len(np.unique(np.round(begins % BLINK_EVERY, 1))) > 20
+    assert shut.mean() < BLINK_TIME / BLINK_INTERVAL
+    assert len(np.unique(np.round(begins % BLINK_INTERVAL, 1))) > 20
 
 
 @pytest.mark.parametrize("mood", [Mood.HAPPY, Mood.ASLEEP])
@@ -102,14 +111,20 @@ def test_eyes_that_are_shut_do_not_blink(mood: Mood) -> None:
 
 @pytest.mark.parametrize("mood", Mood)
 def test_a_mouth_that_speaks_opens_over_any_mood(mood: Mood) -> None:
-    opened = [expression(Shown(mood, mouth=mouth), CALM).opening for mouth in (0.1, 0.4, 0.7, 1.0)]
+    opened = [face_expression(ScreenContent(mood, mouth=mouth), CALM).opening for mouth in (0.1, 0.4, 0.7, 1.0)]
     assert opened == sorted(opened)
     assert opened[-1] == 1.0
-    assert unlike(photograph(Shown(mood, mouth=0.1), (320, 240)), photograph(Shown(mood, mouth=1.0), (320, 240))) > 0.3
+    assert (
+        unlike(
+            photograph(ScreenContent(mood, mouth=0.1), (320, 240)),
+            photograph(ScreenContent(mood, mouth=1.0), (320, 240)),
+        )
+        > 0.3
+    )
 
 
 def test_a_speaker_whose_words_are_unknown_moves_its_mouth_by_itself() -> None:
-    opened = [expression(Shown(Mood.SPEAKING), time / 30).opening for time in range(90)]
+    opened = [face_expression(ScreenContent(Mood.SPEAKING), time / 30).opening for time in range(90)]
     assert max(opened) - min(opened) > 0.4
     assert all(0 <= opening <= 1 for opening in opened)
 
@@ -118,14 +133,14 @@ def test_a_speaker_whose_words_are_unknown_moves_its_mouth_by_itself() -> None:
 
 
 def test_few_words_are_larger_than_many() -> None:
-    sizes = [arranged("many words " * count).size for count in (1, 2, 4, 8)]
+    sizes = [layout_text("many words " * count).size for count in (1, 2, 4, 8)]
     assert sizes == sorted(sizes, reverse=True)
     assert len(set(sizes)) == 4
 
 
 def test_too_many_words_end_in_an_ellipsis() -> None:
-    words = arranged("and so on " * 100)
-    assert len(words.lines) == LINES
+    words = layout_text("and so on " * 100)
+    assert len(words.lines) == MAX_LINES
     assert words.lines[-1].endswith("…")
 
 
@@ -140,17 +155,17 @@ def test_a_book_costs_no_more_to_show_than_a_page(text: str, monkeypatch: pytest
         return category(letter)
 
     monkeypatch.setattr(unicodedata, "category", counted)
-    lines = arranged(text).lines
+    lines = layout_text(text).lines
     assert looked_at <= MAX_TEXT_LENGTH + 1
     assert lines[-1:] == ("word",) if text.strip() == "word" else "".join(lines).endswith("…") or not "".join(lines)
-    assert len(news(Shown(text=text), CALM)) < 10_000
+    assert len(state_line(ScreenContent(text=text), CALM)) < 10_000
 
 
 @given(st.text(max_size=400))
 def test_no_word_is_lost_unless_an_ellipsis_says_so(text: str) -> None:
-    words = arranged(text)
-    assert len(words.lines) == len(words.feet) <= LINES
-    assert all(foot < HEIGHT for foot in words.feet)
+    words = layout_text(text)
+    assert len(words.lines) == len(words.baselines) <= MAX_LINES
+    assert all(foot < HEIGHT for foot in words.baselines)
     letters = "".join("".join(words.lines).split())
     everything = "".join("".join(letter if letter.isprintable() else " " for letter in text).split())
     shown = "".join(letter for letter in letters if letter.isprintable())
@@ -158,22 +173,22 @@ def test_no_word_is_lost_unless_an_ellipsis_says_so(text: str) -> None:
 
 
 @given(SHOWN, TIMES)
-def test_any_words_make_a_picture_and_news_that_can_be_read(shown: Shown, time: float) -> None:
+def test_any_words_make_a_picture_and_news_that_can_be_read(shown: ScreenContent, time: float) -> None:
     root = ET.fromstring(picture(shown, time))  # noqa: S314 - our own
     texts = [element.text for element in root.iter("{http://www.w3.org/2000/svg}text")]
-    assert texts == list(arranged(shown.text).lines)
+    assert texts == list(layout_text(shown.text).lines)
     assert str(root.get("aria-label")).startswith(f"{shown.mood} face")
-    assert "\n" not in news(shown, time).encode().decode()
+    assert "\n" not in state_line(shown, time).encode().decode()
 
 
 @pytest.mark.parametrize("text", ["Hello", "Grüße, Zoë…", "你好", "a\x00b\ud800c"])
 def test_a_film_writes_what_it_can(text: str) -> None:
     size = (320, 240)
 
-    below = photograph(Shown(text=text), size)[170:]
+    below = photograph(ScreenContent(text=text), size)[170:]
     assert (below.max(axis=2) > 128).mean() > 0.01
-    blank = photograph(Shown(text=" "), size)
-    assert unlike(blank, photograph(Shown(), size)) == 0
+    blank = photograph(ScreenContent(text=" "), size)
+    assert unlike(blank, photograph(ScreenContent(), size)) == 0
 
 
 # --- without a display ------------------------------------------------------------------------------------------------
@@ -202,7 +217,7 @@ def test_a_terminal_that_has_gone_does_no_harm() -> None:
     screen = PrintedScreen(ManualClock(), gone)
     screen.open()
     screen.mood(Mood.HAPPY)
-    assert screen.shown().mood is Mood.HAPPY
+    assert screen.content().mood is Mood.HAPPY
 
 
 def test_an_unplugged_twin_keeps_what_it_is_told_and_raises_nothing() -> None:
@@ -215,7 +230,7 @@ def test_an_unplugged_twin_keeps_what_it_is_told_and_raises_nothing() -> None:
     assert not screen.health().online
     assert "unplugged" in screen.health().detail
     screen.plug.plug_in()
-    assert (screen.shown().mood, screen.health().online) == (Mood.HAPPY, True)
+    assert (screen.content().mood, screen.health().online) == (Mood.HAPPY, True)
     assert told == ["online", "offline", "online"]
 
 
@@ -226,4 +241,4 @@ def test_a_recorder_keeps_all_in_order() -> None:
     screen.show("hello")
     screen.mouth(0.5)
     assert recorder.commands == [Mood.HAPPY, "hello", 0.5]
-    assert screen.shown() == Shown(Mood.HAPPY, "hello", 0.5)
+    assert screen.content() == ScreenContent(Mood.HAPPY, "hello", 0.5)

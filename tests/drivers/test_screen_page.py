@@ -15,12 +15,12 @@ import cv2
 import numpy as np
 import pytest
 
-from drivers.api import DeviceStatus, Image, Mood, Shown
+from drivers.api import DeviceStatus, Image, Mood, ScreenContent
 from drivers.clock import SystemClock
-from drivers.screen.drawing import draw, frame
-from drivers.screen.expression import expression
-from drivers.screen.pages import PageScreen, numbers
-from drivers.screen.server import LISTENERS, TALKS, Talks
+from drivers.screen.drawing import draw_face, face_image
+from drivers.screen.expression import face_expression
+from drivers.screen.pages import PageScreen, shape_numbers
+from drivers.screen.server import MAX_CONNECTIONS, MAX_LISTENERS, Connections
 from tests.browser import Browser, Tab
 from tests.cases import each
 from tests.waiting import wait_until
@@ -134,7 +134,7 @@ def test_a_name_that_was_pointed_at_this_computer_is_refused(screen: PageScreen,
     ],
 )
 def test_pages_from_elsewhere_may_not_listen_and_take_no_place(screen: PageScreen, headers: dict[str, str]) -> None:
-    for _ in range(LISTENERS):
+    for _ in range(MAX_LISTENERS):
         assert ask(screen, "/events", **headers)[0].status == 403
     assert screen.health().counters == {"pages": 0}
 
@@ -162,7 +162,10 @@ def test_news_are_sent_when_the_face_changes_and_once_a_second_besides(screen: P
         screen.show("hello")
         assert page.until("happy face: hello")["lines"] == ["hello"]
         screen.mouth(1.0)
-        shut = [numbers(shape) for shape in draw(expression(Shown(Mood.HAPPY, "hello"), 0.0), "hello").shapes]
+        shut = [
+            shape_numbers(shape)
+            for shape in draw_face(face_expression(ScreenContent(Mood.HAPPY, "hello"), 0.0), "hello").shapes
+        ]
         while page.next()["shapes"] == shut:
             pass
         while page.next()["shapes"] != shut:  # 0.3 s later, by itself
@@ -171,13 +174,13 @@ def test_news_are_sent_when_the_face_changes_and_once_a_second_besides(screen: P
 
 def test_four_pages_may_listen_and_the_next_when_one_has_gone(screen: PageScreen) -> None:
     screen.mood(Mood.LISTENING)  # moves, so it is soon seen that one has gone
-    pages = [Listener(screen) for _ in range(LISTENERS)]
-    assert [page.status for page in pages] == [200] * LISTENERS
-    assert screen.health().counters == {"pages": LISTENERS}
+    pages = [Listener(screen) for _ in range(MAX_LISTENERS)]
+    assert [page.status for page in pages] == [200] * MAX_LISTENERS
+    assert screen.health().counters == {"pages": MAX_LISTENERS}
     with closing(Listener(screen)) as late:
         assert late.status == 503
     pages.pop().close()
-    wait_until(lambda: screen.health().counters == {"pages": LISTENERS - 1})
+    wait_until(lambda: screen.health().counters == {"pages": MAX_LISTENERS - 1})
     pages.append(Listener(screen))
     assert pages[-1].next()["label"] == "listening face"
     for page in pages:
@@ -216,7 +219,7 @@ def test_many_silent_browsers_do_not_keep_it_longer_than_one(screen: PageScreen)
         wait_until(lambda: len([thread for thread in enumerate_threads() if thread.name == "page talk"]) == 20)
         clock = SystemClock()
         screen.close()
-        assert clock.now() < 2.0  # with 0.2 s for each it would be 4 s
+        assert clock.read_value() < 2.0  # with 0.2 s for each it would be 4 s
 
 
 def test_a_crowd_of_silent_browsers_is_hung_up_on_and_makes_room(
@@ -225,10 +228,10 @@ def test_a_crowd_of_silent_browsers_is_hung_up_on_and_makes_room(
     monkeypatch.setattr("drivers.screen.server.REQUEST_TIMEOUT", 0.3)
     page = Listener(screen)
     with ExitStack() as browsers:
-        for _ in range(3 * TALKS):
+        for _ in range(3 * MAX_CONNECTIONS):
             browsers.enter_context(socket.create_connection(("127.0.0.1", port_of(screen))))
         talks = [thread for thread in enumerate_threads() if thread.name == "page talk"]
-        assert len(talks) <= TALKS
+        assert len(talks) <= MAX_CONNECTIONS
         wait_until(lambda: sum(thread.is_alive() for thread in talks) <= 1)  # that of who listens, whichever it is
         assert ask(screen, "/")[0].status == 200
         assert page.next(), "who listens has time"
@@ -237,7 +240,7 @@ def test_a_crowd_of_silent_browsers_is_hung_up_on_and_makes_room(
 
 def test_idle_connections_shut_no_browser_out(screen: PageScreen) -> None:
     with ExitStack() as browsers:
-        for number in range(3 * TALKS):
+        for number in range(3 * MAX_CONNECTIONS):
             browsers.enter_context(socket.create_connection(("127.0.0.1", port_of(screen))))
             if number % 16 == 0:
                 assert ask(screen, "/")[0].status == 200
@@ -245,17 +248,17 @@ def test_idle_connections_shut_no_browser_out(screen: PageScreen) -> None:
 
 
 def test_one_address_does_not_take_the_places_of_all_who_listen() -> None:
-    talks = Talks()
-    places = [socket.socketpair() for _ in range(LISTENERS + 3)]
+    talks = Connections()
+    places = [socket.socketpair() for _ in range(MAX_LISTENERS + 3)]
     try:
         ends = [pair[0] for pair in places]
-        for end in ends[:LISTENERS]:
+        for end in ends[:MAX_LISTENERS]:
             assert talks.listen(end, "192.0.2.1")
-        assert not talks.listen(ends[LISTENERS], "192.0.2.1")
-        assert talks.listen(ends[LISTENERS + 1], "127.0.0.1")
+        assert not talks.listen(ends[MAX_LISTENERS], "192.0.2.1")
+        assert talks.listen(ends[MAX_LISTENERS + 1], "127.0.0.1")
         assert ends[0] not in talks.listeners
         assert places[0][1].recv(1) == b""
-        assert talks.listen(ends[LISTENERS + 2], "127.0.0.1")
+        assert talks.listen(ends[MAX_LISTENERS + 2], "127.0.0.1")
         assert not talks.listen(ends[0], "127.0.0.1")
         assert sorted(talks.listeners.values()) == ["127.0.0.1"] * 2 + ["192.0.2.1"] * 2
     finally:
@@ -271,10 +274,10 @@ def test_a_browser_that_asks_a_byte_at_a_time_is_hung_up_on(
     clock, pause = SystemClock(), Event()
     with socket.create_connection(("127.0.0.1", port_of(screen))) as slow, suppress(ConnectionError):
         slow.sendall(b"GET / HTTP/1.1\r\n")
-        while clock.now() < PAGE_TIMEOUT:
+        while clock.read_value() < PAGE_TIMEOUT:
             slow.sendall(b"X")
             pause.wait(0.05)
-    assert clock.now() < PAGE_TIMEOUT / 2
+    assert clock.read_value() < PAGE_TIMEOUT / 2
 
 
 def test_two_robots_on_one_computer_take_two_ports(screen: PageScreen) -> None:
@@ -300,7 +303,7 @@ def test_a_port_that_is_taken_is_waited_for_and_keeps_no_robot_from_working(scre
     assert other.health().detail == ""
     assert "happy face" in ask(other, "/")[1]
     wait_until(lambda: len(told) == 2)
-    assert (told[1].kind, other.address in told[1].what) == ("online", True)
+    assert (told[1].kind, other.address in told[1].message) == ("online", True)
     other.close()
 
 
@@ -352,18 +355,18 @@ def test_the_page_asks_its_own_server_alone_and_nothing_goes_wrong(tab: Tab, scr
 def test_a_mood_is_to_be_seen(tab: Tab, screen: PageScreen, mood: Mood) -> None:
     screen.mood(mood)
     wait_until(lambda: label(tab) == f"{mood} face")
-    drawn = frame(expression(Shown(mood), 2.3), "", SIZE)
+    drawn = face_image(face_expression(ScreenContent(mood), 2.3), "", SIZE)
     wait_until(lambda: unlike(seen(tab), drawn) < 3.5)  # whatever blinks and moves comes past this now and then
 
 
 def test_words_are_to_be_seen_as_they_are_and_vanish(tab: Tab, screen: PageScreen) -> None:
     screen.mood(Mood.HAPPY)
-    still = frame(expression(Shown(Mood.HAPPY), 0.0), "", SIZE)
+    still = face_image(face_expression(ScreenContent(Mood.HAPPY), 0.0), "", SIZE)
     wait_until(lambda: unlike(seen(tab), still) < 3)
     screen.show("Hello <b>Anna</b> & Zoë")
     wait_until(lambda: label(tab) == "happy face: Hello <b>Anna</b> & Zoë")
     assert " ".join(tab.text().split()) == "Hello <b>Anna</b> & Zoë"
-    above = frame(expression(Shown(Mood.HAPPY), 0.0), "Hello <b>Anna</b> & Zoë", SIZE)
+    above = face_image(face_expression(ScreenContent(Mood.HAPPY), 0.0), "Hello <b>Anna</b> & Zoë", SIZE)
     wait_until(lambda: unlike(seen(tab)[:320], above[:320]) < 3)
     assert (seen(tab)[330:].max(axis=2) > 128).mean() > 0.05
     screen.show("")
@@ -405,8 +408,10 @@ def test_a_page_that_hears_nothing_for_three_seconds_sleeps_until_the_robot_is_b
     clock = SystemClock()
     with screen._lock:  # as if the robot hung
         wait_until(lambda: label(tab) == "asleep face")
-        assert clock.now() > 1.8  # the last news were up to a second old
-        wait_until(lambda: unlike(seen(tab), frame(expression(Shown(Mood.ASLEEP), 1.0), "", SIZE)) < 3.5)
+        assert clock.read_value() > 1.8  # the last news were up to a second old
+        wait_until(
+            lambda: unlike(seen(tab), face_image(face_expression(ScreenContent(Mood.ASLEEP), 1.0), "", SIZE)) < 3.5
+        )
         assert tab.text().strip() == ""
     wait_until(lambda: label(tab) == "neutral face: help")
     wait_until(lambda: tab.text().strip() == "help")

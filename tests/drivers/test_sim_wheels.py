@@ -8,26 +8,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.api import Pose2D, Velocity
-from drivers.sim.wheels import Wheels
+from drivers.sim.wheels import SimulatedWheels
 
 
-def rolling(linear: float, angular: float, *, slip: float = 0.0) -> Wheels:
+def rolling(linear: float, angular: float, *, slip: float = 0.0) -> SimulatedWheels:
     """Wheels that go at this speed from time 0 on, practically at once."""
-    wheels = Wheels(acceleration=1e6, slip=slip)
+    wheels = SimulatedWheels(acceleration=1e6, slip=slip)
     wheels.command(linear, angular, 0.0)
     wheels.advance(0.01)
     return wheels
 
 
 def test_wheels_stand_still_until_they_are_told_otherwise() -> None:
-    wheels = Wheels()
+    wheels = SimulatedWheels()
     wheels.advance(1000.0)
     assert wheels.advance(1e9) == Pose2D(0.0, 0.0, 0.0)
     assert (wheels.left, wheels.right, wheels.velocity) == (0.0, 0.0, Velocity(0.0, 0.0))
 
 
 def test_a_start_takes_the_time_that_the_motors_need() -> None:
-    wheels = Wheels(acceleration=0.5)
+    wheels = SimulatedWheels(acceleration=0.5)
     wheels.command(0.4, 0.0, 10.0)
     wheels.advance(10.4)
     assert wheels.velocity.linear == pytest.approx(0.2)
@@ -59,7 +59,7 @@ def test_a_constant_velocity_makes_a_circle(linear: float, angular: float, secon
 
 @given(st.lists(st.floats(0.0, 0.3), min_size=1, max_size=20))
 def test_it_does_not_matter_how_often_one_looks(pauses: list[float]) -> None:
-    often, once = Wheels(), Wheels()
+    often, once = SimulatedWheels(), SimulatedWheels()
     for wheels in (often, once):
         wheels.command(0.5, 1.0, 0.0)
     now = 0.0
@@ -73,7 +73,7 @@ def test_it_does_not_matter_how_often_one_looks(pauses: list[float]) -> None:
 
 
 def test_a_command_takes_effect_after_the_dead_time() -> None:
-    wheels = Wheels(acceleration=1e6, dead_time=0.2)
+    wheels = SimulatedWheels(acceleration=1e6, dead_time=0.2)
     wheels.command(0.5, 0.0, 1.0)
     wheels.command(0.0, 0.0, 1.1)
     assert wheels.advance(1.19).x == 0.0
@@ -110,4 +110,4 @@ def test_time_that_runs_backwards_changes_nothing() -> None:
 )
 def test_wheels_that_make_no_sense_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=next(iter(wrong))):
-        Wheels(**wrong)
+        SimulatedWheels(**wrong)

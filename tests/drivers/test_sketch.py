@@ -14,9 +14,9 @@ import pytest
 from drivers.api import DeviceStatus, HeadPose
 from drivers.errors import DriverError
 from drivers.head.axis import ServoAxis
-from drivers.head.guardian_head import SURE, KeeperHead
-from drivers.head.memory import Memory
-from drivers.head.pantilt import CATCH_UP
+from drivers.head.guardian_head import MAX_REPORT_AGE, GuardianHead
+from drivers.head.memory import ServoAngleStore
+from drivers.head.pantilt import MAX_CATCH_UP
 from drivers.sim.timeline import Timeline
 from drivers.transport import guardian_wire
 from tests.drivers.cranked import HandWire, pass_until
@@ -31,7 +31,7 @@ SPEED = 120
 STEP = 3
 """Degrees of the widest step: one that the sketch makes, and two that it made unheard before it began anew."""
 
-RAMP = SPEED * (SURE + CATCH_UP) + 2
+RAMP = SPEED * (MAX_REPORT_AGE + MAX_CATCH_UP) + 2
 """The same where its answers are lost: what the driver leads it on between two of them."""
 
 
@@ -108,18 +108,18 @@ class Board:
 class Bench:
     """The sketch, and its driver on a wire that is turned by hand."""
 
-    def __init__(self, program: Path, remembered: Memory | None = None) -> None:
+    def __init__(self, program: Path, remembered: ServoAngleStore | None = None) -> None:
         self.timeline = Timeline()
-        self.timeline.run(1.0)
+        self.timeline.run_until(1.0)
         self.clock = self.timeline.clock
         self.notices: list[DeviceStatus] = []
         self.board = Board(program)
         self.wire = HandWire(self.board, self.timeline)
         self.head = self.driver(remembered)
 
-    def driver(self, remembered: Memory | None = None) -> KeeperHead:
+    def driver(self, remembered: ServoAngleStore | None = None) -> GuardianHead:
         """Return another driver for the same board."""
-        return KeeperHead(
+        return GuardianHead(
             self.wire.link("head", report=self.notices.append),
             self.clock,
             pan=ServoAxis(0, radians(-80), radians(80), start=90),
@@ -127,7 +127,7 @@ class Bench:
             speed=radians(SPEED),
             acceleration=radians(400),
             report=self.notices.append,
-            remembered=remembered,
+            angle_store=remembered,
         )
 
     def start(self) -> "Bench":
@@ -136,14 +136,14 @@ class Bench:
         return self
 
     def passes(self, seconds: float) -> None:
-        self.timeline.run(self.clock.now() + seconds)
+        self.timeline.run_until(self.clock.read_value() + seconds)
 
     def looks(self, pan: float, tilt: float = 0.0, *, lasting: float = 2.0) -> None:
         self.head.look(HeadPose(radians(pan), radians(tilt)))
         self.passes(lasting)
 
     def faults(self) -> list[str]:
-        return [notice.what for notice in self.notices if notice.kind == "fault"]
+        return [notice.message for notice in self.notices if notice.kind == "fault"]
 
 
 @pytest.fixture
@@ -171,13 +171,14 @@ def test_it_sends_its_servos_nowhere_before_it_is_asked_and_then_where_it_is_ask
 def test_its_watchdog_stops_the_ramp_that_nobody_leads_on(bench: Bench) -> None:
     bench.start().looks(0)
     (report,) = {
-        guardian_wire.read(line) for line in bench.board.feed(guardian_wire.ASK, bench.clock.now()).splitlines()
+        guardian_wire.parse_line(line)
+        for line in bench.board.feed(guardian_wire.REPORT_REQUEST, bench.clock.read_value()).splitlines()
     }
-    assert isinstance(report, guardian_wire.Report)
+    assert isinstance(report, guardian_wire.GuardianReport)
     bench.head.close()
-    bench.board.feed(guardian_wire.go(report.boot, 180, 90), bench.clock.now())
+    bench.board.feed(guardian_wire.pack_command(report.boot, 180, 90), bench.clock.read_value())
     for step in range(100):
-        bench.board.poll(bench.clock.now() + 0.02 * step)
+        bench.board.poll(bench.clock.read_value() + 0.02 * step)
     pan, tilt = bench.board.sent[-1]
     assert 90 < pan < 180
     assert tilt == 90
@@ -188,7 +189,7 @@ def test_what_is_sent_for_the_start_before_moves_nothing(bench: Bench) -> None:
     bench.start().looks(0)
     before = len(bench.board.sent)
     for boot in (0, 1, 31999):
-        bench.board.feed(guardian_wire.go(boot, 180, 180), bench.clock.now())
+        bench.board.feed(guardian_wire.pack_command(boot, 180, 180), bench.clock.read_value())
     bench.passes(1.0)
     assert len(bench.board.sent) == before
 
@@ -200,7 +201,7 @@ def test_a_reset_in_mid_move_is_noticed_and_it_stays_until_it_is_asked_anew(benc
     left = bench.board.sent[-1]
     assert left[0] < 155
     assert any("begun anew" in fault for fault in bench.faults())
-    assert bench.head.health().returned is not None
+    assert bench.head.health().reconnected_at is not None
     bench.looks(70)
     assert bench.board.sent[-1][0] == 160
     assert bench.board.widest <= STEP
@@ -225,12 +226,12 @@ def test_unplugged_in_mid_move_and_plugged_in_again_nothing_leaps(bench: Bench) 
 def test_the_next_program_knows_where_its_servos_were_left(bench: Bench, tmp_path: Path) -> None:
     port = tmp_path / "nano"
     port.touch()
-    bench.head = bench.driver(Memory(tmp_path, str(port)))
+    bench.head = bench.driver(ServoAngleStore(tmp_path, str(port)))
     bench.start().looks(40)
     bench.head.close()
     bench.board.reset()  # a Nano starts anew when its port is opened
     bench.notices.clear()
-    bench.head = bench.driver(Memory(tmp_path, str(port)))
+    bench.head = bench.driver(ServoAngleStore(tmp_path, str(port)))
     bench.start().passes(2.0)
     assert bench.faults() == []
     assert bench.board.sent[-1] == (90, 90), "it goes to its start"

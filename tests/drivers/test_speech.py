@@ -9,13 +9,13 @@ from threading import Thread
 
 import pytest
 
-from drivers.api import DeviceStatus, Manner, Mouth, Priority
+from drivers.api import DeviceStatus, Mouth, Priority, SpeechStyle
 from drivers.clock import SystemClock
 from drivers.errors import NoReply, NotConnected
 from drivers.sound import engines, partner
-from drivers.sound.cut import Cut
-from drivers.sound.engines import Espeak
-from drivers.sound.player import Player, SoundState
+from drivers.sound.cut import CancelToken
+from drivers.sound.engines import EspeakEngine
+from drivers.sound.player import SoundPlayer, SoundState
 from drivers.voice.speech import SpeechVoice
 from tests.cases import each
 from tests.waiting import wait_until
@@ -26,27 +26,27 @@ LONG = "this is a sentence that takes its time " * 4
 class Room:
     """A voice, and what is seen of it from outside."""
 
-    def __init__(self, *, device: str = "", backend: str = "null", usual: Manner | None = None) -> None:
+    def __init__(self, *, device: str = "", backend: str = "null", usual: SpeechStyle | None = None) -> None:
         self.clock = SystemClock()
         self.printed: list[str] = []
         self.notices: list[DeviceStatus] = []
-        usual = Manner("en-us+f2", 300) if usual is None else usual
-        self.engine = Espeak(self.clock, usual=usual, report=self.notices.append)
-        self.player = Player(self.clock, device=device, backend=backend, report=self.notices.append)
+        usual = SpeechStyle("en-us+f2", 300) if usual is None else usual
+        self.engine = EspeakEngine(self.clock, default_manner=usual, report=self.notices.append)
+        self.player = SoundPlayer(self.clock, device=device, backend=backend, report=self.notices.append)
         self.voice = SpeechVoice(
-            self.clock, self.engine, self.player, self.printed.append, usual=usual, report=self.notices.append
+            self.clock, self.engine, self.player, self.printed.append, default_style=usual, report=self.notices.append
         )
 
-    def process(self, partner: Espeak | Player) -> "Popen[bytes]":
+    def process(self, partner: EspeakEngine | SoundPlayer) -> "Popen[bytes]":
         wait_until(lambda: partner._worker._process)
         process = partner._worker._process
         assert process is not None
         return process
 
-    def signal(self, partner: Espeak | Player, number: int) -> None:
+    def signal(self, partner: EspeakEngine | SoundPlayer, number: int) -> None:
         os.killpg(self.process(partner).pid, number)
 
-    def starts(self, partner: Espeak | Player) -> int:
+    def starts(self, partner: EspeakEngine | SoundPlayer) -> int:
         return partner._worker.health().counters["starts"]
 
     def seconds_of(self, text: str) -> float:
@@ -54,7 +54,7 @@ class Room:
         words = self.voice.say(text)
         wait_until(words.done)
         assert words.started is not None
-        return self.clock.now() - words.started
+        return self.clock.read_value() - words.started
 
 
 @pytest.fixture(autouse=True)
@@ -83,11 +83,11 @@ def test_the_mouth_moves_from_the_first_sound_to_the_last(room: Room) -> None:
     assert shapes[-1].shape is Mouth.CLOSED
     wait_until(words.done)
     assert words.started is not None
-    assert room.clock.now() - words.started >= shapes[-1].at
+    assert room.clock.read_value() - words.started >= shapes[-1].at
 
 
 def test_twice_the_speed_takes_about_half_the_time(room: Room) -> None:
-    slow, quick = room.voice.say(LONG, Manner(speed=200)), room.voice.say(LONG, Manner(speed=400))
+    slow, quick = room.voice.say(LONG, SpeechStyle(speed=200)), room.voice.say(LONG, SpeechStyle(speed=400))
     wait_until(lambda: slow.started is not None)
     length = slow.mouth[-1].at
     slow.cancel()
@@ -96,7 +96,7 @@ def test_twice_the_speed_takes_about_half_the_time(room: Room) -> None:
 
 
 def test_another_language_has_other_sounds(room: Room) -> None:
-    english, german = room.voice.say("die Maus"), room.voice.say("die Maus", Manner(language="de"))
+    english, german = room.voice.say("die Maus"), room.voice.say("die Maus", SpeechStyle(language="de"))
     wait_until(lambda: english.started is not None)
     heard = list(english.mouth)
     wait_until(lambda: german.started is not None)
@@ -106,15 +106,15 @@ def test_another_language_has_other_sounds(room: Room) -> None:
 
 @each("name", ["en-gb", "en-us+f3", "+m3", "EN-US", "German"])
 def test_voices_go_by_their_names_and_languages(room: Room, name: str) -> None:
-    wait_until(room.voice.say("so", Manner(voice=name)).done)
+    wait_until(room.voice.say("so", SpeechStyle(voice=name)).done)
     assert room.notices == []
 
 
 def test_a_voice_that_there_is_not_is_told_once_and_another_speaks(room: Room) -> None:
     for _ in range(2):
-        wait_until(room.voice.say("so", Manner(voice="en-us+nonsense")).done)
+        wait_until(room.voice.say("so", SpeechStyle(voice="en-us+nonsense")).done)
     (notice,) = room.notices
-    assert notice.what == (
+    assert notice.message == (
         "voice: espeak-ng has no voice that is called 'en-us+nonsense': it speaks with 'en-us+f2' instead"
     )
     assert "docs/speaking.md" in notice.hint
@@ -123,14 +123,14 @@ def test_a_voice_that_there_is_not_is_told_once_and_another_speaks(room: Room) -
 
 def test_no_name_of_a_voice_ends_the_synthesiser(room: Room) -> None:
     for name in ("\ud800", "en\0us", "+f1+f2", "x" * 5000):
-        wait_until(room.voice.say("so", Manner(voice=name)).done)
+        wait_until(room.voice.say("so", SpeechStyle(voice=name)).done)
     assert (room.starts(room.engine), room.printed) == (1, [])
-    assert all(len(notice.what) < 200 for notice in room.notices)
+    assert all(len(notice.message) < 200 for notice in room.notices)
 
 
 @each("text", ["...", "a\0b", "<speak>&", "[[p]]", "naïve 🤖 日本", "odd \udc80 one", "-v de", "7" * 40])
 def test_any_text_comes_to_its_end(room: Room, text: str) -> None:
-    words = room.voice.say(text, Manner(speed=450))
+    words = room.voice.say(text, SpeechStyle(speed=450))
     if len(text) > 20:  # digit by digit
         wait_until(lambda: words.started is not None)
         words.cancel()
@@ -144,7 +144,7 @@ def test_halted_the_player_falls_silent_by_itself(room: Room) -> None:
         words = room.voice.say(LONG)
         wait_until(lambda: words.started is not None)  # noqa: B023 - it is waited for here
         words.cancel()
-        wait_until(lambda: room.player._sound is SoundState.ENDED)
+        wait_until(lambda: room.player._sound_state is SoundState.ENDED)
     assert room.starts(room.player) == 1
     assert room.notices == []
 
@@ -172,10 +172,10 @@ def test_words_whose_player_dies_are_printed_and_take_the_rest_of_their_time(roo
     wait_until(words.done)
     assert words.started == began
     assert began is not None
-    assert room.clock.now() - began >= length
+    assert room.clock.read_value() - began >= length
     assert room.printed == ["one two three four five six"]
     (notice,) = room.notices
-    assert notice.what == "voice: sound_worker: ended with -9"
+    assert notice.message == "voice: sound_worker: ended with -9"
     assert room.voice.health().counters["failed"] == 1
     wait_until(room.voice.say("back again").done)
     assert room.printed == ["one two three four five six"]
@@ -202,46 +202,48 @@ def test_a_synthesiser_that_hangs_is_told_of_and_the_next_words_are_spoken(
     wait_until(room.voice.say("so").done)
     room.signal(room.engine, signal.SIGSTOP)
     with monkeypatch.context() as hurried:
-        hurried.setattr(engines, "THINKING", 0.2)
+        hurried.setattr(engines, "SYNTHESIS_TIMEOUT", 0.2)
         wait_until(room.voice.say("one two three").done)
     assert room.printed == ["one two three"]
-    assert "voice: espeak-ng hangs with 'one two three'" in [notice.what for notice in room.notices]
+    assert "voice: espeak-ng hangs with 'one two three'" in [notice.message for notice in room.notices]
     wait_until(room.voice.say("back again").done)
     assert room.printed == ["one two three"]
 
 
 @pytest.fixture
-def stuck(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Espeak]:
+def stuck(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[EspeakEngine]:
     """A synthesiser that never gets ready."""
     program = tmp_path / "stuck.py"
     program.write_text("import sys; sys.stdin.read()")
-    monkeypatch.setattr(engines, "PROGRAM", program)
-    engine = Espeak(SystemClock(), usual=Manner())
+    monkeypatch.setattr(engines, "WORKER_PROGRAM", program)
+    engine = EspeakEngine(SystemClock(), default_manner=SpeechStyle())
     engine.open()
     yield engine
     engine.close()
 
 
 def test_a_program_that_hangs_while_it_starts_is_replaced_and_told_of(
-    stuck: Espeak, monkeypatch: pytest.MonkeyPatch
+    stuck: EspeakEngine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(partner, "START", 0.1)
+    monkeypatch.setattr(partner, "START_TIMEOUT", 0.1)
     with pytest.raises(NotConnected):
-        stuck.speak("so", Manner(speed=150), Cut())
-    monkeypatch.setattr(partner, "STUCK", 0.1)
+        stuck.speak("so", SpeechStyle(speed=150), CancelToken())
+    monkeypatch.setattr(partner, "HANG_TIMEOUT", 0.1)
     wait_until(lambda: stuck._worker.health().online)
     with pytest.raises(NoReply, match="voice: its program hangs while it starts"):
-        stuck.speak("so", Manner(speed=150), Cut())
+        stuck.speak("so", SpeechStyle(speed=150), CancelToken())
     wait_until(lambda: stuck._worker.health().counters["starts"] == 2)
 
 
-def test_closed_while_it_starts_nobody_waits_for_it_any_more(stuck: Espeak, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(partner, "START", 60.0)
+def test_closed_while_it_starts_nobody_waits_for_it_any_more(
+    stuck: EspeakEngine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(partner, "START_TIMEOUT", 60.0)
     raised: list[Exception] = []
 
     def speak() -> None:
         try:
-            stuck.speak("so", Manner(speed=150), Cut())
+            stuck.speak("so", SpeechStyle(speed=150), CancelToken())
         except NotConnected as error:
             raised.append(error)
 
@@ -259,7 +261,7 @@ def test_a_loudspeaker_that_hangs_holds_nobody_up_for_ever(room: Room) -> None:
     wait_until(lambda: words.started is not None)
     room.signal(room.player, signal.SIGSTOP)
     wait_until(words.done)
-    assert any("the loudspeaker hangs" in notice.what for notice in room.notices)
+    assert any("the loudspeaker hangs" in notice.message for notice in room.notices)
 
 
 def test_without_a_sound_card_words_are_printed_as_they_would_be_heard_and_that_is_told_once() -> None:
@@ -276,9 +278,9 @@ def test_without_a_sound_card_words_are_printed_as_they_would_be_heard_and_that_
         assert room.printed == ["five words in some seconds", "again", LONG]
         (notice,) = room.notices
         assert (notice.device, notice.kind) == ("voice", "fault")
-        assert "no loudspeaker is called 'no such loudspeaker'" in notice.what
+        assert "no loudspeaker is called 'no such loudspeaker'" in notice.message
         health = room.voice.health()
-        assert (health.online, health.detail) == (True, notice.what)
+        assert (health.online, health.detail) == (True, notice.message)
     finally:
         room.voice.close()
         heard.voice.close()
@@ -300,7 +302,7 @@ def test_a_sound_that_cannot_be_decoded_is_told_and_ends(room: Room, tmp_path: P
     path.write_bytes(b"OggS\0\x02" + bytes(20) + b"\x01\x1e\x01vorbis" + bytes(100))
     wait_until(room.voice.play(path).done)
     (notice,) = room.notices
-    assert f"{path}: failed to decode" in notice.what
+    assert f"{path}: failed to decode" in notice.message
     assert notice.hint == f"`file {path}` shows what it is"
 
 
@@ -311,29 +313,29 @@ def test_a_sound_that_lasts_too_long_is_refused_and_its_time_is_not_waited_for(r
     words = room.voice.play(path)
     wait_until(words.done)
     (notice,) = room.notices
-    assert notice.what == f"voice: {path}: lasts 40 min, and a sound may last 10"
+    assert notice.message == f"voice: {path}: lasts 40 min, and a sound may last 10"
     assert room.printed == []
 
 
 def test_a_program_without_its_library_is_told_once_and_words_are_printed(room: Room) -> None:
     wait_until(room.voice.say("so").done)
     for _ in range(2):
-        room.engine.received({"absent": "No module named 'espeakng_loader'"}, b"")
-    room.engine.lost("it ends")
+        room.engine.on_message({"absent": "No module named 'espeakng_loader'"}, b"")
+    room.engine.on_exit("it ends")
     wait_until(room.voice.say("one two three").done)
     assert room.printed == ["one two three"]
     (notice,) = room.notices
-    assert notice.what == "voice: No module named 'espeakng_loader'"
+    assert notice.message == "voice: No module named 'espeakng_loader'"
     assert "driver: print" in notice.hint
     health = room.voice.health()
-    assert (health.online, health.detail) == (False, notice.what)
+    assert (health.online, health.detail) == (False, notice.message)
 
 
 def test_closed_in_the_middle_of_words_nothing_is_left_and_opened_again_it_speaks(
     room: Room, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # What is said while its program starts for longer than this is printed: on a busy machine it does.
-    monkeypatch.setattr("drivers.sound.partner.START", 60.0)
+    monkeypatch.setattr("drivers.sound.partner.START_TIMEOUT", 60.0)
     words = room.voice.say(LONG)
     wait_until(lambda: words.started is not None)
     processes = [room.process(room.engine), room.process(room.player)]

@@ -18,65 +18,75 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.api import AS_USUAL, DeviceStatus, Manner, Mouth, MouthShape
+from drivers.api import DEFAULT_STYLE, DeviceStatus, Mouth, MouthShape, SpeechStyle
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import BadRequest, DeviceFault, NoReply
 from drivers.sound import espeak_worker, sound_worker
-from drivers.sound.cut import Cut
-from drivers.sound.engines import Espeak, Piper
+from drivers.sound.cut import CancelToken
+from drivers.sound.engines import EspeakEngine, PiperEngine
 from drivers.sound.partner import ProgramEvent, ProgramState
-from drivers.sound.player import Player, SoundEvent, SoundState
+from drivers.sound.player import SoundEvent, SoundPlayer, SoundState
 from drivers.sound.printed import PrintedVoice
-from drivers.sound.program import PIECE, Ran, Speaker, Speech, Synthesiser, pieces, request, run, speech
-from drivers.sound.sound_worker import Queue
-from drivers.sound.spoken import espeak_name, filled, movement, shape_of
-from drivers.sound.wav import checked, length_of
-from drivers.transport.pipe import Message, Unframer, Worker, frame
-from drivers.voice.speech import SpeechVoice, Wish, make_voice
+from drivers.sound.program import (
+    MAX_PIECE_BYTES,
+    ProgramEngine,
+    ProgramOutput,
+    Speech,
+    Synthesiser,
+    make_request,
+    parse_speech,
+    run_program,
+    split_sound,
+)
+from drivers.sound.sound_worker import PlaybackQueue
+from drivers.sound.spoken import espeak_name, fill_manner, mouth_movement, mouth_shape
+from drivers.sound.wav import check_sound_file, sound_duration
+from drivers.transport.pipe import Message, MessageParser, WorkerProcess, pack_message
+from drivers.voice.speech import SpeechVoice, VoiceSettings, make_voice
 from tests.cases import each
 from tests.machines import walk
 from tests.waiting import wait_until
 
 # --- manners ----------------------------------------------------------------------------------------------------------
 
-ROBOT = Manner("en-us+f2", 120, "en-us")
+ROBOT = SpeechStyle("en-us+f2", 120, "en-us")
 
 
 @each(
     ("asked", "name", "speed"),
     [
-        (AS_USUAL, "en-us+f2", 120),
-        (Manner(language="de"), "de+f2", 120),
-        (Manner(voice="fr"), "fr", 120),
-        (Manner(voice="+m3"), "en-us+m3", 120),
-        (Manner(voice="+m3", language="de", speed=200), "de+m3", 200),
-        (Manner(voice="en-gb", language="de"), "en-gb", 120),
+        (DEFAULT_STYLE, "en-us+f2", 120),
+        (SpeechStyle(language="de"), "de+f2", 120),
+        (SpeechStyle(voice="fr"), "fr", 120),
+        (SpeechStyle(voice="+m3"), "en-us+m3", 120),
+        (SpeechStyle(voice="+m3", language="de", speed=200), "de+m3", 200),
+        (SpeechStyle(voice="en-gb", language="de"), "en-gb", 120),
     ],
 )
-def test_what_a_mission_leaves_open_the_robot_says(asked: Manner, name: str, speed: float) -> None:
-    manner = filled(asked, ROBOT)
+def test_what_a_mission_leaves_open_the_robot_says(asked: SpeechStyle, name: str, speed: float) -> None:
+    manner = fill_manner(asked, ROBOT)
     assert (espeak_name(manner), manner.speed) == (name, speed)
 
 
 @each(
     ("asked", "usual", "name"),
     [
-        (Manner("+f3"), Manner("de+f2"), "de+f3"),
-        (Manner("+f3"), Manner("de"), "de+f3"),
-        (Manner("+f3"), Manner("de", language="fr"), "de+f3"),
-        (Manner("+f3"), Manner("", language="fr"), "fr+f3"),
-        (Manner("+f3", language="fr"), Manner("de+f2"), "fr+f3"),
-        (Manner("+f3"), AS_USUAL, "en+f3"),
+        (SpeechStyle("+f3"), SpeechStyle("de+f2"), "de+f3"),
+        (SpeechStyle("+f3"), SpeechStyle("de"), "de+f3"),
+        (SpeechStyle("+f3"), SpeechStyle("de", language="fr"), "de+f3"),
+        (SpeechStyle("+f3"), SpeechStyle("", language="fr"), "fr+f3"),
+        (SpeechStyle("+f3", language="fr"), SpeechStyle("de+f2"), "fr+f3"),
+        (SpeechStyle("+f3"), DEFAULT_STYLE, "en+f3"),
     ],
 )
-def test_another_variant_changes_no_language(asked: Manner, usual: Manner, name: str) -> None:
-    assert espeak_name(filled(asked, usual)) == name
+def test_another_variant_changes_no_language(asked: SpeechStyle, usual: SpeechStyle, name: str) -> None:
+    assert espeak_name(fill_manner(asked, usual)) == name
 
 
 def test_without_anything_the_synthesiser_chooses_and_speaks_as_people_do() -> None:
-    assert filled(AS_USUAL, AS_USUAL) == Manner("", 150.0, "")
-    assert espeak_name(AS_USUAL) == ""
-    assert espeak_name(Manner("+f2")) == "en+f2"
+    assert fill_manner(DEFAULT_STYLE, DEFAULT_STYLE) == SpeechStyle("", 150.0, "")
+    assert espeak_name(DEFAULT_STYLE) == ""
+    assert espeak_name(SpeechStyle("+f2")) == "en+f2"
 
 
 # --- files ------------------------------------------------------------------------------------------------------------
@@ -112,7 +122,7 @@ def test_sounds_are_told_by_how_they_begin(tmp_path: Path) -> None:
     path = tmp_path / "sound"
     for data in SOUNDS:
         path.write_bytes(data)
-        assert checked("voice", path) == path, data[:40]
+        assert check_sound_file("voice", path) == path, data[:40]
 
 
 def test_what_nobody_could_play_is_told_by_that_too(tmp_path: Path) -> None:
@@ -120,7 +130,7 @@ def test_what_nobody_could_play_is_told_by_that_too(tmp_path: Path) -> None:
     for data in NO_SOUNDS:
         path.write_bytes(data)
         try:
-            checked("voice", path)
+            check_sound_file("voice", path)
         except BadRequest as error:
             if "is no WAV, MP3, FLAC or Ogg Vorbis file that can be played" in str(error):
                 continue
@@ -130,12 +140,12 @@ def test_what_nobody_could_play_is_told_by_that_too(tmp_path: Path) -> None:
         for length in range(0, len(data), 7):
             path.write_bytes(data[:length])
             with suppress(BadRequest):
-                checked("voice", path)
+                check_sound_file("voice", path)
 
 
 def test_where_no_sound_is_it_is_told(tmp_path: Path) -> None:
     with pytest.raises(BadRequest, match="no such file"):
-        checked("voice", tmp_path)
+        check_sound_file("voice", tmp_path)
 
 
 def test_a_wav_file_says_how_long_it_is_and_of_others_the_size_does(tmp_path: Path) -> None:
@@ -145,10 +155,10 @@ def test_a_wav_file_says_how_long_it_is_and_of_others_the_size_does(tmp_path: Pa
         file.setsampwidth(2)
         file.setframerate(8000)
         file.writeframes(bytes(4 * 6000))
-    assert length_of(path) == 0.75
+    assert sound_duration(path) == 0.75
     path.write_bytes(b"OggS" + bytes(31_996))
-    assert length_of(path) == 2.0
-    assert length_of(tmp_path / "none") == 0.0
+    assert sound_duration(path) == 2.0
+    assert sound_duration(tmp_path / "none") == 0.0
 
 
 def test_a_wav_file_that_lies_is_as_long_as_there_is_sound_in_it(tmp_path: Path) -> None:
@@ -158,9 +168,9 @@ def test_a_wav_file_that_lies_is_as_long_as_there_is_sound_in_it(tmp_path: Path)
         file.writeframes(bytes(32_000))
     whole = path.read_bytes()
     path.write_bytes(whole[:40] + (0x7FFFF000).to_bytes(4, "little") + whole[44:])  # as espeak-ng --stdout says
-    assert length_of(path) == pytest.approx(1.0, abs=0.01)
+    assert sound_duration(path) == pytest.approx(1.0, abs=0.01)
     path.write_bytes(whole[:24] + bytes(4) + whole[28:])  # no samples in a second
-    assert length_of(path) == pytest.approx(2.0, abs=0.01)
+    assert sound_duration(path) == pytest.approx(2.0, abs=0.01)
 
 
 def test_a_wav_file_of_more_than_ten_minutes_is_refused(tmp_path: Path) -> None:
@@ -170,9 +180,9 @@ def test_a_wav_file_of_more_than_ten_minutes_is_refused(tmp_path: Path) -> None:
             file.setparams((1, 1, 1000, 0, "NONE", ""))
             file.writeframes(bytes(60_000 * minutes))
         if minutes == 10:
-            assert checked("voice", path) == path
+            assert check_sound_file("voice", path) == path
     with pytest.raises(BadRequest, match=r"song\.wav: lasts 11 min, and a sound may last 10") as raised:
-        checked("voice", path)
+        check_sound_file("voice", path)
     assert raised.value.hint == f"`ffmpeg -i {path} -t 600 shorter.wav` keeps its beginning"
 
 
@@ -195,47 +205,47 @@ def test_a_wav_file_of_more_than_ten_minutes_is_refused(tmp_path: Path) -> None:
     ],
 )
 def test_each_phoneme_has_its_shape(phoneme: str, shape: Mouth) -> None:
-    assert shape_of(phoneme) is shape
+    assert mouth_shape(phoneme) is shape
 
 
 def test_the_mouth_keeps_a_shape_that_stays_and_ends_closed() -> None:
-    moved = movement([(0.0, "t"), (0.1, "s"), (0.2, "'i:"), (0.3, "m"), (0.4, "_")], 0.6)
+    moved = mouth_movement([(0.0, "t"), (0.1, "s"), (0.2, "'i:"), (0.3, "m"), (0.4, "_")], 0.6)
     assert moved == (
         MouthShape(0.0, Mouth.NARROW),
         MouthShape(0.2, Mouth.WIDE),
         MouthShape(0.3, Mouth.CLOSED),
     )
-    assert movement([], 0.5) == (MouthShape(0.5, Mouth.CLOSED),)
+    assert mouth_movement([], 0.5) == (MouthShape(0.5, Mouth.CLOSED),)
 
 
 # --- messages ---------------------------------------------------------------------------------------------------------
 
 
-@given(st.integers(0, 3 * PIECE).map(lambda count: 2 * count))
+@given(st.integers(0, 3 * MAX_PIECE_BYTES).map(lambda count: 2 * count))
 def test_a_sound_is_sent_in_pieces_of_which_only_the_last_is_the_last(size: int) -> None:
     sound = Speech(bytes(size), 22_050)
-    sent = list(pieces(7, sound))
+    sent = list(split_sound(7, sound))
     assert b"".join(body for _, body in sent) == sound.samples
     assert [head["last"] for head, _ in sent] == [False] * (len(sent) - 1) + [True]
-    assert all(head["play"] == 7 and head["rate"] == 22_050 and len(body) <= PIECE for head, body in sent)
+    assert all(head["play"] == 7 and head["rate"] == 22_050 and len(body) <= MAX_PIECE_BYTES for head, body in sent)
 
 
 def test_what_the_synthesiser_answers_is_checked() -> None:
     good: dict[str, Any] = {"rate": 22_050, "phonemes": [[120, "'oU"]], "trouble": ""}
-    assert speech(good, bytes(5)).phonemes == ((0.12, "'oU"),)
-    assert speech(good, bytes(22_050)).seconds == 0.5
+    assert parse_speech(good, bytes(5)).phonemes == ((0.12, "'oU"),)
+    assert parse_speech(good, bytes(22_050)).seconds == 0.5
     with pytest.raises(ValueError, match="not a rate"):
-        speech({**good, "rate": 0}, b"")
+        parse_speech({**good, "rate": 0}, b"")
     with pytest.raises(KeyError):
-        speech({"rate": 1}, b"")
+        parse_speech({"rate": 1}, b"")
 
 
-class Slow(Worker):
+class Slow(WorkerProcess):
     """A player's program that takes a piece whenever a test says so."""
 
     def __init__(self) -> None:
         super().__init__("voice", Path("none.py"), SystemClock())
-        self.player: Player | None = None
+        self.player: SoundPlayer | None = None
         self.sent: list[Message] = []
         self.heard: list[int] = []
         self.begun: list[float] = []
@@ -245,97 +255,99 @@ class Slow(Worker):
         assert self.player is not None
         self.sent.append(message)
         self.heard.append(len(self.begun))
-        self.player.received({"taken": message["play"]}, b"")
+        self.player.on_message({"taken": message["play"]}, b"")
         if len(self.sent) == 1:
-            self.player.received({"started": message["play"], "seconds": 0.1}, b"")
+            self.player.on_message({"started": message["play"], "seconds": 0.1}, b"")
         if message["last"]:
-            self.player.received({"ended": message["play"]}, b"")
+            self.player.on_message({"ended": message["play"]}, b"")
 
 
 def test_that_a_long_sound_has_begun_is_told_before_all_of_it_was_sent() -> None:
-    slow, player = Slow(), Player(SystemClock())
+    slow, player = Slow(), SoundPlayer(SystemClock())
     slow.player, player._worker = player, slow
     player._handle_program(ProgramEvent.OPEN)
-    player.received({"ready": "Null"}, b"")
-    assert player.play(Speech(bytes(5 * PIECE), 22_050), Cut(), lambda _, seconds: slow.begun.append(seconds))
+    player.on_message({"ready": "Null"}, b"")
+    assert player.play(
+        Speech(bytes(5 * MAX_PIECE_BYTES), 22_050), CancelToken(), lambda _, seconds: slow.begun.append(seconds)
+    )
     assert slow.heard == [0, 1, 1, 1, 1]
-    assert slow.begun == [pytest.approx(5 * PIECE / 2 / 22_050)]
+    assert slow.begun == [pytest.approx(5 * MAX_PIECE_BYTES / 2 / 22_050)]
 
 
 # --- breaking off -----------------------------------------------------------------------------------------------------
 
 
 def test_random_messages_take_every_transition(monkeypatch: pytest.MonkeyPatch) -> None:
-    def send(player: Player, _: Random) -> None:
+    def send(player: SoundPlayer, _: Random) -> None:
         player._handle_sound(SoundEvent.SEND)
 
-    def receive(player: Player, chance: Random) -> None:
+    def receive(player: SoundPlayer, chance: Random) -> None:
         kind = chance.choice(("started", "ended", "refused", "taken"))
-        player.received({kind: chance.choice((0, 0, 7)), "seconds": 1.0, "why": "no sound"}, b"")
-        assert player._sound is not SoundState.REFUSED or player._refusal
+        player.on_message({kind: chance.choice((0, 0, 7)), "seconds": 1.0, "why": "no sound"}, b"")
+        assert player._sound_state is not SoundState.REFUSED or player._refusal
 
-    table = walk(monkeypatch, "drivers.sound.player.TRANSITIONS", lambda: Player(ManualClock()), [send, receive])
+    table = walk(monkeypatch, "drivers.sound.player.TRANSITIONS", lambda: SoundPlayer(ManualClock()), [send, receive])
     assert table.visited == set(table)
 
 
 def test_random_events_of_a_program_take_every_transition_and_none_revives_a_closed_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def happen(player: Player, chance: Random) -> None:
-        was_closed = player._program is ProgramState.CLOSED
+    def happen(player: SoundPlayer, chance: Random) -> None:
+        was_closed = player._program_state is ProgramState.CLOSED
         events = (
-            player.started,
-            lambda: player.received({"ready": "Null"}, b""),
-            lambda: player.lost("killed"),
+            player.on_started,
+            lambda: player.on_message({"ready": "Null"}, b""),
+            lambda: player.on_exit("killed"),
             player.close,
         )
         chance.choice(events)()
-        assert not was_closed or player._program is ProgramState.CLOSED
+        assert not was_closed or player._program_state is ProgramState.CLOSED
 
-    def open_it(player: Player, _: Random) -> None:
-        if player._program is ProgramState.CLOSED:
+    def open_it(player: SoundPlayer, _: Random) -> None:
+        if player._program_state is ProgramState.CLOSED:
             player._handle_program(ProgramEvent.OPEN)
 
-    player_of = partial(Player, ManualClock())
+    player_of = partial(SoundPlayer, ManualClock())
     table = walk(monkeypatch, "drivers.sound.partner.TRANSITIONS", player_of, [happen, happen, open_it])
     assert table.visited == set(table)
 
 
 def test_what_is_broken_off_is_told_once_while_that_matters() -> None:
-    cut, told = Cut(), list[str]()
-    with cut.then(lambda: told.append("early")):
+    cut, told = CancelToken(), list[str]()
+    with cut.on_cancel(lambda: told.append("early")):
         pass
-    with cut.then(lambda: told.append("now")):
-        cut.make()
-    cut.make()
-    with cut.then(lambda: told.append("late")):
+    with cut.on_cancel(lambda: told.append("now")):
+        cut.cancel()
+    cut.cancel()
+    with cut.on_cancel(lambda: told.append("late")):
         pass
-    assert (told, cut.made, cut.wait(9.0)) == (["now", "late"], True, True)
+    assert (told, cut.is_cancelled, cut.wait(9.0)) == (["now", "late"], True, True)
 
 
 # --- the programs -----------------------------------------------------------------------------------------------------
 
 
-class Told(sound_worker.Pipe):
+class Told(sound_worker.MessagePipe):
     def __init__(self) -> None:
         super().__init__()
         self.said: list[dict[str, object]] = []
 
-    def tell(self, **message: object) -> None:
+    def send(self, **message: object) -> None:
         self.said.append(message)
 
 
 def test_the_device_is_given_silence_while_sound_is_missing_and_told_of_its_end_once_it_was_heard() -> None:
     pipe = Told()
-    queue = Queue(pipe)
-    device = queue.playing()
+    queue = PlaybackQueue(pipe)
+    device = queue.generate_samples()
     assert next(device) == b""
     assert device.send(2) == bytes(4)
-    queue.add(1, 1000, b"abcdef", whole=False)
+    queue.add(1, 1000, b"abcdef", is_complete=False)
     assert device.send(2) == b"abcd"
     assert device.send(2) == b"ef\0\0"
     assert device.send(2) == bytes(4)
-    queue.add(1, 1000, b"gh", whole=True)
+    queue.add(1, 1000, b"gh", is_complete=True)
     assert device.send(2) == b"gh\0\0"
     assert pipe.said == [{"started": 1, "seconds": 0.003}]
     assert device.send(2) == bytes(4)
@@ -344,16 +356,16 @@ def test_the_device_is_given_silence_while_sound_is_missing_and_told_of_its_end_
 
 def test_a_sound_that_is_dropped_is_heard_no_more() -> None:
     pipe = Told()
-    queue = Queue(pipe)
-    device = queue.playing()
+    queue = PlaybackQueue(pipe)
+    device = queue.generate_samples()
     next(device)
-    queue.add(1, 1000, bytes(range(1, 9)), whole=True)
+    queue.add(1, 1000, bytes(range(1, 9)), is_complete=True)
     device.send(1)
     queue.drop(2)
     queue.drop(1)
     queue.drop(1)
     assert device.send(4) == bytes(8)
-    queue.add(3, 1000, b"ab", whole=True)
+    queue.add(3, 1000, b"ab", is_complete=True)
     device.send(1)
     queue.drop(3)  # the device has it all, and has not said yet that it is over
     device.send(1)
@@ -379,13 +391,13 @@ def test_a_program_says_which_library_it_lacks_and_ends_with_its_input(
 
 def test_a_text_that_is_wanted_no_more_is_left_where_it_is() -> None:
     texts = ("The quick brown fox jumps over the lazy dog. " * 200, "Stop!")
-    asked = b"".join(frame(request(number, text, "", "", 150)) for number, text in enumerate(texts))
+    asked = b"".join(pack_message(make_request(number, text, "", "", 150)) for number, text in enumerate(texts))
     with Popen([sys.executable, "-I", espeak_worker.__file__], stdin=PIPE, stdout=PIPE) as process:
         assert process.stdin is not None
         assert process.stdout is not None
         process.stdin.write(asked)
         process.stdin.flush()
-        unframer, said = Unframer(), list[Any]()
+        unframer, said = MessageParser(), list[Any]()
         while not said or said[-1].get("id") != 1:
             data = os.read(process.stdout.fileno(), 65_536)
             assert data
@@ -396,13 +408,13 @@ def test_a_text_that_is_wanted_no_more_is_left_where_it_is() -> None:
 
 def test_a_device_is_stopped_that_has_long_been_silent_and_plays_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sound_worker, "miniaudio", miniaudio, raising=False)
-    monkeypatch.setattr(sound_worker, "IDLE", 0.05)
+    monkeypatch.setattr(sound_worker, "IDLE_TIMEOUT", 0.05)
     pipe = Told()
-    player = sound_worker.Player("", "null", 1.0, pipe)
+    player = sound_worker.SoundCardPlayer("", "null", 1.0, pipe)
     try:
         for number, rate in enumerate((22_050, 22_050, 16_000)):
             wait_until(lambda: not player._device.running)
-            player.obey({"play": number, "rate": rate, "last": True}, bytes(2 * rate // 10))
+            player.handle_message({"play": number, "rate": rate, "last": True}, bytes(2 * rate // 10))
             wait_until(lambda: any("ended" in said for said in pipe.said))
             assert sorted(key for said in pipe.said for key in said if key != "seconds") == [
                 "ended",
@@ -418,24 +430,24 @@ def test_a_device_that_does_not_stop_and_is_opened_anew_has_its_whole_silence_be
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(sound_worker, "miniaudio", miniaudio, raising=False)
-    player = sound_worker.Player("", "null", 1.0, Told())
+    player = sound_worker.SoundCardPlayer("", "null", 1.0, Told())
     try:
         with player._lock:
-            player._queue._silence = long = 10**12
-            player._open_anew(22_050)
-            assert player._queue._silence < long
+            player._queue._silent_bytes = long = 10**12
+            player._reopen_device(22_050)
+            assert player._queue._silent_bytes < long
     finally:
         player.close()
 
 
 def test_the_volume_makes_louder_and_softer_up_to_the_full_range() -> None:
-    class Loud(sound_worker.Player):
+    class Loud(sound_worker.SoundCardPlayer):
         def __init__(self, volume: float) -> None:
             self._volume = volume
 
     samples = b"".join(value.to_bytes(2, "little", signed=True) for value in (0, 100, -100, 30_000, -30_000))
-    assert Loud(1.0)._louder(samples) == samples
-    louder = Loud(2.0)._louder(samples)
+    assert Loud(1.0)._apply_volume(samples) == samples
+    louder = Loud(2.0)._apply_volume(samples)
     values = [int.from_bytes(louder[at : at + 2], "little", signed=True) for at in range(0, 10, 2)]
     assert values == [0, 200, -200, 32_767, -32_768]
 
@@ -443,30 +455,30 @@ def test_the_volume_makes_louder_and_softer_up_to_the_full_range() -> None:
 # --- programs of others -----------------------------------------------------------------------------------------------
 
 
-def shell(script: str, cut: Cut, limit: float = 30.0) -> Ran | None:
-    return run("voice", ["sh", "-c", script], "hello", cut, SystemClock(), limit=limit, wanted=True)
+def shell(script: str, cut: CancelToken, limit: float = 30.0) -> ProgramOutput | None:
+    return run_program("voice", ["sh", "-c", script], "hello", cut, SystemClock(), timeout=limit, keep_output=True)
 
 
 def test_a_program_that_never_ends_is_ended() -> None:
     with pytest.raises(NoReply, match="voice: sh: has not ended after 0 s") as raised:
-        shell("sleep 100", Cut(), limit=0.3)
+        shell("sleep 100", CancelToken(), limit=0.3)
     assert raised.value.hint.startswith("echo hello | sh -c 'sleep 100'")
 
 
 @pytest.mark.parametrize("ends", [True, False])
 def test_what_a_program_leaves_behind_is_not_waited_for(tmp_path: Path, ends: bool) -> None:
-    left, cut = tmp_path / "left", Cut()
+    left, cut = tmp_path / "left", CancelToken()
     alone = f"setsid sh -c 'echo $$ > {left}.new; mv {left}.new {left}; exec sleep 900'"
     script = f"{alone} & cat; echo oh >&2{'' if ends else '; sleep 900'}"
-    found: list[Ran | None] = []
+    found: list[ProgramOutput | None] = []
     thread = Thread(target=lambda: found.append(shell(script, cut)))
     thread.start()
     try:
         wait_until(left.exists)
         if not ends:
-            cut.make()
+            cut.cancel()
         wait_until(lambda: not thread.is_alive())
-        assert found == [Ran(b"hello", "oh") if ends else None]
+        assert found == [ProgramOutput(b"hello", "oh") if ends else None]
     finally:
         os.kill(int(left.read_text()), signal.SIGKILL)  # it still runs
         thread.join()
@@ -478,17 +490,19 @@ def test_what_a_program_leaves_behind_is_not_waited_for(tmp_path: Path, ends: bo
 def test_a_program_that_complains_and_ends_at_once_has_not_spoken(script: str, heard: bool) -> None:
     clock, printed, notices = SystemClock(), list[str](), list[DeviceStatus]()
     # A shell that ends at once takes its time on a busy machine: on its own clock it takes none.
-    engine = Speaker(Synthesiser("sh", ("-c", f"cat; {script}")), clock if heard else ManualClock())
-    player = Player(clock, backend="null")
-    voice = SpeechVoice(clock, engine, player, printed.append, usual=Manner(speed=200), report=notices.append)
+    engine = ProgramEngine(Synthesiser("sh", ("-c", f"cat; {script}")), clock if heard else ManualClock())
+    player = SoundPlayer(clock, backend="null")
+    voice = SpeechVoice(
+        clock, engine, player, printed.append, default_style=SpeechStyle(speed=200), report=notices.append
+    )
     voice.open()
     for _ in range(2):
-        began = clock.now()
+        began = clock.read_value()
         wait_until(voice.say("one two three").done)  # 0.9 s
-        assert heard or clock.now() - began > 0.85
+        assert heard or clock.read_value() - began > 0.85
     voice.close()
     assert printed == [] if heard else ["one two three"] * 2
-    assert [notice.what for notice in notices] == [] if heard else ["voice: sh: ended before it had spoken: no card"]
+    assert [notice.message for notice in notices] == [] if heard else ["voice: sh: ended before it had spoken: no card"]
 
 
 # --- Piper ------------------------------------------------------------------------------------------------------------
@@ -515,9 +529,9 @@ def piper(tmp_path: Path) -> Path:
 
 def test_piper_makes_sound_at_the_rate_of_its_model(piper: Path) -> None:
     model = piper.with_name("amy.onnx")
-    engine = Piper(model, SystemClock(), program=str(piper))
+    engine = PiperEngine(model, SystemClock(), program=str(piper))
     engine.open()
-    found = engine.speak("two\nlines", Manner(speed=300), Cut())
+    found = engine.speak("two\nlines", SpeechStyle(speed=300), CancelToken())
     engine.close()
     assert found is not None
     assert (found.rate, found.seconds) == (16_000, 0.1)
@@ -526,28 +540,30 @@ def test_piper_makes_sound_at_the_rate_of_its_model(piper: Path) -> None:
 
 
 def test_piper_that_fails_or_has_no_model_says_what_to_try(piper: Path) -> None:
-    engine = Piper(piper.with_name("amy.onnx"), SystemClock(), program=str(piper))
+    engine = PiperEngine(piper.with_name("amy.onnx"), SystemClock(), program=str(piper))
     with pytest.raises(DeviceFault, match="ended with 1: no such model") as raised:
-        engine.speak("fail", Manner(speed=150), Cut())
+        engine.speak("fail", SpeechStyle(speed=150), CancelToken())
     assert raised.value.hint.startswith("echo hello | ")
     with pytest.raises(DeviceFault, match=r"bob.onnx.json: cannot be read"):
-        Piper(piper.with_name("bob.onnx"), SystemClock(), program=str(piper)).speak("so", Manner(speed=150), Cut())
+        PiperEngine(piper.with_name("bob.onnx"), SystemClock(), program=str(piper)).speak(
+            "so", SpeechStyle(speed=150), CancelToken()
+        )
 
 
 # --- which voice ------------------------------------------------------------------------------------------------------
 
 
 def test_each_driver_has_its_engine() -> None:
-    def engine(wish: Wish) -> object:
+    def engine(wish: VoiceSettings) -> object:
         voice = make_voice(wish, SystemClock(), print)
         return voice._engine if isinstance(voice, SpeechVoice) else voice
 
-    assert isinstance(engine(Wish("espeak")), Espeak)
-    assert isinstance(engine(Wish("auto")), Espeak)  # the wheels are installed for the tests
-    assert isinstance(engine(Wish("program")), Speaker)
-    assert isinstance(engine(Wish("piper", model="amy.onnx")), Piper)
-    assert isinstance(engine(Wish("command", command="my_tts --stdin")), Speaker)
-    assert isinstance(engine(Wish("print")), PrintedVoice)
+    assert isinstance(engine(VoiceSettings("espeak")), EspeakEngine)
+    assert isinstance(engine(VoiceSettings("auto")), EspeakEngine)  # the wheels are installed for the tests
+    assert isinstance(engine(VoiceSettings("program")), ProgramEngine)
+    assert isinstance(engine(VoiceSettings("piper", model="amy.onnx")), PiperEngine)
+    assert isinstance(engine(VoiceSettings("command", command="my_tts --stdin")), ProgramEngine)
+    assert isinstance(engine(VoiceSettings("print")), PrintedVoice)
 
 
 def test_without_the_wheel_an_installed_program_speaks_else_words_are_printed(
@@ -555,25 +571,27 @@ def test_without_the_wheel_an_installed_program_speaks_else_words_are_printed(
 ) -> None:
     monkeypatch.setattr("drivers.voice.speech.find_spec", lambda _: None)
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert isinstance(make_voice(Wish("auto"), SystemClock(), print), PrintedVoice)
+    assert isinstance(make_voice(VoiceSettings("auto"), SystemClock(), print), PrintedVoice)
     printed, notices = list[str](), list[DeviceStatus]()
-    voice = make_voice(Wish("program", usual=Manner(speed=450)), SystemClock(), printed.append, report=notices.append)
+    voice = make_voice(
+        VoiceSettings("program", style=SpeechStyle(speed=450)), SystemClock(), printed.append, report=notices.append
+    )
     voice.open()
     wait_until(voice.say("hello").done)
     voice.close()
     assert printed == ["hello"]
-    assert "espeak-ng: " in notices[0].what
+    assert "espeak-ng: " in notices[0].message
     program = tmp_path / "espeak"
     program.write_text("#!/bin/sh\n")
     program.chmod(0o755)
-    assert isinstance(make_voice(Wish("auto"), SystemClock(), print), SpeechVoice)
+    assert isinstance(make_voice(VoiceSettings("auto"), SystemClock(), print), SpeechVoice)
 
 
 def test_a_command_of_the_users_is_told_how_to_speak(tmp_path: Path) -> None:
     program, said = tmp_path / "tts.py", tmp_path / "said"
     program.write_text(f"import sys; open({str(said)!r}, 'w').write(' '.join(sys.argv[1:]) + '|' + sys.stdin.read())")
     command = f"{sys.executable} {program} --pace={{speed}} --as={{voice}}"
-    voice = make_voice(Wish("command", Manner(speed=120), command=command), SystemClock(), print)
+    voice = make_voice(VoiceSettings("command", SpeechStyle(speed=120), command=command), SystemClock(), print)
     voice.open()
     wait_until(voice.say("hello there").done)
     voice.close()

@@ -9,7 +9,7 @@ import serial
 
 from drivers.arduino.virtual import VirtualRodney
 from drivers.clock import ManualClock, SystemClock
-from drivers.virtual.terminal import Punctual, Terminal, Tunable, agree
+from drivers.virtual.terminal import MultiRateDevice, PseudoTerminal, TimedDevice, baud_rates_match
 
 
 class Echo:
@@ -23,10 +23,10 @@ class Echo:
         self._due: float | None = None
         self._data = b""
 
-    def tune(self, baud: int) -> None:
+    def set_baud(self, baud: int) -> None:
         self.baud = baud
 
-    def next_at(self) -> float | None:
+    def next_poll_time(self) -> float | None:
         return self._due
 
     def feed(self, data: bytes, now: float) -> bytes:
@@ -50,7 +50,7 @@ def eventually(condition: Callable[[], bool]) -> bool:
 
 
 def test_it_makes_nothing_before_it_is_opened_and_leaves_nothing_after() -> None:
-    terminal = Terminal("nano", VirtualRodney(), ManualClock())
+    terminal = PseudoTerminal("nano", VirtualRodney(), ManualClock())
     folder = Path(terminal.path).parent
     assert not folder.exists()
     terminal.close()
@@ -68,8 +68,8 @@ def test_it_makes_nothing_before_it_is_opened_and_leaves_nothing_after() -> None
 def test_a_punctual_device_is_heard_on_the_moment_not_once_a_period() -> None:
     clock = SystemClock()
     echo = Echo(clock, 0.002)
-    assert isinstance(echo, Punctual)
-    terminal = Terminal("echo", echo, clock, period=1.0)
+    assert isinstance(echo, TimedDevice)
+    terminal = PseudoTerminal("echo", echo, clock, poll_interval=1.0)
     terminal.open()
     try:
         with serial.Serial(terminal.path, 115_200, timeout=5) as port:
@@ -85,7 +85,7 @@ def test_a_punctual_device_is_heard_on_the_moment_not_once_a_period() -> None:
 @pytest.mark.real_time
 def test_one_that_stays_awake_answers_again_and_again_and_falls_asleep_and_can_be_unplugged() -> None:
     clock = SystemClock()
-    terminal = Terminal("awake", Echo(clock, 0.001), clock, awake=0.05)
+    terminal = PseudoTerminal("awake", Echo(clock, 0.001), clock, busy_wait=0.05)
     terminal.open()
     try:
         with serial.Serial(terminal.path, 9600, timeout=2.0) as port:
@@ -105,8 +105,8 @@ def test_one_that_stays_awake_answers_again_and_again_and_falls_asleep_and_can_b
 def test_a_device_of_many_rates_is_told_even_a_rate_that_has_no_name() -> None:
     clock = SystemClock()
     echo = Echo(clock, 0.0)
-    assert isinstance(echo, Tunable)
-    terminal = Terminal("echo", echo, clock)
+    assert isinstance(echo, MultiRateDevice)
+    terminal = PseudoTerminal("echo", echo, clock)
     terminal.open()
     try:
         for baud in (57_600, 250_000, 4_500_000, 117_647):
@@ -123,11 +123,11 @@ def test_a_device_of_many_rates_is_told_even_a_rate_that_has_no_name() -> None:
 def test_a_waiting_moment_ends_when_the_terminal_is_closed() -> None:
     clock = ManualClock(10.0)
     echo = Echo(SystemClock(), 1e-4)
-    terminal = Terminal("echo", echo, clock)  # its clock stands still just before the reply is due
+    terminal = PseudoTerminal("echo", echo, clock)  # its clock stands still just before the reply is due
     terminal.open()
     with serial.Serial(terminal.path, 9600) as port:
         port.write(b"?")
-        assert eventually(lambda: echo.next_at() is not None)
+        assert eventually(lambda: echo.next_poll_time() is not None)
         terminal.close()
 
 
@@ -136,4 +136,4 @@ def test_a_waiting_moment_ends_when_the_terminal_is_closed() -> None:
     [(115_200, 117_647, True), (57_600, 57_143, True), (57_600, 115_200, False), (1_000_000, 1_152_000, False)],
 )
 def test_two_rates_agree_within_three_hundredths(one: int, other: int, understood: bool) -> None:
-    assert agree(one, other) is agree(other, one) is understood
+    assert baud_rates_match(one, other) is baud_rates_match(other, one) is understood

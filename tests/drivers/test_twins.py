@@ -9,8 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.api import COMMAND_LIFE, STILL, DeviceStatus, HeadPose, Health, Image, Pose2D, Quality, Sides, Velocity
-from drivers.arduino.board import Board
+from drivers.api import (
+    COMMAND_TIMEOUT,
+    ZERO_VELOCITY,
+    DeviceStatus,
+    HeadPose,
+    Health,
+    Image,
+    Pose2D,
+    Quality,
+    Sides,
+    Velocity,
+)
+from drivers.arduino.board import ArduinoBoard
 from drivers.arduino.driver import ArduinoHead
 from drivers.arduino.virtual import VirtualRodney
 from drivers.base.twin import BaseTwin
@@ -18,18 +29,18 @@ from drivers.camera.twin import CameraTwin
 from drivers.clock import ManualClock
 from drivers.errors import BadRequest, NotConnected
 from drivers.head.axis import ServoAxis
-from drivers.head.twin import HeadTwin
+from drivers.head.twin import ServoHeadTwin
 from drivers.kobuki.driver import kobuki_base
 from drivers.kobuki.odometry import battery_percent
 from drivers.kobuki.twin import KobukiTwinOdometry
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.servos.joint import JointSpec
 from drivers.servos.twin import JointsTwin
-from drivers.sim.body import Body
-from drivers.sim.plug import Plug
+from drivers.sim.body import BaseBody
+from drivers.sim.plug import SimulatedPlug
 from drivers.sim.timeline import Timeline
-from drivers.sim.wheels import Wheels
-from drivers.transport.link import Link, Talker
+from drivers.sim.wheels import SimulatedWheels
+from drivers.transport.link import LinkHandler, SerialLink
 from drivers.virtual.terminal import WireDevice
 from drivers.voice.twin import VoiceTwin
 
@@ -37,14 +48,14 @@ PAN = ServoAxis(0, radians(-80), radians(80), start=90)
 TILT = ServoAxis(1, radians(-60), radians(20), flip=True, start=120, trim=radians(3))
 
 
-class DirectLink(Link):
+class DirectLink(SerialLink):
     """A link without port and thread: a virtual device at its other end, on a clock that is advanced by hand."""
 
     def __init__(self, device: WireDevice, clock: ManualClock) -> None:
         super().__init__("device", "/dev/device", device.baud)
         self.device = device
         self.clock = clock
-        self.talker: Talker | None = None
+        self.talker: LinkHandler | None = None
         self._answer = b""
 
     @property
@@ -54,9 +65,9 @@ class DirectLink(Link):
     def health(self) -> Health:
         return Health(self.online)
 
-    def open(self, talker: Talker) -> None:
-        self.talker = talker
-        talker.connected()
+    def open(self, handler: LinkHandler) -> None:
+        self.talker = handler
+        handler.on_connected()
 
     def close(self) -> None:
         self.talker = None
@@ -65,15 +76,15 @@ class DirectLink(Link):
         """Do nothing: this wire has no such line."""
 
     def write(self, data: bytes) -> None:
-        self._answer += self.device.feed(data, self.clock.now())
+        self._answer += self.device.feed(data, self.clock.read_value())
 
     def step(self) -> None:
         """Bring across what the device has to say by now."""
-        said, self._answer = self._answer + self.device.poll(self.clock.now()), b""
+        said, self._answer = self._answer + self.device.poll(self.clock.read_value()), b""
         if self.talker is not None:
             if said:
-                self.talker.received(said)
-            self.talker.pulse()
+                self.talker.on_data(said)
+            self.talker.on_poll()
 
 
 def kinds(notices: list[DeviceStatus]) -> list[str]:
@@ -86,7 +97,9 @@ def kinds(notices: list[DeviceStatus]) -> list[str]:
 def test_a_plug_tells_only_of_what_was_not_meant() -> None:
     notices: list[DeviceStatus] = []
     calls: list[str] = []
-    plug = Plug("arm", notices.append, back=lambda: calls.append("back"), gone=lambda: calls.append("gone"))
+    plug = SimulatedPlug(
+        "arm", notices.append, on_online=lambda: calls.append("back"), on_offline=lambda: calls.append("gone")
+    )
     plug.unplug()
     plug.open()
     assert (plug.online, kinds(notices), calls) == (False, [], [])
@@ -102,14 +115,14 @@ def test_a_plug_tells_only_of_what_was_not_meant() -> None:
     plug.close()
     assert (plug.online, kinds(notices), plug.connections) == (False, ["online", "offline", "online"], 0)
     with pytest.raises(NotConnected, match="arm: not opened yet"):
-        plug.require()
+        plug.check_online()
 
 
 def test_a_plug_survives_a_listener_that_fails(caplog: pytest.LogCaptureFixture) -> None:
     def fail(notice: DeviceStatus) -> None:
-        raise RuntimeError(notice.what)
+        raise RuntimeError(notice.message)
 
-    plug = Plug("arm", fail)
+    plug = SimulatedPlug("arm", fail)
     plug.open()
     plug.unplug()
     assert not plug.online
@@ -121,17 +134,17 @@ def test_a_plug_survives_a_listener_that_fails(caplog: pytest.LogCaptureFixture)
 
 def test_the_base_drives_as_the_real_driver_over_its_wire() -> None:
     clock = ManualClock()
-    link = DirectLink(VirtualKobuki(wheels=Wheels(dead_time=0.1, slip=0.05)), clock)
+    link = DirectLink(VirtualKobuki(wheels=SimulatedWheels(dead_time=0.1, slip=0.05)), clock)
     real, twin = (
         kobuki_base(link, clock),
-        BaseTwin(clock, odometry=KobukiTwinOdometry(), body=Body(wheels=Wheels(dead_time=0.1, slip=0.05))),
+        BaseTwin(clock, odometry=KobukiTwinOdometry(), body=BaseBody(wheels=SimulatedWheels(dead_time=0.1, slip=0.05))),
     )
     real.open()
     link.step()
     twin.open()
     course = [(0.0, 0.0), (0.6, 0.3), (0.2, -1.5), (-0.3, 0.0), (0.0, 3.0), (0.1, 0.1), (0.3, 0.0)]
     for step in range(1, 701):
-        clock.reach(step * 0.02)
+        clock.advance_to(step * 0.02)
         link.step()
         twin.step()
         if step % 5 == 0 and step < 600:
@@ -145,21 +158,21 @@ def test_the_base_drives_as_the_real_driver_over_its_wire() -> None:
         assert (mine.velocity.linear, mine.velocity.angular) == pytest.approx(
             (its.velocity.linear, its.velocity.angular), abs=0.02
         )
-    assert twin.true_pose(clock.now()).heading == pytest.approx(
-        link.device.pose(clock.now()).heading if isinstance(link.device, VirtualKobuki) else None, abs=0.02
+    assert twin.true_pose(clock.read_value()).heading == pytest.approx(
+        link.device.pose(clock.read_value()).heading if isinstance(link.device, VirtualKobuki) else None, abs=0.02
     )
 
 
 def test_the_head_turns_as_the_real_driver_over_its_wire() -> None:
     clock, rodney = ManualClock(), VirtualRodney(tacho=True)
     link = DirectLink(rodney, clock)
-    real = ArduinoHead(Board(link, clock, boot_delay=0.0), clock, pan=PAN, tilt=TILT, speed=2.0)
-    twin = HeadTwin(clock, pan=PAN, tilt=TILT, speed=2.0)
+    real = ArduinoHead(ArduinoBoard(link, clock, boot_delay=0.0), clock, pan=PAN, tilt=TILT, speed=2.0)
+    twin = ServoHeadTwin(clock, pan=PAN, tilt=TILT, speed=2.0)
     real.open()
     twin.open()
     course = [(0.5, 0.1), (-1.0, -0.5), (2.0, 2.0), (0.0, 0.0), (0.31, 0.07)]
     for step in range(1, 501):
-        clock.reach(step * 0.02)
+        clock.advance_to(step * 0.02)
         link.step()
         twin.step()
         if step % 100 == 1 and step > 1:
@@ -169,12 +182,15 @@ def test_the_head_turns_as_the_real_driver_over_its_wire() -> None:
             twin.stop()
             real.stop()
         if step > 50:  # the real one has first to meet its board
-            mine, its, truth = twin.pose().value, real.pose().value, twin.true_pose(clock.now())
+            mine, its, truth = twin.pose().value, real.pose().value, twin.true_pose(clock.read_value())
             assert mine is not None
             assert its is not None
             # The real one waits now and then until its board has shown that it is still there.
             assert (mine.pan, mine.tilt) == pytest.approx((its.pan, its.tilt), abs=radians(5.01))
-            servos = (PAN.to_radians(rodney.angle(0, clock.now())), TILT.to_radians(rodney.angle(1, clock.now())))
+            servos = (
+                PAN.to_radians(rodney.angle(0, clock.read_value())),
+                TILT.to_radians(rodney.angle(1, clock.read_value())),
+            )
             assert (truth.pan, truth.tilt) == pytest.approx(servos, abs=radians(5.01))
         if step % 100 == 0:
             assert twin.pose().value == real.pose().value
@@ -192,14 +208,14 @@ class BaseBench:
         self.notices: list[DeviceStatus] = []
         self.base = BaseTwin(self.clock, report=self.notices.append, **options)
         self.base.open()
-        self.timeline.every(self.base.PERIOD, self.base.step)
+        self.timeline.call_every(self.base.PERIOD, self.base.step)
 
     def run(self, seconds: float, velocity: Velocity | None = None) -> None:
         """Let time pass, asking for ``velocity`` every 0.1 s."""
         for _ in range(round(seconds / 0.1)):
             if velocity is not None:
                 self.base.drive(velocity)
-            self.timeline.run(self.clock.now() + 0.1)
+            self.timeline.run_until(self.clock.read_value() + 0.1)
 
     @property
     def pose(self) -> Pose2D:
@@ -209,9 +225,9 @@ class BaseBench:
 
 
 def test_on_slipping_wheels_odometry_believes_to_have_gone_further_but_the_gyro_knows_the_turn() -> None:
-    bench = BaseBench(body=Body(wheels=Wheels(slip=0.1)))
+    bench = BaseBench(body=BaseBody(wheels=SimulatedWheels(slip=0.1)))
     bench.run(4.0, Velocity(0.4, 0.4))
-    truth = bench.base.true_pose(bench.clock.now())
+    truth = bench.base.true_pose(bench.clock.read_value())
     assert bench.pose.heading == pytest.approx(truth.heading, abs=0.001)
     assert (bench.pose.x * 0.9, bench.pose.y * 0.9) == pytest.approx((truth.x, truth.y), abs=0.01)
 
@@ -222,7 +238,7 @@ def test_a_noisy_gyro_leads_astray_and_no_other_does() -> None:
         bench.run(10.0)
     assert good.pose.heading == 0.0
     assert 0.005 < abs(noisy.pose.heading) < 1.0
-    assert noisy.base.true_pose(noisy.clock.now()).heading == 0.0
+    assert noisy.base.true_pose(noisy.clock.read_value()).heading == 0.0
 
 
 def test_lost_reports_are_a_share_and_do_not_stop_it() -> None:
@@ -240,24 +256,24 @@ def test_a_base_whose_reports_are_all_lost_counts_as_offline_and_stands_still() 
     bench.run(0.5)
     assert kinds(bench.notices) == ["online", "offline"]
     health = bench.base.health()
-    assert (health.online, health.detail, health.hint != "") == (False, bench.notices[-1].what, True)
+    assert (health.online, health.detail, health.hint != "") == (False, bench.notices[-1].message, True)
     with pytest.raises(NotConnected, match="silent"):
         bench.base.drive(Velocity(0.3, 0.0))
-    at_rest = bench.base.true_pose(bench.clock.now())
+    at_rest = bench.base.true_pose(bench.clock.read_value())
     bench.run(1.0)
-    assert bench.base.true_pose(bench.clock.now()) == at_rest
+    assert bench.base.true_pose(bench.clock.read_value()) == at_rest
     assert bench.base.state().quality is Quality.STALE
 
 
 def test_a_base_that_falls_silent_stands_still_though_its_command_still_holds() -> None:
     bench = BaseBench(dropouts=1.0)
     for _ in range(2):
-        bench.timeline.run(bench.clock.now() + 0.1)
+        bench.timeline.run_until(bench.clock.read_value() + 0.1)
         bench.base.drive(Velocity(0.3, 0.0))
-    bench.timeline.run(0.24)
+    bench.timeline.run_until(0.24)
     assert bench.base.body.velocity.linear > 0.0
-    bench.timeline.run(0.2 + COMMAND_LIFE)
-    assert bench.base.body.velocity == STILL
+    bench.timeline.run_until(0.2 + COMMAND_TIMEOUT)
+    assert bench.base.body.velocity == ZERO_VELOCITY
 
 
 def test_a_base_that_reports_now_and_then_comes_and_goes() -> None:
@@ -299,7 +315,7 @@ def test_a_base_put_over_an_edge_tells_it_once() -> None:
     bench.run(1.0)
     bench.base.press(cliff=Sides(left=True, right=True))
     bench.run(1.0)
-    assert [notice.what for notice in bench.notices[1:]] == [
+    assert [notice.message for notice in bench.notices[1:]] == [
         "cliff left: it does not drive forward",
         "cliff right: it does not drive forward",
     ]
@@ -309,14 +325,14 @@ def test_an_unplugged_base_rolls_to_a_stop_and_forgets_its_command() -> None:
     bench = BaseBench()
     bench.run(2.0, Velocity(0.4, 0.0))
     bench.base.plug.unplug()
-    bench.run(COMMAND_LIFE + 1.0)
+    bench.run(COMMAND_TIMEOUT + 1.0)
     body = bench.base.body
-    assert body.velocity == STILL
-    rolled = bench.base.true_pose(bench.clock.now()).x
+    assert body.velocity == ZERO_VELOCITY
+    rolled = bench.base.true_pose(bench.clock.read_value()).x
     assert 0.7 < rolled < 1.0
     bench.base.plug.plug_in()
     bench.run(1.0)
-    assert bench.base.true_pose(bench.clock.now()).x == rolled
+    assert bench.base.true_pose(bench.clock.read_value()).x == rolled
     # What it rolled while nobody listened, odometry cannot know.
     assert bench.pose.x < rolled - 0.1
 
@@ -342,20 +358,20 @@ def test_a_base_that_makes_no_sense_is_refused(wrong: dict[str, float]) -> None:
 @pytest.mark.parametrize("speed", [0.0, float("inf"), float("nan")])
 def test_a_head_without_a_sensible_speed_is_refused(speed: float) -> None:
     with pytest.raises(ValueError, match="gets it nowhere"):
-        HeadTwin(ManualClock(), pan=PAN, tilt=TILT, speed=speed)
+        ServoHeadTwin(ManualClock(), pan=PAN, tilt=TILT, speed=speed)
 
 
 def test_an_unplugged_heads_servos_finish_their_last_degree_and_hold() -> None:
     timeline = Timeline()
-    head = HeadTwin(timeline.clock, pan=PAN, tilt=TILT, speed=6.0)
+    head = ServoHeadTwin(timeline.clock, pan=PAN, tilt=TILT, speed=6.0)
     head.open()
-    timeline.every(head.PERIOD, head.step)
-    timeline.run(1.0)
+    timeline.call_every(head.PERIOD, head.step)
+    timeline.run_until(1.0)
     head.look(HeadPose(1.0, 0.0))
-    timeline.run(1.1)
+    timeline.run_until(1.1)
     head.plug.unplug()
     sent = head.pose().value
-    timeline.run(2.0)
+    timeline.run_until(2.0)
     assert head.true_pose(2.0) == sent != HeadPose(1.0, 0.0)
 
 
@@ -368,7 +384,7 @@ def test_an_arm_that_cannot_be_brought_to_rest_says_so() -> None:
     arm.plug.unplug()
     arm.close()
     assert kinds(notices) == ["online", "offline", "fault"]
-    assert notices[-1].what == "could not be relaxed: elbow (servo 2)"
+    assert notices[-1].message == "could not be relaxed: elbow (servo 2)"
     assert notices[-1].hint
 
 
@@ -407,7 +423,7 @@ def test_a_motor_turns_no_faster_than_it_can() -> None:
     arm.open()
     arm.move({"elbow": 2.5})
     clock.advance(0.1)
-    assert arm.true_angle("elbow", clock.now()) == pytest.approx(0.618, abs=0.01)  # 59 rpm
+    assert arm.true_angle("elbow", clock.read_value()) == pytest.approx(0.618, abs=0.01)  # 59 rpm
 
 
 def test_an_unplugged_voice_is_silent_at_once() -> None:
@@ -506,15 +522,15 @@ STORY = """
 import hashlib, sys
 from drivers.api import Velocity
 from drivers.servos.joint import JointSpec
-from drivers.sim.body import Body
+from drivers.sim.body import BaseBody
 from drivers.sim.timeline import Timeline
 from drivers.base.twin import BaseTwin
 from drivers.servos.twin import JointsTwin
-from drivers.sim.wheels import Wheels
+from drivers.sim.wheels import SimulatedWheels
 
 timeline, told = Timeline(), []
 clock = timeline.clock
-base = BaseTwin(clock, body=Body(wheels=Wheels(slip=0.03, dead_time=0.1)), gyro_noise=0.02, dropouts=0.1,
+base = BaseTwin(clock, body=BaseBody(wheels=SimulatedWheels(slip=0.03, dead_time=0.1)), gyro_noise=0.02, dropouts=0.1,
                 seed=int(sys.argv[1]), report=lambda notice: told.append((clock.now(), notice)))
 arm = JointsTwin({name: JointSpec(number) for number, name in enumerate("abcdef")}, clock,
                  report=lambda notice: told.append((clock.now(), notice)))

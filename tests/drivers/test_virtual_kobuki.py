@@ -9,28 +9,36 @@ from drivers.api import BASE_RADIUS, DockBeam, Lamp, Pose2D, Sides, Tune, Veloci
 from drivers.base.twin import BaseTwin
 from drivers.clock import ManualClock
 from drivers.kobuki import commands
-from drivers.kobuki.commands import BaseControl, GetGains, Output, SetGains, SetOutputs, Sound, SoundSequence
+from drivers.kobuki.commands import (
+    BaseControl,
+    GetGains,
+    KobukiOutput,
+    KobukiSound,
+    SetGains,
+    SetOutputs,
+    SoundSequence,
+)
 from drivers.kobuki.feedback import (
     FEEDBACK,
     Charger,
     Core,
     DockInfrared,
-    Gains,
     Inputs,
+    KobukiGains,
     MotorCurrent,
 )
-from drivers.kobuki.odometry import Senses, battery_percent
-from drivers.kobuki.virtual import PERIOD, VirtualKobuki
-from drivers.kobuki.wire import FrameFinder, Part, decode, encode
-from drivers.sim.battery import RESISTANCE, Battery
+from drivers.kobuki.odometry import KobukiStateBuilder, battery_percent
+from drivers.kobuki.virtual import REPORT_INTERVAL, VirtualKobuki
+from drivers.kobuki.wire import KobukiFrameFinder, KobukiSubpayload, decode, encode
+from drivers.sim.battery import INTERNAL_RESISTANCE, Battery
 from drivers.sim.room import Room
-from drivers.sim.things import SIZE, Dock, Edge
-from drivers.sim.wheels import Wheels
-from drivers.sim.world import World
-from drivers.virtual.terminal import Punctual
+from drivers.sim.things import DOCK_SIZE, Edge, WorldDock
+from drivers.sim.wheels import SimulatedWheels
+from drivers.sim.world import SimulatedWorld
+from drivers.virtual.terminal import TimedDevice
 
-DOCK = Dock(-2.95, 0.0, 0.0)
-ON_DOCK = Pose2D(DOCK.x + SIZE[0] / 2 + BASE_RADIUS + 0.005, 0.0, pi)
+DOCK = WorldDock(-2.95, 0.0, 0.0)
+ON_DOCK = Pose2D(DOCK.x + DOCK_SIZE[0] / 2 + BASE_RADIUS + 0.005, 0.0, pi)
 """Where a base stands on the contacts."""
 
 
@@ -40,19 +48,19 @@ class Bench:
     def __init__(self, device: VirtualKobuki | None = None) -> None:
         self.device = device or VirtualKobuki()
         self.now = 0.0
-        self._finder = FrameFinder()
-        self.reports: list[dict[type[Part], Part]] = []
+        self._finder = KobukiFrameFinder()
+        self.reports: list[dict[type[KobukiSubpayload], KobukiSubpayload]] = []
         self._read(self.device.poll(0.0))
 
-    def tell(self, *parts: Part) -> None:
+    def tell(self, *parts: KobukiSubpayload) -> None:
         self.device.feed(encode(*parts), self.now)
 
     def run(self, seconds: float, velocity: Velocity | None = None) -> None:
         """Let time pass, and renew a velocity as the driver does."""
-        for _ in range(round(seconds / PERIOD)):
+        for _ in range(round(seconds / REPORT_INTERVAL)):
             if velocity is not None:
                 self.tell(BaseControl.of(velocity.linear, velocity.angular))
-            self.now += PERIOD
+            self.now += REPORT_INTERVAL
             self._read(self.device.poll(self.now))
 
     def core(self) -> Core:
@@ -60,7 +68,7 @@ class Bench:
         assert isinstance(core, Core)
         return core
 
-    def newest(self, kind: type[Part]) -> Part:
+    def newest(self, kind: type[KobukiSubpayload]) -> KobukiSubpayload:
         return self.reports[-1][kind]
 
     def _read(self, data: bytes) -> None:
@@ -69,8 +77,8 @@ class Bench:
 
 
 def at(pose: Pose2D, battery: Battery | None = None) -> Bench:
-    world = World(dock=DOCK)
-    return Bench(VirtualKobuki(wheels=Wheels(pose=pose), ground=world, battery=battery))
+    world = SimulatedWorld(dock=DOCK)
+    return Bench(VirtualKobuki(wheels=SimulatedWheels(pose=pose), ground=world, battery=battery))
 
 
 # --- timing -----------------------------------------------------------------------------------------------------------
@@ -78,14 +86,14 @@ def at(pose: Pose2D, battery: Battery | None = None) -> Bench:
 
 def test_it_reports_fifty_times_a_second_on_the_moment() -> None:
     device = VirtualKobuki()
-    assert isinstance(device, Punctual)
-    assert device.next_at() is None
+    assert isinstance(device, TimedDevice)
+    assert device.next_poll_time() is None
     device.poll(3.0)
-    due = [device.next_at()]
+    due = [device.next_poll_time()]
     device.poll(3.01)
-    due.append(device.next_at())
+    due.append(device.next_poll_time())
     device.poll(3.02)
-    due.append(device.next_at())
+    due.append(device.next_poll_time())
     assert due == pytest.approx([3.02, 3.02, 3.04])
 
 
@@ -100,11 +108,13 @@ def test_a_poll_that_comes_late_brings_all_reports_with_the_times_they_were_made
 
 
 def test_it_feels_walls_and_edges_and_hanging_wheels() -> None:
-    world = World(room=Room.furnished(4.0, 4.0, 2.6, (0.0, 0.0)), edges=(Edge(0.0, 1.5, 4.0, 0.6),))
+    world = SimulatedWorld(
+        room=Room.with_default_fixtures(4.0, 4.0, 2.6, (0.0, 0.0)), edges=(Edge(0.0, 1.5, 4.0, 0.6),)
+    )
     bench = Bench(VirtualKobuki(ground=world))
     bench.run(5.0, Velocity(0.5, 0.0))
     assert bench.core().bumper == 2
-    bench = Bench(VirtualKobuki(ground=world, wheels=Wheels(pose=Pose2D(0.0, 0.0, pi / 2))))
+    bench = Bench(VirtualKobuki(ground=world, wheels=SimulatedWheels(pose=Pose2D(0.0, 0.0, pi / 2))))
     bench.run(2.4, Velocity(0.5, 0.0))
     assert (bench.core().cliff, bench.core().wheel_drop) == (7, 0)
     bench.run(1.0, Velocity(0.5, 0.0))
@@ -130,18 +140,18 @@ def test_it_hears_the_beams_of_its_dock() -> None:
 
 
 def test_its_battery_runs_down_and_its_voltage_drops_under_load() -> None:
-    bench = Bench(VirtualKobuki(battery=Battery(50.0, drain=1000.0, resistance=RESISTANCE)))
+    bench = Bench(VirtualKobuki(battery=Battery(50.0, drain=1000.0, resistance=INTERNAL_RESISTANCE)))
     rested = bench.core().voltage
     bench.run(2.0)
     assert battery_percent(bench.core().voltage) == pytest.approx(39.0, abs=4.0)
     assert bench.core().voltage < rested
-    driven = Bench(VirtualKobuki(battery=Battery(50.0, drain=1000.0, resistance=RESISTANCE)))
+    driven = Bench(VirtualKobuki(battery=Battery(50.0, drain=1000.0, resistance=INTERNAL_RESISTANCE)))
     driven.run(2.0, Velocity(0.5, 0.0))
     assert driven.core().voltage < bench.core().voltage
 
 
 def test_its_motors_draw_by_what_they_do_and_are_overloaded_when_something_holds_it_up() -> None:
-    bench = Bench(VirtualKobuki(ground=World()))
+    bench = Bench(VirtualKobuki(ground=SimulatedWorld()))
     assert bench.newest(MotorCurrent) == MotorCurrent(0, 0)
     bench.run(1.0, Velocity(0.0, 0.5))
     turning = bench.newest(MotorCurrent)
@@ -187,15 +197,17 @@ def test_what_is_set_by_hand_counts_more_than_battery_and_dock() -> None:
 
 def test_tunes_tones_and_lights_are_kept() -> None:
     bench = Bench()
-    bench.tell(SoundSequence(commands.Tune.RECHARGE), SoundSequence(99), Sound.of(440.0, 0.1), Sound(0, 10))
+    bench.tell(
+        SoundSequence(commands.KobukiTune.RECHARGE), SoundSequence(99), KobukiSound.of(440.0, 0.1), KobukiSound(0, 10)
+    )
     tune, tone = bench.device.played
     assert tune is Tune.RECHARGE
     assert isinstance(tone, tuple)
     assert tone == pytest.approx((440.0, 0.1), abs=1.0)
     assert bench.device.lights == {1: Lamp.OFF, 2: Lamp.OFF}
-    bench.tell(SetOutputs(Output.LED1_GREEN | Output.LED2_RED | Output.LED2_GREEN))
+    bench.tell(SetOutputs(KobukiOutput.LED1_GREEN | KobukiOutput.LED2_RED | KobukiOutput.LED2_GREEN))
     assert bench.device.lights == {1: Lamp.GREEN, 2: Lamp.ORANGE}
-    bench.tell(SetOutputs(Output.LED1_RED))
+    bench.tell(SetOutputs(KobukiOutput.LED1_RED))
     assert bench.device.lights == {1: Lamp.RED, 2: Lamp.OFF}
 
 
@@ -204,7 +216,7 @@ def test_gains_are_known_since_a_firmware(firmware: tuple[int, int, int], knows:
     bench = Bench(VirtualKobuki(firmware=firmware))
     bench.tell(SetGains(1, 5, 6, 7), GetGains())
     bench.run(0.02)
-    assert bench.reports[-1].get(Gains) == (Gains(1, 5, 6, 7) if knows else None)
+    assert bench.reports[-1].get(KobukiGains) == (KobukiGains(1, 5, 6, 7) if knows else None)
 
 
 # --- how it goes wrong ------------------------------------------------------------------------------------------------
@@ -214,7 +226,7 @@ def test_gains_are_known_since_a_firmware(firmware: tuple[int, int, int], knows:
 def test_a_short_part_or_an_unknown_one_is_all_that_is_wrong_with_its_frame(identifier: int) -> None:
     bench = Bench()
     bench.device.shortened, bench.device.chatty = identifier, True
-    (payload,) = FrameFinder().feed(bench.device.poll(PERIOD))
+    (payload,) = KobukiFrameFinder().feed(bench.device.poll(REPORT_INTERVAL))
     decoded = decode(payload, FEEDBACK)
     assert (decoded.malformed, decoded.unknown, len(decoded.parts)) == (1, 1, 6)
 
@@ -229,9 +241,9 @@ def test_what_was_asked_of_it_while_it_was_frozen_is_answered_in_as_many_reports
     said = kobuki.poll(1.0)
     gains = [
         part
-        for payload in FrameFinder().feed(said)
+        for payload in KobukiFrameFinder().feed(said)
         for part in decode(payload, FEEDBACK).parts
-        if isinstance(part, Gains)
+        if isinstance(part, KobukiGains)
     ]
     assert len(gains) == 20
 
@@ -267,7 +279,7 @@ class TwinBench:
     """The twin of the base in the same place."""
 
     def __init__(self, pose: Pose2D, battery: Battery | None = None) -> None:
-        device = VirtualKobuki(wheels=Wheels(pose=pose), ground=World(dock=DOCK), battery=battery)
+        device = VirtualKobuki(wheels=SimulatedWheels(pose=pose), ground=SimulatedWorld(dock=DOCK), battery=battery)
         self.clock = ManualClock()
         self.twin = BaseTwin(self.clock, body=device.body)
         self.twin.open()
@@ -285,14 +297,14 @@ class TwinBench:
 )
 def test_the_twin_tells_of_dock_and_battery_what_the_driver_reads_from_the_wire(pose: Pose2D) -> None:
     def battery() -> Battery:
-        return Battery(60.0, drain=20.0, resistance=RESISTANCE)
+        return Battery(60.0, drain=20.0, resistance=INTERNAL_RESISTANCE)
 
     bench, twin = at(pose, battery()), TwinBench(pose, battery())
     bench.run(5.0)
     twin.run(5.0)
     report = bench.reports[-1].values()
     inertia = next(part for part in report if type(part).__name__ == "Inertia")
-    read = Senses().update(bench.core(), inertia, 5.0, bench.newest(DockInfrared))  # type: ignore[arg-type]
+    read = KobukiStateBuilder().update(bench.core(), inertia, 5.0, bench.newest(DockInfrared))  # type: ignore[arg-type]
     state = twin.twin.state().value
     assert read is not None
     assert state is not None

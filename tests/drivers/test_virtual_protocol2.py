@@ -7,13 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.servos import wire
-from drivers.servos.models import MODELS, Model
+from drivers.servos.models import MODELS, ServoModel
 from drivers.servos.tables import TABLE_X, TABLE_X_CURRENT
 from drivers.servos.virtual.chain import VirtualServoBus
-from drivers.servos.virtual.obey2 import FAST_BULK_READ, FAST_SYNC_READ, FORGET_TURNS
+from drivers.servos.virtual.obey2 import CLEAR_TURNS, FAST_BULK_READ, FAST_SYNC_READ
 from drivers.servos.virtual.servo import VirtualServo
-from drivers.servos.wire import BROADCAST, Fault, Packet
-from drivers.servos.wire2 import ALERT, STATUS, Error, Instruction, Parser, crc, request
+from drivers.servos.wire import BROADCAST, Packet, ServoFault
+from drivers.servos.wire2 import ALERT, STATUS, PacketParser2, Protocol2Error, Protocol2Instruction, crc, request
 from tests.drivers.chains import chain, mixed_chain
 
 NEW = [model for model in MODELS.values() if model.protocol == 2]
@@ -32,7 +32,7 @@ class Client:
         self.now = 100.0
 
     def ask(self, servo: int, instruction: int, parameters: bytes = b"") -> list[Packet]:
-        replies = Parser().feed(self.bus.feed(request(servo, instruction, parameters), self.now))
+        replies = PacketParser2().feed(self.bus.feed(request(servo, instruction, parameters), self.now))
         assert all(reply.code == STATUS for reply in replies)
         return replies
 
@@ -42,12 +42,12 @@ class Client:
 
     def read(self, servo: int, name: str) -> int:
         register = TABLE_X_CURRENT[name]
-        (reply,) = self.ask(servo, Instruction.READ, word(register.address) + word(register.size))
+        (reply,) = self.ask(servo, Protocol2Instruction.READ, word(register.address) + word(register.size))
         return register.decode(reply.parameters[1:], register.address)
 
     def write(self, servo: int, name: str, value: int) -> int:
         register = TABLE_X_CURRENT[name]
-        return self.error(servo, Instruction.WRITE, word(register.address) + register.encode(value))
+        return self.error(servo, Protocol2Instruction.WRITE, word(register.address) + register.encode(value))
 
     def wait(self, seconds: float) -> None:
         for _ in range(round(seconds / 0.01)):
@@ -99,24 +99,24 @@ def test_the_published_group_packets_reach_whom_they_name(client: Client) -> Non
     assert client.bus.feed(bytes.fromhex(written), client.now) == b""
     assert [client.read(n, "goal_position") for n in (1, 2, 3)] == [150, 170, 2048]
     read = "FF FF FD 00 FE 0D 00 92 01 90 00 02 00 02 92 00 01 00 1A 05"
-    replies = Parser().feed(client.bus.feed(bytes.fromhex(read), client.now))
+    replies = PacketParser2().feed(client.bus.feed(bytes.fromhex(read), client.now))
     assert [(reply.id, reply.parameters[1:]) for reply in replies] == [(1, word(120)), (2, b"\x23")]
-    everyone = Parser().feed(client.bus.feed(bytes.fromhex("FF FF FD 00 FE 03 00 01 31 42"), client.now))
+    everyone = PacketParser2().feed(client.bus.feed(bytes.fromhex("FF FF FD 00 FE 03 00 01 31 42"), client.now))
     assert [(reply.id, reply.parameters[1:]) for reply in everyone] == [(n, b"\x24\x04\x2d") for n in (1, 2, 3)]
 
 
 @pytest.mark.parametrize("model", NEW, ids=lambda model: model.name)
-def test_every_model_is_told_by_its_number_and_turns_to_its_goal_at_its_speed(model: Model) -> None:
+def test_every_model_is_told_by_its_number_and_turns_to_its_goal_at_its_speed(model: ServoModel) -> None:
     client = Client(chain(1, model.name))
-    (reply,) = client.ask(1, Instruction.PING)
+    (reply,) = client.ask(1, Protocol2Instruction.PING)
     assert int.from_bytes(reply.parameters[1:3], "little") == model.number
     for register in model.table.registers.values():
         if register.writable and register.eeprom and register.name not in ("id", "baud"):
             assert client.bus.servo(1).get(register) == model.default(register), register.name
-    (whole,) = client.ask(1, Instruction.READ, word(0) + word(model.table.size))
+    (whole,) = client.ask(1, Protocol2Instruction.READ, word(0) + word(model.table.size))
     assert len(whole.parameters) == 1 + model.table.size
     client.write(1, "profile_velocity", 40)
-    assert client.write(1, "goal_position", model.centre - 300) == Error.NONE
+    assert client.write(1, "goal_position", model.centre_tick - 300) == Protocol2Error.NONE
     client.wait(0.1)
     assert client.bus.servo(1).angle == 0  # a goal does not switch the torque on
     client.write(1, "torque_enable", 1)
@@ -124,77 +124,85 @@ def test_every_model_is_told_by_its_number_and_turns_to_its_goal_at_its_speed(mo
     assert client.bus.servo(1).angle == pytest.approx(-0.1 * 40 * model.speed_unit, rel=0.02)
     assert (client.read(1, "present_velocity"), client.read(1, "moving")) == (-40, 1)
     client.wait(1.0)
-    assert client.read(1, "present_position") == model.centre - 300
+    assert client.read(1, "present_position") == model.centre_tick - 300
     assert client.read(1, "moving") == 0
 
 
 @pytest.mark.parametrize(
     ("name", "value", "error"),
     [
-        ("led", 2, Error.RANGE),
-        ("goal_position", 4096, Error.LIMIT),
-        ("goal_position", 2_000_000, Error.RANGE),
-        ("goal_velocity", 300, Error.LIMIT),
-        ("present_position", 5, Error.ACCESS),
-        ("operating_mode", 7, Error.RANGE),
-        ("operating_mode", 5, Error.RANGE),  # it measures no current
-        ("goal_current", 5, Error.ACCESS),
-        ("led", 1, Error.NONE),
+        ("led", 2, Protocol2Error.RANGE),
+        ("goal_position", 4096, Protocol2Error.LIMIT),
+        ("goal_position", 2_000_000, Protocol2Error.RANGE),
+        ("goal_velocity", 300, Protocol2Error.LIMIT),
+        ("present_position", 5, Protocol2Error.ACCESS),
+        ("operating_mode", 7, Protocol2Error.RANGE),
+        ("operating_mode", 5, Protocol2Error.RANGE),  # it measures no current
+        ("goal_current", 5, Protocol2Error.ACCESS),
+        ("led", 1, Protocol2Error.NONE),
     ],
 )
-def test_what_does_not_fit_is_refused_and_changes_nothing(client: Client, name: str, value: int, error: Error) -> None:
-    client.ask(1, Instruction.PING)
+def test_what_does_not_fit_is_refused_and_changes_nothing(
+    client: Client, name: str, value: int, error: Protocol2Error
+) -> None:
+    client.ask(1, Protocol2Instruction.PING)
     before = bytes(client.bus.servo(1).table)
     assert client.write(1, name, value) == error
-    assert (bytes(client.bus.servo(1).table) == before) is (error is not Error.NONE)
+    assert (bytes(client.bus.servo(1).table) == before) is (error is not Protocol2Error.NONE)
 
 
 def test_requests_that_no_servo_understands_are_refused_by_number(client: Client) -> None:
-    assert client.error(1, 0x44) == Error.INSTRUCTION
-    assert client.error(1, Instruction.ACTION) == Error.INSTRUCTION
-    assert client.error(1, Instruction.WRITE, word(116)) == Error.INSTRUCTION
-    assert client.error(1, Instruction.CLEAR, b"\x01\x02") == Error.INSTRUCTION
-    assert client.error(1, Instruction.WRITE, word(116) + b"\x01\x02") == Error.LENGTH
-    assert client.error(1, Instruction.READ, word(146) + word(40)) == Error.RANGE
-    damaged = bytearray(request(1, Instruction.PING))
+    assert client.error(1, 0x44) == Protocol2Error.INSTRUCTION
+    assert client.error(1, Protocol2Instruction.ACTION) == Protocol2Error.INSTRUCTION
+    assert client.error(1, Protocol2Instruction.WRITE, word(116)) == Protocol2Error.INSTRUCTION
+    assert client.error(1, Protocol2Instruction.CLEAR, b"\x01\x02") == Protocol2Error.INSTRUCTION
+    assert client.error(1, Protocol2Instruction.WRITE, word(116) + b"\x01\x02") == Protocol2Error.LENGTH
+    assert client.error(1, Protocol2Instruction.READ, word(146) + word(40)) == Protocol2Error.RANGE
+    damaged = bytearray(request(1, Protocol2Instruction.PING))
     damaged[-1] ^= 1
-    (reply,) = Parser().feed(client.bus.feed(bytes(damaged), client.now))
-    assert reply.parameters[0] == Error.CRC
+    (reply,) = PacketParser2().feed(client.bus.feed(bytes(damaged), client.now))
+    assert reply.parameters[0] == Protocol2Error.CRC
 
 
 def test_the_eeprom_is_closed_while_the_torque_is_on(client: Client) -> None:
     client.write(1, "torque_enable", 1)
-    assert client.write(1, "return_delay", 0) == Error.ACCESS
+    assert client.write(1, "return_delay", 0) == Protocol2Error.ACCESS
     client.write(1, "torque_enable", 0)
-    assert client.write(1, "return_delay", 0) == Error.NONE
+    assert client.write(1, "return_delay", 0) == Protocol2Error.NONE
     client.bus.servo(1).power_cycle()
     assert client.read(1, "return_delay") == 0
 
 
 def test_limits_that_are_set_in_the_servo_bound_its_goal(client: Client) -> None:
     client.write(1, "max_position", 3000)
-    assert client.write(1, "goal_position", 3001) == Error.LIMIT
+    assert client.write(1, "goal_position", 3001) == Protocol2Error.LIMIT
     goals = word(116) + word(4) + b"\x01" + (3001).to_bytes(4, "little") + b"\x02" + (2500).to_bytes(4, "little")
-    client.ask(BROADCAST, Instruction.SYNC_WRITE, goals)
+    client.ask(BROADCAST, Protocol2Instruction.SYNC_WRITE, goals)
     assert [client.read(n, "goal_position") for n in (1, 2)] == [2048, 2500]  # no clamping here
 
 
 def test_registered_writes_start_together_on_action(client: Client) -> None:
     for servo in (1, 2):
         client.write(servo, "torque_enable", 1)
-        client.error(servo, Instruction.REG_WRITE, word(116) + (2100).to_bytes(4, "little"))
+        client.error(servo, Protocol2Instruction.REG_WRITE, word(116) + (2100).to_bytes(4, "little"))
         assert client.read(servo, "registered") == 1
     client.wait(0.2)
-    assert client.ask(BROADCAST, Instruction.ACTION) == []
+    assert client.ask(BROADCAST, Protocol2Instruction.ACTION) == []
     client.wait(0.5)
     assert [client.read(n, "present_position") for n in (1, 2, 3)] == [2100, 2100, 2048]
-    assert client.error(1, Instruction.REG_WRITE, word(116) + (9999).to_bytes(4, "little")) == Error.LIMIT
+    assert (
+        client.error(1, Protocol2Instruction.REG_WRITE, word(116) + (9999).to_bytes(4, "little"))
+        == Protocol2Error.LIMIT
+    )
     assert client.read(1, "registered") == 0
 
 
 def test_a_sync_read_stops_at_a_servo_that_is_missing(client: Client) -> None:
     def heard(*servos: int) -> list[int]:
-        return [reply.id for reply in client.ask(BROADCAST, Instruction.SYNC_READ, word(132) + word(4) + bytes(servos))]
+        return [
+            reply.id
+            for reply in client.ask(BROADCAST, Protocol2Instruction.SYNC_READ, word(132) + word(4) + bytes(servos))
+        ]
 
     assert heard(3, 1, 2) == [3, 1, 2]
     client.bus.servo(1).present = False
@@ -224,37 +232,37 @@ def test_a_fast_reading_is_one_packet_with_a_crc_after_each_part(client: Client)
 
 def test_a_bulk_write_gives_each_servo_its_own(client: Client) -> None:
     data = b"\x01" + word(65) + word(1) + b"\x01" + b"\x03" + word(104) + word(4) + (50).to_bytes(4, "little")
-    assert client.ask(BROADCAST, Instruction.BULK_WRITE, data) == []
+    assert client.ask(BROADCAST, Protocol2Instruction.BULK_WRITE, data) == []
     assert (client.read(1, "led"), client.read(3, "goal_velocity")) == (1, 50)
 
 
 def test_an_overload_latches_with_an_alert_until_a_reboot(client: Client) -> None:
     servo = client.bus.servo(1)
     client.write(1, "torque_enable", 1)
-    servo.burden = 1.5
+    servo.load = 1.5
     client.wait(1.2)
-    assert client.error(1, Instruction.PING) == ALERT
+    assert client.error(1, Protocol2Instruction.PING) == ALERT
     assert client.read(1, "hardware_error") == 32
-    assert (servo.faults, servo.limp) == (Fault.OVERLOAD, True)
-    servo.burden = 0.0
+    assert (servo.faults, servo.limp) == (ServoFault.OVERLOAD, True)
+    servo.load = 0.0
     client.write(1, "torque_enable", 1)
     client.wait(0.1)
     assert client.read(1, "torque_enable") == 0
-    client.error(1, Instruction.REBOOT)
+    client.error(1, Protocol2Instruction.REBOOT)
     client.wait(0.1)
-    assert client.ask(1, Instruction.PING) == []
+    assert client.ask(1, Protocol2Instruction.PING) == []
     client.wait(0.2)
-    assert client.error(1, Instruction.PING) == Error.NONE
-    assert client.write(1, "torque_enable", 1) == Error.NONE
+    assert client.error(1, Protocol2Instruction.PING) == Protocol2Error.NONE
+    assert client.write(1, "torque_enable", 1) == Protocol2Error.NONE
     assert client.read(1, "torque_enable") == 1
 
 
 def test_heat_and_damage_latch_but_a_weak_supply_passes(client: Client) -> None:
     hot, shocked, weak = client.bus.servos
-    hot.temperature, shocked.damage, weak.voltage = 90.0, Fault.SHOCK, 5.0
+    hot.temperature, shocked.damage, weak.voltage = 90.0, ServoFault.SHOCK, 5.0
     client.wait(0.02)
     assert [client.read(n, "hardware_error") for n in (1, 2, 3)] == [4, 16, 1]
-    hot.temperature, shocked.damage, weak.voltage = 30.0, Fault(0), 12.0
+    hot.temperature, shocked.damage, weak.voltage = 30.0, ServoFault(0), 12.0
     client.wait(0.02)
     assert [client.read(n, "hardware_error") for n in (1, 2, 3)] == [4, 16, 0]
 
@@ -266,10 +274,10 @@ def test_in_velocity_mode_it_turns_without_end_and_counts_its_turns(client: Clie
     client.wait(3.0)
     assert client.read(1, "present_velocity") == -200
     assert client.read(1, "present_position") < -4096
-    assert client.error(1, Instruction.CLEAR, FORGET_TURNS) == Error.FAILED
+    assert client.error(1, Protocol2Instruction.CLEAR, CLEAR_TURNS) == Protocol2Error.FAILED
     client.write(1, "goal_velocity", 0)
     client.wait(0.05)
-    assert client.error(1, Instruction.CLEAR, FORGET_TURNS) == Error.NONE
+    assert client.error(1, Protocol2Instruction.CLEAR, CLEAR_TURNS) == Protocol2Error.NONE
     assert 0 <= client.read(1, "present_position") <= 4095
 
 
@@ -286,7 +294,7 @@ def test_by_pwm_or_current_it_turns_as_hard_as_it_is_told(mode: int, name: str, 
 def test_in_extended_position_mode_a_goal_may_be_turns_away(client: Client) -> None:
     client.write(1, "operating_mode", 4)
     client.write(1, "torque_enable", 1)
-    assert client.write(1, "goal_position", 2048 - 2 * 4096) == Error.NONE
+    assert client.write(1, "goal_position", 2048 - 2 * 4096) == Protocol2Error.NONE
     client.wait(3.0)
     assert client.read(1, "present_position") == 2048 - 2 * 4096
     assert client.bus.servo(1).angle == pytest.approx(-4 * pi, abs=0.002)
@@ -314,9 +322,9 @@ def test_the_bus_watchdog_stops_it_and_closes_its_goals_until_it_is_cleared(clie
     stopped = client.read(1, "present_position")
     assert client.read(1, "bus_watchdog") == -1
     assert stopped < 2300
-    assert client.write(1, "goal_position", 2048) == Error.RANGE
-    assert client.write(1, "bus_watchdog", 0) == Error.NONE
-    assert client.write(1, "goal_position", 2048) == Error.NONE
+    assert client.write(1, "goal_position", 2048) == Protocol2Error.RANGE
+    assert client.write(1, "bus_watchdog", 0) == Protocol2Error.NONE
+    assert client.write(1, "goal_position", 2048) == Protocol2Error.NONE
 
 
 @pytest.mark.parametrize(
@@ -325,7 +333,7 @@ def test_the_bus_watchdog_stops_it_and_closes_its_goals_until_it_is_cleared(clie
 def test_a_factory_reset_keeps_what_it_is_told_to_keep(option: bytes, number: int, baud: int) -> None:
     client = Client(VirtualServoBus([VirtualServo(2, model=XL)]))
     client.write(2, "max_position", 3000)
-    assert client.error(2, Instruction.FACTORY_RESET, option) == Error.NONE
+    assert client.error(2, Protocol2Instruction.FACTORY_RESET, option) == Protocol2Error.NONE
     client.wait(0.02)
     assert client.bus.baud == baud
     assert client.read(number, "max_position") == 4095
@@ -333,32 +341,32 @@ def test_a_factory_reset_keeps_what_it_is_told_to_keep(option: bytes, number: in
 
 def test_both_protocols_live_on_one_wire_each_deaf_to_the_other() -> None:
     bus = mixed_chain("AX-12A", XL)
-    old, new = wire.request(1, wire.Instruction.PING), request(2, Instruction.PING)
-    assert wire.Parser().feed(bus.feed(old, 1.0)) == [Packet(1, 0)]
-    assert [packet.id for packet in Parser().feed(bus.feed(new, 1.3))] == [2]
-    assert bus.feed(wire.request(2, wire.Instruction.PING), 1.6) == b""
-    assert bus.feed(request(1, Instruction.PING), 1.9) == b""
+    old, new = wire.request(1, wire.Protocol1Instruction.PING), request(2, Protocol2Instruction.PING)
+    assert wire.PacketParser().feed(bus.feed(old, 1.0)) == [Packet(1, 0)]
+    assert [packet.id for packet in PacketParser2().feed(bus.feed(new, 1.3))] == [2]
+    assert bus.feed(wire.request(2, wire.Protocol1Instruction.PING), 1.6) == b""
+    assert bus.feed(request(1, Protocol2Instruction.PING), 1.9) == b""
 
 
 def test_two_servos_with_one_id_answer_on_top_of_each_other(client: Client) -> None:
     client.write(2, "id", 1)
     client.bus.servos[1].turn_by_hand(0.7)
-    (reply,) = client.ask(1, Instruction.READ, word(132) + word(4))
+    (reply,) = client.ask(1, Protocol2Instruction.READ, word(132) + word(4))
     assert not reply.intact
-    assert [packet.id for packet in client.ask(BROADCAST, Instruction.PING)] == [1, 3]
+    assert [packet.id for packet in client.ask(BROADCAST, Protocol2Instruction.PING)] == [1, 3]
 
 
 def test_with_pacing_each_reply_of_a_sync_read_leaves_in_its_turn() -> None:
     bus = chain(3, XL, paced=True)
     for servo in bus.servos:
         servo.set("return_delay", 10)
-    bus.feed(request(BROADCAST, Instruction.SYNC_READ, word(132) + word(4) + b"\x01\x02\x03"), 5.0)
+    bus.feed(request(BROADCAST, Protocol2Instruction.SYNC_READ, word(132) + word(4) + b"\x01\x02\x03"), 5.0)
     asked, replied = 17 * 10e-6, 15 * 10e-6 + 20e-6
     for number in (1, 2, 3):
-        due = bus.next_at()
+        due = bus.next_poll_time()
         assert due == pytest.approx(5.0 + asked + number * replied)
         assert due is not None
-        assert Parser().feed(bus.poll(due))[0].id == number
+        assert PacketParser2().feed(bus.poll(due))[0].id == number
 
 
 @given(data=st.lists(st.binary(max_size=40), max_size=5))
@@ -367,11 +375,13 @@ def test_no_bytes_whatsoever_upset_it(data: list[bytes]) -> None:
     for step, piece in enumerate(data):
         bus.feed(piece, step * 0.01)
     bus.feed(b"", 10.0)
-    assert Parser().feed(bus.feed(request(1, Instruction.PING), 20.0))[-1].id in (1, 2)
+    assert PacketParser2().feed(bus.feed(request(1, Protocol2Instruction.PING), 20.0))[-1].id in (1, 2)
 
 
-@given(instruction=st.sampled_from(list(Instruction)), parameters=st.binary(max_size=20), everyone=st.booleans())
-def test_no_request_whatsoever_upsets_it(instruction: Instruction, parameters: bytes, everyone: bool) -> None:
+@given(
+    instruction=st.sampled_from(list(Protocol2Instruction)), parameters=st.binary(max_size=20), everyone=st.booleans()
+)
+def test_no_request_whatsoever_upsets_it(instruction: Protocol2Instruction, parameters: bytes, everyone: bool) -> None:
     bus = chain(2, "XM430-W210")
     bus.feed(request(BROADCAST if everyone else 1, instruction, parameters), 1.0)
     for servo in bus.servos:

@@ -5,29 +5,32 @@ from random import Random
 import pytest
 
 from drivers.arduino import wire
-from drivers.arduino.virtual import ATTACHED, VirtualRodney
-from drivers.head.axis import STARTS
+from drivers.arduino.virtual import UNSENT_SKETCH_ANGLES, VirtualRodney
+from drivers.head.axis import ENCODER_SKETCH_STARTS
 from drivers.sim.servo import SERVO_SPEED
 from tests.machines import walk
 
 
 def command(index: int, angle: int) -> bytes:
-    return wire.Frame(100, wire.ServoAngle(index, angle).pack()).pack()
+    return wire.RosserialFrame(100, wire.ServoAngle(index, angle).pack()).pack()
 
 
 def answer_time(device: VirtualRodney, now: float) -> None:
-    device.feed(wire.Frame(wire.TIME, wire.Time(now).pack()).pack(), now)
+    device.feed(wire.RosserialFrame(wire.TIME, wire.RosserialTime(now).pack()).pack(), now)
 
 
 def topics(data: bytes) -> list[int]:
-    finder = wire.FrameFinder()
+    finder = wire.RosserialFrameFinder()
     found = [frame.topic for frame in finder.feed(data)]
     assert finder.skipped == 0
     return found
 
 
 def test_asked_for_its_topics_it_asks_the_time_and_names_the_servos() -> None:
-    golden = wire.REQUEST_TIME + wire.Frame(wire.SUBSCRIBER, wire.TopicInfo(100, wire.SERVO, 512).pack()).pack()
+    golden = (
+        wire.REQUEST_TIME
+        + wire.RosserialFrame(wire.SUBSCRIBER, wire.TopicInfo(100, wire.SERVO_TOPIC, 512).pack()).pack()
+    )
     assert VirtualRodney().feed(wire.REQUEST_TOPICS, 1.0) == golden
 
 
@@ -75,7 +78,7 @@ def test_told_to_stop_it_says_nothing_more() -> None:
 
 def test_servos_start_where_the_sketch_puts_them_and_turn_at_their_speed() -> None:
     device = VirtualRodney()
-    assert [device.angle(index, 0.0) for index in range(4)] == list(STARTS)
+    assert [device.angle(index, 0.0) for index in range(4)] == list(ENCODER_SKETCH_STARTS)
     device.feed(command(0, 130), 1.0)
     assert device.angle(0, 1.05) == pytest.approx(90 + 0.05 * SERVO_SPEED)
     assert device.angle(0, 1.2) == 130
@@ -95,9 +98,9 @@ def test_a_servo_that_it_has_not_is_logged_and_moves_nothing() -> None:
     device = VirtualRodney()
     device.feed(wire.REQUEST_TOPICS, 0.0)
     device.feed(command(4, 10), 0.1)
-    (frame,) = wire.FrameFinder().feed(device.poll(0.2))
-    assert wire.Log.unpack(frame.data) == wire.Log(0, "no servo 4")
-    assert [device.angle(index, 1.0) for index in range(4)] == list(STARTS)
+    (frame,) = wire.RosserialFrameFinder().feed(device.poll(0.2))
+    assert wire.RosserialLog.unpack(frame.data) == wire.RosserialLog(0, "no servo 4")
+    assert [device.angle(index, 1.0) for index in range(4)] == list(ENCODER_SKETCH_STARTS)
 
 
 def test_a_frame_that_dawdles_is_dropped_and_the_next_one_taken() -> None:
@@ -112,15 +115,15 @@ def test_a_frame_that_dawdles_is_dropped_and_the_next_one_taken() -> None:
 
 def test_a_frame_larger_than_the_buffer_is_dropped() -> None:
     device = VirtualRodney(buffer=128)
-    device.feed(wire.Frame(100, wire.ServoAngle(0, 10).pack() + bytes(126)).pack(), 0.0)
-    device.feed(wire.Frame(100, wire.ServoAngle(0, 20).pack() + bytes(125)).pack(), 1.0)
+    device.feed(wire.RosserialFrame(100, wire.ServoAngle(0, 10).pack() + bytes(126)).pack(), 0.0)
+    device.feed(wire.RosserialFrame(100, wire.ServoAngle(0, 20).pack() + bytes(125)).pack(), 1.0)
     assert device.commands == [(0, 20)]
 
 
 def test_a_wrong_checksum_and_a_short_message_move_nothing() -> None:
     device = VirtualRodney()
     device.feed(command(0, 10)[:-1] + b"\x00", 0.0)
-    device.feed(wire.Frame(100, b"\x00\x0a").pack(), 1.0)
+    device.feed(wire.RosserialFrame(100, b"\x00\x0a").pack(), 1.0)
     assert device.commands == []
     assert device.angle(0, 2.0) == 90
 
@@ -146,21 +149,21 @@ def test_a_header_that_is_none_is_answered_until_somebody_has_asked_for_the_topi
 
 
 def test_the_first_sketches_write_a_line_for_each_angle_and_obey_before_anybody_asked_them() -> None:
-    device = VirtualRodney(logs=True, starts=ATTACHED)
-    (frame,) = wire.FrameFinder().feed(device.feed(command(1, 120), 0.0))
-    assert wire.Log.unpack(frame.data) == wire.Log(0, "Servo 1 ")
+    device = VirtualRodney(logs_angles=True, start_angles=UNSENT_SKETCH_ANGLES)
+    (frame,) = wire.RosserialFrameFinder().feed(device.feed(command(1, 120), 0.0))
+    assert wire.RosserialLog.unpack(frame.data) == wire.RosserialLog(0, "Servo 1 ")
     assert device.angle(1, 1.0) == 120
-    assert device.widest == pytest.approx(27.3)
+    assert device.max_step == pytest.approx(27.3)
 
 
 def test_a_board_starts_anew_with_its_plug_and_all_but_those_with_native_usb_when_the_port_is_opened() -> None:
     for keeps, opened in ((False, 90), (True, 10)):
-        device = VirtualRodney(keeps=keeps)
+        device = VirtualRodney(native_usb=keeps)
         device.feed(command(0, 10), 0.0)
-        device.opened(1.0)
+        device.open_port(1.0)
         device.poll(1.0)
         assert device.angle(0, 2.0) == opened
-        device.plugged(2.0)
+        device.power_on(2.0)
         device.poll(2.0)
         assert device.angle(0, 3.0) == 90
 

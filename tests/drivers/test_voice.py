@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from drivers.api import DeviceStatus, Manner, Priority, Voice, ignore
+from drivers.api import DeviceStatus, Priority, SpeechStyle, Voice, ignore
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NotConnected
-from drivers.sound.player import Player
+from drivers.sound.player import SoundPlayer
 from drivers.sound.printed import PrintedVoice
-from drivers.sound.program import Speaker, Synthesiser, find_synthesiser
+from drivers.sound.program import ProgramEngine, Synthesiser, find_synthesiser
 from drivers.voice.speech import SpeechVoice
 from tests.cases import each
 from tests.waiting import wait_until
@@ -73,10 +73,10 @@ def speech(
     clock = SystemClock()
     return SpeechVoice(
         clock,
-        Speaker(synthesiser, clock),
-        Player(clock, backend="null"),
+        ProgramEngine(synthesiser, clock),
+        SoundPlayer(clock, backend="null"),
         printed.append,
-        usual=Manner(speed=1200),
+        default_style=SpeechStyle(speed=1200),
         report=notices.append,
         changed=changed,
     )
@@ -202,10 +202,10 @@ def test_a_program_that_fails_is_reported_with_its_words_and_the_text_is_printed
     assert booth.printed == ["this will fail"]
     (notice,) = booth.notices
     assert (notice.device, notice.kind) == ("voice", "fault")
-    assert "ended with 1: no sound card" in notice.what
+    assert "ended with 1: no sound card" in notice.message
     assert notice.hint.startswith("echo hello | ")
     health = booth.speaker.health()
-    assert (health.online, health.detail, health.counters["failed"]) == (True, notice.what, 1)
+    assert (health.online, health.detail, health.counters["failed"]) == (True, notice.message, 1)
     wait_until(booth.speaker.say("this will fail").done)
     assert len(booth.notices) == 1  # the same again is no news
     wait_until(booth.speaker.say("this works").done)
@@ -220,16 +220,16 @@ def test_a_program_that_has_vanished_is_reported_and_the_text_is_printed(tmp_pat
     wait_until(speaker.say("hello").done)
     speaker.close()
     assert printed == ["hello"]
-    assert "No such file or directory" in notices[0].what
+    assert "No such file or directory" in notices[0].message
 
 
 def test_whatever_goes_wrong_the_words_are_printed_and_the_next_ones_heard(booth: Booth) -> None:
-    arguments = booth.speaker._engine._synthesiser.arguments if isinstance(booth.speaker._engine, Speaker) else ()
-    booth.speaker._engine = Speaker(Synthesiser(sys.executable, (*arguments, "{voice}")), SystemClock())
-    wait_until(booth.speaker.say("odd", Manner(voice="a\0b")).done)
+    arguments = booth.speaker._engine._synthesiser.arguments if isinstance(booth.speaker._engine, ProgramEngine) else ()
+    booth.speaker._engine = ProgramEngine(Synthesiser(sys.executable, (*arguments, "{voice}")), SystemClock())
+    wait_until(booth.speaker.say("odd", SpeechStyle(voice="a\0b")).done)
     assert booth.printed == ["odd"]
-    assert [notice.what for notice in booth.notices] == ["voice: 'odd': ValueError: embedded null byte"]
-    wait_until(booth.speaker.say("even", Manner(voice="ab")).done)
+    assert [notice.message for notice in booth.notices] == ["voice: 'odd': ValueError: embedded null byte"]
+    wait_until(booth.speaker.say("even", SpeechStyle(voice="ab")).done)
     assert booth.spoken() == ["even"]
 
 
@@ -238,7 +238,7 @@ def test_whatever_goes_wrong_the_words_are_printed_and_the_next_ones_heard(booth
 
 def test_the_best_synthesiser_on_the_path_is_found(tmp_path: Path) -> None:
     assert find_synthesiser(str(tmp_path)) is None
-    manner = Manner(speed=150)
+    manner = SpeechStyle(speed=150)
     espeak = ["--stdin", "-s150", "-a100"]
     for name, arguments in (("say", ["-r150", "-f", "-"]), ("espeak", espeak), ("espeak-ng", espeak)):
         program = tmp_path / name
@@ -269,10 +269,10 @@ def test_the_installed_synthesiser_ends_of_itself_or_says_why_not() -> None:
 
 def test_an_argument_of_which_nothing_is_known_is_left_out() -> None:
     synthesiser = Synthesiser("my_tts", ("--as", "-v{voice}", "-l{language}", "--pace={speed}", "{name}", "{x}"), 0.8)
-    assert synthesiser.command(Manner()) == ["my_tts", "--as", "{x}"]
-    spoken = synthesiser.command(Manner("+f2", 120, "de"))
+    assert synthesiser.command(SpeechStyle()) == ["my_tts", "--as", "{x}"]
+    spoken = synthesiser.command(SpeechStyle("+f2", 120, "de"))
     assert spoken == ["my_tts", "--as", "-v+f2", "-lde", "--pace=120", "de+f2", "{x}"]
-    assert Synthesiser("my_tts", ("-a{volume}",), 0.8).command(Manner()) == ["my_tts", "-a80"]
+    assert Synthesiser("my_tts", ("-a{volume}",), 0.8).command(SpeechStyle()) == ["my_tts", "-a80"]
 
 
 # --- printed words ----------------------------------------------------------------------------------------------------
@@ -351,14 +351,14 @@ def test_a_printed_voice_that_is_not_open_refuses_and_closing_ends_all(clock: Ma
 
 
 def test_printed_words_last_as_their_speed_says(clock: ManualClock) -> None:
-    voice = PrintedVoice(clock, lambda _: None, usual=Manner(speed=100))
+    voice = PrintedVoice(clock, lambda _: None, default_manner=SpeechStyle(speed=100))
     voice.open()
     slow = voice.say("one two three four five")
     clock.advance(2.9)
     assert not slow.done()
     clock.advance(0.2)
     assert slow.done()
-    quick = voice.say("one two three four five", Manner(speed=300))
+    quick = voice.say("one two three four five", SpeechStyle(speed=300))
     clock.advance(1.05)
     assert quick.done()
 

@@ -2,12 +2,12 @@
 
 import pytest
 
-from drivers.api import DeviceStatus, Manner
+from drivers.api import DeviceStatus, SpeechStyle
 from drivers.clock import SystemClock
 from drivers.errors import NoReply
 from drivers.microphone.virtual import VoicedMicrophone
-from drivers.sim.acts import Reply
-from drivers.sound.cut import Cut
+from drivers.sim.acts import PersonReply
+from drivers.sound.cut import CancelToken
 from drivers.sound.program import Speech
 from tests.waiting import wait_until
 
@@ -17,8 +17,8 @@ pytestmark = pytest.mark.real_time
 class Moody:
     """An engine that speaks some texts, and fails with others."""
 
-    speaks_itself = False
-    broken = ""
+    plays_sound = False
+    failure_reason = ""
 
     def __init__(self) -> None:
         self.texts: list[str] = []
@@ -29,8 +29,8 @@ class Moody:
     def close(self) -> None:
         """Do nothing."""
 
-    def speak(self, text: str, manner: Manner, cut: Cut) -> Speech:
-        del manner, cut
+    def speak(self, text: str, manner: SpeechStyle, token: CancelToken) -> Speech:
+        del manner, token
         self.texts.append(text)
         if text == "hm":
             raise NoReply("espeak-ng hangs", hint="try again")
@@ -41,14 +41,14 @@ class Moody:
 
 def test_whatever_goes_wrong_with_one_the_next_is_heard() -> None:
     engine, notices = Moody(), list[DeviceStatus]()
-    microphone = VoicedMicrophone(SystemClock(), engine, lambda _: Manner(), report=notices.append)
+    microphone = VoicedMicrophone(SystemClock(), engine, lambda _: SpeechStyle(), report=notices.append)
     microphone.open()
     for text in ("hm", "oh", "yes"):
-        microphone.hear(Reply("Anna", text, 0.0))
+        microphone.on_reply(PersonReply("Anna", text, 0.0))
     wait_until(lambda: any(abs(piece.samples).max() > 5000 for piece in microphone.read(-1)))
     microphone.close()
     assert engine.texts == ["hm", "oh", "yes"]
-    assert [(notice.what, notice.hint) for notice in notices] == [
+    assert [(notice.message, notice.hint) for notice in notices] == [
         ("Anna cannot be heard: espeak-ng hangs", "try again"),
         ("Anna cannot be heard: not a rate: 0", ""),
     ]

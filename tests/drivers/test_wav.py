@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import BadRequest, NotConnected
-from drivers.microphone.wav import BLOCK, blocks, load, resampled
+from drivers.microphone.wav import BLOCK_FRAMES, decode_blocks, load_wav, resample
 from drivers.sound import sound_worker
-from drivers.sound.wav import BadWav, checked, length_of, read_header
+from drivers.sound.wav import BadWav, check_sound_file, read_header, sound_duration
 from tests.drivers.wavs import BAD, COUNT, FMT, GOOD, INT16, MP3, RATE, TONE, chunk, form, plain, riff
 
 
@@ -33,10 +33,10 @@ def player(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_recording_of_every_kind_is_heard_and_played_alike(tmp_path: Path, kind: str) -> None:
     path = written(tmp_path, GOOD[kind])
     wanted = TONE * 32768
-    heard = load("microphone", path)
+    heard = load_wav("microphone", path)
     coarse = 400 if kind == "8 bit" else 3
-    assert np.abs(heard - resampled(wanted, RATE)).max() < coarse
-    assert length_of(checked("voice", path)) == pytest.approx(COUNT / RATE)
+    assert np.abs(heard - resample(wanted, RATE)).max() < coarse
+    assert sound_duration(check_sound_file("voice", path)) == pytest.approx(COUNT / RATE)
     played = np.frombuffer(sound_worker._decode_file(str(path), RATE), np.int16)
     assert np.abs(played - wanted).max() < coarse
 
@@ -45,12 +45,12 @@ def test_a_recording_of_every_kind_is_heard_and_played_alike(tmp_path: Path, kin
 def test_a_file_that_is_not_a_recording_is_refused_with_its_reason(tmp_path: Path, why: str) -> None:
     path = written(tmp_path, BAD[why])
     with pytest.raises(NotConnected) as refused:
-        load("microphone", path)
+        load_wav("microphone", path)
     assert why in str(refused.value)
     assert "\n" not in str(refused.value)
     if path.read_bytes()[:3] == b"RIF":  # others may be sounds of another kind
         with pytest.raises(BadRequest) as unplayed:
-            checked("voice", path)
+            check_sound_file("voice", path)
         assert why in str(unplayed.value)
 
 
@@ -58,36 +58,36 @@ def test_a_file_that_is_not_a_recording_is_refused_with_its_reason(tmp_path: Pat
 def test_every_value_of_telephones_is_the_one_that_the_player_has(tmp_path: Path, encoding: int) -> None:
     path = written(tmp_path, plain(encoding, 8, bytes(range(256))))
     with path.open("rb") as file:
-        ours = np.concatenate([*blocks(file, read_header(file))]).ravel()
+        ours = np.concatenate([*decode_blocks(file, read_header(file))]).ravel()
     played = np.frombuffer(sound_worker._decode_file(str(path), RATE), np.int16)
     assert np.abs(ours - played).max() <= 1
 
 
 def test_a_recording_that_was_cut_off_counts_as_far_as_it_goes(tmp_path: Path) -> None:
     path = written(tmp_path, riff(FMT, chunk(b"data", INT16))[:-1001])
-    assert length_of(path) == pytest.approx((COUNT - 501) / RATE)
-    assert len(load("microphone", path)) == round((COUNT - 501) * 16_000 / RATE)
+    assert sound_duration(path) == pytest.approx((COUNT - 501) / RATE)
+    assert len(load_wav("microphone", path)) == round((COUNT - 501) * 16_000 / RATE)
 
 
 def test_channels_that_are_not_alike_are_mixed(tmp_path: Path) -> None:
-    both = struct.pack("<hh", 100, -40) * (2 * BLOCK + 3)  # more than one block
+    both = struct.pack("<hh", 100, -40) * (2 * BLOCK_FRAMES + 3)  # more than one block
     path = written(tmp_path, riff(chunk(b"fmt ", form(1, 16, channels=2, rate=16_000)), chunk(b"data", both)))
-    heard = load("microphone", path)
-    assert (len(heard), {*heard.tolist()}) == (2 * BLOCK + 3, {30})
+    heard = load_wav("microphone", path)
+    assert (len(heard), {*heard.tolist()}) == (2 * BLOCK_FRAMES + 3, {30})
 
 
 def test_floats_beyond_the_range_and_none_at_all_are_clipped(tmp_path: Path) -> None:
     floats = np.array([np.nan, np.inf, -np.inf, 3e38, -2.0, 0.5], "<f4").tobytes()
     path = written(tmp_path, riff(chunk(b"fmt ", form(3, 32, rate=16_000)), chunk(b"data", floats)))
-    assert load("microphone", path).tolist() == [0, 32767, -32768, 32767, -32768, 16384]
+    assert load_wav("microphone", path).tolist() == [0, 32767, -32768, 32767, -32768, 16384]
 
 
 def test_compressed_samples_are_played_and_not_heard(tmp_path: Path) -> None:
     ima = struct.pack("<HHIIHHHH", 0x11, 1, RATE, 11_100, 1024, 4, 2, 2041)
     path = written(tmp_path, riff(chunk(b"fmt ", ima), chunk(b"data", bytes(11_100))))
-    assert length_of(checked("voice", path)) == pytest.approx(1.0)
+    assert sound_duration(check_sound_file("voice", path)) == pytest.approx(1.0)
     with pytest.raises(NotConnected, match="its samples are IMA ADPCM, which is not decoded here"):
-        load("microphone", path)
+        load_wav("microphone", path)
 
 
 @given(st.sampled_from(sorted(GOOD)), st.data())
@@ -99,9 +99,9 @@ def test_no_damage_does_more_than_refuse(kind: str, data: st.DataObject) -> None
     with suppress(BadWav):
         header = read_header(file)
         assert 0 < header.size <= 400
-        assert sum(len(block) for block in blocks(file, header)) == header.frames
+        assert sum(len(block) for block in decode_blocks(file, header)) == header.frames
 
 
 def test_a_file_is_measured_by_what_it_is_whatever_it_is_called(tmp_path: Path) -> None:
     path = written(tmp_path, MP3 * 100)  # an MP3 that is called sound.wav
-    assert sound_worker._seconds_of(str(path)) > 1.0
+    assert sound_worker._file_duration(str(path)) > 1.0

@@ -8,12 +8,12 @@ import pytest
 
 from drivers.api import DeviceStatus, Velocity
 from drivers.base.reckoning import Reckoning, TwoWheels
-from drivers.sim.body import Body
+from drivers.sim.body import BaseBody
 from drivers.sim.timeline import Timeline
 from drivers.transport.lines import LineFinder
 from drivers.waveshare import wire
-from drivers.waveshare.driver import HEARTBEAT, waveshare_base
-from drivers.waveshare.virtual import VOLTS, VirtualWaveshare
+from drivers.waveshare.driver import HEARTBEAT_TIMEOUT, waveshare_base
+from drivers.waveshare.virtual import BATTERY_VOLTAGE, VirtualWaveshare
 from tests.drivers.cranked import HandWire, pass_until
 from tests.drivers.fault_injection import FaultInjection
 from tests.tries import tries
@@ -29,8 +29,8 @@ class Bench:
     def __init__(self, *, encoders: bool = True, echoes: bool = True) -> None:
         self.timeline = Timeline()
         self.clock = self.timeline.clock
-        unit = 1.0 if encoders else wire.FULL / 1.25
-        self.rover = VirtualWaveshare(Body(), track=TRACK, unit=unit, encoders=encoders, echoes=echoes)
+        unit = 1.0 if encoders else wire.FULL_POWER / 1.25
+        self.rover = VirtualWaveshare(BaseBody(), track=TRACK, unit=unit, encoders=encoders, echoes=echoes)
         self.wire = HandWire(self.rover, self.timeline)
         self.notices: list[DeviceStatus] = []
         self.base = waveshare_base(
@@ -48,11 +48,11 @@ class Bench:
         return self
 
     def passes(self, seconds: float) -> None:
-        self.timeline.run(self.clock.now() + seconds)
+        self.timeline.run_until(self.clock.read_value() + seconds)
 
     def drives(self, linear: float, angular: float, seconds: float) -> None:
-        end = self.clock.now() + seconds
-        while self.clock.now() < end:
+        end = self.clock.read_value() + seconds
+        while self.clock.read_value() < end:
             self.base.drive(Velocity(linear, angular))
             self.passes(0.05)
 
@@ -75,7 +75,7 @@ def open_loop() -> Iterator[Bench]:
 
 
 def test_a_line_is_found_however_it_is_cut_and_a_huge_one_is_none() -> None:
-    finder = LineFinder(longest=20)
+    finder = LineFinder(max_length=20)
     stream = b"first\r\n\n second \n" + b"x" * 1000 + b"\nthird\n" + b"y" * 21 + b"\nfourth\nbegun"
     found = [line for at in range(0, len(stream), 3) for line in finder.feed(stream[at : at + 3])]
     assert found == [b"first", b"second", b"third", b"fourth"]
@@ -91,7 +91,7 @@ def test_a_line_is_found_however_it_is_cut_and_a_huge_one_is_none() -> None:
     ids=["volts", "hundredths"],
 )
 def test_a_report_is_read_as_the_vendors_firmware_writes_it(line: bytes, volts: float) -> None:
-    assert wire.read(line) == wire.Feedback(0.1, -0.2, volts)
+    assert wire.parse_line(line) == wire.WaveshareFeedback(0.1, -0.2, volts)
 
 
 @pytest.mark.parametrize(
@@ -116,7 +116,7 @@ def test_a_report_is_read_as_the_vendors_firmware_writes_it(line: bytes, volts: 
 )
 def test_what_is_no_report_is_refused(line: bytes) -> None:
     with pytest.raises(ValueError, match=r"."):
-        wire.read(line)
+        wire.parse_line(line)
 
 
 def test_a_line_to_the_rover_is_json_with_fractions_where_the_firmware_asks_for_floats() -> None:
@@ -154,19 +154,19 @@ def test_wheels_that_cannot_follow_slow_the_whole_down() -> None:
 def test_the_heartbeat_is_set_and_confirmed_before_it_drives_and_echoes_end(bench: Bench) -> None:
     bench.start()
     bench.passes(0.2)
-    assert bench.rover.heartbeat == HEARTBEAT
+    assert bench.rover.heartbeat == HEARTBEAT_TIMEOUT
     assert [notice.kind for notice in bench.notices] == ["online"]
-    echoed = bench.rover.feed(b'{"T":130}\n', bench.clock.now())
+    echoed = bench.rover.feed(b'{"T":130}\n', bench.clock.read_value())
     assert not echoed.startswith(b'{"T":130}')
 
 
 def test_it_is_said_where_the_heartbeat_is_not_confirmed_and_it_is_set_all_the_same() -> None:
     bench = Bench(echoes=False).start()
     bench.passes(4.0)
-    faults = [notice.what for notice in bench.notices if notice.kind == "fault"]
+    faults = [notice.message for notice in bench.notices if notice.kind == "fault"]
     assert len(faults) == 1
     assert "may roll on for 3 s" in faults[0]
-    assert bench.rover.heartbeat == HEARTBEAT
+    assert bench.rover.heartbeat == HEARTBEAT_TIMEOUT
     bench.base.close()
 
 
@@ -174,22 +174,22 @@ def test_a_driver_that_dies_has_the_rover_at_rest_by_its_heartbeat(bench: Bench)
     bench.start()
     bench.drives(0.4, 0.0, 2.0)
     bench.wire.unplug()  # nobody says anything any more
-    before = bench.rover.pose(bench.clock.now())
-    bench.passes(HEARTBEAT + 0.5)
-    at_rest = bench.rover.pose(bench.clock.now())
+    before = bench.rover.pose(bench.clock.read_value())
+    bench.passes(HEARTBEAT_TIMEOUT + 0.5)
+    at_rest = bench.rover.pose(bench.clock.read_value())
     bench.passes(1.0)
-    assert bench.rover.pose(bench.clock.now()) == at_rest
-    assert at_rest.x - before.x < 0.4 * (HEARTBEAT + 0.2)
+    assert bench.rover.pose(bench.clock.read_value()) == at_rest
+    assert at_rest.x - before.x < 0.4 * (HEARTBEAT_TIMEOUT + 0.2)
 
 
 def test_a_rover_that_starts_anew_is_set_up_again_and_drives_no_more_until_then(bench: Bench) -> None:
     bench.start()
     bench.drives(0.3, 0.0, 1.0)
-    bench.rover.reset(bench.clock.now())
+    bench.rover.reset(bench.clock.read_value())
     bench.passes(0.4)
     assert not bench.base.health().online
     pass_until(bench.timeline, lambda: bench.base.health().online)
-    assert bench.rover.heartbeat == HEARTBEAT
+    assert bench.rover.heartbeat == HEARTBEAT_TIMEOUT
     assert bench.rover.commanded == (0.0, 0.0)
 
 
@@ -200,8 +200,8 @@ def test_without_encoders_full_power_is_the_speed_that_the_robot_file_gives(open
     state = open_loop.base.state().value
     assert state is not None
     assert state.reckoned
-    assert state.battery_percent == pytest.approx(100 * (VOLTS - 9.0) / 3.6)
-    assert state.pose.x == pytest.approx(open_loop.rover.pose(open_loop.clock.now()).x, abs=0.1)
+    assert state.battery_percent == pytest.approx(100 * (BATTERY_VOLTAGE - 9.0) / 3.6)
+    assert state.pose.x == pytest.approx(open_loop.rover.pose(open_loop.clock.read_value()).x, abs=0.1)
 
 
 def test_no_wheel_is_told_more_than_its_full_power(open_loop: Bench) -> None:
@@ -210,7 +210,7 @@ def test_no_wheel_is_told_more_than_its_full_power(open_loop: Bench) -> None:
     )
     open_loop.start()
     open_loop.drives(0.3, 1.9, 2.0)
-    assert max(map(abs, open_loop.rover.commanded)) <= wire.FULL
+    assert max(map(abs, open_loop.rover.commanded)) <= wire.FULL_POWER
 
 
 def test_text_at_its_start_and_lines_of_others_do_no_harm(bench: Bench) -> None:
@@ -230,12 +230,12 @@ def test_unplugged_in_mid_move_and_plugged_in_again_it_stays_at_rest(bench: Benc
     bench.drives(0.4, 0.0, 1.0)
     bench.wire.unplug()
     bench.passes(1.5)
-    here = bench.rover.pose(bench.clock.now())
+    here = bench.rover.pose(bench.clock.read_value())
     bench.wire.plug_in()
     pass_until(bench.timeline, lambda: bench.base.health().online)
     bench.passes(1.0)
-    assert bench.rover.pose(bench.clock.now()) == here
-    assert bench.base.health().returned is not None
+    assert bench.rover.pose(bench.clock.read_value()) == here
+    assert bench.base.health().reconnected_at is not None
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -250,9 +250,9 @@ def test_thousands_of_reports_with_every_mishap_and_no_wrong_value(bench: Bench,
     waiting: list[tuple[float, bytes]] = []
 
     def distort(said: bytes) -> bytes:
-        now = bench.clock.now()
+        now = bench.clock.read_value()
         for line in said.splitlines(keepends=True):
-            waiting.extend((now + late, piece) for late, piece in faults.arrange(line))
+            waiting.extend((now + late, piece) for late, piece in faults.disturb(line))
             if faults.echoes():
                 waiting.append((now, wire.speeds(0.1, 0.1)))
         due = [piece for at, piece in waiting if at <= now]
@@ -286,4 +286,4 @@ def test_thousands_of_reports_with_every_mishap_and_no_wrong_value(bench: Bench,
     assert min(faults.happened[kind] for kind in kinds) > TRANSACTIONS / 200
     end = bench.base.state().value
     assert end is not None
-    assert end.pose.x == pytest.approx(bench.rover.pose(bench.clock.now()).x, abs=0.5)
+    assert end.pose.x == pytest.approx(bench.rover.pose(bench.clock.read_value()).x, abs=0.5)

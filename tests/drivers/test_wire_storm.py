@@ -11,7 +11,7 @@ from functools import partial
 from math import inf, nan
 from random import Random
 
-from drivers.api import STILL, Velocity
+from drivers.api import ZERO_VELOCITY, Velocity
 from drivers.errors import DriverError
 from drivers.kobuki.driver import kobuki_base
 from drivers.kobuki.virtual import VirtualKobuki
@@ -49,8 +49,8 @@ class Bent:
     def poll(self, now: float) -> bytes:
         return self.device.poll(now)
 
-    def next_at(self) -> float | None:
-        return self.device.next_at()
+    def next_poll_time(self) -> float | None:
+        return self.device.next_poll_time()
 
 
 class Storm:
@@ -77,13 +77,13 @@ class Storm:
         for _ in range(self.chance.choice([1, 2, 4, 6])):
             what = self.chance.choice(MISHAPS)
             begin, seconds = self.chance.uniform(0.2, SECONDS), self.chance.choice([0.1, 0.3, 0.8, 2.0, 6.0])
-            self.timeline.at(begin, partial(self._switch, what, on=True))
-            self.timeline.at(begin + seconds, partial(self._switch, what, on=False))
-        self.timeline.every(TICK, self._command)
-        self.timeline.every(LOOK, self._look)
+            self.timeline.call_at(begin, partial(self._switch, what, on=True))
+            self.timeline.call_at(begin + seconds, partial(self._switch, what, on=False))
+        self.timeline.call_every(TICK, self._command)
+        self.timeline.call_every(LOOK, self._look)
         end = self.chance.uniform(1.0, SECONDS)
-        self.timeline.at(end, self._end)
-        self.timeline.run(end + 2.0)
+        self.timeline.call_at(end, self._end)
+        self.timeline.run_until(end + 2.0)
 
     def _switch(self, what: str, *, on: bool) -> None:
         self.happening[what] += 1 if on else -1
@@ -102,21 +102,21 @@ class Storm:
 
     def _command(self) -> None:
         """Ask for something, as a mission does at each tick; nothing while it is stalled."""
-        if self.clock.now() >= self.ended or self.happening["stalled"] > 0:
+        if self.clock.read_value() >= self.ended or self.happening["stalled"] > 0:
             return
         if self.chance.random() < 0.1:
             self.goal = Velocity(self.chance.choice(GOALS), self.chance.choice([0.0, 1.0, -30.0]))
         with suppress(DriverError):
             self.base.drive(self.goal)
-            self.taken_at = self.clock.now()
+            self.taken_at = self.clock.read_value()
 
     def _end(self) -> None:
-        self.ended = self.clock.now()
+        self.ended = self.clock.read_value()
         self.base.close()
 
     def _look(self) -> None:
         """See how it truly moves."""
-        now = self.clock.now()
+        now = self.clock.read_value()
         velocity, limits = self.kobuki.body.velocity, self.base.limits
         self.kobuki.pose(now)
         if abs(velocity.linear) > limits.speed * 1.05 + 0.01 or abs(velocity.angular) > limits.turn * 1.05 + 0.01:
@@ -126,7 +126,7 @@ class Storm:
             self.taken_at = now  # it backs off, by itself
         # The driver renews a command for as long as that lives: of a wire that is cut, what came last counts.
         since = now - min(max(self.taken_at, self.bent.heard_at if cut else 0.0), self.ended)
-        if velocity != STILL and since > RESTS:
+        if velocity != ZERO_VELOCITY and since > RESTS:
             self.wrong.append(f"at {now:.2f} s it moves at {velocity}, {since:.2f} s after it was last commanded")
 
     def _distorted(self, data: bytes) -> bytes:

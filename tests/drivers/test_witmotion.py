@@ -5,36 +5,36 @@ from math import radians
 
 import pytest
 
-from config.faults import Source
-from config.robot import robot_of
+from config.faults import SourceText
+from config.robot import parse_robot
 from drivers.api import Pose2D, Quality
-from drivers.sim.stage import Stage
+from drivers.sim.stage import SimContext
 from drivers.sim.timeline import Timeline
 from drivers.witmotion import wire
 from drivers.witmotion.driver import STALE_AFTER, WitMotionImu
 from drivers.witmotion.probe import probe
 from drivers.witmotion.twin import ImuTwin
-from drivers.witmotion.virtual import TOLD, VirtualWitMotion
-from missions.library.drivers import Table
+from drivers.witmotion.virtual import CONFIGURED_INTERVAL, VirtualWitMotion
+from missions.library.drivers import DriverTable
 from tests.drivers.cranked import HandWire, pass_until
 
-LEANING = wire.Report((0.5, 0.0, 9.7), (0.0, 1.5, 0.0), (radians(3), radians(-8), radians(170)))
+LEANING = wire.WitMotionReport((0.5, 0.0, 9.7), (0.0, 1.5, 0.0), (radians(3), radians(-8), radians(170)))
 
 DOCUMENTED = bytes.fromhex("5551 0000 0000 0008 6400 12")
 """1 g down, at 1 degC, as the protocol's document works it out: 0x0800 steps of 16 g / 32768."""
 
 
 def test_a_packet_is_read_as_its_document_says() -> None:
-    finder = wire.Finder()
-    list(finder.feed(DOCUMENTED + wire.packet(wire.RATES, (0.0, 0.0, 0.0), wire.RATE)))
-    (report,) = finder.feed(wire.packet(wire.ANGLES, (0.0, 0.0, 0.0), wire.ANGLE))
+    finder = wire.WitMotionReportFinder()
+    list(finder.feed(DOCUMENTED + wire.packet(wire.RATES, (0.0, 0.0, 0.0), wire.RATE_PER_STEP)))
+    (report,) = finder.feed(wire.packet(wire.ANGLES, (0.0, 0.0, 0.0), wire.ANGLE_PER_STEP))
     assert report.forces == pytest.approx((0.0, 0.0, 9.80665))
 
 
 def test_reports_are_found_however_bytes_are_cut_and_between_others() -> None:
     data = b"\x55\x51junk" + wire.pack(LEANING) + wire.packet(0x54, (1.0, 2.0, 3.0), 1.0) + b"\x55" + wire.pack(LEANING)
     for size in (1, 2, 5, 11, 500):
-        finder = wire.Finder()
+        finder = wire.WitMotionReportFinder()
         found = [each for at in range(0, len(data), size) for each in finder.feed(data[at : at + size])]
         assert len(found) == 2
         for report in found:
@@ -45,7 +45,7 @@ def test_reports_are_found_however_bytes_are_cut_and_between_others() -> None:
 def test_a_damaged_packet_is_no_report() -> None:
     data = bytearray(wire.pack(LEANING))
     data[25] ^= 0x10
-    finder = wire.Finder()
+    finder = wire.WitMotionReportFinder()
     assert list(finder.feed(bytes(data))) == []
     assert finder.malformed == 1
 
@@ -60,12 +60,12 @@ class Bench:
         pass_until(self.timeline, lambda: self.imu.health().online)
 
     def passes(self, seconds: float) -> None:
-        self.timeline.run(self.timeline.clock.now() + seconds)
+        self.timeline.run_until(self.timeline.clock.read_value() + seconds)
 
 
 def test_it_is_told_to_report_a_hundred_times_a_second_and_its_newest_report_is_given() -> None:
     bench = Bench()
-    assert bench.device.period == TOLD
+    assert bench.device.interval == CONFIGURED_INTERVAL
     bench.device.report = LEANING
     bench.passes(0.05)
     reading = bench.imu.attitude()
@@ -113,7 +113,7 @@ def test_it_is_recognised_by_its_reports_alone() -> None:
 
 def test_its_twin_feels_a_base_that_stands_upright_and_turns() -> None:
     timeline = Timeline()
-    twin = ImuTwin(Stage(timeline.clock, None, lambda _: Pose2D(0.0, 0.0, 0.4)))
+    twin = ImuTwin(SimContext(timeline.clock, None, lambda _: Pose2D(0.0, 0.0, 0.4)))
     assert twin.attitude().quality is Quality.NONE
     twin.open()
     felt = twin.attitude().value
@@ -126,5 +126,5 @@ def test_its_twin_feels_a_base_that_stands_upright_and_turns() -> None:
 
 def test_what_it_tells_upright_may_be_any_two_angles() -> None:
     text = "robot: r\nimu: {driver: witmotion, port: /dev/imu, level: [2 deg, -1 deg]}\n"
-    keys = robot_of(Source("r.yaml", text), Table())
+    keys = parse_robot(SourceText("r.yaml", text), DriverTable())
     assert keys.sections["imu"].keys.level == pytest.approx((radians(2), radians(-1)))

@@ -6,12 +6,12 @@ from math import pi
 import numpy as np
 import pytest
 
-from drivers.api import STILL, Attitude, BaseState, Pose2D, Quality, RangeScan, Reading, Velocity
-from drivers.base.footprint import Disc
+from drivers.api import ZERO_VELOCITY, Attitude, BaseState, Pose2D, Quality, RangeScan, Reading, Velocity
+from drivers.base.footprint import RoundOutline
 from drivers.base.progress_monitor import ProgressMonitor
 from drivers.base.reckoning import Reckoning
 from drivers.base.witnesses import ImuWitness, ScanWitness
-from missions.plugins.testing.recorders import Bench
+from missions.plugins.testing.recorders import LeafTestBench
 
 PERIOD, BEAMS = 0.1, 360
 AHEAD, LEFT = Velocity(0.2, 0.0), Velocity(0.0, 0.6)
@@ -38,10 +38,10 @@ def drive(
     see: Callable[[Pose2D], np.ndarray] | None = None,
 ) -> str:
     """Let a base believe in its commands for 6 s, while it truly is elsewhere; return the fault, or nothing."""
-    bench, monitor, believed = Bench(), ProgressMonitor(), Reckoning()
-    monitor.witnesses += [ScanWitness(bench.ranger, Disc(0.177)), ImuWitness(bench.others["imu"])]
+    bench, monitor, believed = LeafTestBench(), ProgressMonitor(), Reckoning()
+    monitor.witnesses += [ScanWitness(bench.ranger, RoundOutline(0.177)), ImuWitness(bench.others["imu"])]
     imu = bench.others["imu"]
-    began = bench.clock.now()
+    began = bench.clock.read_value()
     for number in range(60):
         now = bench.clock.advance(PERIOD)
         here = truth(now - began)
@@ -78,7 +78,7 @@ def test_a_base_that_moves_as_it_believes_is_left_alone(velocity: Velocity, shar
 @pytest.mark.parametrize("velocity", [AHEAD, Velocity(-0.2, 0.0)])
 @pytest.mark.parametrize("reckoned", [True, False])
 def test_a_scan_that_does_not_change_tells_of_a_base_that_stands(velocity: Velocity, reckoned: bool) -> None:
-    assert "range finder sees does not change" in drive(velocity, going(STILL), reckoned=reckoned)
+    assert "range finder sees does not change" in drive(velocity, going(ZERO_VELOCITY), reckoned=reckoned)
 
 
 def test_a_scan_tells_of_a_base_that_drives_the_other_way() -> None:
@@ -86,12 +86,12 @@ def test_a_scan_tells_of_a_base_that_drives_the_other_way() -> None:
 
 
 def test_an_imu_tells_of_a_base_that_does_not_turn_or_turns_the_other_way() -> None:
-    assert "its IMU does not turn" in drive(LEFT, going(STILL), open_field=True)
+    assert "its IMU does not turn" in drive(LEFT, going(ZERO_VELOCITY), open_field=True)
     assert "its IMU turns the other way" in drive(LEFT, going(LEFT, -1.0), open_field=True)
 
 
 def test_where_nothing_is_seen_nothing_is_said() -> None:
-    assert drive(AHEAD, going(STILL), open_field=True) == ""
+    assert drive(AHEAD, going(ZERO_VELOCITY), open_field=True) == ""
 
 
 def with_parts(scan: np.ndarray, degrees: float, distance: float) -> np.ndarray:
@@ -113,7 +113,9 @@ def test_parts_of_the_robot_are_not_taken_for_a_world_that_does_not_change(degre
 
 @pytest.mark.parametrize("degrees", [30, 60, 120])
 def test_a_base_that_stands_is_found_beside_its_own_parts(degrees: float) -> None:
-    assert "does not change" in drive(AHEAD, going(STILL), see=lambda pose: with_parts(room(pose), degrees, 0.12))
+    assert "does not change" in drive(
+        AHEAD, going(ZERO_VELOCITY), see=lambda pose: with_parts(room(pose), degrees, 0.12)
+    )
 
 
 @pytest.mark.parametrize("beams", [360, 720, 1440])

@@ -9,33 +9,33 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import BadRequest
-from drivers.sim.looks import LOOKS
+from drivers.sim.looks import APPEARANCES
 from drivers.sim.people import Person
 from drivers.sim.room import Fixture, Room
-from drivers.sim.viewpoint import Pinhole, Viewpoint
-from drivers.sim.world import World
+from drivers.sim.viewpoint import PinholeLens, Viewpoint
+from drivers.sim.world import SimulatedWorld
 
 points = st.tuples(st.floats(-2, 4), st.floats(-2, 2))
 
 
 def test_somebody_without_a_path_stands_still() -> None:
     person = Person("anna", x=1.5, y=-0.5)
-    assert person.place(0.0) == person.place(1000.0) == (1.5, -0.5)
+    assert person.position_at(0.0) == person.position_at(1000.0) == (1.5, -0.5)
 
 
 def test_a_walk_begins_at_its_start_and_has_its_speed() -> None:
     person = Person("ben", x=1.0, y=0.0, path=((3.0, 0.0), (3.0, 1.0)), speed=0.5, start=2.0, loop=False)
-    assert person.place(1.9) == (1.0, 0.0)
-    assert person.place(4.0) == pytest.approx((2.0, 0.0))
-    assert person.place(7.0) == pytest.approx((3.0, 0.5))
-    assert person.place(60.0) == (3.0, 1.0)
+    assert person.position_at(1.9) == (1.0, 0.0)
+    assert person.position_at(4.0) == pytest.approx((2.0, 0.0))
+    assert person.position_at(7.0) == pytest.approx((3.0, 0.5))
+    assert person.position_at(60.0) == (3.0, 1.0)
 
 
 def test_a_loop_leads_back_to_where_it_began() -> None:
     person = Person("ben", x=1.0, y=0.0, path=((2.0, 0.0),), speed=0.5)
-    assert person.place(3.0) == pytest.approx((1.5, 0.0))
-    assert person.place(4.0) == pytest.approx((1.0, 0.0))
-    assert person.place(5.0) == pytest.approx(person.place(1.0))
+    assert person.position_at(3.0) == pytest.approx((1.5, 0.0))
+    assert person.position_at(4.0) == pytest.approx((1.0, 0.0))
+    assert person.position_at(5.0) == pytest.approx(person.position_at(1.0))
 
 
 @given(st.lists(points, max_size=4), st.booleans(), st.floats(0, 100), st.floats(0, 5), st.floats(0.1, 3))
@@ -43,23 +43,23 @@ def test_nobody_moves_faster_than_their_speed(
     path: list[tuple[float, float]], loop: bool, time: float, later: float, speed: float
 ) -> None:
     person = Person("chidi", path=tuple(path), loop=loop, speed=speed)
-    assert dist(person.place(time), person.place(time + later)) <= speed * later + 1e-9
+    assert dist(person.position_at(time), person.position_at(time + later)) <= speed * later + 1e-9
 
 
 @given(st.lists(points, max_size=4), st.booleans(), st.floats(0, 1000))
 def test_a_walk_never_leaves_the_room_its_waypoints_are_in(
     path: list[tuple[float, float]], loop: bool, time: float
 ) -> None:
-    world = World(people=(Person("dora", path=tuple(path), loop=loop),))
+    world = SimulatedWorld(people=(Person("dora", path=tuple(path), loop=loop),))
     (presence,) = world.people_at(time)
-    assert world.room.inside(presence.x, presence.y, margin=-1e-9)
+    assert world.room.contains(presence.x, presence.y, margin=-1e-9)
     assert presence.distance(0, 0) == pytest.approx(hypot(presence.x, presence.y))
 
 
 def test_an_unknown_look_lists_those_there_are() -> None:
     with pytest.raises(BadRequest, match="no look named 'zorro'") as caught:
         Person("anna", look="zorro")
-    assert all(look in caught.value.hint for look in LOOKS)
+    assert all(look in caught.value.hint for look in APPEARANCES)
 
 
 @pytest.mark.parametrize(
@@ -73,18 +73,18 @@ def test_an_impossible_person_is_refused(wrong: dict[str, Any], what: str) -> No
 
 def test_a_path_out_of_the_room_is_refused_with_the_extent_of_the_room() -> None:
     with pytest.raises(BadRequest, match=r"ben at \(9, 0\) m is outside") as caught:
-        World(people=(Person("ben", path=((9.0, 0.0),)),))
+        SimulatedWorld(people=(Person("ben", path=((9.0, 0.0),)),))
     assert "x -3..5 m" in caught.value.hint
 
 
 def test_two_people_cannot_have_one_name() -> None:
     with pytest.raises(BadRequest, match="more than one person is called eve"):
-        World(people=(Person("eve"), Person("eve", x=2.0)))
+        SimulatedWorld(people=(Person("eve"), Person("eve", x=2.0)))
 
 
 def test_light_cannot_be_negative() -> None:
     with pytest.raises(BadRequest, match="light -1"):
-        World(light=-1.0)
+        SimulatedWorld(light=-1.0)
 
 
 @pytest.mark.parametrize(
@@ -120,7 +120,7 @@ def test_left_is_left_in_the_picture_and_a_look_down_lifts_what_is_ahead() -> No
 
 
 def test_half_the_field_of_view_ends_at_the_edge_of_the_picture() -> None:
-    lens = Pinhole(640, 480, radians(60))
+    lens = PinholeLens(640, 480, radians(60))
     x, _, z = np.array(lens.matrix()) @ (np.tan(radians(30)), 0.0, 1.0)
     assert x / z == pytest.approx(639.5)
     assert lens.half_diagonal == pytest.approx(0.625, abs=0.001)

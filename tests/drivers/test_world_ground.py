@@ -7,57 +7,57 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import BadRequest
-from drivers.sim.acts import Act
-from drivers.sim.people import Person, Walk
-from drivers.sim.room import FURNISHED, Room
-from drivers.sim.things import Ball, Box, Edge, Ground, Rover, Wall
-from drivers.sim.world import Change, Light, World
+from drivers.sim.acts import PersonAction
+from drivers.sim.people import Person, WaypointPath
+from drivers.sim.room import DEFAULT_FIXTURES, Room
+from drivers.sim.things import Edge, Ground, Rover, Wall, WorldBall, WorldBox
+from drivers.sim.world import Light, LightChange, SimulatedWorld
 
 RED = (200, 40, 40)
-TABLE = Box("table", 2.0, 0.0, (0.8, 1.0, 0.75), RED)
-EMPTY = World()
+TABLE = WorldBox("table", 2.0, 0.0, (0.8, 1.0, 0.75), RED)
+EMPTY = SimulatedWorld()
 
 
 def test_the_walls_of_the_room_are_felt_where_they_are() -> None:
     ground: Ground = EMPTY
-    assert ground.touched(0.0, 0.0, 0.18, 0.0) == []
-    assert ground.touched(4.9, 0.0, 0.18, 0.0) == [0.0]
-    assert ground.touched(-2.9, 2.9, 0.18, 0.0) == pytest.approx([pi, pi / 2])
-    assert ground.touched(0.0, -2.9, 0.18, 0.0) == [-pi / 2]
+    assert ground.contact_directions(0.0, 0.0, 0.18, 0.0) == []
+    assert ground.contact_directions(4.9, 0.0, 0.18, 0.0) == [0.0]
+    assert ground.contact_directions(-2.9, 2.9, 0.18, 0.0) == pytest.approx([pi, pi / 2])
+    assert ground.contact_directions(0.0, -2.9, 0.18, 0.0) == [-pi / 2]
 
 
 @pytest.mark.parametrize(
     "world",
     [
-        World(furniture=(TABLE,)),
-        World(walls=(Wall((1.65, -1.0), (1.65, 1.0)),)),
-        World(objects=(Ball("ball", 1.7, 0.0, 0.2, RED),)),
-        World(robots=(Rover("R2", 3, 1.775, 0.0),)),
-        World(people=(Person("Anna", x=1.85),)),
+        SimulatedWorld(furniture=(TABLE,)),
+        SimulatedWorld(walls=(Wall((1.65, -1.0), (1.65, 1.0)),)),
+        SimulatedWorld(objects=(WorldBall("ball", 1.7, 0.0, 0.2, RED),)),
+        SimulatedWorld(robots=(Rover("R2", 3, 1.775, 0.0),)),
+        SimulatedWorld(people=(Person("Anna", x=1.85),)),
     ],
     ids=["furniture", "wall", "ball", "robot", "person"],
 )
-def test_everything_solid_is_bumped_into_seen_by_the_range_finder_and_in_the_way(world: World) -> None:
-    assert world.touched(1.5, 0.0, 0.18, 0.0) == pytest.approx([0.0])
-    assert world.touched(1.3, 0.0, 0.18, 0.0) == []
+def test_everything_solid_is_bumped_into_seen_by_the_range_finder_and_in_the_way(world: SimulatedWorld) -> None:
+    assert world.contact_directions(1.5, 0.0, 0.18, 0.0) == pytest.approx([0.0])
+    assert world.contact_directions(1.3, 0.0, 0.18, 0.0) == []
     assert world.distance(0.0, 0.0, 0.0, 0.0) == pytest.approx(1.6, abs=0.001) or world.objects  # a ball is low
     assert world.distance(0.0, 0.0, pi, 0.0) == pytest.approx(3.0)
-    assert not world.visible((0.0, 0.0, 0.1), (4.0, 0.0, 0.1), 0.0)
+    assert not world.is_visible((0.0, 0.0, 0.1), (4.0, 0.0, 0.1), 0.0)
 
 
 def test_the_direction_of_a_bump_is_that_of_the_nearest_spot() -> None:
-    world = World(furniture=(TABLE,))
-    assert world.touched(1.5, 0.6, 0.18, 0.0) == pytest.approx([atan2(-0.1, 0.1)])
-    assert world.touched(1.9, 0.1, 0.18, 0.0) == pytest.approx([atan2(-0.1, 0.1)])  # from within: its middle
+    world = SimulatedWorld(furniture=(TABLE,))
+    assert world.contact_directions(1.5, 0.6, 0.18, 0.0) == pytest.approx([atan2(-0.1, 0.1)])
+    assert world.contact_directions(1.9, 0.1, 0.18, 0.0) == pytest.approx([atan2(-0.1, 0.1)])  # from within: its middle
 
 
 def test_what_hangs_high_is_driven_under_and_what_stands_on_a_table_hides_the_view() -> None:
-    lamp = Box("lamp", 1.0, 0.0, (0.3, 0.3, 0.3), RED, bottom=1.0)
-    world = World(objects=(lamp,))
-    assert world.touched(1.0, 0.0, 0.18, 0.0) == []
+    lamp = WorldBox("lamp", 1.0, 0.0, (0.3, 0.3, 0.3), RED, bottom=1.0)
+    world = SimulatedWorld(objects=(lamp,))
+    assert world.contact_directions(1.0, 0.0, 0.18, 0.0) == []
     assert world.distance(0.0, 0.0, 0.0, 0.0) == pytest.approx(5.0)
     assert world.distance(0.0, 0.0, 0.0, 0.0, height=1.1) == pytest.approx(0.85)
-    assert not world.visible((0.0, 0.0, 1.1), (3.0, 0.0, 1.1), 0.0)
+    assert not world.is_visible((0.0, 0.0, 1.1), (3.0, 0.0, 1.1), 0.0)
 
 
 def test_the_range_finder_sees_no_farther_than_its_limit() -> None:
@@ -71,11 +71,11 @@ def test_a_ray_from_within_the_room_always_ends_at_a_wall(x: float, y: float, an
     (x_low, x_high), (y_low, y_high) = EMPTY.room.extent()
     hit = (x + far * cos(angle), y + far * sin(angle))
     assert min(abs(hit[0] - x_low), abs(hit[0] - x_high), abs(hit[1] - y_low), abs(hit[1] - y_high)) < 1e-6
-    assert EMPTY.room.inside(*hit, margin=-1e-6)
+    assert EMPTY.room.contains(*hit, margin=-1e-6)
 
 
 def test_the_floor_ends_at_an_edge() -> None:
-    world = World(edges=(Edge(3.0, 0.0, 1.0, 2.0),))
+    world = SimulatedWorld(edges=(Edge(3.0, 0.0, 1.0, 2.0),))
     assert world.has_floor(2.4, 0.0)
     assert not world.has_floor(2.6, 0.9)
     assert world.has_floor(3.0, 1.1)
@@ -83,27 +83,27 @@ def test_the_floor_ends_at_an_edge() -> None:
 
 def test_somebody_is_visible_past_others_unless_they_stand_in_the_line() -> None:
     ben = Person("Ben", x=1.5, y=0.0)
-    world = World(people=(Person("Anna", x=3.0), ben))
+    world = SimulatedWorld(people=(Person("Anna", x=3.0), ben))
     eye, anna = (0.0, 0.0, 1.6), (3.0, 0.0, 1.6)
-    assert not world.visible(eye, anna, 0.0)
-    assert world.visible(eye, (1.5, 0.0, 1.6), 0.0)
-    assert world.visible((0.0, 0.0, 2.5), (3.0, 0.0, 1.7), 0.0)  # over the head of Ben
-    assert world.visible((0.0, 0.4, 1.6), (3.0, -0.05, 1.6), 0.0)  # beside his head, over his shoulder
-    assert not world.visible((0.0, 0.4, 1.1), (3.0, -0.05, 1.1), 0.0)
+    assert not world.is_visible(eye, anna, 0.0)
+    assert world.is_visible(eye, (1.5, 0.0, 1.6), 0.0)
+    assert world.is_visible((0.0, 0.0, 2.5), (3.0, 0.0, 1.7), 0.0)  # over the head of Ben
+    assert world.is_visible((0.0, 0.4, 1.6), (3.0, -0.05, 1.6), 0.0)  # beside his head, over his shoulder
+    assert not world.is_visible((0.0, 0.4, 1.1), (3.0, -0.05, 1.1), 0.0)
 
 
 def test_who_has_left_is_in_nobodys_way() -> None:
-    world = World(people=(Person("Ben", x=1.5, acts=(Act(at=0.0, leave=True),), speed=5.0),))
-    assert not world.visible((0.0, 0.0, 1.6), (4.0, 0.0, 1.6), 0.0)
-    assert world.visible((0.0, 0.0, 1.6), (4.0, 0.0, 1.6), 2.0)
-    assert world.touched(1.5, 0.0, 0.18, 2.0) == []
+    world = SimulatedWorld(people=(Person("Ben", x=1.5, acts=(PersonAction(at=0.0, leave=True),), speed=5.0),))
+    assert not world.is_visible((0.0, 0.0, 1.6), (4.0, 0.0, 1.6), 0.0)
+    assert world.is_visible((0.0, 0.0, 1.6), (4.0, 0.0, 1.6), 2.0)
+    assert world.contact_directions(1.5, 0.0, 0.18, 2.0) == []
 
 
 def test_the_middle_and_the_outside_of_a_thing_are_seen_from_before_it_but_not_what_is_outside_the_room() -> None:
-    world = World(furniture=(TABLE,), robots=(Rover("R2", 3, 0.0, 2.0),))
-    assert world.visible((0.0, 0.0, 0.5), (2.0, 0.0, 0.4), 0.0)
-    assert world.visible((0.0, 0.0, 0.5), (0.0, 2.0 - 0.175, 0.3), 0.0)
-    assert not world.visible((0.0, 0.0, 0.5), (9.0, 0.0, 0.4), 0.0)
+    world = SimulatedWorld(furniture=(TABLE,), robots=(Rover("R2", 3, 0.0, 2.0),))
+    assert world.is_visible((0.0, 0.0, 0.5), (2.0, 0.0, 0.4), 0.0)
+    assert world.is_visible((0.0, 0.0, 0.5), (0.0, 2.0 - 0.175, 0.3), 0.0)
+    assert not world.is_visible((0.0, 0.0, 0.5), (9.0, 0.0, 0.4), 0.0)
 
 
 def test_another_robot_drives_the_way_that_it_goes() -> None:
@@ -117,36 +117,41 @@ def test_another_robot_drives_the_way_that_it_goes() -> None:
 
 
 def test_a_walk_that_leads_nowhere_has_no_way_and_no_leg_of_nothing() -> None:
-    assert Walk(((1.0, 1.0), (1.0, 1.0)), 1.0).heading(3.0) is None
-    walk = Walk(((0.0, 0.0), (0.0, 0.0), (1.0, 0.0)), 1.0, loop=False)
-    assert (walk.at(0.5), walk.heading(0.5)) == ((0.5, 0.0), 0.0)
+    assert WaypointPath(((1.0, 1.0), (1.0, 1.0)), 1.0).heading_at(3.0) is None
+    walk = WaypointPath(((0.0, 0.0), (0.0, 0.0), (1.0, 0.0)), 1.0, loop=False)
+    assert (walk.position_at(0.5), walk.heading_at(0.5)) == ((0.5, 0.0), 0.0)
 
 
 def test_light_fades_evenly_and_a_new_change_begins_where_the_last_had_come_to() -> None:
-    light = Light(1.0, (Change(2.0, 0.0, over=4.0), Change(4.0, 1.0, over=1.0), Change(10.0, 0.25)))
-    assert [light.at(time) for time in (0.0, 2.0, 3.0, 4.0, 4.5, 5.0, 9.9, 10.0)] == pytest.approx(
+    light = Light(
+        1.0, (LightChange(2.0, 0.0, duration=4.0), LightChange(4.0, 1.0, duration=1.0), LightChange(10.0, 0.25))
+    )
+    assert [light.level_at(time) for time in (0.0, 2.0, 3.0, 4.0, 4.5, 5.0, 9.9, 10.0)] == pytest.approx(
         [1.0, 1.0, 0.75, 0.5, 0.75, 1.0, 1.0, 0.25]
     )
-    assert World(light=light).light_at(3.0) == pytest.approx(0.75)
-    assert World(light=0.5).light_at(99.0) == 0.5
+    assert SimulatedWorld(light=light).light_at(3.0) == pytest.approx(0.75)
+    assert SimulatedWorld(light=0.5).light_at(99.0) == 0.5
 
 
 @given(st.lists(st.tuples(st.floats(0, 20), st.floats(0, 2), st.floats(0, 5)), max_size=4), st.floats(0, 40))
 def test_light_stays_between_the_levels_that_are_named(changes: list[tuple[float, float, float]], time: float) -> None:
-    light = Light(1.0, tuple(Change(*change) for change in sorted(changes)))
+    light = Light(1.0, tuple(LightChange(*change) for change in sorted(changes)))
     levels = [1.0, *(level for _, level, _ in changes)]
-    assert min(levels) - 1e-9 <= light.at(time) <= max(levels) + 1e-9
+    assert min(levels) - 1e-9 <= light.level_at(time) <= max(levels) + 1e-9
 
 
-@pytest.mark.parametrize("changes", [(Change(2.0, 1.0), Change(1.0, 0.5)), (Change(1.0, -0.5),)])
-def test_light_in_disorder_is_refused(changes: tuple[Change, ...]) -> None:
+@pytest.mark.parametrize("changes", [(LightChange(2.0, 1.0), LightChange(1.0, 0.5)), (LightChange(1.0, -0.5),)])
+def test_light_in_disorder_is_refused(changes: tuple[LightChange, ...]) -> None:
     with pytest.raises(BadRequest, match="light"):
         Light(1.0, changes)
 
 
 def test_a_small_room_keeps_of_its_furnishing_what_fits() -> None:
-    small, usual = Room.furnished(5.0, 5.0, 2.6, (0.0, 0.0)), Room.furnished(8.0, 6.0, 2.6, (1.0, 0.0))
-    assert 0 < len(small.fixtures) < len(FURNISHED)
+    small, usual = (
+        Room.with_default_fixtures(5.0, 5.0, 2.6, (0.0, 0.0)),
+        Room.with_default_fixtures(8.0, 6.0, 2.6, (1.0, 0.0)),
+    )
+    assert 0 < len(small.fixtures) < len(DEFAULT_FIXTURES)
     assert usual == Room()
 
 
@@ -162,9 +167,9 @@ def test_things_without_size_and_markers_that_are_not_there_are_refused() -> Non
     with pytest.raises(BadRequest, match="no length"):
         Wall((1.0, 1.0), (1.0, 1.0))
     with pytest.raises(BadRequest, match="table"):
-        Box("table", 0.0, 0.0, (1.0, 0.0, 1.0), RED)
+        WorldBox("table", 0.0, 0.0, (1.0, 0.0, 1.0), RED)
     with pytest.raises(BadRequest, match="ball"):
-        Ball("ball", 0.0, 0.0, 0.2, RED, bottom=-1.0)
+        WorldBall("ball", 0.0, 0.0, 0.2, RED, bottom=-1.0)
     with pytest.raises(BadRequest, match="edge"):
         Edge(0.0, 0.0, 1.0, -1.0)
     with pytest.raises(BadRequest, match=r"R2: marker 50: must be within 0\.\.49"):

@@ -1,10 +1,10 @@
 """ROBOTIS' OP3 as physics know it, by the figures of its public model; and what is sent to its servos."""
 
-from drivers.servos.models import MODELS, motor_of
-from drivers.sim.rigid.links import Figure, Floor, Link, Shape, mjcf
-from drivers.sim.rigid.scene import Scene
+from drivers.servos.models import MODELS, motor_physics
+from drivers.sim.rigid.links import Floor, RigidLink, RigidRobot, RigidShape, make_mjcf
+from drivers.sim.rigid.scene import PhysicsScene
 
-MOTOR = motor_of(MODELS["XM430-W350"])
+MOTOR = motor_physics(MODELS["XM430-W350"])
 
 _LEFT = """
 l_hip_yaw    .            0      0.035  0        z  0.012 -0.002  0     -0.008
@@ -17,16 +17,16 @@ l_ank_roll   l_ank_pitch -0.0241 -0.019 0        x  0.069  0.024  0.010 -0.028
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
-def figure() -> Figure:
+def figure() -> RigidRobot:
     """Its trunk with the head and arms that do not move, and its legs."""
     links = []
     for side, sign in (("l", 1.0), ("r", -1.0)):
         for row in _LEFT.split("\n")[1:-1]:
             name, parent, *numbers = row.split()
             x, y, z, mass, *centre = (float(word) for word in numbers if word not in _AXES)
-            sole = Shape((0.024, sign * 0.013, -0.0265), (0.127, 0.067, 0.008))
+            sole = RigidShape((0.024, sign * 0.013, -0.0265), (0.127, 0.067, 0.008))
             links.append(
-                Link(
+                RigidLink(
                     name.replace("l_", f"{side}_", 1),
                     "" if parent == "." else parent.replace("l_", f"{side}_", 1),
                     (x, sign * y, z),
@@ -38,16 +38,18 @@ def figure() -> Figure:
                     (sole,) if "ank_roll" in name else (),
                 )
             )
-    return Figure(1.96, (-0.01, 0.0, 0.08), links, (Shape((-0.015, 0.0, 0.066), (0.08, 0.12, 0.14)),))
+    return RigidRobot(1.96, (-0.01, 0.0, 0.08), links, (RigidShape((-0.015, 0.0, 0.066), (0.08, 0.12, 0.14)),))
 
 
-def scene(floor: Floor | None = None, seed: int = 0) -> Scene:
+def scene(floor: Floor | None = None, seed: int = 0) -> PhysicsScene:
     """It stands on a floor, at the origin."""
-    return Scene(mjcf(figure()), {link.name: MOTOR.backlash for link in figure().links}, floor or Floor(), seed=seed)
+    return PhysicsScene(
+        make_mjcf(figure()), {link.name: MOTOR.backlash for link in figure().links}, floor or Floor(), seed=seed
+    )
 
 
-def crouch(on: Scene, knee: float, speed: float = 2.0) -> None:
+def crouch(on: PhysicsScene, knee: float, speed: float = 2.0) -> None:
     """Send both legs to a crouch, with level feet."""
     for side in "lr":
         for joint, angle in (("hip_pitch", -knee / 2), ("knee", knee), ("ank_pitch", -knee / 2)):
-            on.go(f"{side}_{joint}", angle, speed)
+            on.set_goal(f"{side}_{joint}", angle, speed)

@@ -2,7 +2,7 @@
 
 from drivers.clock import ManualClock
 from drivers.errors import NotConnected
-from drivers.servos.bus import Bus
+from drivers.servos.bus import ServoBus
 from drivers.servos.virtual.chain import VirtualServoBus
 from tests.drivers.lines import DirectLine
 
@@ -16,14 +16,14 @@ class Wired(DirectLine[VirtualServoBus]):
         self.beyond: set[int] = set()
         super().__init__(chain, self.clock)
 
-    def bus(self) -> Bus:
+    def bus(self) -> ServoBus:
         """Return a bus that has this line open."""
-        bus = Bus("/dev/servos", self.clock, name="arm", dial=self.dial)
+        bus = ServoBus("/dev/servos", self.clock, name="arm", dial=self.dial)
         bus.open()
         return bus
 
-    def tune(self, baud: int) -> None:
+    def set_baud(self, baud: int) -> None:
         if baud in self.beyond:
             raise NotConnected(f"the line: cannot run at {baud} baud")
         self.rates.append(baud)
-        super().tune(baud)
+        super().set_baud(baud)

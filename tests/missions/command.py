@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import pytest
 
-from missions.cli.root import guarded, mission
+from missions.cli.root import mission, run_guarded
 from tests.forked import Forked
 
 PATIENCE = 60.0
@@ -29,7 +29,7 @@ class Outcome:
 def command(capsys: pytest.CaptureFixture[str], *arguments: str) -> Outcome:
     """Run ``mission`` with these arguments here and now."""
     capsys.readouterr()
-    code = guarded(lambda: mission.main(list(arguments), standalone_mode=False))
+    code = run_guarded(lambda: mission.main(list(arguments), standalone_mode=False))
     printed = capsys.readouterr()
     return Outcome(code, printed.out, printed.err)
 

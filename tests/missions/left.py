@@ -3,8 +3,8 @@
 from contextlib import suppress
 from pathlib import Path
 
-from missions.control.searching import search
-from missions.control.sockets import connect, path_of, socket_folder
+from missions.control.searching import search_runs
+from missions.control.sockets import connect, socket_folder, socket_path
 from missions.plugins.records.recording.faults import InvalidRecordError
 from missions.plugins.records.recording.read import open_record
 from tests.forked import Forked
@@ -16,7 +16,7 @@ MARK = "MISSION_KILLED"
 def readable(record: Path, *, moved: bool) -> bool:
     """Read a record as far as it goes; one of a run that has moved something must be there."""
     try:
-        list(open_record(record).moments)
+        list(open_record(record).tick_records)
     except (FileNotFoundError, InvalidRecordError):
         assert not moved
         return False
@@ -56,7 +56,7 @@ def files_of(process: int) -> set[str]:
 def left_of(process: Forked) -> list[str]:
     """Return what is left of a run in the folder of all runs, once somebody has looked for it."""
     name = str(process.pid)
-    assert all(each.run != name or each.holder is None for each in search().found)
-    with suppress(OSError), connect(path_of(name)):
+    assert all(each.run != name or each.holder is None for each in search_runs().processes)
+    with suppress(OSError), connect(socket_path(name)):
         return [f"somebody answers for {name}"]
     return [path.name for path in socket_folder().glob(f"{name}.*")]

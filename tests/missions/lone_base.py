@@ -15,7 +15,7 @@ from subprocess import PIPE
 
 from drivers.clock import SystemClock
 from drivers.kobuki.virtual import VirtualKobuki
-from drivers.virtual.terminal import Terminal
+from drivers.virtual.terminal import PseudoTerminal
 from tests.forked import Forked
 
 LONE_ROBOT = str(Path(__file__).with_name("lone_turtlebot2.yaml"))
@@ -61,8 +61,8 @@ class Witness:
         self._look(now)
         return self.base.poll(now)
 
-    def next_at(self) -> float | None:
-        return self.base.next_at()
+    def next_poll_time(self) -> float | None:
+        return self.base.next_poll_time()
 
     def forget(self) -> None:
         """Begin anew with what was greatest."""
@@ -109,14 +109,14 @@ def lone_base() -> Iterator[LoneBase]:
 def main() -> None:
     """Be the base until the input ends; tell its port first."""
     witness = Witness()
-    terminal = Terminal("kobuki", witness, SystemClock())
+    terminal = PseudoTerminal("kobuki", witness, SystemClock())
     terminal.open()
     try:
         print(terminal.path, flush=True)  # noqa: T201 - what the test reads
         for line in sys.stdin:
-            seen = terminal.ask(lambda: asdict(witness.seen))
+            seen = terminal.call_paused(lambda: asdict(witness.seen))
             if line.strip():
-                terminal.ask(witness.forget)
+                terminal.call_paused(witness.forget)
             print(json.dumps(seen), flush=True)  # noqa: T201
     finally:
         terminal.close()

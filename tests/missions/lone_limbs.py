@@ -18,7 +18,7 @@ from drivers.arduino.virtual import VirtualRodney
 from drivers.clock import SystemClock
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
-from drivers.virtual.terminal import Terminal, WireDevice
+from drivers.virtual.terminal import PseudoTerminal, WireDevice
 from tests.forked import Forked
 
 JOINTS = {
@@ -172,14 +172,14 @@ def main(kind: str) -> None:
     """Be the device until the input ends; tell its port first."""
     arms = {"arm": JOINTS, "feetech": FEETECH}
     witness: Witness = ArmWitness(arms[kind].values()) if kind in arms else HeadWitness()
-    terminal = Terminal(kind, witness, SystemClock())
+    terminal = PseudoTerminal(kind, witness, SystemClock())
     terminal.open()
     try:
         print(terminal.path, flush=True)  # noqa: T201 - what the test reads
         for line in sys.stdin:
-            seen = terminal.ask(lambda: asdict(witness.seen))
+            seen = terminal.call_paused(lambda: asdict(witness.seen))
             if line.strip():
-                terminal.ask(witness.forget)
+                terminal.call_paused(witness.forget)
             print(json.dumps(seen), flush=True)  # noqa: T201
     finally:
         terminal.close()

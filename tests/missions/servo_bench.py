@@ -10,7 +10,7 @@ import pytest
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.patient_clock import PatientClock
-from drivers.virtual.terminal import Terminal
+from drivers.virtual.terminal import PseudoTerminal
 from missions.plugins.setup.servo.bench import pause
 
 FILE = """\
@@ -42,9 +42,9 @@ def by_hand(patch: pytest.MonkeyPatch, clock: PatientClock, steps: Iterator[obje
     """Have a hand take one of ``steps`` before each look of a command that watches; time waits until the last."""
 
     def looking() -> None:
-        clock.attend(steps)
+        clock.heartbeat(steps)
         if next(steps, clock) is clock:
-            clock.dismiss(steps)
+            clock.unregister(steps)
         pause()
 
     patch.setattr("missions.plugins.setup.servo.bench.pause", looking)
@@ -59,7 +59,7 @@ class Three:
         self.wrist = VirtualServo(3, model="XL430-W250")
         self.bus = VirtualServoBus([self.waist, self.elbow, self.wrist], 1_000_000)
         self.clock = clock
-        self.terminal = Terminal("servos", self.bus, self.clock)
+        self.terminal = PseudoTerminal("servos", self.bus, self.clock)
         self.path = path
         path.write_text(FILE.replace("PORT", self.terminal.path).replace("AT_END", at_end))
 

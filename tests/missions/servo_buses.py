@@ -17,13 +17,13 @@ import pytest
 
 from drivers.clock import ManualClock
 from drivers.servos import wire, wire2
-from drivers.servos.bus import Bus
+from drivers.servos.bus import ServoBus
 from drivers.servos.models import MODELS
 from drivers.servos.units import baud_code
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
 from drivers.servos.wire import BROADCAST, Packet
-from drivers.virtual.terminal import agree
+from drivers.virtual.terminal import baud_rates_match
 from tests.drivers.fault_injection import FaultInjection
 from tests.drivers.lines import DirectLine
 
@@ -48,20 +48,20 @@ class Oracle:
         self.written: list[VirtualServo] = []
         self.identified: set[int] = set()
         self.forbidden: set[VirtualServo] = set()
-        self._parsers = (wire.Parser(), wire2.Parser())
+        self._parsers = (wire.PacketParser(), wire2.PacketParser2())
 
     @property
     def baud(self) -> int:
         return self.chain.baud
 
-    def tune(self, baud: int) -> None:
-        self.chain.tune(baud)
+    def set_baud(self, baud: int) -> None:
+        self.chain.set_baud(baud)
 
     def poll(self, now: float) -> bytes:
         return self.chain.poll(now)
 
-    def next_at(self) -> float | None:
-        return self.chain.next_at()
+    def next_poll_time(self) -> float | None:
+        return self.chain.next_poll_time()
 
     def feed(self, data: bytes, now: float) -> bytes:
         for old, parser in ((True, self._parsers[0]), (False, self._parsers[1])):
@@ -82,8 +82,10 @@ class Oracle:
     def _meant(self, number: int, *, old: bool) -> list[VirtualServo]:
         """Return who hears an instruction to an ID in frames of protocol 1.0, or of 2.0."""
         rate = self.chain.baud
-        able = [each for each in self.chain.servos if each.hears and (each.model.protocol != 2) is old]
-        return [each for each in able if number in (each.number, BROADCAST) and agree(each.settings.baud, rate)]
+        able = [each for each in self.chain.servos if each.is_listening and (each.model.protocol != 2) is old]
+        return [
+            each for each in able if number in (each.number, BROADCAST) and baud_rates_match(each.settings.baud, rate)
+        ]
 
     def _reached(self, packet: Packet, *, old: bool) -> Iterable[list[VirtualServo]]:
         if packet.id != BROADCAST:
@@ -149,9 +151,9 @@ class Case:
     def _servo(self, number: int, model: str) -> VirtualServo:
         servo = VirtualServo(number, model=model, angle=radians(self.chance.uniform(-60, 60)))
         servo.temperature = float(self.chance.randint(25, 45))
-        servo.voltage = servo.model.volts + self.chance.uniform(-0.3, 0.3)
-        servo.skew = self.chance.uniform(0, 10e-6)
-        servo.booted = -self.chance.uniform(0, 60)
+        servo.voltage = servo.model.nominal_voltage + self.chance.uniform(-0.3, 0.3)
+        servo.reply_skew = self.chance.uniform(0, 10e-6)
+        servo.booted_at = -self.chance.uniform(0, 60)
         servo.set("return_delay", self.chance.choice((0, 10, 250)))
         return servo
 
@@ -160,7 +162,7 @@ class Case:
         other = self.fault == "twins" and self.chance.random() < 0.2
         twin = self._servo(victim.number, self.chance.choice(others) if other else self.kind)
         if self.fault == "clone":
-            twin.temperature, twin.booted = victim.temperature, victim.booted
+            twin.temperature, twin.booted_at = victim.temperature, victim.booted_at
             twin.set("return_delay", victim.get("return_delay"))
             twin.turn_by_hand(victim.angle)
         twin.present = self.fault != "plugged in meanwhile"
@@ -176,7 +178,7 @@ class Case:
             elif victim.model.protocol == "STS":
                 victim.set("mode", chance.choice((1, 2, 3)))
             else:
-                for limit in victim.model.table.limits:
+                for limit in victim.model.table.limit_registers:
                     victim.set(limit, 0)
         elif self.fault == "wrong model":
             known = [each for each in MODELS.values() if each.protocol == victim.model.protocol]
@@ -221,11 +223,11 @@ class Table:
         self._turns = 0
         Path("bus.yaml").write_text(case.file)
         bench = "missions.plugins.setup.servo.bench"
-        patch.setattr(f"{bench}.Bus", partial(Bus, dial=self.line.dial))
+        patch.setattr(f"{bench}.Bus", partial(ServoBus, dial=self.line.dial))
         patch.setattr(f"{bench}.SystemClock", lambda: self.clock)
         for module in ("bench", "drive"):
             patch.setattr(f"missions.plugins.setup.servo.{module}.pause", self.pause)
-        patch.setattr("missions.plugins.setup.servo.bench.Keys", self.keys)
+        patch.setattr("missions.plugins.setup.servo.bench.KeyReader", self.keys)
         patch.setattr("sys.stdin", Typing())
         patch.setattr("click.confirm", self.confirm)
 
@@ -235,7 +237,7 @@ class Table:
         for servo in self.case.chain.servos:
             if servo.limp and self._turns > 3:
                 servo.turn_by_hand(radians(50) * sin(self._turns / 5 + servo.number))
-        self.clock.reach(self.clock.now() + seconds)
+        self.clock.advance_to(self.clock.read_value() + seconds)
         self.line.poll()
 
     def confirm(self, *_: object, **__: object) -> bool:
@@ -257,7 +259,7 @@ class Table:
         """Leave the keys."""
 
     def read(self, timeout: float) -> str:  # noqa: ARG002 - as Keys has it
-        self.clock.reach(self.clock.now() + 0.02)
+        self.clock.advance_to(self.clock.read_value() + 0.02)
         self._answered()
         return "enter"
 

@@ -15,10 +15,10 @@ import pytest
 from py_trees.common import Status
 
 from behaviours.leaf import Leaf, argument
-from config.faults import Source
+from config.faults import SourceText
 from missions.executive.at_once import Parallel
 from missions.executive.events import STATUS_WORDS
-from missions.language.counts import ALL, FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL
+from missions.language.counts import ALL_CHILDREN, FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL
 from missions.language.document import check_plan
 from missions.language.expressions import Value
 from tests.conformance.harness import Play
@@ -39,7 +39,7 @@ STATUSES = {"R": Status.RUNNING, "S": Status.SUCCESS, "F": Status.FAILURE}
 class Scripted(Leaf):
     """Give these outcomes in turn, one letter a tick, over and over, and write down each of them, and each halt."""
 
-    word = "scripted"
+    tag = "scripted"
     outcomes: str = argument("text", "the letters R, S and F", principal=True)
     run: Bench
     _given = 0
@@ -55,7 +55,7 @@ class Scripted(Leaf):
             self.run.log.append(f"{self.name} halts")
 
 
-WORDS = {Scripted.word: Scripted}
+WORDS = {Scripted.tag: Scripted}
 
 
 @dataclass
@@ -73,7 +73,7 @@ class Pair:
     def play(self) -> Play:
         """Build our tree. `mission check` would refuse some of the counts: they are set behind its back."""
         text = f"mission: pair\ntree: {json.dumps(self.ours)}\n"
-        play = Play(check_plan(Source("pair", text), WORDS, {}), {})
+        play = Play(check_plan(SourceText("pair", text), WORDS, {}), {})
         for name, settings in self.counts.items():
             parallel = play.nodes[name]
             assert isinstance(parallel, Parallel)
@@ -117,9 +117,12 @@ def _in_order(random: Random, name: str, children: list[Pair]) -> Pair:
 
 def _parallel(random: Random, name: str, children: list[Pair]) -> Pair:
     """Draw any counts, or none; where there is none, each side has its default."""
-    chosen = {word: random.choice((None, ALL, *range(1, len(children) + 1))) for word in (SUCCESS_COUNT, FAILURE_COUNT)}
+    chosen = {
+        word: random.choice((None, ALL_CHILDREN, *range(1, len(children) + 1)))
+        for word in (SUCCESS_COUNT, FAILURE_COUNT)
+    }
     settings = {word: count for word, count in chosen.items() if count is not None}
-    theirs = {word: -1 if count == ALL else count for word, count in settings.items()}
+    theirs = {word: -1 if count == ALL_CHILDREN else count for word, count in settings.items()}
     xml = _xml("Parallel", name, children, **theirs)
     return Pair({"parallel": [child.ours for child in children], "name": name}, xml, counts={name: settings})
 

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from config.units import BASES, UNITS, Quantity, powers, quantity
+from config.units import BASE_UNITS, UNITS, Quantity, parse_quantity, powers
 from missions.language.expressions import ExpressionError, parse
-from missions.language.inference import Inference
+from missions.language.inference import TypeInference
 from missions.language.kinds import FLAG, UNSETTLED, kind_of_value
 
 REGISTRY: Any = pint.UnitRegistry(None)
@@ -44,7 +44,7 @@ Formula = tuple[str, Any]
 def si(value: float, dimension: str) -> Any:
     """Return an SI value as pint has it."""
     unit = REGISTRY.Quantity(1.0)
-    for base, power in zip(BASES, powers(dimension), strict=True):
+    for base, power in zip(BASE_UNITS, powers(dimension), strict=True):
         unit = unit * REGISTRY.Quantity(1.0, base) ** power
     return value * unit
 
@@ -56,7 +56,7 @@ def name(word: str) -> Formula:
 
 def literal(parts: tuple[str, str]) -> Formula:
     number, unit = parts
-    found = quantity(f"{number} {unit}")
+    found = parse_quantity(f"{number} {unit}")
     return f"{number} {unit}".strip(), si(float(number), "number") if found is None else si(found, found.dimension)
 
 
@@ -118,7 +118,7 @@ def test_a_formula_gives_what_pint_gives_and_is_refused_where_pint_refuses(formu
     assume(theirs is not None)
     mistakes: list[str] = []
     expression = parse(text)
-    kind = Inference(KINDS, lambda _, message, __: mistakes.append(message)).kind(expression.tree)
+    kind = TypeInference(KINDS, lambda _, message, __: mistakes.append(message)).kind(expression.tree)
     try:
         ours: Any = expression.evaluate(SCOPE)
     except ExpressionError as error:
@@ -140,7 +140,7 @@ def test_formulas_compare_as_pint_compares_them(left: Formula, right: Formula) -
     assume(None not in (left[1], right[1]))
     mistakes: list[str] = []
     expression = parse(text)
-    assert Inference(KINDS, lambda _, message, __: mistakes.append(message)).kind(expression.tree) == FLAG
+    assert TypeInference(KINDS, lambda _, message, __: mistakes.append(message)).kind(expression.tree) == FLAG
     try:
         ours = expression.evaluate(SCOPE)
     except ExpressionError as error:

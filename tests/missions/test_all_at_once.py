@@ -8,10 +8,10 @@ from typing import NamedTuple
 import pytest
 
 from behaviours.catalogue import LEAVES
-from config.faults import Diagnostic, InvalidFileError, Source
+from config.faults import Diagnostic, InvalidFileError, SourceText
 from missions.language.document import check_plan
 from missions.library.shipped import find_mission, shipped_missions
-from missions.library.things import THINGS
+from missions.library.things import LOOKUPS
 
 
 class Several(NamedTuple):
@@ -141,7 +141,7 @@ def test_one_mistake_in_a_mission_that_is_right_is_told_at_its_line_alone(what: 
 
 def faults(text: str, path: Path = Path("m.yaml"), **params: str) -> list[Diagnostic]:
     try:
-        check_plan(Source(str(path), text), LEAVES, THINGS, find_mission=find_mission, params=params)
+        check_plan(SourceText(str(path), text), LEAVES, LOOKUPS, find_mission=find_mission, params=params)
     except InvalidFileError as error:
-        return list(error.faults)
+        return list(error.diagnostics)
     return []

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from behaviours.robot import Robot
 from drivers.api import Coupling, Device, HeadPose, Lamp, Reading, Source, Tune, Velocity
 from drivers.errors import BadRequest, DeviceFault, DriverError, NotConnected
-from missions.executive.answers import Answers
-from missions.executive.asked import asked
+from missions.executive.answers import TickCache
+from missions.executive.asked import with_proxies
 from missions.executive.tick_record import Answer
-from missions.plugins.testing.recorders import Bench, good
+from missions.plugins.testing.recorders import LeafTestBench, good
 
 FORWARD = Velocity(0.2, 0.0)
 LEFT = HeadPose(0.5, 0.0)
@@ -24,14 +24,14 @@ class Moments:
     """A robot of recorders, asked through answers that are kept; ``asked`` counts what reached its head."""
 
     def __init__(self) -> None:
-        self.bench = Bench()
-        self.answers = Answers()
-        self.answers.kept = True
+        self.bench = LeafTestBench()
+        self.answers = TickCache()
+        self.answers.is_recording = True
         self.refusal: DriverError | None = None
         self.asked = 0
         self.pose: Callable[[], Reading[HeadPose]] = self.bench.head.pose
         self.bench.head.pose = self._pose  # type: ignore[method-assign] # to count
-        self.robot = asked(self.bench.robot, self.answers, self._permit)
+        self.robot = with_proxies(self.bench.robot, self.answers, self._permit)
 
     def _pose(self) -> Reading[HeadPose]:
         self.asked += 1
@@ -43,11 +43,11 @@ class Moments:
             raise self.refusal
 
     def begin(self) -> None:
-        self.answers.open = True
+        self.answers.is_open = True
 
     def said(self) -> list[Answer]:
         """End the moment, and return what was said in it."""
-        return self.answers.take()
+        return self.answers.take_answers()
 
 
 @pytest.fixture
@@ -82,7 +82,7 @@ def test_outside_of_moments_it_is_asked_each_time_and_nothing_is_kept(moments: M
 
 
 def test_what_nobody_wants_is_not_kept(moments: Moments) -> None:
-    moments.answers.kept = False
+    moments.answers.is_recording = False
     moments.begin()
     moments.robot.head.pose()
     moments.robot.head.look(LEFT)
@@ -121,7 +121,7 @@ def test_every_part_answers_by_its_name(moments: Moments) -> None:
 
 
 def test_a_robot_without_parts_stays_so() -> None:
-    assert asked(Robot(), Answers()) == Robot()
+    assert with_proxies(Robot(), TickCache()) == Robot()
 
 
 # --- commands ---------------------------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from drivers.errors import BadRequest
 from missions.executive.events import CommandSent, Ended, Event, NodeChanged, Started, Ticked
 from missions.executive.executive import Result
 from missions.options import options_of
-from missions.plugins.testing.recorders import STOP, Bench
+from missions.plugins.testing.recorders import STOP, LeafTestBench
 from missions.request import RunRequest
 from tests.missions.command import PATIENCE, command
 from tests.missions.lone_base import LONE_ROBOT, lone_base
@@ -89,7 +89,7 @@ def test_one_error_holds_all_faults(file: Path) -> None:
     file.write_text("mission: m\ntree:\n  sequence:\n    - drvie: 1 m\n    - drive: 1\n")
     with pytest.raises(missions.InvalidFileError) as caught:
         missions.load(file)
-    assert [fault.mark.line for fault in caught.value.faults] == [4, 5]
+    assert [fault.mark.line for fault in caught.value.diagnostics] == [4, 5]
     with pytest.raises(missions.UnknownNameError):
         missions.load("no_such_mission")
 
@@ -106,7 +106,7 @@ def test_a_mission_without_the_robot_that_it_needs_says_so(file: Path) -> None:
 
 def test_parts_of_ones_own_are_a_robot_too(file: Path) -> None:
     file.write_text(DRIVE)
-    bench = Bench()
+    bench = LeafTestBench()
     with missions.load(file, robot=Robot(base_part=bench.base)) as mission:
         assert mission.tick() is Status.RUNNING
     assert bench.base.commands[-1] == STOP

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from drivers.table import HOUSE
+from drivers.table import BUILT_IN_DRIVERS
 from tests.benchmarks.house import arrows, cycles
 
 ROOT = Path(__file__).parents[2]
@@ -18,7 +18,7 @@ PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 DECISIONS = ROOT / "docs" / "decisions"
 PACKAGES = ("missions", "behaviours", "drivers", "perception", "config")
 DOTTED = re.compile(rf"`((?:{'|'.join(PACKAGES)})(?:\.\w+)+)`")
-DEVICES = {f"drivers/{where.split('.')[1]}/" for kind in HOUSE.values() for where in kind.values()}
+DEVICES = {f"drivers/{where.split('.')[1]}/" for kind in BUILT_IN_DRIVERS.values() for where in kind.values()}
 
 
 def resolve(name: str) -> Any:

@@ -18,7 +18,7 @@ from py_trees.common import Status
 
 from behaviours.leaf import Leaf
 from drivers.errors import BadRequest, NotConnected
-from missions.assembly.assembled import Assembled
+from missions.assembly.assembled import AssembledRobot
 from missions.cli.running import run
 from missions.executive.executive import Result
 from missions.language.plan import Step
@@ -65,7 +65,7 @@ def test_a_signal_after_the_last_tick_starts_no_watchdog(eyes: Any, monkeypatch:
         yield
         signal.raise_signal(signal.SIGINT)  # the robot is closed, the signals are still ours
 
-    monkeypatch.setattr("missions.runner.logging_to", ending)
+    monkeypatch.setattr("missions.runner.capture_log", ending)
     request = RunRequest("look_around", robot="turtlebot2_arm", simulate="fast", eyes=eyes)
     ended: list[Result] = []
     assert Runner(request, give_up=ended.append).run().result == "success"
@@ -75,7 +75,7 @@ def test_a_signal_after_the_last_tick_starts_no_watchdog(eyes: Any, monkeypatch:
 
 def test_hardware_without_a_control_socket_is_not_opened(monkeypatch: pytest.MonkeyPatch) -> None:
     opened: list[str] = []
-    monkeypatch.setattr(Assembled, "open", lambda robot: opened.append(robot.name))
+    monkeypatch.setattr(AssembledRobot, "open", lambda robot: opened.append(robot.name))
     for request in (RunRequest("wander", robot="turtlebot2"), RunRequest("greet", robot="turtlebot2_arm")):
         with pytest.raises(BadRequest, match="`mission stop` cannot reach this run"):
             Runner(request).run()
@@ -86,7 +86,7 @@ def test_a_plug_in_cannot_keep_back_what_ends_a_run(monkeypatch: pytest.MonkeyPa
     def fail(_: object) -> None:
         raise NotConnected("base: gone")
 
-    monkeypatch.setattr(Assembled, "open", fail)
+    monkeypatch.setattr(AssembledRobot, "open", fail)
     request = RunRequest("look_around", robot="turtlebot2_arm", simulate="fast", eyes="truth")
     contexts = [lambda _: suppress(Exception)]
     with pytest.raises(NotConnected, match="base: gone"):
@@ -135,7 +135,7 @@ def test_listeners_of_others_are_watched(module: str, watched: bool, way: str, m
     sockets: list[bool] = []  # by which a signal is heard while a listener is stuck in C
 
     def listen(*_: object) -> None:
-        sockets.append(runner._signals.number is not None)
+        sockets.append(runner._signals.socket_descriptor is not None)
 
     monkeypatch.setattr(Spy, "__module__", "behaviours")
     listen.__module__ = module

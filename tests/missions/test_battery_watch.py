@@ -3,15 +3,15 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missions.executive.guard import CONFIRM, HYSTERESIS, BatteryWatch
+from missions.executive.guard import CONFIRM_TIME, HYSTERESIS_PERCENT, BatteryWatch
 
 
 def test_one_low_reading_is_no_low_battery() -> None:
     watch = BatteryWatch(25.0, 10.0)
     watch.update(20.0, 0.0, charging=False)
-    watch.update(20.0, CONFIRM - 0.01, charging=False)
+    watch.update(20.0, CONFIRM_TIME - 0.01, charging=False)
     assert not watch.low
-    watch.update(20.0, CONFIRM, charging=False)
+    watch.update(20.0, CONFIRM_TIME, charging=False)
     assert (watch.low, watch.critical) == (True, False)
 
 
@@ -24,17 +24,17 @@ def test_a_dip_under_load_is_forgotten() -> None:
 
 def test_a_low_battery_stays_low_until_it_is_well_above_the_threshold() -> None:
     watch = BatteryWatch(25.0, 10.0)
-    for now in (0.0, CONFIRM):
+    for now in (0.0, CONFIRM_TIME):
         watch.update(24.0, now, charging=False)
-    watch.update(25.0 + HYSTERESIS - 0.1, 3.0, charging=False)
+    watch.update(25.0 + HYSTERESIS_PERCENT - 0.1, 3.0, charging=False)
     assert watch.low
-    watch.update(25.0 + HYSTERESIS, 4.0, charging=False)
+    watch.update(25.0 + HYSTERESIS_PERCENT, 4.0, charging=False)
     assert not watch.low
 
 
 def test_a_battery_that_charges_is_not_low() -> None:
     watch = BatteryWatch(25.0, 10.0)
-    for now in (0.0, CONFIRM):
+    for now in (0.0, CONFIRM_TIME):
         watch.update(5.0, now, charging=False)
     assert (watch.low, watch.critical) == (True, True)
     watch.update(5.0, 3.0, charging=True)
@@ -60,6 +60,6 @@ def test_a_battery_is_low_only_after_two_readings_below_and_none_above_between(
         watch.update(percent, now, charging=charging)
         below = [*below, now] if percent < 25.0 and not charging else []
         if watch.low and not was:
-            assert below[-1] - below[0] >= CONFIRM
+            assert below[-1] - below[0] >= CONFIRM_TIME
         assert not (watch.low and charging)
-        assert watch.low or not watch.critical or percent < 25.0 + HYSTERESIS
+        assert watch.low or not watch.critical or percent < 25.0 + HYSTERESIS_PERCENT

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from missions.executive.events import NodeChanged
-from missions.plugins.testing.ran import Ran, run_mission
+from missions.plugins.testing.ran import MissionRun, run_mission
 
 ENDS_WITHIN = 3.0
 """Seconds from the fault until the behaviour has ended: 10 degrees at its pace, 0.8 s without progress, a tick."""
@@ -55,7 +55,7 @@ head:
 """
 
 
-def ran(tmp_path: Path, behaviour: str, *given: str, robot: str | Path = "so101", seconds: float = 10.0) -> Ran:
+def ran(tmp_path: Path, behaviour: str, *given: str, robot: str | Path = "so101", seconds: float = 10.0) -> MissionRun:
     mission = tmp_path / "m.yaml"
     mission.write_text(f"mission: m\ntree:\n  {behaviour}\n")
     if not Path(robot).suffix and "\n" in str(robot):
@@ -65,7 +65,7 @@ def ran(tmp_path: Path, behaviour: str, *given: str, robot: str | Path = "so101"
     return run_mission(mission, robot=robot, given=list(given), timeout=f"{seconds} s")
 
 
-def success_of(found: Ran) -> str:
+def success_of(found: MissionRun) -> str:
     """Return what the behaviour said as it succeeded."""
     return next(event.reason for event in found.events if isinstance(event, NodeChanged) and event.status == "success")
 

@@ -10,24 +10,24 @@ from hypothesis import strategies as st
 
 from behaviours.catalogue import LEAVES
 from behaviours.robot import Robot
-from config.faults import MAX_FAULTS, InvalidFileError, Source
+from config.faults import MAX_DIAGNOSTICS, InvalidFileError, SourceText
 from drivers.clock import ManualClock
 from missions.executive.build import NODES as NODE_CLASSES
 from missions.executive.state import state_of
 from missions.language.document import check_plan, load_plan
 from missions.language.expressions import Value
-from missions.language.kinds import STATE
+from missions.language.kinds import STATE_KINDS
 from missions.language.nodes import COMPOSITES, MODIFIERS, NODES
 from missions.language.notes import MAX_DEPTH
 from missions.language.plan import Plan, Step
-from missions.language.steps import LISTED
+from missions.language.steps import LIST_HINT
 from missions.library.shipped import load_mission
-from missions.library.things import THINGS
+from missions.library.things import LOOKUPS
 from perception.api import Thing
 
 GREET = (Path(__file__).parents[2] / "missions" / "greet.yaml").read_text(encoding="utf-8")
 
-KNOWN = {kind: cache(find) for kind, find in THINGS.items()}
+KNOWN = {kind: cache(find) for kind, find in LOOKUPS.items()}
 """Gestures and controllers, each read once for all these tests."""
 
 Mistake = tuple[int, str, str, str]
@@ -35,14 +35,14 @@ Mistake = tuple[int, str, str, str]
 
 
 def check(text: str, params: Mapping[str, str] | None = None) -> Plan:
-    return check_plan(Source("m.yaml", text), LEAVES, KNOWN, params=params)
+    return check_plan(SourceText("m.yaml", text), LEAVES, KNOWN, params=params)
 
 
 def mistakes(text: str, params: Mapping[str, str] | None = None) -> list[Mistake]:
     with pytest.raises(InvalidFileError) as caught:
         check(text, params)
     found = []
-    for fault in caught.value.faults:
+    for fault in caught.value.diagnostics:
         begin = fault.mark.column - 1
         under = fault.source.line(fault.mark.line)[begin : begin + fault.mark.length]
         found.append((fault.mark.line, under, fault.message, fault.suggestion))
@@ -130,13 +130,13 @@ def test_a_variable_that_nothing_before_sets_is_a_mistake_in_the_first_round_of_
     lines = ("- say: ${visitor.id} ${count}", "- find_face:", "  as: visitor", "- set: {count: 1}")
     with pytest.raises(InvalidFileError) as caught:
         check(steps(*lines))
-    assert [fault.message for fault in caught.value.faults] == [
+    assert [fault.message for fault in caught.value.diagnostics] == [
         "'visitor' is read here, but nothing before this sets it",
         "'count' is read here, but nothing before this sets it",
     ]
     with pytest.raises(InvalidFileError) as caught:
         check(steps(*lines) + "  repeat: 2\n")
-    assert [fault.message for fault in caught.value.faults] == [
+    assert [fault.message for fault in caught.value.diagnostics] == [
         "'count' is read here, but it is set only after this",
         "'visitor' is read here, but it is set only after this",
     ]
@@ -188,8 +188,8 @@ def test_a_count_is_a_whole_number_however_it_is_written(count: str) -> None:
 def test_what_the_checker_and_the_executive_know_is_the_same() -> None:
     assert NODES.keys() == NODE_CLASSES.keys()
     state = state_of(Robot(None, None, None, None, None), ManualClock())
-    assert state.keys() == STATE.keys()
-    for name, members in STATE.items():
+    assert state.keys() == STATE_KINDS.keys()
+    for name, members in STATE_KINDS.items():
         assert {*members} == {*vars(state[name])["_values"]}
 
 
@@ -210,11 +210,11 @@ UNITS = "(units: deg, rad)"
         (["- sya: Hello"], "sya", "unknown behaviour 'sya'", "did you mean 'say'?"),
         (["- wiat: 3 s"], "wiat", "unknown behaviour 'wiat'", "did you mean 'wait'?"),
         (["- Say: Hello"], "Say", "unknown behaviour 'Say'", "did you mean 'say'?"),
-        (["- xyzzy: 3"], "xyzzy", "unknown behaviour 'xyzzy'", LISTED),
+        (["- xyzzy: 3"], "xyzzy", "unknown behaviour 'xyzzy'", LIST_HINT),
         (["- say Hello"], "say Hello", "unknown behaviour 'say Hello'", "write 'say: Hello', with a colon and a space"),
         (["- say:Hello"], "say:Hello", "unknown behaviour 'say:Hello'", "write 'say: Hello', with a colon and a space"),
         (["- say: Hi", "  tiemout: 3 s"], "tiemout", "unknown modifier 'tiemout'", "did you mean 'timeout'?"),
-        (["- say: Hi", "  xyzzy: 3 s"], "xyzzy", "unknown modifier 'xyzzy'", LISTED),
+        (["- say: Hi", "  xyzzy: 3 s"], "xyzzy", "unknown modifier 'xyzzy'", LIST_HINT),
         # the form of a node
         (["- timeout: 3 s"], "t", "no behaviour here, only what may stand beside one", WITHOUT_DASH),
         (
@@ -307,7 +307,7 @@ UNITS = "(units: deg, rad)"
             "'face' needs 'mood': which, one of neutral, happy, sad, surprised, asleep, listening, speaking",
             "",
         ),
-        (["- dance"], "dance", "unknown behaviour 'dance'", LISTED),
+        (["- dance"], "dance", "unknown behaviour 'dance'", LIST_HINT),
         # an if that is no else
         (
             ["- selector:", "    - say: a", "      if: n > 1", "      timeout: 3 s", "    - say: b"],
@@ -600,7 +600,7 @@ def test_a_mistake_that_an_alias_repeats_is_told_once() -> None:
 
 
 def test_a_file_with_very_many_mistakes_is_not_read_to_its_end() -> None:
-    assert len(mistakes(steps(*["- nonsense"] * 10_000))) == MAX_FAULTS
+    assert len(mistakes(steps(*["- nonsense"] * 10_000))) == MAX_DIAGNOSTICS
 
 
 TOO_DEEP = f"nested too deep: at most {MAX_DEPTH} steps, modifiers and sub-missions counted"
@@ -620,13 +620,13 @@ def test_a_chain_of_missions_that_is_too_deep_is_refused(tmp_path: Path, within:
         (tmp_path / f"m{place}.yaml").write_text(f"mission: m\ntree: {tree}\n", encoding="utf-8")
     with pytest.raises(InvalidFileError) as caught:
         load_plan(tmp_path / "m0.yaml", LEAVES, {}, find_mission=lambda name, folder: folder / name)
-    assert TOO_DEEP in [fault.message for fault in caught.value.faults]
+    assert TOO_DEEP in [fault.message for fault in caught.value.diagnostics]
 
 
 def test_a_mission_is_read_from_its_file(tmp_path: Path) -> None:
     file = tmp_path / "wait.yaml"
     file.write_bytes(b"\xef\xbb\xbfmission: wait a moment\r\ntree:\r\n  wait: 1 s\r\n")
-    plan = load_plan(file, LEAVES, THINGS)
+    plan = load_plan(file, LEAVES, LOOKUPS)
     assert (plan.mission, plan.tree.kind, plan.source.name) == ("wait a moment", "wait", str(file))
 
 
@@ -637,7 +637,7 @@ def checks_or_says_why(text: str) -> None:
     try:
         plan = check(text)
     except InvalidFileError as error:
-        for fault in error.faults:
+        for fault in error.diagnostics:
             assert fault.message
             assert str(fault).startswith(fault.place)
     else:

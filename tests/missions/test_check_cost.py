@@ -13,14 +13,14 @@ from typing import Any
 import pytest
 
 from behaviours.catalogue import LEAVES
-from config.faults import InvalidFileError, Source
+from config.faults import InvalidFileError, SourceText
 from missions.language.document import check_plan
 from missions.language.nodes import COMPOSITES, MODIFIERS
 from missions.language.outcomes import actions_as_guards
 from missions.language.plan import Plan
-from missions.library.things import THINGS
-from missions.plugins.verify.explore import Space
-from missions.plugins.verify.model import Model
+from missions.library.things import LOOKUPS
+from missions.plugins.verify.explore import StateSpace
+from missions.plugins.verify.model import MissionModel
 
 FEW, MANY = 40, 160
 
@@ -113,7 +113,7 @@ def test_a_step_of_verify_costs_in_proportion_to_the_nodes(case: str) -> None:
 
 
 def _plan(case: str, count: int) -> Plan:
-    return check_plan(Source("cost.yaml", CASES[case](count)), LEAVES, THINGS)
+    return check_plan(SourceText("cost.yaml", CASES[case](count)), LEAVES, LOOKUPS)
 
 
 def _check(case: str, count: int) -> None:
@@ -125,7 +125,7 @@ def _check(case: str, count: int) -> None:
 def _step(plan: Plan) -> None:
     """Make the model of a mission and follow one step."""
     late = iter([False])
-    Space(Model(plan), 1, lambda: next(late, True)).explore()
+    StateSpace(MissionModel(plan), 1, lambda: next(late, True)).explore()
 
 
 def _lines(work: Callable[[], None]) -> int:

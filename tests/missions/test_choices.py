@@ -7,9 +7,9 @@ import pytest
 
 from behaviours.catalogue import LEAVES
 from config.faults import InvalidFileError
-from missions.library.catalogue import example, kind_of
+from missions.library.catalogue import example_value, kind_text
 from missions.library.shipped import load_mission
-from missions.plugins.schema.values import written
+from missions.plugins.schema.values import value_schema
 
 
 def mission(folder: Path, step: str) -> Path:
@@ -45,11 +45,11 @@ def test_another_word_is_a_mistake_that_tells_which_there_are(tmp_path: Path, wr
 
 def test_the_schema_and_the_catalogue_know_the_words() -> None:
     side, colour = LEAVES["bumped"].arguments["side"], LEAVES["led"].arguments["colour"]
-    assert kind_of(side) == "one of any, left, centre, right"
-    assert example(colour) == "off"
-    schema = written(side, {})
+    assert kind_text(side) == "one of any, left, centre, right"
+    assert example_value(colour) == "off"
+    schema = value_schema(side, {})
     assert schema["type"] == "string"
     assert re.search(schema["pattern"], "centre")
     assert re.search(schema["pattern"], "${where}")
     assert not re.search(schema["pattern"], "middle")
-    assert written(colour, {})["type"] == ["string", "boolean"]
+    assert value_schema(colour, {})["type"] == ["string", "boolean"]

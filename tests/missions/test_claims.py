@@ -5,14 +5,14 @@ from pathlib import Path
 import pytest
 
 from behaviours.catalogue import LEAVES
-from config.faults import Diagnostic, InvalidFileError, Source
-from config.library import find
-from missions.language.claims import Target, impossible
+from config.faults import Diagnostic, InvalidFileError, SourceText
+from config.library import find_file
+from missions.language.claims import TargetRobot, impossible_alternatives
 from missions.language.document import check_plan
 from missions.language.plan import Plan
 from missions.library.drivers import load_robot
 from missions.library.target import target_of
-from missions.library.things import THINGS
+from missions.library.things import LOOKUPS
 
 GREET = (Path(__file__).parents[2] / "missions" / "greet.yaml").read_text(encoding="utf-8")
 WHOLE = frozenset({"base", "head", "arm", "camera", "voice"})
@@ -20,13 +20,13 @@ WHOLE = frozenset({"base", "head", "arm", "camera", "voice"})
 
 def check(tree: str, parts: frozenset[str] = WHOLE) -> Plan:
     text = tree if tree.startswith("#") else f"mission: m\ntree:\n{tree}"
-    return check_plan(Source("m.yaml", text), LEAVES, THINGS, robot=Target("r2", parts))
+    return check_plan(SourceText("m.yaml", text), LEAVES, LOOKUPS, robot=TargetRobot("r2", parts))
 
 
 def faults(tree: str, parts: frozenset[str] = WHOLE) -> list[Diagnostic]:
     with pytest.raises(InvalidFileError) as caught:
         check(tree, parts)
-    return list(caught.value.faults)
+    return list(caught.value.diagnostics)
 
 
 def the_fault(tree: str, parts: frozenset[str] = WHOLE) -> Diagnostic:
@@ -116,19 +116,19 @@ def test_greet_says_everything_that_a_bare_base_lacks() -> None:
 
 
 def test_without_a_robot_only_conflicts_are_mistakes() -> None:
-    text = Source("m.yaml", "mission: m\ntree:\n  gesture: hello\n")
-    assert check_plan(text, LEAVES, THINGS).tree.needs == {"arm"}
+    text = SourceText("m.yaml", "mission: m\ntree:\n  gesture: hello\n")
+    assert check_plan(text, LEAVES, LOOKUPS).tree.needs == {"arm"}
 
 
-NECKED = target_of(load_robot(find("robots", "humanoid")))
+NECKED = target_of(load_robot(find_file("robots", "humanoid")))
 
 
 def necked(*children: str) -> list[str]:
     text = "mission: m\ntree:\n  parallel:\n" + "".join(f"    - {child}\n" for child in children)
     try:
-        check_plan(Source("m.yaml", text), LEAVES, THINGS, robot=NECKED)
+        check_plan(SourceText("m.yaml", text), LEAVES, LOOKUPS, robot=NECKED)
     except InvalidFileError as error:
-        return [fault.message for fault in error.faults]
+        return [fault.message for fault in error.diagnostics]
     return []
 
 
@@ -164,14 +164,14 @@ ROBOTS = {
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize(("capability", "leaf"), [(name, leaf) for name, leaves in NEEDING.items() for leaf in leaves])
 def test_a_leaf_is_refused_on_a_base_without_its_capability(robot: str, capability: str, leaf: str) -> None:
-    target = target_of(load_robot(find("robots", robot)))
-    text = Source("m.yaml", f"mission: m\ntree:\n  sequence:\n    - {leaf}\n")
+    target = target_of(load_robot(find_file("robots", robot)))
+    text = SourceText("m.yaml", f"mission: m\ntree:\n  sequence:\n    - {leaf}\n")
     if capability in ROBOTS[robot]:
-        check_plan(text, LEAVES, THINGS, robot=target)
+        check_plan(text, LEAVES, LOOKUPS, robot=target)
         return
     with pytest.raises(InvalidFileError) as caught:
-        check_plan(text, LEAVES, THINGS, robot=target)
-    (fault,) = caught.value.faults
+        check_plan(text, LEAVES, LOOKUPS, robot=target)
+    (fault,) = caught.value.diagnostics
     word = leaf.partition(":")[0]
     assert fault.message == f"'{word}' needs {capability}: robot '{robot}' has no {capability}"
 
@@ -181,8 +181,8 @@ def test_without_a_base_the_base_is_named_and_not_its_capability() -> None:
 
 
 def test_an_alternative_that_needs_a_missing_capability_is_a_hint() -> None:
-    target = target_of(load_robot(find("robots", "pi_car")))
-    text = Source("m.yaml", "mission: m\ntree:\n  selector:\n    - sound: error\n    - wait: 1 s\n")
-    plan = check_plan(text, LEAVES, THINGS, robot=target)
-    (hint,) = impossible(plan.tree, target, THINGS)
+    target = target_of(load_robot(find_file("robots", "pi_car")))
+    text = SourceText("m.yaml", "mission: m\ntree:\n  selector:\n    - sound: error\n    - wait: 1 s\n")
+    plan = check_plan(text, LEAVES, LOOKUPS, robot=target)
+    (hint,) = impossible_alternatives(plan.tree, target, LOOKUPS)
     assert hint.message == "'sound' cannot be done by robot 'pi_car': it has no sounds"

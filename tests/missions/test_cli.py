@@ -18,7 +18,7 @@ from packaging.utils import canonicalize_name
 
 from behaviours.catalogue import LEAVES
 from config.defaults import config_folder
-from config.library import find
+from config.library import find_file
 from missions.cli.commands import declared_commands
 from tests.missions.command import Outcome, Process, command, events_of
 from tests.waiting import wait_until
@@ -168,7 +168,7 @@ def test_a_mistake_gives_2_and_still_a_summary_for_programs(mission: Mission) ->
 def test_a_robot_that_is_not_there_gives_3_and_says_what_to_try(
     mission: Mission, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("missions.assembly.assembled.CONNECT_TIME", 0.5)
+    monkeypatch.setattr("missions.assembly.assembled.CONNECT_TIMEOUT", 0.5)
     Path("far.yaml").write_text("robot: far\nbase: {driver: kobuki, port: /dev/no_such_base}\n")
     write("go.yaml", "  drive: 1 m\n")
     outcome = mission("run", "go.yaml", "--robot", "far.yaml", "--json")
@@ -222,7 +222,7 @@ def test_the_catalogue_names_every_leaf_with_its_arguments_units_and_claims(miss
 
 def test_every_leaf_and_argument_says_what_it_is_for() -> None:
     for word, leaf in LEAVES.items():
-        assert leaf.word == word
+        assert leaf.tag == word
         assert (leaf.__doc__ or "").strip(), word
         assert all(argument.help for argument in leaf.arguments.values()), word
 
@@ -323,7 +323,7 @@ def test_behind_each_gesture_stand_the_robots_that_can_do_it(mission: Mission) -
 def test_a_robot_of_ones_own_stands_behind_a_gesture_with_the_arm_that_can_do_it(mission: Mission) -> None:
     folder = config_folder() / "robots"
     folder.mkdir(parents=True)
-    arm = find("robots", "so101").read_text().partition("\narm:\n")[2].partition("\nvoice:")[0]
+    arm = find_file("robots", "so101").read_text().partition("\narm:\n")[2].partition("\nvoice:")[0]
     right = arm.replace("/dev/ttyACM0", "/dev/ttyACM1")
     (folder / "pair.yaml").write_text(f"robot: pair\nright_arm:\n  kind: arm\n{right}")
     (folder / "wrong.yaml").write_text("robt: wrong\n")

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from behaviours.leaf import Leaf
-from config.library import shipped
+from config.library import shipped_files
 from config.world import WorldConfig, load_world
 from drivers.api import Pose2D
 from missions.executive.executive import Result
@@ -22,7 +22,7 @@ ARM = "turtlebot2_arm"
 
 def hall(*, slip: float = 0.0, lag: float = 0.0) -> WorldConfig:
     """Return a large empty room; ``slip`` is a share, ``lag`` in seconds."""
-    world = load_world(shipped("worlds")["empty"])
+    world = load_world(shipped_files("worlds")["empty"])
     return replace(
         world, room=replace(world.room, length=20.0, width=20.0), physics=replace(world.physics, slip=slip, lag=lag)
     )

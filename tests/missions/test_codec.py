@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import jsonschema
 import pytest
 
-from missions.codec import Bound, CodecError, Rules, Word, decode, definitions, encode, object_schema
+from missions.codec import Bound, CodecError, JsonName, Rules, decode, definitions, encode, object_schema
 from tests.cases import each
 
 
@@ -24,7 +24,7 @@ class Node:
     derived: ClassVar[Mapping[str, str]] = {"title": "Its name in capitals."}
 
     name: Annotated[str, "Its name.", Bound(high=5)]
-    keep_as: Annotated[str, Word("as")] = ""
+    keep_as: Annotated[str, JsonName("as")] = ""
     count: Annotated[int, Bound(0, 9)] = 0
     share: float = 0.0
     level: Level = Level.LOW

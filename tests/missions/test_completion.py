@@ -12,11 +12,11 @@ import pytest
 from click.shell_completion import ShellComplete
 
 from config.defaults import config_folder
-from config.library import find, shipped
-from missions.cli.completion import script
-from missions.cli.names import BEHAVIOUR, CONTROLLER, GESTURE, MISSION, ROBOT, SHOWN, WORLD, Name, Params
-from missions.cli.root import COMPLETING, mission
-from missions.control.holders import noted
+from config.library import find_file, shipped_files
+from missions.cli.completion import completion_script
+from missions.cli.names import BEHAVIOUR, CONTROLLER, GESTURE, MISSION, ROBOT, SHOWN_NAME, WORLD, NameType, ParamsType
+from missions.cli.root import COMPLETION_VARIABLE, mission
+from missions.control.holders import announce_command
 from tests.missions.command import Outcome, command
 from tests.missions.test_help import ALL
 
@@ -129,7 +129,7 @@ def test_the_shell_is_that_of_the_environment_and_another_is_told(
 ) -> None:
     monkeypatch.setenv("SHELL", "/usr/bin/fish")
     assert command(capsys, "completion", "install").code == 0
-    assert (home / ".config/fish/completions/mission.fish").read_text() == script("fish")
+    assert (home / ".config/fish/completions/mission.fish").read_text() == completion_script("fish")
     monkeypatch.setenv("SHELL", "/bin/tcsh")
     outcome: Outcome = command(capsys, "completion", "install")
     assert outcome.code == 2
@@ -142,21 +142,23 @@ def test_the_scripts_of_other_shells_are_sound(shell: str, tmp_path: Path) -> No
     if tool is None:
         pytest.skip(f"there is no {shell}")
     file = tmp_path / "script"
-    file.write_text(script(shell))
+    file.write_text(completion_script(shell))
     subprocess.run([tool, "-n", str(file)], check=True)
 
 
 def test_every_kind_of_name_is_offered_and_a_path_is_left_to_the_shell() -> None:
     context = click.Context(mission)
-    for kind in (MISSION, ROBOT, WORLD, GESTURE, CONTROLLER, BEHAVIOUR, SHOWN):
+    for kind in (MISSION, ROBOT, WORLD, GESTURE, CONTROLLER, BEHAVIOUR, SHOWN_NAME):
         assert len(kind.shell_complete(context, mission.params[0], "")) > 2
-    assert [each.value for each in GESTURE.shell_complete(context, mission.params[0], "")] == list(shipped("gestures"))
-    assert [each.type for each in Name("robots").shell_complete(context, mission.params[0], "./my")] == ["file"]
+    assert [each.value for each in GESTURE.shell_complete(context, mission.params[0], "")] == list(
+        shipped_files("gestures")
+    )
+    assert [each.type for each in NameType("robots").shell_complete(context, mission.params[0], "./my")] == ["file"]
 
 
 def completed(*words: str) -> list[str]:
     """Return what a shell offers for the last of some words."""
-    complete = ShellComplete(mission, {}, "mission", COMPLETING)
+    complete = ShellComplete(mission, {}, "mission", COMPLETION_VARIABLE)
     return [str(item.value) for item in complete.get_completions([*words[:-1]], words[-1])]
 
 
@@ -165,11 +167,13 @@ def test_tasks_runs_and_files_of_ones_own_are_offered(capsys: pytest.CaptureFixt
     assert command(capsys, "task", "add", "greet", "--at", "2099-01-01 18:00").code == 0
     assert completed("task", "remove", "") == ["1"]
     assert completed("stop", "") == []
-    with noted("teleop", "kit", ""):
+    with announce_command("teleop", "kit", ""):
         assert completed("stop", "") == [str(os.getpid())]
     own = config_folder() / "robots"
     own.mkdir(parents=True)
-    (own / "zoe.yaml").write_text(find("robots", "turtlebot2").read_text().replace("robot: turtlebot2", "robot: zoe"))
+    (own / "zoe.yaml").write_text(
+        find_file("robots", "turtlebot2").read_text().replace("robot: turtlebot2", "robot: zoe")
+    )
     assert completed("run", "greet", "--robot", "z") == ["zoe"]
 
 
@@ -177,6 +181,6 @@ def test_tasks_runs_and_files_of_ones_own_are_offered(capsys: pytest.CaptureFixt
 def test_each_option_that_takes_a_robot_a_world_or_params_completes_them(path: tuple[str, ...]) -> None:
     for param in (each for each in ALL[path].params if not getattr(each, "is_flag", False)):
         if {"--robot", "--world", "--controller", "--mission"} & set(param.opts):
-            assert isinstance(param.type, Name), param.opts
+            assert isinstance(param.type, NameType), param.opts
         if "--param" in param.opts:
-            assert isinstance(param.type, Params)
+            assert isinstance(param.type, ParamsType)

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from behaviours.catalogue import LEAVES
-from config.faults import InvalidFileError, Source
+from config.faults import InvalidFileError, SourceText
 from missions.language.document import check_plan, load_plan
 from missions.library.shipped import find_mission
-from missions.library.things import THINGS
+from missions.library.things import LOOKUPS
 from missions.plugins.testing.ran import run_mission
 
 HEAD = """\
@@ -48,10 +48,10 @@ def mission(line: str) -> str:
 def faults(text: str) -> list[tuple[str, str]]:
     """What the checker has against a mission: what it underlines, and what it says."""
     try:
-        check_plan(Source("m.yaml", text), LEAVES, THINGS, find_mission=find_mission)
+        check_plan(SourceText("m.yaml", text), LEAVES, LOOKUPS, find_mission=find_mission)
     except InvalidFileError as error:
         found = []
-        for fault in error.faults:
+        for fault in error.diagnostics:
             begin = fault.mark.column - 1
             under = fault.source.line(fault.mark.line)[begin : begin + fault.mark.length]
             found.append((under, f"{fault.message}; {fault.suggestion}" if fault.suggestion else fault.message))
@@ -248,8 +248,8 @@ tree:
     ):
         path = written(tmp_path, outer=f"{outer}    - {line}\n", inner=INNER)
         with pytest.raises(InvalidFileError) as caught:
-            load_plan(path, LEAVES, THINGS, find_mission=find_mission)
-        (fault,) = caught.value.faults
+            load_plan(path, LEAVES, LOOKUPS, find_mission=find_mission)
+        (fault,) = caught.value.diagnostics
         begin = fault.mark.column - 1
         assert fault.source.line(fault.mark.line)[begin:][: fault.mark.length] == under
         assert fault.message.endswith(message)
@@ -260,8 +260,8 @@ def test_a_mistake_in_a_mission_that_is_used_twice_is_told_once(tmp_path: Path) 
     inner = "params: {side: 1 m}\ntree: {drive: '${side + 1}'}\n"
     path = written(tmp_path, outer=f"params: {{a: {{type: length}}}}\n{outer}", inner=inner)
     with pytest.raises(InvalidFileError) as caught:
-        load_plan(path, LEAVES, THINGS, find_mission=find_mission)
-    assert [fault.place.rpartition("/")[2] for fault in caught.value.faults] == ["inner.yaml:3:18"]
+        load_plan(path, LEAVES, LOOKUPS, find_mission=find_mission)
+    assert [fault.place.rpartition("/")[2] for fault in caught.value.diagnostics] == ["inner.yaml:3:18"]
 
 
 def test_where_nobody_knows_what_a_variable_holds_the_node_fails_with_both_dimensions(tmp_path: Path) -> None:

@@ -15,20 +15,20 @@ from py_trees.common import Status
 import missions
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
-from config.faults import Source
+from config.faults import SourceText
 from config.marked import compose
 from config.object import load_object
-from config.world import read_world
+from config.world import parse_world
 from docs.generate import TABLES, main, renewed
 from missions.language.document import check_plan
 from missions.library.drivers import load_robot
 from missions.library.shipped import find_mission, load_mission
-from missions.library.things import THINGS
+from missions.library.things import LOOKUPS
 from missions.library.worlds import build_world
-from missions.plugins.schema.mission import known_things, mission_schema
+from missions.plugins.schema.mission import mission_schema, shipped_things
 from missions.plugins.testing.play import play
-from missions.plugins.testing.recorders import Bench
-from missions.plugins.testing.stage import IN_PROCESS
+from missions.plugins.testing.recorders import LeafTestBench
+from missions.plugins.testing.stage import IN_PROCESS_LIMITS
 from missions.plugins.testing.suite import load_suite
 from tests.missions.command import Outcome, command
 from tests.missions.test_schema import plain
@@ -63,8 +63,8 @@ def blocks(*languages: str) -> list[Block]:
 def leaves_of(page: Path) -> dict[str, type[Leaf]]:
     """The leaves that the code of a page declares."""
     names = namespace(page)
-    own = [each for each in names.values() if isinstance(each, type) and issubclass(each, Leaf) and each.word]
-    return {leaf.word: leaf for leaf in own}
+    own = [each for each in names.values() if isinstance(each, type) and issubclass(each, Leaf) and each.tag]
+    return {leaf.tag: leaf for leaf in own}
 
 
 def namespace(page: Path) -> dict[str, Any]:
@@ -181,9 +181,9 @@ def test_each_mission_of_the_docs_passes_the_checker(block: Block, folder: Path)
     del folder  # where its sub-missions are
     leaves = {**LEAVES, **leaves_of(block.page)}
     text = as_mission(block)
-    check_plan(Source("docs.yaml", text), leaves, THINGS, find_mission=find_mission)
-    schema = mission_schema(leaves, known_things())
-    jsonschema.Draft7Validator(schema).validate(plain(compose(Source("docs.yaml", text))))
+    check_plan(SourceText("docs.yaml", text), leaves, LOOKUPS, find_mission=find_mission)
+    schema = mission_schema(leaves, shipped_things())
+    jsonschema.Draft7Validator(schema).validate(plain(compose(SourceText("docs.yaml", text))))
 
 
 @pytest.mark.parametrize("block", of_kind("robot:"), ids=str)
@@ -211,14 +211,14 @@ def test_each_test_file_of_the_docs_passes(block: Block, tmp_path: Path) -> None
     file = tmp_path / "docs.test.yaml"
     file.write_text(block.text, encoding="utf-8")
     for case in load_suite(file):
-        assert play(case, limits=IN_PROCESS).misses == ()
+        assert play(case, limits=IN_PROCESS_LIMITS).misses == ()
 
 
 # The tutorial
 
 
 def test_the_tutorial_ends_with_the_mission_that_ships() -> None:
-    shown = check_plan(Source("greet.yaml", tutorial("mission:")["greet"]), LEAVES, THINGS)
+    shown = check_plan(SourceText("greet.yaml", tutorial("mission:")["greet"]), LEAVES, LOOKUPS)
     shipped = load_mission("greet")
     assert [step.kind for step in shown.tree.walk()] == [step.kind for step in shipped.tree.walk()]
     assert shown.params == shipped.params

@@ -9,10 +9,17 @@ from typing import Any
 import pytest
 
 from behaviours.leaf import RUNNING, SUCCESS
-from drivers.api import STILL, Pose2D, Steering
+from drivers.api import ZERO_VELOCITY, Pose2D, Steering
 from drivers.clock import ManualClock
-from missions.plugins.setup.doctor.base_verdict import TURN, WAY, SeenMotion, TryBase, encoder_fault, judge
-from missions.plugins.testing.recorders import Bench
+from missions.plugins.setup.doctor.base_verdict import (
+    DRIVE_DISTANCE,
+    TURN_ANGLE,
+    SeenMotion,
+    TryBase,
+    encoder_fault,
+    judge_base,
+)
+from missions.plugins.testing.recorders import LeafTestBench
 from tests.contract.test_base_contract import BaseRig, TwinBase, WireBase
 from tests.contract.test_plain_base_contract import Twin, WaveRover, Waveshare
 from tests.contract.test_ros2_base_contract import Topics
@@ -115,7 +122,7 @@ class Trial:
     def __init__(self, rig: BaseRig) -> None:
         self.rig = rig
         self.leaf = TryBase("try_base")
-        bench = Bench(rig.clock)  # type: ignore[arg-type]
+        bench = LeafTestBench(rig.clock)  # type: ignore[arg-type]
         bench.robot = replace(bench.robot, base_part=rig.device)
         self.bench = bench
         bench.put(self.leaf)
@@ -125,8 +132,8 @@ class Trial:
     def run(self, limit: float = 30.0) -> Any:
         """Tick until it ends; note how each named movement truly went."""
         start = before = self.rig.truth()
-        began, step = self.rig.clock.now(), -1
-        while self.rig.clock.now() - began < limit:
+        began, step = self.rig.clock.read_value(), -1
+        while self.rig.clock.read_value() - began < limit:
             self.bench.run.tick += 1
             status = self.leaf.execute_tick()
             here = self.rig.truth()
@@ -145,8 +152,8 @@ class Trial:
             self.seen["turn" if step == 1 else "ahead"] = saw(before, here)
 
     def findings(self) -> dict[str, tuple[str, str]]:
-        found = judge(self.leaf.trial, self.seen["turn"], self.seen["ahead"])
-        return {each.about: (each.verdict, each.what) for each in found}
+        found = judge_base(self.leaf.trial, self.seen["turn"], self.seen["ahead"])
+        return {each.about: (each.verdict, each.message) for each in found}
 
 
 def saw(before: Pose2D, here: Pose2D) -> SeenMotion:
@@ -181,8 +188,8 @@ def test_motors_that_are_swapped_or_turn_the_wrong_way_are_named(rig: BaseRig, m
     trial, found = tried(rig)
     verdict, what = found["motors"]
     assert (verdict, what.startswith(motors or "turn as they should")) == ("wrong" if motors else "ok", True), what
-    assert trial.reach < WAY + 0.06
-    assert trial.turned < TURN + radians(30)
+    assert trial.reach < DRIVE_DISTANCE + 0.06
+    assert trial.turned < TURN_ANGLE + radians(30)
 
 
 @pytest.mark.parametrize("encoders", ENCODERS)
@@ -219,8 +226,8 @@ def test_where_gyro_and_encoders_differ_it_is_said_which_is_likely_wrong(
     fault(rig, gyro=share)
     trial, _ = tried(rig)
     rig.close()
-    found = list(judge(trial.leaf.trial, SeenMotion.LEFT, SeenMotion.AHEAD))
-    assert any(each.about == "gyro" and words in each.what and each.verdict != "ok" for each in found), found
+    found = list(judge_base(trial.leaf.trial, SeenMotion.LEFT, SeenMotion.AHEAD))
+    assert any(each.about == "gyro" and words in each.message and each.verdict != "ok" for each in found), found
 
 
 def test_a_base_that_measures_nothing_is_judged_by_the_person_alone() -> None:
@@ -277,11 +284,11 @@ def test_faults_of_encoders_by_signs_alone(encoders: str) -> None:
 
 
 def test_degrees_of_the_example() -> None:
-    assert degrees(TURN) == pytest.approx(10)
+    assert degrees(TURN_ANGLE) == pytest.approx(10)
 
 
 def test_random_times_and_faults_take_every_transition_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Driven(Bench):
+    class Driven(LeafTestBench):
         """The leaf on a base that moves as it likes."""
 
         def __init__(self) -> None:
@@ -289,7 +296,7 @@ def test_random_times_and_faults_take_every_transition_and_no_other(monkeypatch:
             self.leaf = self.put(TryBase("try_base"))
 
     def tick(driven: Driven, chance: Random) -> None:
-        driven.base.steers = Steering(None, STILL, STILL, fault=chance.choice(("", "", "", "blocked")))
+        driven.base.steers = Steering(None, ZERO_VELOCITY, ZERO_VELOCITY, fault=chance.choice(("", "", "", "blocked")))
         driven.tick(driven.leaf, after=chance.choice((0.05, 0.4, 1.1)))
 
     table = walk(monkeypatch, "missions.plugins.setup.doctor.base_verdict.TRANSITIONS", Driven, [tick], walks=60)

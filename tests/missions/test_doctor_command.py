@@ -13,19 +13,19 @@ import click
 import pytest
 
 from config.defaults import config_folder
-from drivers.api.driver import Driver, Finding, Site
+from drivers.api.driver import Driver, DriverContext, Finding
 from drivers.kobuki.commands import COMMANDS, RequestExtra
 from drivers.kobuki.virtual import VirtualKobuki
-from drivers.kobuki.wire import FrameFinder, decode
+from drivers.kobuki.wire import KobukiFrameFinder, decode
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.patient_clock import PatientClock
-from drivers.virtual.terminal import Terminal, WireDevice
-from missions.assembly.lags import ENOUGH, Lags
+from drivers.virtual.terminal import PseudoTerminal, WireDevice
+from missions.assembly.lags import MIN_SAMPLES, LearntDelays
 from missions.library.drivers import load_robot
 from missions.library.folders import checkup_file
-from missions.plugins.setup.checkup import Checked, own_folders
-from missions.plugins.setup.doctor.report import anonymous, report, secrets
+from missions.plugins.setup.checkup import PartFinding, check_folders
+from missions.plugins.setup.doctor.report import anonymise, private_words, report_text
 from tests.drivers.desks import RecordedMachine, sent_instructions
 from tests.missions.command import Outcome, command
 from tests.missions.test_help import FILES, parsed
@@ -80,7 +80,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> PatientClock:
 def plugged(desk: RecordedMachine, servos: list[VirtualServo], clock: PatientClock) -> Iterator[None]:
     """Plug a Kobuki, the arm and a Nano in."""
     devices: dict[str, WireDevice] = {"kobuki": VirtualKobuki(), "u2d2": VirtualServoBus(servos)}
-    terminals = [Terminal(name, device, clock) for name, device in devices.items()]
+    terminals = [PseudoTerminal(name, device, clock) for name, device in devices.items()]
     for number, (terminal, name) in enumerate(zip(terminals, devices, strict=True)):
         terminal.open()
         ids, serial = ("0403:6001", "kobuki_A6013") if name == "kobuki" else ("0403:6014", "FT4THVLX")
@@ -120,9 +120,9 @@ def test_a_robot_that_is_well_is_told_part_by_part_and_a_board_that_would_start_
     assert json.loads(told.out)["ok"] is True
     assert found["voice", "driver"]["what"] == "print: not looked at, for it has no check-up"
     assert found["base", "delay"]["what"] == "not learnt yet"
-    kit = Lags(load_robot(Path("kit.yaml")), simulated=False)
-    kit.lag.seconds, kit.lag.spread, kit.lag.reports = 0.19, 0.003, ENOUGH
-    kit.keep()
+    kit = LearntDelays(load_robot(Path("kit.yaml")), simulated=False)
+    kit.lag.seconds, kit.lag.spread, kit.lag.reports = 0.19, 0.003, MIN_SAMPLES
+    kit.save()
     again = findings(mission("--robot", "kit.yaml", "--root", str(desk.root), "--json"))
     assert again["base", "delay"]["what"] == "190 ms, as earlier runs have learnt"
 
@@ -157,7 +157,7 @@ def test_a_part_that_the_robot_has_not_cannot_be_plugged_in_elsewhere(mission: M
     assert (told.code, "the robot has no screen" in told.err) == (2, True)
 
 
-def failing(keys: object, site: Site) -> Iterator[Finding]:
+def failing(keys: object, site: DriverContext) -> Iterator[Finding]:
     yield Finding("lamp", str(type(keys).__name__) + str(bool(site.clock)))
     raise ZeroDivisionError
 
@@ -200,9 +200,9 @@ def test_nothing_is_sent_that_could_move_or_change_anything(
 ) -> None:
     servos = [VirtualServo(1), VirtualServo(2, model="XM430-W350")]  # of which one is not what the file says
     base, arm = Logged(VirtualKobuki()), Logged(VirtualServoBus(servos))
-    terminals = list[Terminal]()
+    terminals = list[PseudoTerminal]()
     for number, (name, device) in enumerate({"kobuki": base, "u2d2": arm}.items()):
-        terminal = Terminal(name, device, clock)
+        terminal = PseudoTerminal(name, device, clock)
         terminal.open()
         desk.port(f"ttyUSB{number}", "0403:6014", behind=terminal.path, rule=name)
         terminals.append(terminal)
@@ -214,7 +214,10 @@ def test_nothing_is_sent_that_could_move_or_change_anything(
     assert arm.sent
     assert sent_instructions(arm.sent) <= {PING, READ}
     parts = [
-        part for _, data in base.sent for frame in FrameFinder().feed(data) for part in decode(frame, COMMANDS).parts
+        part
+        for _, data in base.sent
+        for frame in KobukiFrameFinder().feed(data)
+        for part in decode(frame, COMMANDS).parts
     ]
     assert {type(part) for part in parts} <= {RequestExtra}
 
@@ -263,7 +266,7 @@ def test_names_keys_addresses_and_folders_are_taken_out_of_a_text() -> None:
         "camera rtsp://ann:pass@192.168.1.7/live?token=abc1 of /home/ann/robots/kit.yaml on zaphod, "
         "key 3f9a8c7b6d5e4f3a2b1c0d9e, /dev/serial/by-id/usb-FTDI_USB__-__Serial_FT4THVLX-if00-port0"
     )
-    assert anonymous(told, {"zaphod": "HOST", "ann": "USER"}) == (
+    assert anonymise(told, {"zaphod": "HOST", "ann": "USER"}) == (
         "camera rtsp://SECRET@ADDRESS/live?token=SECRET of ~/robots/kit.yaml on HOST, "
         "key SECRET, /dev/serial/by-id/usb-FTDI_USB__-__Serial_SERIAL-if00-port0"
     )
@@ -274,11 +277,11 @@ def test_what_is_known_to_be_secret_is_that_of_this_machine(
 ) -> None:
     monkeypatch.setenv("USER", "trillian")
     desk.port("ttyUSB0", "0403:6014", serial="FT4THVLX")
-    known = secrets(desk.machine)
+    known = private_words(desk.machine)
     assert known["FT4THVLX"] == "SERIAL"
     assert known["trillian"] == "USER"
     assert "" not in known
-    text = report(desk.machine, [Checked("arm", Finding("port", "at FT4THVLX, says trillian"))])
+    text = report_text(desk.machine, [PartFinding("arm", Finding("port", "at FT4THVLX, says trillian"))])
     assert text.endswith("ok       arm port: at SERIAL, says USER\n")
 
 
@@ -326,7 +329,7 @@ def test_the_cure_of_a_servo_that_has_shut_down_cures_it(
     asked = ("--robot", "kit.yaml", "--root", str(desk.root), "--json")
     shut = findings(mission(*asked))["arm", "elbow (servo 2)"]
     assert shut["what"] == "it has shut down: overload"
-    servos[1].burden = 0.0  # the cause is removed
+    servos[1].load = 0.0  # the cause is removed
     cure = shlex.split(shut["cure"].partition("then: mission ")[2])
     port = str(Path(desk.root / "dev/u2d2").resolve())
     assert command(capsys, *cure, "--port", port).code == 0
@@ -356,7 +359,7 @@ def test_the_cure_of_a_second_arm_names_it(
     )
     servo = VirtualServo(1)
     servo.overload()
-    with closing(Terminal("u2d2", VirtualServoBus([servo]), clock)) as terminal:
+    with closing(PseudoTerminal("u2d2", VirtualServoBus([servo]), clock)) as terminal:
         terminal.open()
         desk.port("ttyUSB0", "0403:6014", behind=terminal.path, rule="u2d2")
         told = mission("--robot", str(file), "--root", str(desk.root), "--json")
@@ -388,14 +391,14 @@ def test_the_doctor_tells_the_truth_about_the_robot_of_this_computer(mission: Mi
 
 
 def test_a_folder_that_cannot_be_written_is_wrong(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert list(own_folders()) == []
+    assert list(check_folders()) == []
     (tmp_path / "file").touch()
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
-    (found,) = own_folders()
-    assert (found.verdict, found.what) == (
+    (found,) = check_folders()
+    assert (found.verdict, found.message) == (
         "wrong", f"{tmp_path}/file/missiontree, of the state: {tmp_path}/file is not a folder"
     )  # fmt: skip
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     monkeypatch.setattr(os, "access", lambda path, _: Path(path) != tmp_path)  # root may write everywhere
-    (found,) = own_folders()
-    assert found.what.endswith(f"of the state: {tmp_path} cannot be written")
+    (found,) = check_folders()
+    assert found.message.endswith(f"of the state: {tmp_path} cannot be written")

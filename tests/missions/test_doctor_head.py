@@ -10,27 +10,27 @@ import cv2
 import numpy as np
 import pytest
 
-from config.faults import Source
+from config.faults import SourceText
 from drivers.api import Image
 from drivers.api.driver import Finding
 from missions.language.document import check_plan
 from missions.library.drivers import load_robot
 from missions.library.target import target_of
-from missions.library.things import THINGS
-from missions.plugins.setup.doctor.head_trial import POSES, WIDTH, PictureLog, TryHead, small
-from missions.plugins.setup.doctor.head_verdict import judge
+from missions.library.things import LOOKUPS
+from missions.plugins.setup.doctor.head_trial import PICTURE_WIDTH, TRIAL_POSES, PictureLog, TryHead, reduce_picture
+from missions.plugins.setup.doctor.head_verdict import judge_head
 from missions.request import RunRequest
 from missions.runner import Runner
 from tests.tries import tries
 
 VIEW = radians(60)
-FOCAL = WIDTH / 2 / tan(VIEW / 2)
+FOCAL = PICTURE_WIDTH / 2 / tan(VIEW / 2)
 HEIGHT = 240
 
 
 def room(chance: np.random.Generator, contrast: float = 1.0) -> Image:
     """Return what is around a head: furniture of some colours, larger than its picture."""
-    size = (3 * HEIGHT, 3 * WIDTH)
+    size = (3 * HEIGHT, 3 * PICTURE_WIDTH)
     scene = np.full(size, 110, np.float64)
     for _ in range(60):
         x, y = int(chance.integers(0, size[1])), int(chance.integers(0, size[0]))
@@ -52,14 +52,14 @@ def filmed(
 ) -> Mapping[str, Image]:
     """Return a picture of each pose: ``pan`` and ``tilt`` are the shares that its axes turn, -1 the wrong way."""
     found = {}
-    for name, pose in POSES:
+    for name, pose in TRIAL_POSES:
         turned = (pan * pose.pan, tilt * pose.tilt)
         left, down = turned[::-1] if swapped else turned
-        x = round(WIDTH - FOCAL * tan(left))
+        x = round(PICTURE_WIDTH - FOCAL * tan(left))
         y = round(HEIGHT + FOCAL * tan(down))
-        image = scene[y : y + HEIGHT, x : x + WIDTH].astype(np.float64)
+        image = scene[y : y + HEIGHT, x : x + PICTURE_WIDTH].astype(np.float64)
         if walker:
-            at = int(chance.integers(0, WIDTH - 60))
+            at = int(chance.integers(0, PICTURE_WIDTH - 60))
             image[40:, at : at + 60] = chance.uniform(20, 230)
         image = image * chance.uniform(0.9, 1.1) + chance.normal(0, noise, image.shape)
         image = image[::-1, ::-1] if upside_down else image
@@ -68,7 +68,7 @@ def filmed(
 
 
 def verdicts(pictures: Mapping[str, Image]) -> dict[str, Finding]:
-    return {each.about: each for each in judge(pictures.get, VIEW)}
+    return {each.about: each for each in judge_head(pictures.get, VIEW)}
 
 
 def test_a_head_that_turns_as_it_should_is_found_so_whatever_it_looks_at() -> None:
@@ -92,7 +92,7 @@ def test_an_axis_that_turns_the_wrong_way_is_found_by_its_pictures(pan: float, t
         told = verdicts(filmed(chance, room(chance), pan=pan, tilt=tilt))
         wrong, right = ("pan", "tilt") if pan < 0 else ("tilt", "pan")
         assert told[right].verdict != "wrong", (seed, told)
-        found += told[wrong].what.startswith("turns the wrong way") and "flip" in told[wrong].cure
+        found += told[wrong].message.startswith("turns the wrong way") and "flip" in told[wrong].fix
     assert found >= 0.9 * count
 
 
@@ -101,13 +101,13 @@ def test_both_axes_the_wrong_way_may_be_a_camera_that_is_upside_down(how: dict[s
     chance = np.random.default_rng(5)
     (found,) = verdicts(filmed(chance, room(chance), **how)).values()
     assert found.verdict == "wrong"
-    assert "upside down" in found.what
+    assert "upside down" in found.message
 
 
 def test_servos_that_are_swapped_are_named() -> None:
     chance = np.random.default_rng(6)
     found = verdicts(filmed(chance, room(chance), swapped=True))
-    assert all("swapped" in each.what and each.verdict == "wrong" for each in found.values())
+    assert all("swapped" in each.message and each.verdict == "wrong" for each in found.values())
 
 
 @pytest.mark.parametrize("noise", [0.0, 2.0, 8.0])
@@ -115,14 +115,17 @@ def test_a_wall_without_texture_tells_nothing(noise: float) -> None:
     for seed in range(tries(5, most=100)):
         chance = np.random.default_rng(seed)
         found = verdicts(filmed(chance, room(chance, contrast=0.0), noise=noise))
-        assert all("cannot tell" in each.what and each.verdict == "warning" for each in found.values()), (seed, found)
+        assert all("cannot tell" in each.message and each.verdict == "warning" for each in found.values()), (
+            seed,
+            found,
+        )
 
 
 def test_a_head_that_does_not_turn_and_pictures_that_are_missing_are_told() -> None:
     chance = np.random.default_rng(7)
     found = verdicts(filmed(chance, room(chance), pan=0.0, tilt=0.0))
-    assert all("did not move" in each.what and each.verdict == "warning" for each in found.values())
-    assert all("no picture came" in each.what for each in verdicts({}).values())
+    assert all("did not move" in each.message and each.verdict == "warning" for each in found.values())
+    assert all("no picture came" in each.message for each in verdicts({}).values())
 
 
 # --- in a simulated room ----------------------------------------------------------------------------------------------
@@ -143,8 +146,8 @@ def test_in_a_simulated_room_the_head_is_tried_and_judged(tmp_path: Path, flippe
     file = tmp_path / "looker.yaml"
     file.write_text(ROBOT)
     config = load_robot(file)
-    source = Source("doctor", f"mission: doctor\ntree:\n  {TryHead.word}:\n")
-    plan = check_plan(source, {TryHead.word: TryHead}, THINGS, robot=target_of(config))
+    source = SourceText("doctor", f"mission: doctor\ntree:\n  {TryHead.tag}:\n")
+    plan = check_plan(source, {TryHead.tag: TryHead}, LOOKUPS, robot=target_of(config))
     log = PictureLog()
     order = RunRequest("doctor", robot=str(file), simulate="fast", world="living_room")
     runner = Runner(order, plan=plan)
@@ -156,16 +159,16 @@ def test_in_a_simulated_room_the_head_is_tried_and_judged(tmp_path: Path, flippe
     result = runner.run()
     assert result.result == "success", result.reason
     leaf = next(node for node in runner.root.iterate() if isinstance(node, TryHead))
-    assert all(end - start > 0.5 for start, end in leaf.stills.values())
+    assert all(end - start > 0.5 for start, end in leaf.still_times.values())
     assert config.camera is not None
-    told = judge(lambda pose: log.within(*leaf.stills[pose]), config.camera.field_of_view)
+    told = judge_head(lambda pose: log.within(*leaf.still_times[pose]), config.camera.field_of_view)
     found = {each.about: each for each in told}
     for axis in ("pan", "tilt"):
         if axis == flipped:
-            assert found[axis].what.startswith("turns the wrong way"), found
+            assert found[axis].message.startswith("turns the wrong way"), found
         else:
             assert found[axis].verdict != "wrong", found
-    assert found["pan"].what.startswith("turns the"), found
+    assert found["pan"].message.startswith("turns the"), found
 
 
 def test_pictures_are_reduced_and_found_by_their_time() -> None:
@@ -176,7 +179,7 @@ def test_pictures_are_reduced_and_found_by_their_time() -> None:
     assert found is not None
     assert (found.shape, int(found[0, 0])) == ((240, 320), 30)
     assert log.within(7.0, 8.0) is None
-    assert small(np.zeros((100, 64), np.uint8)).shape == (500, 320)
+    assert reduce_picture(np.zeros((100, 64), np.uint8)).shape == (500, 320)
 
 
 def _frame(image: Image, stamp: float) -> Any:

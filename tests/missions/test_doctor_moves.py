@@ -14,11 +14,11 @@ from drivers.servos.make import VIRTUAL_REPLY_TIMEOUT
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.patient_clock import PatientClock
-from drivers.virtual.terminal import Terminal
+from drivers.virtual.terminal import PseudoTerminal
 from missions.library.drivers import load_robot
-from missions.plugins.setup.checkup import Checked
-from missions.plugins.setup.doctor.moving import WAY, Nudge, trials, tried
-from missions.plugins.testing.recorders import Bench
+from missions.plugins.setup.checkup import PartFinding
+from missions.plugins.setup.doctor.moving import TRAVEL, Nudge, movement_trials, try_movements
+from missions.plugins.testing.recorders import LeafTestBench
 from tests.behaviours.servo_arm import moves, play, with_servos
 from tests.missions.command import command
 
@@ -30,7 +30,7 @@ arm:
 """
 
 
-def nudged(bench: Bench) -> Nudge:
+def nudged(bench: LeafTestBench) -> Nudge:
     return bench.put(Nudge("nudge"), joint="elbow")
 
 
@@ -41,7 +41,7 @@ def test_a_joint_goes_a_little_way_and_back_and_no_other_moves() -> None:
     assert leaf.status is SUCCESS
     told = [move["elbow"] for move in moves(servos)]
     assert all(set(move) == {"elbow"} for move in moves(servos))
-    assert max(told) == pytest.approx(WAY, abs=math.radians(0.2))
+    assert max(told) == pytest.approx(TRAVEL, abs=math.radians(0.2))
     assert told[-1] == pytest.approx(0.0, abs=1e-6)
     assert max(speed["elbow"] for speed in servos.speeds) < math.radians(30)
 
@@ -67,18 +67,20 @@ def test_a_joint_that_does_not_move_is_told() -> None:
 
 def test_every_part_that_moves_is_tried_and_a_further_head_by_its_name() -> None:
     config = load_robot(Path("config/robots/turtlebot2_arm.yaml").absolute())
-    told = {part: [trial.about for trial in trials(part, section)] for part, section in config.sections.items()}
+    told = {
+        part: [trial.about for trial in movement_trials(part, section)] for part, section in config.sections.items()
+    }
     assert told["base"] == ["moving"]
     assert told["head"] == ["looking"]
     assert told["arm"] == list(config.arm.limits if config.arm else ())
     assert told["voice"] == ["speaking"]
     assert told["camera"] == []
-    (mast,) = trials("lidar_mast", config.sections["head"])
+    (mast,) = movement_trials("lidar_mast", config.sections["head"])
     assert all("on: lidar_mast" in step for step in mast.steps)
 
 
 @pytest.fixture
-def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminal]:
+def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[PseudoTerminal]:
     """An arm of two servos, and its robot file in this folder."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("drivers.servos.make.REPLY_TIMEOUT", VIRTUAL_REPLY_TIMEOUT)  # it shares this processor
@@ -86,12 +88,14 @@ def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Termina
     servos = VirtualServoBus([VirtualServo(1), VirtualServo(2)])
     clock = PatientClock()
     monkeypatch.setattr("missions.assembly.together.SystemClock", lambda: clock)
-    with closing(Terminal("u2d2", servos, clock)) as terminal:
+    with closing(PseudoTerminal("u2d2", servos, clock)) as terminal:
         terminal.open()
         yield terminal
 
 
-def _tried(plugged: Terminal, *answers: bool, unwell: frozenset[str] = frozenset()) -> tuple[list[Checked], list[str]]:
+def _tried(
+    plugged: PseudoTerminal, *answers: bool, unwell: frozenset[str] = frozenset()
+) -> tuple[list[PartFinding], list[str]]:
     """Try the arm with a person who answers so; return what was found, and what was asked."""
     asked, left = list[str](), list(answers)
 
@@ -100,12 +104,12 @@ def _tried(plugged: Terminal, *answers: bool, unwell: frozenset[str] = frozenset
         return left.pop(0)
 
     config = load_robot(Path("kit.yaml").absolute())
-    return list(tried(config, "kit.yaml", {"arm": plugged.path}, unwell=unwell, ask=ask)), asked
+    return list(try_movements(config, "kit.yaml", {"arm": plugged.path}, faulty_parts=unwell, ask=ask)), asked
 
 
-def test_each_joint_is_asked_for_moved_and_asked_about(plugged: Terminal) -> None:
+def test_each_joint_is_asked_for_moved_and_asked_about(plugged: PseudoTerminal) -> None:
     found, asked = _tried(plugged, True, True, True, False)
-    assert [(each.finding.about, each.finding.verdict, each.finding.what) for each in found] == [
+    assert [(each.finding.about, each.finding.verdict, each.finding.message) for each in found] == [
         ("shoulder", "ok", "done, and seen"),
         ("elbow", "wrong", "it has done something else than it was told"),
     ]
@@ -115,12 +119,12 @@ def test_each_joint_is_asked_for_moved_and_asked_about(plugged: Terminal) -> Non
         "arm: elbow goes 4 degrees to one side, and back; the arm becomes stiff. May it?",
         "Did elbow move, and nothing else?",
     ]
-    assert found[1].finding.cure.startswith("mission servo scan --robot kit.yaml")
+    assert found[1].finding.fix.startswith("mission servo scan --robot kit.yaml")
 
 
-def test_what_may_not_and_what_is_unwell_does_not_move(plugged: Terminal) -> None:
+def test_what_may_not_and_what_is_unwell_does_not_move(plugged: PseudoTerminal) -> None:
     found, asked = _tried(plugged, False, False)
-    assert [each.finding.what for each in found] == ["not tried", "not tried"]
+    assert [each.finding.message for each in found] == ["not tried", "not tried"]
     assert len(asked) == 2
     found, asked = _tried(plugged, unwell=frozenset({"arm"}))
     assert [each.finding.verdict for each in found] == ["warning", "warning"]

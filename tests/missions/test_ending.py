@@ -9,7 +9,7 @@ import pytest
 from drivers.clock import SystemClock
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.transport.ports import open_port
-from drivers.virtual.terminal import Terminal
+from drivers.virtual.terminal import PseudoTerminal
 from missions.request import RunRequest
 from missions.runner import Runner
 from tests.missions.command import Process
@@ -24,7 +24,7 @@ class Driving:
 
     def __init__(self, folder: Path, *, mission: str = FAR) -> None:
         self.kobuki = VirtualKobuki()
-        self.terminal = Terminal("kobuki", self.kobuki, SystemClock())
+        self.terminal = PseudoTerminal("kobuki", self.kobuki, SystemClock())
         self.terminal.open()
         (folder / "far.yaml").write_text(mission)
         (folder / "robot.yaml").write_text(ROBOT.replace("PORT", self.terminal.path))
@@ -34,7 +34,7 @@ class Driving:
     @property
     def speed(self) -> float:
         """How fast the virtual base moves, in m/s."""
-        return self.terminal.ask(lambda: abs(self.kobuki.wheels.velocity.linear))
+        return self.terminal.call_paused(lambda: abs(self.kobuki.wheels.velocity.linear))
 
     def close(self) -> None:
         self.terminal.close()

@@ -10,14 +10,14 @@ from py_trees.common import Status
 
 from behaviours.basics import Fail, Pretend
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
-from behaviours.run import Run
+from behaviours.run import RunState
 from drivers.clock import ManualClock
 from missions.executive import stream as streaming
 from missions.executive.composites import Selector, Sequence
 from missions.executive.events import Event, Logged, NodeChanged
 from missions.executive.executive import Executive
-from missions.executive.parent import Composite, adopt
-from missions.executive.stream import Stream
+from missions.executive.parent import Composite, set_children
+from missions.executive.stream import EventStream
 from tests.waiting import wait_until
 
 OUTCOMES = st.lists(st.sampled_from([RUNNING, SUCCESS, FAILURE]), min_size=1, max_size=4)
@@ -30,9 +30,9 @@ class Grumble(Leaf):
         return self.fail(f"tick {self.run.tick} is not my day")
 
 
-def tree(run: Run, composite: Composite, *leaves: Leaf) -> Composite:
+def tree(run: RunState, composite: Composite, *leaves: Leaf) -> Composite:
     """Put leaves into a composite, and the whole into a run."""
-    adopt(composite, leaves)
+    set_children(composite, leaves)
     for place, node in enumerate((composite, *leaves)):
         node.run, node.key, node.kind, node.line = run, f"1.{place}", type(node).__name__.lower(), place + 1
     return composite
@@ -44,9 +44,9 @@ def pretend(outcomes: list[Status]) -> Pretend:
     return leaf
 
 
-def executive(stream: Stream, composite: Composite, *leaves: Leaf) -> tuple[Executive, ManualClock]:
+def executive(stream: EventStream, composite: Composite, *leaves: Leaf) -> tuple[Executive, ManualClock]:
     clock = ManualClock()
-    run = Run(clock)
+    run = RunState(clock)
     return Executive(tree(run, composite, *leaves), run, stream), clock
 
 
@@ -68,9 +68,9 @@ def test_what_is_told_later_is_what_would_have_been_told_at_once(
 ) -> None:
     at_once: list[Event] = []
     later: list[Event] = []
-    kept = Stream([later.append])
+    kept = EventStream([later.append])
     kept.open()
-    for stream in (Stream([at_once.append]), kept):
+    for stream in (EventStream([at_once.append]), kept):
         runner, clock = executive(stream, kind("all"), *map(pretend, outcomes))
         for _ in range(ticks):
             clock.advance(0.1)
@@ -84,7 +84,7 @@ def test_what_is_told_later_is_what_would_have_been_told_at_once(
 
 def test_a_change_is_told_as_it_was_though_the_node_has_changed_since() -> None:
     heard: list[Event] = []
-    stream = Stream([heard.append])
+    stream = EventStream([heard.append])
     stream.open()
     runner, clock = executive(stream, Selector("s"), Grumble("a"))
     for run_tick in (1, 2):
@@ -110,7 +110,7 @@ def test_changes_and_other_events_come_in_the_order_in_which_they_happened() -> 
             return SUCCESS
 
     heard: list[Event] = []
-    stream = Stream([heard.append])
+    stream = EventStream([heard.append])
     stream.open()
     runner, _ = executive(stream, Sequence("s"), pretend([SUCCESS]), Talk("t"))
     runner.tick()
@@ -127,7 +127,7 @@ def test_the_end_of_a_tick_brings_its_changes_to_the_listeners() -> None:
         if event.event == "tick":
             ticked.set()
 
-    stream = Stream([listen])
+    stream = EventStream([listen])
     stream.open()
     runner, _ = executive(stream, Sequence("s"), pretend([SUCCESS]))
     runner.tick()
@@ -142,19 +142,19 @@ def test_ticks_in_which_nothing_happens_are_told_together() -> None:
 
     def listen(event: Event) -> None:
         heard.append(event)
-        if event.event == "tick" and event.t > 9.0 + streaming.LULL:
+        if event.event == "tick" and event.t > 9.0 + streaming.IDLE_TICK_DELAY:
             told.set()
 
-    stream = Stream([listen])
+    stream = EventStream([listen])
     stream.open()
     runner, clock = executive(stream, Sequence("s"), pretend([RUNNING] * 9))
     clock.advance(9.0)
     runner.tick()
     wait_until(lambda: len(heard) == 3)
-    clock.advance(streaming.LULL / 2)
+    clock.advance(streaming.IDLE_TICK_DELAY / 2)
     runner.tick()
     assert len(heard) == 3  # though the thread that tells has nothing else to do
-    clock.advance(streaming.LULL)
+    clock.advance(streaming.IDLE_TICK_DELAY)
     runner.tick()
     assert told.wait(5.0)
     assert [event.event for event in heard[3:]] == ["tick", "tick"]
@@ -163,7 +163,7 @@ def test_ticks_in_which_nothing_happens_are_told_together() -> None:
 
 def test_what_a_reset_makes_idle_is_told_node_by_node_from_the_leaves_up() -> None:
     heard: list[Event] = []
-    runner, _ = executive(Stream([heard.append]), Selector("s"), Fail("a"), Fail("b"))
+    runner, _ = executive(EventStream([heard.append]), Selector("s"), Fail("a"), Fail("b"))
     runner.tick()
     heard.clear()
     runner.root.reset()
@@ -182,30 +182,30 @@ def test_a_listener_that_breaks_in_the_middle_of_a_reset_costs_the_others_nothin
         if isinstance(event, NodeChanged) and event.status == "idle":
             raise RuntimeError("I cannot draw that")
 
-    stream = Stream([first.append, breaks, last.append])
+    stream = EventStream([first.append, breaks, last.append])
     runner, _ = executive(stream, Selector("s"), Fail("a"), Fail("b"))
     runner.tick()
     runner.tick()
     assert first == last
     assert len(changes(first)) == 7
-    assert stream.lost == ["function: I cannot draw that"]
+    assert stream.failed_listeners == ["function: I cannot draw that"]
 
 
 def test_changes_that_no_listener_has_time_for_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(streaming, "MOST_WAITING", 3)
+    monkeypatch.setattr(streaming, "MAX_QUEUED_EVENTS", 3)
     heard: list[Event] = []
-    stream = Stream([heard.append])
+    stream = EventStream([heard.append])
     stream.open()
     runner, _ = executive(stream, Sequence("s"), *(pretend([SUCCESS]) for _ in range(5)))
     runner.root.execute_tick()
     stream.close()
     assert len(heard) == 3
-    assert stream.dropped == 3  # two leaves and the sequence
+    assert stream.dropped_count == 3  # two leaves and the sequence
 
 
 def test_a_stream_may_be_opened_and_closed_again_and_tells_at_once_in_between() -> None:
     heard: list[Event] = []
-    stream = Stream([heard.append])
+    stream = EventStream([heard.append])
     for text in ("one", "two"):
         stream.open()
         stream.open()

@@ -8,8 +8,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from config.units import Quantity
-from missions.language.expressions import MAX_LENGTH, MAX_NESTING, TOO_DEEP, ExpressionError, parse
-from missions.language.kinds import RESERVED
+from missions.language.expressions import MAX_LENGTH, MAX_NESTING, TOO_DEEP_MESSAGE, ExpressionError, parse
+from missions.language.kinds import RESERVED_WORDS
 from missions.language.operators import MAX_TEXT
 
 DEEP = (
@@ -206,7 +206,7 @@ def test_methods_and_missing_members_are_not_there(text: str) -> None:
         ("sum(names)", "'sum' cannot be called; the functions are min, max, abs, round, len"),
         ("thing._x", "'_x' is private"),
         ("x" * (MAX_LENGTH + 1), f"an expression of more than {MAX_LENGTH} characters"),
-        *((text, TOO_DEEP) for text in DEEP),
+        *((text, TOO_DEEP_MESSAGE) for text in DEEP),
     ],
 )
 def test_what_cannot_be_read_says_why(text: str, message: str) -> None:
@@ -477,7 +477,7 @@ def test_every_well_formed_formula_has_a_value_or_a_reason(text: str) -> None:
     reads_or_says_why(text)
 
 
-@pytest.mark.parametrize("word", sorted(set(keyword.kwlist) - RESERVED))
+@pytest.mark.parametrize("word", sorted(set(keyword.kwlist) - RESERVED_WORDS))
 def test_a_word_that_python_needs_elsewhere_may_be_a_name(word: str) -> None:
     found = parse(f"'from {word}: ' + {word} + é.{word} + \"{word}\"")
     assert [(read.dotted, found.text[read.column :][: read.length]) for read in found.reads] == [

@@ -6,8 +6,8 @@ import pytest
 
 import missions
 from missions.library.shipped import find_mission, shipped_missions
-from missions.plugins.studio.library import names_of
-from missions.plugins.testing.suite import load_suite, named_tests
+from missions.plugins.studio.library import files_by_name
+from missions.plugins.testing.suite import find_tests, load_suite
 from tests.missions.command import command
 
 OWN = "mission: wander\ntree: {log: mine}\n"
@@ -36,7 +36,7 @@ def test_mission_run_check_and_show_take_the_file_beside(
 
 
 def test_tests_and_python_take_it_too(folder: Path) -> None:
-    (path,) = named_tests("wander")
+    (path,) = find_tests("wander")
     (case,) = load_suite(path)
     assert (path, case.mission) == (Path("wander.test.yaml"), "wander.yaml")
     assert missions.load("wander").root.kind == "log"
@@ -44,7 +44,7 @@ def test_tests_and_python_take_it_too(folder: Path) -> None:
 
 
 def test_the_studio_lists_no_name_that_means_another_file(folder: Path) -> None:
-    names = names_of("missions")
+    names = files_by_name("missions")
     assert "wander" not in names
     assert names["wander.yaml"].resolve() == folder / "wander.yaml"
     assert names["greet"] == shipped_missions()["greet"]

@@ -12,15 +12,15 @@ import jsonschema
 import pytest
 import yaml
 
-from config.faults import InvalidFileError, Source
-from config.gesture import gesture_of
-from config.library import shipped
+from config.faults import InvalidFileError, SourceText
+from config.gesture import parse_gesture
+from config.library import shipped_files
 from config.marked import compose, read_source
-from config.world import read_world
-from missions.library.drivers import robot_of
+from config.world import parse_world
+from missions.library.drivers import parse_robot
 from missions.library.shipped import shipped_missions
-from missions.plugins.schema.files import KINDS, file_schema
-from missions.plugins.testing.suite import beside
+from missions.plugins.schema.files import FILE_KINDS, file_schema
+from missions.plugins.testing.suite import test_file_of
 from tests.config.test_move_file import WHOLE as A_MOVE
 from tests.missions.command import command
 from tests.missions.test_schema import VALIDATOR as MISSIONS
@@ -36,12 +36,12 @@ KEY = {
     "moves": "move",
     "gaits": "gait",
 }
-EVERY = [*KINDS]
+EVERY = [*FILE_KINDS]
 FILES = {
-    "tests": [tests for path in shipped_missions().values() if (tests := beside(path)).is_file()],
-    "robots": list(shipped("robots").values()),
+    "tests": [tests for path in shipped_missions().values() if (tests := test_file_of(path)).is_file()],
+    "robots": list(shipped_files("robots").values()),
     **{
-        kind: list(shipped(kind).values())
+        kind: list(shipped_files(kind).values())
         for kind in ("worlds", "gestures", "controllers", "objects", "moves", "gaits")
     },
 }
@@ -53,7 +53,7 @@ def validator(kind: str) -> Any:
 
 
 def complaints(kind: str, text: str) -> list[str]:
-    data = plain(compose(Source(kind, text)))
+    data = plain(compose(SourceText(kind, text)))
     return [
         f"{'/'.join(map(str, error.absolute_path))}: {error.message}" for error in validator(kind).iter_errors(data)
     ]
@@ -71,7 +71,7 @@ def test_what_ships_and_what_the_docs_show_is_valid_and_no_mission(kind: str) ->
     assert len(texts) > (0 if kind == "moves" else 2)
     wrong = {name: found for name, text in texts.items() if (found := complaints(kind, text))}
     assert not wrong
-    marked = {name for name, text in texts.items() if not MISSIONS.is_valid(plain(compose(Source(name, text))))}
+    marked = {name for name, text in texts.items() if not MISSIONS.is_valid(plain(compose(SourceText(name, text))))}
     assert not marked, "an editor that takes all *.yaml for missions marks them wrong"
 
 
@@ -137,10 +137,10 @@ def test_the_command_writes_each_of_them(capsys: pytest.CaptureFixture[str], tmp
     assert command(capsys, "schema", "records").code == 2
 
 
-READ: Mapping[str, Callable[[Source], object]] = {
-    "worlds": read_world,
-    "robots": robot_of,
-    "gestures": gesture_of,
+READ: Mapping[str, Callable[[SourceText], object]] = {
+    "worlds": parse_world,
+    "robots": parse_robot,
+    "gestures": parse_gesture,
 }
 STRUCTURE = re.compile(r"has no key|needs '|needs a (text|list|plain|whole)|must be a mapping|cannot be used")
 """Mistakes that a schema can say; it knows nothing of what words mean, nor of what is beside each other."""
@@ -160,11 +160,11 @@ def test_a_damaged_file_is_judged_alike_by_its_reader_and_its_schema() -> None:
     assert refused > 100
 
 
-def _mistakes(read: Callable[[Source], object], text: str) -> list[str]:
+def _mistakes(read: Callable[[SourceText], object], text: str) -> list[str]:
     try:
-        read(Source("damaged", text))
+        read(SourceText("damaged", text))
     except InvalidFileError as error:
-        return [fault.message for fault in error.faults]
+        return [fault.message for fault in error.diagnostics]
     return []
 
 

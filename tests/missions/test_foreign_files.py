@@ -7,16 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import InvalidFileError, Source
-from config.library import SHEETS, wrong_kind
+from config.faults import InvalidFileError, SourceText
+from config.library import SHEET_SUFFIXES, wrong_kind_error
 from drivers.servos.declared import DynamixelKeys
 from drivers.servos.feetech import FeetechKeys
-from drivers.servos.joining import difference
+from drivers.servos.joining import find_mismatch
 from drivers.servos.joint import Joint, JointSpec
 from drivers.servos.models import MODELS
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
-from missions.library.drivers import load_robot, robot_of
+from missions.library.drivers import load_robot, parse_robot
 from missions.library.moves.load import load_move
 from tests.drivers.lines import direct_bus
 from tests.missions.command import Outcome, command
@@ -105,9 +105,9 @@ def test_arbotix_is_imported_in_degrees_from_its_neutral_step(mission: Mission) 
     assert arm is not None
     turret, tilt = arm.joints["turret"], arm.joints["tilt"]
     assert (turret.id, round(degrees(turret.lower)), round(degrees(turret.upper))) == (11, -100, 90)
-    assert turret.kind.ticks(turret.zero) == 500
+    assert turret.servo_model.ticks(turret.zero) == 500
     assert degrees(turret.speed) == pytest.approx(45, abs=0.01)
-    assert (tilt.reverse, tilt.kind.ticks(tilt.zero), round(degrees(tilt.upper))) == (True, 512, 150)
+    assert (tilt.reverse, tilt.servo_model.ticks(tilt.zero), round(degrees(tilt.upper))) == (True, 512, 150)
 
 
 @pytest.mark.parametrize(
@@ -204,8 +204,8 @@ def test_shadows_that_are_not_understood_are_refused(mission: Mission, shadows: 
 @pytest.mark.parametrize("name", ["elbow_mimic", "elbow_shadow", "shadow_elbow", "elbow_Slave"])
 def test_a_robot_file_with_the_second_servo_of_a_joint_is_refused(name: str) -> None:
     with pytest.raises(InvalidFileError, match=f"'elbow' and '{name}' seem to be two servos on one joint"):
-        robot_of(Source("reactor.yaml", ARM.replace("wrist:", f"{name}:")))
-    robot_of(Source("reactor.yaml", ARM.replace("elbow:", "hip:").replace("wrist:", f"{name}:")))
+        parse_robot(SourceText("reactor.yaml", ARM.replace("wrist:", f"{name}:")))
+    parse_robot(SourceText("reactor.yaml", ARM.replace("elbow:", "hip:").replace("wrist:", f"{name}:")))
 
 
 def test_a_servo_that_obeys_what_another_is_sent_is_no_joint() -> None:
@@ -213,8 +213,8 @@ def test_a_servo_that_obeys_what_another_is_sent_is_no_joint() -> None:
     servo.set("shadow_id", 2)
     bus, _, _ = direct_bus(VirtualServoBus([servo]))
     joint = Joint("shoulder", JointSpec(3, "XM430-W350"), MODELS["XM430-W350"])
-    assert "obeys what servo 2 is sent" in difference(bus, joint)
-    assert "leave joint shoulder out" in joint.cure
+    assert "obeys what servo 2 is sent" in find_mismatch(bus, joint)
+    assert "leave joint shoulder out" in joint.hint
 
 
 # --- play -------------------------------------------------------------------------------------------------------------
@@ -397,11 +397,11 @@ def test_a_folder_with_a_dataset_is_named(mission: Mission) -> None:
 def test_own_files_and_sheets_are_never_taken_for_those_of_others(tmp_path: Path) -> None:
     for name, text in (("move.yaml", "gesture: a\nkeyframes:\n  - {at: 1 s, elbow: 0 deg}\n"), ("robot.yaml", ARM)):
         (tmp_path / name).write_text(text)
-    assert wrong_kind("moves", tmp_path / "move.yaml") == ""
-    assert wrong_kind("robots", tmp_path / "robot.yaml") == ""
-    for suffix in SHEETS:
+    assert wrong_kind_error("moves", tmp_path / "move.yaml") == ""
+    assert wrong_kind_error("robots", tmp_path / "robot.yaml") == ""
+    for suffix in SHEET_SUFFIXES:
         (tmp_path / f"sheet{suffix}").write_bytes(b"PK\x03\x04")
-        assert wrong_kind("moves", tmp_path / f"sheet{suffix}") == ""
+        assert wrong_kind_error("moves", tmp_path / f"sheet{suffix}") == ""
 
 
 @pytest.mark.parametrize("name", ["arm.csv", "arm.xlsx"])

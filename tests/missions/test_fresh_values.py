@@ -10,14 +10,14 @@ from py_trees.common import Status
 from behaviours.catalogue import LEAVES
 from behaviours.node import Node
 from behaviours.robot import Robot
-from behaviours.run import Run
+from behaviours.run import RunState
 from drivers.api import BaseState, Pose2D, Quality, Reading, Velocity
 from drivers.clock import ManualClock
 from missions.executive.build import build
 from missions.executive.state import state_of
 from missions.language.document import load_plan
 from missions.library.shipped import find_mission
-from missions.library.things import THINGS
+from missions.library.things import LOOKUPS
 
 
 class Gaps:
@@ -43,10 +43,10 @@ class Ticked:
         path.write_text(f"mission: m\ntree:\n  sequence:\n{tree}")
         self.base, self.clock = Gaps(), ManualClock()
         base: Any = self.base
-        self.run = Run(self.clock)
+        self.run = RunState(self.clock)
         robot = Robot(base_part=base)
         self.run.variables.update(state_of(robot, self.run))
-        plan = load_plan(path, LEAVES, THINGS, find_mission=find_mission)
+        plan = load_plan(path, LEAVES, LOOKUPS, find_mission=find_mission)
         self.root: Node = build(plan, self.run, lambda leaf: robot)  # noqa: ARG005 - every leaf sees the same
 
     def tick(self, times: int = 1) -> Status:

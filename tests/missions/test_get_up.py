@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from behaviours.playing import slowed
+from behaviours.playing import lay_out
 from drivers.legs.body import body_of
 from drivers.legs.checking import clearance
 from drivers.legs.declared import LegsKeys
-from drivers.legs.kinematics import forward
+from drivers.legs.kinematics import forward_kinematics
 from missions.library import things
-from missions.library.drivers import robot_named
-from missions.plugins.testing.ran import Ran, run_mission
+from missions.library.drivers import load_named_robot
+from missions.plugins.testing.ran import MissionRun, run_mission
 from tests.tries import tries
 
 MISSION = "mission: up\ntree:\n  sequence:\n    - wait: 4.5 s\n    - fallen:\n{steps}"
@@ -20,7 +20,7 @@ PUSHED = "world: rough\nphysics: {{friction: {friction}, masses: 5 %, servo_dela
 FROM_BEHIND = "pushes: [{at: 2 s, speed: 1.6 m/s}]"
 
 
-def thrown(folder: Path, *steps: str, friction: float = 0.9, delay: int = 10, seed: int = 0) -> Ran:
+def thrown(folder: Path, *steps: str, friction: float = 0.9, delay: int = 10, seed: int = 0) -> MissionRun:
     (folder / "up.yaml").write_text(MISSION.format(steps="".join(f"    - {step}\n" for step in steps)))
     (folder / "rough.yaml").write_text(PUSHED.format(friction=friction, delay=delay, push=FROM_BEHIND))
     mission, world = str(folder / "up.yaml"), str(folder / "rough.yaml")
@@ -40,16 +40,16 @@ def test_a_movement_that_does_not_bring_it_up_fails_and_says_so(tmp_path: Path) 
 
 
 def test_no_link_hits_another_on_the_way_up_and_no_joint_is_slowed_down() -> None:
-    robot, movement = robot_named("humanoid"), things.gesture("get_up_front")
+    robot, movement = load_named_robot("humanoid"), things.find_gesture("get_up_front")
     legs = robot.keys(LegsKeys)
     assert robot.arm is not None
     assert legs is not None
     speeds = {joint: limits.speed for joint, limits in robot.arm.limits.items()}
     frames = movement.keyframes
-    playing = slowed(frames[0].positions, frames, speeds, interpolation=movement.interpolation)
+    playing = lay_out(frames[0].positions, frames, speeds, interpolation=movement.interpolation)
     assert playing.duration == pytest.approx(frames[-1].time, abs=0.05)
     poses = [playing.at(0.02 * n) for n in range(int(playing.duration / 0.02))]
     body = body_of(legs.body)
     angles = np.array([[pose.get(joint, 0.0) for joint in body.joints] for pose in poses])
-    gaps, pairs = clearance(body, forward(body, angles))
+    gaps, pairs = clearance(body, forward_kinematics(body, angles))
     assert gaps.min() > 0.009, pairs[int(gaps.min(axis=0).argmin())]

@@ -6,15 +6,15 @@ from typing import Any
 import pytest
 from py_trees.common import Status
 
-from behaviours.driving.motion import Drive, Stop
+from behaviours.driving.motion import DriveLeaf, StopLeaf
 from drivers.api import BaseState, Pose2D, Reflexes, Sides, Source, Steering, Velocity
 from drivers.errors import NotConnected
 from missions.executive.events import Event, NodeChanged, ReflexFired, Ticked
-from missions.executive.executive import HALT_TIME, Executive
-from missions.executive.guard import CONFIRM, CONTACTS, REFLEXES, Guard
+from missions.executive.executive import HALT_TIMEOUT, Executive
+from missions.executive.guard import CONFIRM_TIME, CONTACTS, REFLEXES, BaseGuard
 from missions.executive.state import state_of
-from missions.executive.stream import Stream
-from missions.plugins.testing.recorders import STOP, Bench, good, none, stale
+from missions.executive.stream import EventStream
+from missions.plugins.testing.recorders import STOP, LeafTestBench, good, none, stale
 
 REST = BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0), battery_percent=80.0)
 STILL = Velocity(0.0, 0.0)
@@ -25,18 +25,18 @@ class Watched:
     """A guard over a recorded base, and what it has told."""
 
     def __init__(self, reflexes: Reflexes | None = None) -> None:
-        self.bench = Bench()
+        self.bench = LeafTestBench()
         self.events: list[Event] = []
-        self.stream = Stream([self.events.append])
+        self.stream = EventStream([self.events.append])
         self.bench.base.reading = good(REST)
-        self.guard = Guard(self.bench.base, reflexes or Reflexes(), self.bench.run, self.stream)
+        self.guard = BaseGuard(self.bench.base, reflexes or Reflexes(), self.bench.run, self.stream)
 
     def look(self, *, after: float = 0.05, **felt: Any) -> str:
         """Let the base feel this, and look."""
         self.bench.clock.advance(after)
         if felt:
             self.bench.base.reading = good(replace(REST, **felt))
-        return self.guard.look()
+        return self.guard.check()
 
     def told(self) -> list[tuple[str, str, bool]]:
         """Return what was told since the last time."""
@@ -121,10 +121,10 @@ def test_a_stale_report_changes_nothing(watched: Watched) -> None:
 
 def test_a_low_battery_is_told_and_a_critical_one_ends_the_mission(watched: Watched) -> None:
     assert not watched.look(battery_percent=20.0)
-    assert not watched.look(after=CONFIRM)
+    assert not watched.look(after=CONFIRM_TIME)
     assert watched.told() == [("battery_low", "20 %", True)]
     assert not watched.look(battery_percent=9.0)
-    assert watched.look(after=CONFIRM) == "battery critical: 9 %"
+    assert watched.look(after=CONFIRM_TIME) == "battery critical: 9 %"
     assert watched.told() == [("battery_critical", "9 %", True)]
     assert watched.look(battery_percent=8.0) == "battery critical: 8 %"
     assert not watched.look(battery_percent=8.0, charging=True)
@@ -143,7 +143,7 @@ def test_all_that_is_told_has_its_name() -> None:
 def test_expressions_read_what_the_guard_knows_of_the_battery(watched: Watched) -> None:
     state = state_of(watched.bench.robot, watched.bench.clock, watched.guard)
     watched.look(battery_percent=20.0)
-    watched.look(after=CONFIRM)
+    watched.look(after=CONFIRM_TIME)
     battery, unwatched = state["battery"], state_of(watched.bench.robot, watched.bench.clock)["battery"]
     assert [getattr(battery, name) for name in ("low", "critical")] == [True, False]
     assert [getattr(unwatched, name) for name in ("low", "critical")] == [None, None]
@@ -169,19 +169,19 @@ def test_expressions_read_who_drives_the_base_and_what_it_stands_on(watched: Wat
 # The end of a mission
 
 
-class Slow(Drive):
+class Slow(DriveLeaf):
     """A drive that takes some ticks to stop; for ever, where there are none."""
 
-    word = "slow_drive"
+    tag = "slow_drive"
     ticks = 3
-    halt_limit = 2 * HALT_TIME
+    halt_limit = 2 * HALT_TIMEOUT
 
     def halting(self) -> bool:
         self.ticks -= 1
         return self.ticks != 0
 
 
-def executive(watched: Watched, leaf: Drive | Stop) -> Executive:
+def executive(watched: Watched, leaf: DriveLeaf | StopLeaf) -> Executive:
     watched.bench.put(leaf, distance=5.0)
     made = Executive(leaf, watched.bench.run, watched.stream, guard=watched.guard)
     watched.bench.run.wait = lambda seconds: bool(watched.bench.clock.advance(seconds))
@@ -190,11 +190,11 @@ def executive(watched: Watched, leaf: Drive | Stop) -> Executive:
 
 def critical(watched: Watched) -> None:
     watched.look(battery_percent=9.0)
-    watched.look(after=CONFIRM)
+    watched.look(after=CONFIRM_TIME)
 
 
 def test_a_critical_battery_halts_the_tree_and_is_the_reason_of_the_failure(watched: Watched) -> None:
-    run = executive(watched, Drive("drive"))
+    run = executive(watched, DriveLeaf("drive"))
     assert run.tick() is Status.RUNNING
     critical(watched)
     assert run.tick() is Status.FAILURE
@@ -221,12 +221,12 @@ def test_a_tree_that_never_halts_is_brought_to_rest(watched: Watched) -> None:
     critical(watched)
     result = run.loop()
     assert (result.result, result.reason) == ("failure", "battery critical: 9 %")
-    assert watched.bench.settled == [frozenset({"base"})]
-    assert HALT_TIME <= result.seconds - 100.0 - CONFIRM <= HALT_TIME + 0.5
+    assert watched.bench.safe_stops == [frozenset({"base"})]
+    assert HALT_TIMEOUT <= result.seconds - 100.0 - CONFIRM_TIME <= HALT_TIMEOUT + 0.5
 
 
 def test_a_mission_ticked_by_hand_begins_anew_once_the_battery_is_good_again(watched: Watched) -> None:
-    run = executive(watched, Drive("drive"))
+    run = executive(watched, DriveLeaf("drive"))
     run.tick()
     critical(watched)
     assert [run.tick(), run.tick()] == [Status.FAILURE, Status.FAILURE]
@@ -246,17 +246,21 @@ def test_a_signal_is_the_end_of_a_mission_that_is_being_ended(watched: Watched) 
 
 def test_a_person_who_enables_the_base_enables_all_else(watched: Watched) -> None:
     bench, enabled = watched.bench, []
-    guard = Guard(
-        bench.base, Reflexes(enable_button=2), bench.run, watched.stream, lambda: enabled.append(bench.clock.now())
+    guard = BaseGuard(
+        bench.base,
+        Reflexes(enable_button=2),
+        bench.run,
+        watched.stream,
+        lambda: enabled.append(bench.clock.read_value()),
     )
     bench.base.latch("it was away for 7 s")
-    guard.look()
+    guard.check()
     assert not enabled
     bench.base.enable()
-    guard.look()
-    guard.look()
+    guard.check()
+    guard.check()
     assert len(enabled) == 1
     for pressed in ((), (0,), (2,), (2,), ()):
         bench.base.reading = good(replace(REST, buttons=frozenset(pressed)))
-        guard.look()
+        guard.check()
     assert len(enabled) == 2

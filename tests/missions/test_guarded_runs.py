@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from config.library import find
+from config.library import find_file
 from config.robot import RobotConfig
 from config.things import PersonConfig
 from config.world import WorldConfig, load_world
 from drivers.api import Source, Velocity
-from drivers.sim.world import World
+from drivers.sim.world import SimulatedWorld
 from missions.assembly.together import with_carriers
-from missions.control.commands import Drive
-from missions.control.wheels import Wheels
+from missions.control.commands import DriveCommand
+from missions.control.wheels import WheelArbiter
 from missions.executive.events import FaultRaised
 from missions.executive.executive import Result
 from missions.library.drivers import load_robot
@@ -37,7 +37,7 @@ class GuardedRun:
     ) -> None:
         mission, named = folder / "m.yaml", folder / "r.robot.yaml"
         mission.write_text(f"mission: m\ntree: {{{tree}}}\n", encoding="utf-8")
-        text = find("robots", robot).read_text("utf-8")
+        text = find_file("robots", robot).read_text("utf-8")
         for before, after in lines.items():
             assert before in text
             text = text.replace(before, after)
@@ -50,7 +50,7 @@ class GuardedRun:
         assert self.runner.twins is not None
         self.twins = self.runner.twins
         self.least_clear = inf
-        self.twins.timeline.every(0.05, self._look)
+        self.twins.timeline.call_every(0.05, self._look)
 
     def run(self) -> Result:
         return self.runner.run()
@@ -58,21 +58,23 @@ class GuardedRun:
     def _look(self) -> None:
         assert self.twins.base is not None
         at = self.twins.base.body.pose
-        self.least_clear = min(self.least_clear, clear(self.twins.world, at.x, at.y, self.twins.timeline.clock.now()))
+        self.least_clear = min(
+            self.least_clear, clear(self.twins.world, at.x, at.y, self.twins.timeline.clock.read_value())
+        )
 
 
-def clear(world: World, x: float, y: float, time: float) -> float:
+def clear(world: SimulatedWorld, x: float, y: float, time: float) -> float:
     (x_low, x_high), (y_low, y_high) = world.room.extent()
     near = [x - x_low, x_high - x, y - y_low, y_high - y]
-    return min(near + [hypot(*solid.nearest(x, y)) for solid in world.solids(time)]) - RADIUS
+    return min(near + [hypot(*solid.nearest_offset(x, y)) for solid in world.solids(time)]) - RADIUS
 
 
 def hall(*people: PersonConfig) -> WorldConfig:
-    return replace(load_world(find("worlds", "empty")), people=people)
+    return replace(load_world(find_file("worlds", "empty")), people=people)
 
 
 def test_a_drive_towards_somebody_fails_before_it_gets_there_and_says_why(tmp_path: Path) -> None:
-    ran = GuardedRun(tmp_path, "drive: {distance: 4 m, speed: 0.5 m/s}", load_world(find("worlds", "obstacles")))
+    ran = GuardedRun(tmp_path, "drive: {distance: 4 m, speed: 0.5 m/s}", load_world(find_file("worlds", "obstacles")))
     result = ran.run()
     assert result.result == "failure"
     assert re.match(r"something is in the way, \d+ cm ahead", result.reason)
@@ -111,11 +113,12 @@ def test_a_robot_file_can_switch_it_off_by_a_word(tmp_path: Path) -> None:
 
 def test_the_page_drives_nobody_down(tmp_path: Path) -> None:
     ran = GuardedRun(tmp_path, STANDS, hall(PersonConfig(name="Anna", look="anna", at=(1.0, 0.0))))
-    base, clock = ran.runner.assembled.robot.base, ran.twins.timeline.clock
-    wheels, number = Wheels(base, None, clock), iter(range(1, 10_000))
+    base, clock = ran.runner.assembled_robot.robot.base, ran.twins.timeline.clock
+    wheels, number = WheelArbiter(base, None, clock), iter(range(1, 10_000))
     wheels.take("page", "Ada")
-    ran.twins.timeline.every(
-        0.1, lambda: wheels.drive("page", Drive(n=next(number), stamp=wheels.stamp(), ahead=1.0, left=0.0, pace=1.0))
+    ran.twins.timeline.call_every(
+        0.1,
+        lambda: wheels.drive("page", DriveCommand(n=next(number), stamp=wheels.stamp(), ahead=1.0, left=0.0, pace=1.0)),
     )
     assert ran.run().result == "success"
     assert 0.03 < ran.least_clear < 0.08
@@ -124,7 +127,7 @@ def test_the_page_drives_nobody_down(tmp_path: Path) -> None:
 def test_without_scans_the_base_stands_the_leaf_fails_and_it_is_told(tmp_path: Path) -> None:
     ran = GuardedRun(tmp_path, "drive: {distance: 4 m}", hall())
     ranger = ran.twins.parts["range"]
-    ran.twins.timeline.at(4.0, ranger.plug.unplug)
+    ran.twins.timeline.call_at(4.0, ranger.plug.unplug)
     result = ran.run()
     assert result.reason == "the range finder does not report"
     assert 10.0 < result.seconds < 12.5
@@ -136,14 +139,14 @@ def test_without_scans_the_base_stands_the_leaf_fails_and_it_is_told(tmp_path: P
 
 
 def guarded(robot: str) -> RobotConfig:
-    return load_robot(find("robots", robot))
+    return load_robot(find_file("robots", robot))
 
 
 def test_a_base_brings_its_range_finder_along_and_a_robot_without_one_nothing() -> None:
     assert with_carriers(guarded("turtlebot2"), frozenset({"base"})) == {"base", "range"}
     assert with_carriers(guarded("turtlebot2"), frozenset({"voice"})) == {"voice"}
     assert with_carriers(guarded("wave_rover"), frozenset({"base"})) == {"base"}
-    assert not guarded("wave_rover").guarded
+    assert not guarded("wave_rover").has_range_guard
 
 
 @pytest.mark.parametrize("robot", ["turtlebot2", "turtlebot3", "turtlebot4"])
@@ -158,6 +161,6 @@ def test_a_leaf_of_a_user_cannot_drive_past_it(tmp_path: Path) -> None:
     ran = GuardedRun(tmp_path, STANDS, hall(PersonConfig(name="Anna", look="anna", at=(1.0, 0.0))))
     base = ran.twins.base
     assert base is not None
-    ran.twins.timeline.every(0.1, lambda: base.drive(Velocity(0.5, 0.0), source=Source.MISSION))
+    ran.twins.timeline.call_every(0.1, lambda: base.drive(Velocity(0.5, 0.0), source=Source.MISSION))
     ran.run()
     assert 0.03 < ran.least_clear < 0.08

@@ -3,9 +3,9 @@
 import pytest
 
 from behaviours.catalogue import LEAVES
-from config.faults import Source
+from config.faults import SourceText
 from missions.language.document import check_plan
-from missions.language.outcomes import guards_kept
+from missions.language.outcomes import remembered_guards
 from missions.library.shipped import load_mission, shipped_missions
 
 KEPT = {
@@ -54,7 +54,8 @@ def hints(node: str) -> list[tuple[str, str]]:
     """Return what is told of a node that is asked at every tick: message and suggestion."""
     text = f"mission: m\ntree: {{sequence: [{node}, {{wait: 1 s}}], on_failure: succeed, repeat: 9}}\n"
     return [
-        (hint.message, hint.suggestion) for hint in guards_kept(check_plan(Source("m.yaml", text), LEAVES, {}).tree)
+        (hint.message, hint.suggestion)
+        for hint in remembered_guards(check_plan(SourceText("m.yaml", text), LEAVES, {}).tree)
     ]
 
 
@@ -71,4 +72,4 @@ def test_once_around_what_was_done_gets_none(node: str) -> None:
 
 
 def test_the_missions_that_ship_remember_no_guard() -> None:
-    assert not [name for name in shipped_missions() if guards_kept(load_mission(name).tree)]
+    assert not [name for name in shipped_missions() if remembered_guards(load_mission(name).tree)]

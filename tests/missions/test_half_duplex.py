@@ -4,48 +4,48 @@ import pytest
 
 from drivers.clock import ManualClock
 from drivers.sound.printed import PrintedVoice
-from missions.assembly.duplex import ECHO, HalfDuplex
-from missions.plugins.testing.recorders import Bench
+from missions.assembly.duplex import ECHO_TIME, HalfDuplex
+from missions.plugins.testing.recorders import LeafTestBench
 
 
 def test_sound_is_its_own_from_the_first_word_until_the_echo_has_gone() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     duplex = HalfDuplex(bench.voice, bench.clock)
-    began = bench.clock.now()
-    assert not duplex.deaf(began - 0.1, began)
+    began = bench.clock.read_value()
+    assert not duplex.may_be_own_speech(began - 0.1, began)
     words = bench.voice.say("Hello")
     bench.clock.advance(0.1)
-    assert duplex.deaf(began, began + 0.1)
-    assert not duplex.deaf(began - 0.2, began)  # of before, that comes late
+    assert duplex.may_be_own_speech(began, began + 0.1)
+    assert not duplex.may_be_own_speech(began - 0.2, began)  # of before, that comes late
     bench.clock.advance(1.0)
-    assert duplex.deaf(began + 1.0, began + 1.1)
+    assert duplex.may_be_own_speech(began + 1.0, began + 1.1)
     words.ended = True
-    now = bench.clock.now()
-    assert duplex.deaf(now - 0.02, now)
-    bench.clock.advance(ECHO)
-    assert duplex.deaf(now, now + ECHO)
-    assert not duplex.deaf(now + ECHO, now + ECHO + 0.02)
+    now = bench.clock.read_value()
+    assert duplex.may_be_own_speech(now - 0.02, now)
+    bench.clock.advance(ECHO_TIME)
+    assert duplex.may_be_own_speech(now, now + ECHO_TIME)
+    assert not duplex.may_be_own_speech(now + ECHO_TIME, now + ECHO_TIME + 0.02)
 
 
 def test_a_pause_shorter_than_an_echo_is_none() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     duplex = HalfDuplex(bench.voice, bench.clock)
-    began = bench.clock.now()
+    began = bench.clock.read_value()
     first = bench.voice.say("One")
     bench.clock.advance(1.0)
-    assert duplex.deaf(began, began + 1.0)
+    assert duplex.may_be_own_speech(began, began + 1.0)
     first.ended = True
-    assert duplex.deaf(began, began + 1.0)
+    assert duplex.may_be_own_speech(began, began + 1.0)
     bench.clock.advance(0.1)
     bench.voice.say("Two")
     bench.clock.advance(0.1)
-    assert duplex.deaf(began + 1.0, began + 1.05)
+    assert duplex.may_be_own_speech(began + 1.0, began + 1.05)
 
 
 def test_what_waits_to_be_said_is_not_heard_yet() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bench.voice.say("Hello").started = None
-    assert not HalfDuplex(bench.voice, bench.clock).deaf(0.0, bench.clock.now() + 1.0)
+    assert not HalfDuplex(bench.voice, bench.clock).may_be_own_speech(0.0, bench.clock.read_value() + 1.0)
 
 
 @pytest.mark.parametrize("text", ["Hello", ""])
@@ -57,6 +57,6 @@ def test_a_voice_that_takes_no_time_and_none_at_all_make_nobody_deaf_for_good(te
     voice.say(text)
     for _ in range(100):
         clock.advance(0.05)
-        deaf = duplex.deaf(clock.now() - 0.05, clock.now())
+        deaf = duplex.may_be_own_speech(clock.read_value() - 0.05, clock.read_value())
     assert not deaf
-    assert not HalfDuplex(None, clock).deaf(0.0, 1.0)
+    assert not HalfDuplex(None, clock).may_be_own_speech(0.0, 1.0)

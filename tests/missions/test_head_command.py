@@ -14,14 +14,14 @@ from pathlib import Path
 import click
 import pytest
 
-from config.library import find
+from config.library import find_file
 from drivers.arduino.declared import ArduinoKeys
 from drivers.arduino.virtual import VirtualRodney
 from drivers.errors import BadRequest
 from drivers.virtual.patient_clock import PatientClock
-from drivers.virtual.terminal import Terminal
-from missions.assembly.lags import ENOUGH
-from missions.cli.keys import Keys, interruptible
+from drivers.virtual.terminal import PseudoTerminal
+from missions.assembly.lags import MIN_SAMPLES
+from missions.cli.keys import KeyReader, interruptible
 from missions.library.drivers import load_robot
 from missions.plugins.setup.head import trim_by_hand
 from tests.missions.command import Outcome, command
@@ -29,7 +29,7 @@ from tests.waiting import wait_until
 
 Mission = Callable[..., Outcome]
 
-SHIPPED = find("robots", "turtlebot2_arm")
+SHIPPED = find_file("robots", "turtlebot2_arm")
 
 
 @pytest.fixture
@@ -64,14 +64,14 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> PatientClock:
 
 
 def stands(board: VirtualRodney, clock: PatientClock, degrees: tuple[int, int]) -> bool:
-    return (board.angle(0, clock.now()), board.angle(1, clock.now())) == degrees
+    return (board.angle(0, clock.read_value()), board.angle(1, clock.read_value())) == degrees
 
 
 def test_from_one_command_to_the_next_a_board_that_goes_on_running_makes_no_leap(
     mission: Mission, clock: PatientClock
 ) -> None:
     board = VirtualRodney(tacho=True)
-    terminal = Terminal("teensy", board, clock)
+    terminal = PseudoTerminal("teensy", board, clock)
     terminal.open()
     try:
         at = ("--robot", "mine.yaml", "--port", terminal.path)
@@ -83,7 +83,7 @@ def test_from_one_command_to_the_next_a_board_that_goes_on_running_makes_no_leap
             assert (told["head_pan"]["angle"], told["head_tilt"]["angle"], board.commands) == (pan, tilt, [])
     finally:
         terminal.close()
-    assert board.widest <= 12 + 2
+    assert board.max_step <= 12 + 2
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def test_a_board_that_nobody_knows_is_warned_of_before_its_head_moves(
         told.append((text, len(board.commands)))
         say(text, err=err)
 
-    terminal = Terminal("teensy", board, clock)
+    terminal = PseudoTerminal("teensy", board, clock)
     terminal.open()
     try:
         monkeypatch.setattr("missions.plugins.setup.head.click.echo", noted)
@@ -121,7 +121,7 @@ def test_the_delay_of_the_camera_is_found_while_the_head_looks_about(mission: Mi
     found = re.search(r"stamped (-?\d+) ms after their exposure \(one sigma (\d+) ms, (\d+) pairs\)", outcome.out)
     assert found is not None
     assert abs(int(found[1])) <= 50  # a virtual board and a drawn picture share one machine
-    assert int(found[3]) >= ENOUGH
+    assert int(found[3]) >= MIN_SAMPLES
 
 
 def test_a_trim_is_kept_on_request_and_nothing_else_in_the_file_is_changed(mission: Mission) -> None:
@@ -177,7 +177,7 @@ class Straightened:
     def __init__(self) -> None:
         self.trims = (0.1, -0.1)
 
-    def stay(self) -> None:
+    def skip_start_move(self) -> None:
         pass
 
     def trim(self, *, pan: float | None = None, tilt: float | None = None) -> tuple[float, float]:
@@ -193,7 +193,7 @@ def by_hand(typed: bytes, head: Straightened, signs: tuple[int, int] = (1, 1)) -
     shown: list[str] = []
     master, slave = pty.openpty()
     try:
-        with Keys(slave) as keys:
+        with KeyReader(slave) as keys:
             os.write(master, typed)
             return trim_by_hand(head, keys, signs, shown.append, lambda: ""), shown
     finally:
@@ -244,7 +244,7 @@ def test_the_terminal_is_as_before_whatever_ends_it() -> None:
 
 def _hang_up_while_reading(terminal: int) -> None:
     before = termios.tcgetattr(terminal)
-    with interruptible(), Keys(terminal) as keys:
+    with interruptible(), KeyReader(terminal) as keys:
         assert termios.tcgetattr(terminal) != before
         assert keys.read(0.0) == ""
         os.kill(os.getpid(), signal.SIGTERM)
@@ -254,9 +254,9 @@ def _hang_up_while_reading(terminal: int) -> None:
 def test_an_arrow_that_comes_byte_by_byte_is_one_key_and_a_closed_terminal_is_the_end() -> None:
     master, slave = pty.openpty()
     try:
-        with Keys(slave) as keys:
+        with KeyReader(slave) as keys:
             os.write(master, b"\x1b")
-            assert keys._waiting(1.0)
+            assert keys._has_input(1.0)
             os.write(master, b"[")
             os.write(master, b"D")
             assert keys.read(1.0) == "left"

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 import pytest
 
-from missions.cli.commands import OLD_NAMES, declared_commands, new_name
+from missions.cli.commands import OLD_NAMES, current_name, declared_commands
 from missions.cli.root import mission
 from missions.plugin import COMMAND_GROUPS as GROUPS
 from tests.missions.command import command
@@ -117,7 +117,7 @@ def test_no_help_shows_more_than_20_options_and_help_all_shows_the_rest(capsys: 
 def test_an_old_name_of_a_command_is_refused_with_the_new_one(old: str, capsys: pytest.CaptureFixture[str]) -> None:
     outcome = command(capsys, *old.split(), "greet")
     assert outcome.code == 2
-    new = new_name([*old.split(), "greet"])
+    new = current_name([*old.split(), "greet"])
     assert f"  try: {new}" in outcome.err
     if new.startswith("mission "):
         named = [word for word in new.split()[1:] if word.islower() and not word.startswith("-")]

@@ -17,7 +17,7 @@ def said(folder: Path, steps: str, *, head: str = "", name: str = "m") -> list[s
     try:
         load_mission(str(file))
     except InvalidFileError as error:
-        return [f"{fault.mark.line}: {fault.message}; {fault.suggestion}" for fault in error.faults]
+        return [f"{fault.mark.line}: {fault.message}; {fault.suggestion}" for fault in error.diagnostics]
     return []
 
 

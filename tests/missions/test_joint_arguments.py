@@ -8,31 +8,31 @@ import pytest
 import missions
 from behaviours.catalogue import LEAVES
 from behaviours.robot import Robot
-from config.faults import Diagnostic, InvalidFileError, Source
-from config.library import shipped
+from config.faults import Diagnostic, InvalidFileError, SourceText
+from config.library import shipped_files
 from config.marked import Mapping, Scalar, compose
 from drivers.api import Gesture
-from missions.language.claims import impossible
+from missions.language.claims import impossible_alternatives
 from missions.language.document import check_plan
 from missions.language.plan import Step
 from missions.library.drivers import load_robot
 from missions.library.target import target_of
-from missions.library.things import THINGS
-from missions.plugins.testing.recorders import Bench
+from missions.library.things import LOOKUPS
+from missions.plugins.testing.recorders import LeafTestBench
 
-HUMANOID = target_of(load_robot(shipped("robots")["humanoid"]))
+HUMANOID = target_of(load_robot(shipped_files("robots")["humanoid"]))
 ELBOW = "left_elbow"
 
 
 def step(text: str, *, robot: bool = False, params: str = "{}") -> Step:
-    source = Source("m.yaml", f"mission: m\nparams: {params}\ntree:\n  {text}\n")
-    return check_plan(source, LEAVES, THINGS, robot=HUMANOID if robot else None).tree
+    source = SourceText("m.yaml", f"mission: m\nparams: {params}\ntree:\n  {text}\n")
+    return check_plan(source, LEAVES, LOOKUPS, robot=HUMANOID if robot else None).tree
 
 
 def faults(text: str, *, robot: bool = False, params: str = "{}") -> list[str]:
     with pytest.raises(InvalidFileError) as caught:
         step(text, robot=robot, params=params)
-    return [fault.message for fault in caught.value.faults]
+    return [fault.message for fault in caught.value.diagnostics]
 
 
 def constants(text: str, *, params: str = "{}") -> dict[str, object]:
@@ -101,7 +101,7 @@ def test_torque_is_on_or_off(written: str, on: bool) -> None:
 
 def test_on_and_off_are_words_where_they_stand() -> None:
     """YAML 1.1 would make truth values of them, the key of ``{on: off}`` included."""
-    root = compose(Source("m.yaml", "torque: {on: off}"))
+    root = compose(SourceText("m.yaml", "torque: {on: off}"))
     assert isinstance(root, Mapping)
     inner = root.get("torque")
     assert isinstance(inner, Mapping)
@@ -201,7 +201,7 @@ def test_what_it_cannot_do_is_told_at_its_line_all_at_once(text: str, misfits: l
 def test_joints_that_somebody_else_has_opened_are_asked_too(tmp_path: Path) -> None:
     file = tmp_path / "m.yaml"
     file.write_text("mission: m\ntree: {torque: {stiff: off, joints: [upper, tail]}}\n", encoding="utf-8")
-    robot = Robot(arm_part=Bench().arm, groups={"upper": ("shoulder",)})
+    robot = Robot(arm_part=LeafTestBench().arm, groups={"upper": ("shoulder",)})
     with pytest.raises(InvalidFileError, match=r"'torque' cannot be done by robot 'this robot': .* no .* 'tail'"):
         missions.load(file, robot=robot)
 
@@ -214,8 +214,8 @@ def test_what_is_known_only_when_it_runs_is_left_to_the_run() -> None:
 def test_a_robot_without_an_arm_is_told_as_such_and_nothing_else() -> None:
     target = HUMANOID._replace(parts=frozenset({"voice"}), reaches={})
     with pytest.raises(InvalidFileError) as caught:
-        check_plan(Source("m.yaml", "mission: m\ntree: {play: gait}\n"), LEAVES, THINGS, robot=target)
-    (fault,) = caught.value.faults
+        check_plan(SourceText("m.yaml", "mission: m\ntree: {play: gait}\n"), LEAVES, LOOKUPS, robot=target)
+    (fault,) = caught.value.diagnostics
     assert fault.message == "'play' needs an arm; robot 'humanoid' has none (it has voice)"
 
 
@@ -223,11 +223,11 @@ def test_a_robot_without_an_arm_is_told_as_such_and_nothing_else() -> None:
 
 
 def refused(text: str, robot: str) -> Diagnostic:
-    target = target_of(load_robot(shipped("robots")[robot]))
-    source = Source("m.yaml", f"mission: m\ntree:\n  {text}\n")
+    target = target_of(load_robot(shipped_files("robots")[robot]))
+    source = SourceText("m.yaml", f"mission: m\ntree:\n  {text}\n")
     with pytest.raises(InvalidFileError) as caught:
-        check_plan(source, LEAVES, THINGS, robot=target)
-    (fault,) = caught.value.faults
+        check_plan(source, LEAVES, LOOKUPS, robot=target)
+    (fault,) = caught.value.diagnostics
     return fault
 
 
@@ -253,10 +253,10 @@ def test_where_no_gesture_fits_one_is_to_be_recorded() -> None:
     ],
 )
 def test_an_alternative_that_the_robot_cannot_do_is_a_hint_where_another_follows(robot: str, first: str) -> None:
-    target = target_of(load_robot(shipped("robots")[robot]))
-    source = Source("m.yaml", f"mission: m\ntree:\n  selector: [{{sequence: [{first}]}}, nod]\n")
-    plan = check_plan(source, LEAVES, THINGS, robot=target)
-    (hint,) = impossible(plan.tree, target, THINGS)
+    target = target_of(load_robot(shipped_files("robots")[robot]))
+    source = SourceText("m.yaml", f"mission: m\ntree:\n  selector: [{{sequence: [{first}]}}, nod]\n")
+    plan = check_plan(source, LEAVES, LOOKUPS, robot=target)
+    (hint,) = impossible_alternatives(plan.tree, target, LOOKUPS)
     assert hint.message.startswith(f"'gesture' cannot be done by robot '{robot}'")
     able = {"humanoid": "; it can do: gait, get_up_front, wave", "pi_car": ""}[robot]
     assert hint.suggestion == f"the next alternative of the selector is tried then{able}"

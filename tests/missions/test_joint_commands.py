@@ -9,8 +9,8 @@ from drivers.errors import BadRequest
 from drivers.servos.joint import JointSpec
 from drivers.servos.twin import JointsTwin
 from drivers.sim.timeline import Timeline
-from missions.executive.answers import Answers
-from missions.executive.proxy import for_leaf, proxied
+from missions.executive.answers import TickCache
+from missions.executive.proxy import for_leaf, make_proxy
 
 SPECS = {"elbow": JointSpec(1), "wrist": JointSpec(2, lower=-1.0, upper=1.0)}
 
@@ -21,11 +21,11 @@ class Told:
     def __init__(self) -> None:
         self.timeline = Timeline()
         self.twin = JointsTwin(SPECS, self.timeline.clock)
-        self.timeline.every(self.twin.PERIOD, self.twin.step)
+        self.timeline.call_every(self.twin.PERIOD, self.twin.step)
         self.commands: list[Mapping[str, object]] = []
         self.permits = 0
         self.twin.open()
-        self.joints = for_leaf(proxied("arm", Joints, self.twin, Answers(), self._permit), "wave", self._tell)
+        self.joints = for_leaf(make_proxy("arm", Joints, self.twin, TickCache(), self._permit), "wave", self._tell)
 
     def _tell(self, part: str, source: str, values: Mapping[str, object]) -> None:
         assert (part, source) == ("arm", "wave")
@@ -60,7 +60,7 @@ def test_hold_and_relax_tell_which_joints_they_are_for(told: Told) -> None:
 def test_following_is_told_with_who_leads_whom_and_needs_leave_to_begin_but_not_to_end(told: Told) -> None:
     told.joints.follow([Coupling("elbow", "wrist", scale=-1.0)])
     told.twin.turn_by_hand("elbow", 0.4)
-    told.timeline.run(1.0)
+    told.timeline.run_until(1.0)
     assert told.twin.true_angle("wrist", 1.0) == pytest.approx(-0.4, abs=0.01)
     assert told.permits == 1
     told.joints.follow(())

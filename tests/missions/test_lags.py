@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from config.robot import RobotConfig
-from missions.assembly.lags import ENOUGH, KNOWN, Lags, lags_file
+from missions.assembly.lags import MAX_LAG_SIGMA, MIN_SAMPLES, LearntDelays, delays_file
 from missions.library.drivers import load_robot
 
 ROBOT = "robot: {}\nbase: {{driver: kobuki, port: /dev/kobuki}}\ncamera: {{delay: 20 ms}}\n"
@@ -36,20 +36,20 @@ def learn(
     camera: float | None = None,
     base: float | None = None,
     spread: float = 0.003,
-    times: int = ENOUGH,
+    times: int = MIN_SAMPLES,
 ) -> None:
     """A run in which one or both delays were learnt."""
-    lags = Lags(config, simulated=False)
+    lags = LearntDelays(config, simulated=False)
     if camera is not None:
-        lags.delay.seconds, lags.delay.spread, lags.delay.pairs = camera, spread, times
+        lags.delay.seconds, lags.delay.spread, lags.delay.informative_pairs = camera, spread, times
     if base is not None:
         lags.lag.seconds, lags.lag.spread, lags.lag.reports = base, spread, times
-    lags.keep()
+    lags.save()
 
 
 def known(config: RobotConfig) -> tuple[float, float | None]:
     """What the next run begins with: the delay of the camera, and the lag of the base if that is more than a guess."""
-    lags = Lags(config, simulated=False)
+    lags = LearntDelays(config, simulated=False)
     return lags.delay.seconds, lags.lag.seconds if lags.lag.learnt else None
 
 
@@ -75,68 +75,68 @@ def test_no_name_leads_out_of_the_folder(tmp_path: Path) -> None:
     learn(elsewhere, camera=0.05)
     assert known(elsewhere) == (0.05, None)
     assert not (tmp_path / "elsewhere").exists()
-    assert [path.parent for path in tmp_path.rglob("*.json")] == [lags_file("rodney").parent]
+    assert [path.parent for path in tmp_path.rglob("*.json")] == [delays_file("rodney").parent]
 
 
 def test_what_is_hardly_known_is_not_kept(rodney: RobotConfig) -> None:
-    learn(rodney, camera=0.042, base=0.19, spread=2 * KNOWN)
-    learn(rodney, camera=0.042, base=0.19, times=ENOUGH - 1)
-    assert not lags_file("rodney").exists()
+    learn(rodney, camera=0.042, base=0.19, spread=2 * MAX_LAG_SIGMA)
+    learn(rodney, camera=0.042, base=0.19, times=MIN_SAMPLES - 1)
+    assert not delays_file("rodney").exists()
 
 
 def test_a_delay_that_jitters_is_impossible_or_in_doubt_is_not_kept(rodney: RobotConfig) -> None:
     for camera in (-0.098, -0.07, 0.26):
         learn(rodney, camera=camera)
     for name, value in (("jitter", 0.02), ("distrusted", True)):
-        lags = Lags(rodney, simulated=False)
-        lags.delay.seconds, lags.delay.spread, lags.delay.pairs = 0.042, 0.003, ENOUGH
+        lags = LearntDelays(rodney, simulated=False)
+        lags.delay.seconds, lags.delay.spread, lags.delay.informative_pairs = 0.042, 0.003, MIN_SAMPLES
         setattr(lags.delay, name, value)
-        lags.keep()
-    assert not lags_file("rodney").exists()
+        lags.save()
+    assert not delays_file("rodney").exists()
 
 
 def test_a_kept_delay_that_proves_wrong_is_dropped(rodney: RobotConfig) -> None:
     learn(rodney, camera=0.042, base=0.19)
-    lags = Lags(rodney, simulated=False)
-    lags.delay.distrusted = True
-    lags.keep()
+    lags = LearntDelays(rodney, simulated=False)
+    lags.delay.is_distrusted = True
+    lags.save()
     assert known(rodney) == (0.02, 0.19)
 
 
 def test_a_kept_delay_of_before_that_is_impossible_counts_as_none(rodney: RobotConfig) -> None:
     learn(rodney, camera=0.042, base=0.19)
-    text = lags_file("rodney").read_text()
-    lags_file("rodney").write_text(text.replace("0.042", "-0.0931"))
+    text = delays_file("rodney").read_text()
+    delays_file("rodney").write_text(text.replace("0.042", "-0.0931"))
     assert known(rodney) == (0.02, 0.19)
 
 
 def test_the_delay_of_another_camera_is_neither_taken_nor_kept(rodney: RobotConfig) -> None:
     learn(rodney, camera=0.042, base=0.19)
-    lags = Lags(rodney, simulated=False, other_camera=True)
+    lags = LearntDelays(rodney, simulated=False, other_camera=True)
     assert (lags.delay.seconds, lags.lag.seconds) == (0.0, 0.19)
-    lags.delay.seconds, lags.delay.spread, lags.delay.pairs = 0.11, 0.003, ENOUGH
-    lags.keep()
+    lags.delay.seconds, lags.delay.spread, lags.delay.informative_pairs = 0.11, 0.003, MIN_SAMPLES
+    lags.save()
     assert known(rodney) == (0.042, 0.19)
 
 
 def test_a_simulated_robot_neither_takes_nor_keeps(rodney: RobotConfig) -> None:
     learn(rodney, camera=0.042, base=0.19)
-    before = lags_file("rodney").read_bytes()
-    lags = Lags(rodney, simulated=True)
+    before = delays_file("rodney").read_bytes()
+    lags = LearntDelays(rodney, simulated=True)
     assert (lags.delay.seconds, lags.lag.learnt) == (0.02, False)
-    lags.delay.spread, lags.delay.pairs = 0.001, ENOUGH
-    lags.keep()
-    assert lags_file("rodney").read_bytes() == before
+    lags.delay.spread, lags.delay.informative_pairs = 0.001, MIN_SAMPLES
+    lags.save()
+    assert delays_file("rodney").read_bytes() == before
 
 
 def test_a_file_that_is_damaged_counts_as_none(rodney: RobotConfig) -> None:
     learn(rodney, camera=0.042)
-    of = json.loads(lags_file("rodney").read_text())["robot_file"]
+    of = json.loads(delays_file("rodney").read_text())["robot_file"]
     values = ('"x"', "9.0", "NaN", "Infinity", "-1e999", "true", "null", "[0.01]", "{}", "1" * 500)
     damaged = [f'{{"robot_file": "{of}", "camera": {value}, "base": {value}}}' for value in values]
     for text in ("", "{", "[]", "7", "\x00" * 5000, "[" * 900, '{"camera": 0.1, "base": 0.1}', *damaged):
-        lags_file("rodney").write_text(text)
+        delays_file("rodney").write_text(text)
         assert known(rodney) == (0.02, None), text
-    lags_file("rodney").unlink()
-    os.mkfifo(lags_file("rodney"))
+    delays_file("rodney").unlink()
+    os.mkfifo(delays_file("rodney"))
     assert known(rodney) == (0.02, None), "a pipe, which nobody waits for"

@@ -18,7 +18,7 @@ from missions.executive.build import build
 from missions.executive.events import CommandSent, Event, Logged, NodeChanged
 from missions.executive.executive import Result
 from missions.library.shipped import MOTIONS, load_mission, shipped_missions
-from missions.plugins.testing.recorders import STOP, Bench, good
+from missions.plugins.testing.recorders import STOP, LeafTestBench, good
 from missions.request import RunRequest, Simulate
 from missions.runner import Runner
 from tests.behaviours.test_base import REPORT, LaggingBase
@@ -33,7 +33,7 @@ class Drive:
     """A motion on a base with a Kobuki's lags, in simulated time."""
 
     def __init__(self, name: str, **params: str) -> None:
-        self.bench = Bench()
+        self.bench = LeafTestBench()
         self.base = LaggingBase(self.bench.clock, dead_time=0.2)
         self.places: list[Pose2D] = []
         robot = Robot(base_part=self.base)

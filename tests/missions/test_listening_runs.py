@@ -54,7 +54,7 @@ def test_simulated_people_are_heard_through_sound(folder: Path) -> None:
 def test_without_what_that_needs_their_words_come_as_text_and_that_is_told(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(simulated_hearing, "NEEDED", ("nobody_has_this",))
+    monkeypatch.setattr(simulated_hearing, "NEEDED_MODULES", ("nobody_has_this",))
     events: list[Event] = []
     result = missions.run(folder / "ask.yaml", simulate="wire", world=str(folder / "w.yaml"), listeners=[events.append])
     assert result.result == "success", reasons(events)
@@ -79,5 +79,5 @@ def test_a_robot_file_may_name_a_recording(folder: Path) -> None:
 def test_a_record_is_enough_to_decide_again(folder: Path) -> None:
     past = past_of(RunRequest(str(folder / "ask.yaml"), simulate="fast", world=str(folder / "w.yaml"), eyes="truth"))
     found = rerun(past, load_mission(str(folder / "ask.yaml"), complete=True), past.runner.config)
-    assert found.same
+    assert found.is_identical
     assert found.ticks > 40

@@ -10,7 +10,7 @@ import pytest
 
 from drivers.errors import BadRequest
 from missions.cli import root
-from missions.cli.root import USAGE, guarded
+from missions.cli.root import USAGE, run_guarded
 
 LIMIT = 64 << 20
 
@@ -49,7 +49,7 @@ SHORT = [
 def test_a_lack_of_memory_is_told_as_such(
     error: BaseException, cause: BaseException | None, what: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert guarded(raised(error, cause)) == USAGE
+    assert run_guarded(raised(error, cause)) == USAGE
     told = capsys.readouterr().err
     assert told.startswith("mission: out of memory: ")
     assert what in told.splitlines()[0]
@@ -63,13 +63,13 @@ class Mute(Exception):
 
 @pytest.mark.parametrize("error", [KeyError("memory"), ImportError("No module named 'x'"), OSError(2, "none"), Mute()])
 def test_no_other_error_is_taken_for_that(error: Exception) -> None:
-    assert root.shortage(error) == ""
+    assert root.memory_error(error) == ""
 
 
 def test_without_a_limit_a_lack_of_threads_is_none_of_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(resource, "getrlimit", lambda _: (resource.RLIM_INFINITY,) * 2)
-    assert root.shortage(RuntimeError("can't start new thread")) == ""
-    assert root.advice(root.limit()).startswith("free -m")
+    assert root.memory_error(RuntimeError("can't start new thread")) == ""
+    assert root.memory_advice(root.memory_limit()).startswith("free -m")
 
 
 @pytest.mark.parametrize("megabytes", [60, 120, 250, 400, 600])  # with less, Python itself logs tracebacks

@@ -7,21 +7,27 @@ from typing import Any
 import pytest
 from py_trees.common import Status
 
-from behaviours.driving.motion import Drive
+from behaviours.driving.motion import DriveLeaf
 from behaviours.leaf import Leaf
 from behaviours.robot import Robot
-from behaviours.run import Run
+from behaviours.run import RunState
 from drivers.api import BaseState, JointState, Pose2D, Reading, Reflexes, Sides, Steering, Velocity
 from drivers.clock import ManualClock
 from drivers.errors import DriverError
-from missions.executive.answers import Answers
-from missions.executive.asked import asked
+from missions.executive.answers import TickCache
+from missions.executive.asked import with_proxies
 from missions.executive.events import Event, NodeChanged, ReflexFired, Ticked
-from missions.executive.executive import GLANCE, HALT_TIME, LOOK_EVERY, SAMPLE_EVERY, Executive
-from missions.executive.guard import Guard
-from missions.executive.stream import Stream
+from missions.executive.executive import (
+    GUARD_INTERVAL,
+    HALT_TIMEOUT,
+    SAMPLE_INTERVAL_TICKS,
+    STOP_POLL_INTERVAL,
+    Executive,
+)
+from missions.executive.guard import BaseGuard
+from missions.executive.stream import EventStream
 from missions.executive.tick_record import Answer, TickRecord
-from missions.plugins.testing.recorders import Bench, good
+from missions.plugins.testing.recorders import LeafTestBench, good
 from missions.plugins.testing.recorders.bench import RecordedBase
 from missions.request import RunRequest
 from missions.runner import Runner
@@ -30,12 +36,12 @@ REST = BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0), battery_percent=80.0
 PERIOD = 0.05
 
 
-class Slow(Drive):
+class Slow(DriveLeaf):
     """A drive that takes ``ticks`` ticks to stop."""
 
-    word = "slow_drive"
+    tag = "slow_drive"
     ticks = 3
-    halt_limit = 2 * HALT_TIME
+    halt_limit = 2 * HALT_TIMEOUT
 
     def halting(self) -> bool:
         self.ticks -= 1
@@ -45,15 +51,15 @@ class Slow(Drive):
 class Dawdle(Leaf):
     """A leaf that takes ``takes`` seconds of each tick, and keeps the times that it reads."""
 
-    word = "dawdle"
+    tag = "dawdle"
     takes = 0.03
 
     def update(self) -> Status:
         clock = self.run.clock
         assert isinstance(clock, ManualClock)
-        self.read = [self.run.now()]
+        self.read = [self.run.read_value()]
         clock.advance(self.takes)
-        self.read.append(self.run.now())
+        self.read.append(self.run.read_value())
         return Status.RUNNING
 
 
@@ -70,18 +76,18 @@ class Scene:
     def __init__(
         self, leaf: Leaf, base: RecordedBase | None = None, clock: ManualClock | None = None, *, arm: bool = False
     ) -> None:
-        self.bench = Bench(clock)
+        self.bench = LeafTestBench(clock)
         self.base = self.bench.base if base is None else base
         self.base.reading = good(REST)
         self.leaf = leaf
         self.moments: list[TickRecord] = []
         self.events: list[Event] = []
-        stream, answers, run = Stream([self.events.append]), Answers(), self.bench.run
-        robot = asked(Robot(base_part=self.base, arm_part=self.bench.arm if arm else None), answers)
+        stream, answers, run = EventStream([self.events.append]), TickCache(), self.bench.run
+        robot = with_proxies(Robot(base_part=self.base, arm_part=self.bench.arm if arm else None), answers)
         self.bench.put(leaf)
         leaf.robot, leaf.key, leaf.line = robot, "1", 3
-        guard = Guard(robot.base, Reflexes(), run, stream)
-        self.executive = Executive(leaf, run, stream, guard=guard, answers=answers)
+        guard = BaseGuard(robot.base, Reflexes(), run, stream)
+        self.executive = Executive(leaf, run, stream, guard=guard, cache=answers)
         self.executive.observe(self.moments.append)
         run.wait = lambda seconds: bool(self.bench.clock.advance(seconds))
 
@@ -93,7 +99,7 @@ class Scene:
         return self.executive.tick(late=late)
 
     @property
-    def run(self) -> Run:
+    def run(self) -> RunState:
         return self.bench.run
 
     @property
@@ -103,7 +109,7 @@ class Scene:
 
 @pytest.fixture
 def driving() -> Scene:
-    return Scene(_drive(Drive("drive")))
+    return Scene(_drive(DriveLeaf("drive")))
 
 
 # --- time stands still ------------------------------------------------------------------------------------------------
@@ -114,8 +120,8 @@ def test_within_a_tick_the_time_is_that_of_its_beginning_and_after_it_goes_on() 
     scene = Scene(leaf)
     scene.tick()
     assert leaf.read == [100.05, 100.05]
-    assert leaf.since == 100.05
-    assert scene.run.now() == scene.run.clock.now() == pytest.approx(100.08)
+    assert leaf.started_at == 100.05
+    assert scene.run.read_value() == scene.run.clock.read_value() == pytest.approx(100.08)
     assert scene.moments[0].t == 100.05
 
 
@@ -130,7 +136,7 @@ def test_time_goes_on_after_a_tick_that_was_broken_off() -> None:
     with pytest.raises(KeyboardInterrupt):
         scene.tick()
     scene.bench.clock.advance(1.0)
-    assert scene.run.now() == pytest.approx(101.05)
+    assert scene.run.read_value() == pytest.approx(101.05)
 
 
 # --- what a moment holds ----------------------------------------------------------------------------------------------
@@ -160,22 +166,22 @@ def test_lateness_is_an_event_only_beyond_a_period(driving: Scene) -> None:
 
 def test_the_parts_that_a_mission_does_not_ask_are_looked_at_now_and_then() -> None:
     scene = Scene(Dawdle("dawdle"))
-    for _ in range(2 * SAMPLE_EVERY + 1):
+    for _ in range(2 * SAMPLE_INTERVAL_TICKS + 1):
         scene.tick()
     asked_for = [{what for _, what, _, _ in moment.answers} for moment in scene.moments]
     assert [number for number, questions in enumerate(asked_for, 1) if "steering" in questions] == [
         1,
-        1 + SAMPLE_EVERY,
-        1 + 2 * SAMPLE_EVERY,
+        1 + SAMPLE_INTERVAL_TICKS,
+        1 + 2 * SAMPLE_INTERVAL_TICKS,
     ]
 
 
-@pytest.mark.parametrize(("moving", "ticks"), [(True, [1, 4, 7, 10, 11]), (False, [1, 1 + SAMPLE_EVERY])])
+@pytest.mark.parametrize(("moving", "ticks"), [(True, [1, 4, 7, 10, 11]), (False, [1, 1 + SAMPLE_INTERVAL_TICKS])])
 def test_joints_that_move_are_looked_at_more_often_than_those_that_rest(moving: bool, ticks: list[int]) -> None:
     scene = Scene(Dawdle("dawdle"), arm=True)
     state = JointState(0.1, 0.5, 0.2, 0.0, 12.0, 35.0, moving=moving, torque=True)
     scene.bench.arm.readings = {"elbow": good(state)}
-    for _ in range(SAMPLE_EVERY + 1):
+    for _ in range(SAMPLE_INTERVAL_TICKS + 1):
         scene.tick()
     asked_for = [{(part, what) for part, what, _, _ in moment.answers} for moment in scene.moments]
     assert [number for number, questions in enumerate(asked_for, 1) if ("arm", "states") in questions] == ticks
@@ -183,12 +189,12 @@ def test_joints_that_move_are_looked_at_more_often_than_those_that_rest(moving: 
 
 
 def test_without_anybody_who_listens_nothing_is_kept(driving: Scene) -> None:
-    stream, answers = Stream(), Answers()
-    robot = asked(Robot(base_part=driving.base), answers)
+    stream, answers = EventStream(), TickCache()
+    robot = with_proxies(Robot(base_part=driving.base), answers)
     driving.leaf.robot = robot
-    executive = Executive(driving.leaf, driving.run, stream, answers=answers)
+    executive = Executive(driving.leaf, driving.run, stream, cache=answers)
     executive.tick()
-    assert (answers.kept, answers.said, answers.open) == (False, [], False)
+    assert (answers.is_recording, answers.answers, answers.is_open) == (False, [], False)
 
 
 def test_while_paused_the_guard_looks_once_a_second_and_at_once_when_the_base_feels_something(driving: Scene) -> None:
@@ -196,7 +202,7 @@ def test_while_paused_the_guard_looks_once_a_second_and_at_once_when_the_base_fe
     looks = iter(range(1000))
 
     def wait(timeout: float | None = None) -> bool:
-        clock.advance(GLANCE if timeout is None else timeout)
+        clock.advance(STOP_POLL_INTERVAL if timeout is None else timeout)
         number = next(looks)
         if number == 50:
             driving.feel(bumper=Sides(left=True))
@@ -212,8 +218,8 @@ def test_while_paused_the_guard_looks_once_a_second_and_at_once_when_the_base_fe
     driving.executive.loop()
     *quiet, bumped, latched = [moment.t for moment in driving.moments if moment.kind == "look"]
     gaps = [after - before for before, after in pairwise(quiet)]
-    assert gaps == pytest.approx([LOOK_EVERY] * 2, abs=1.1 * GLANCE)
-    assert (bumped - quiet[0], latched - bumped) == pytest.approx((50 * GLANCE, 2 * GLANCE))
+    assert gaps == pytest.approx([GUARD_INTERVAL] * 2, abs=1.1 * STOP_POLL_INTERVAL)
+    assert (bumped - quiet[0], latched - bumped) == pytest.approx((50 * STOP_POLL_INTERVAL, 2 * STOP_POLL_INTERVAL))
     assert [event.what for event in driving.events if isinstance(event, ReflexFired)] == ["bumper", "latched"]
     assert driving.moments[-1].kind == "halt"
 
@@ -234,7 +240,7 @@ def test_each_part_of_the_halting_is_a_moment() -> None:
 def test_a_leaf_that_has_failed_because_it_held_the_tick_is_named() -> None:
     leaf = Dawdle("dawdle")
     scene = Scene(leaf)
-    scene.run.overheld = leaf, 1, 97.08
+    scene.run.overrun = leaf, 1, 97.08
     assert scene.tick() is Status.FAILURE
     assert scene.moments[0].overheld == ("1", 3.0)
     scene.tick()
@@ -286,8 +292,8 @@ def repeated(scene: Scene, leaf: Leaf) -> Scene:
     again = Scene(leaf, base, clock)
     for moment in scene.moments:
         base.left = [*moment.answers]
-        clock.reach(moment.t)
-        again.executive.repeat(moment)
+        clock.advance_to(moment.t)
+        again.executive.replay_tick(moment)
     return again
 
 
@@ -299,13 +305,13 @@ def assert_alike(scene: Scene, again: Scene) -> None:
 
 
 def test_a_drive_is_decided_over_again() -> None:
-    scene = Scene(_drive(Drive("drive")))
+    scene = Scene(_drive(DriveLeaf("drive")))
     for number in range(40):
         scene.feel(pose=Pose2D(min(1.0, 0.1 * number), 0.0, 0.0))
         if scene.tick() is not Status.RUNNING:
             break
     assert scene.changes[-1][1] == "success"
-    assert_alike(scene, repeated(scene, _drive(Drive("drive"))))
+    assert_alike(scene, repeated(scene, _drive(DriveLeaf("drive"))))
 
 
 def test_an_alarm_and_the_halting_after_it_are_decided_over_again() -> None:
@@ -325,7 +331,7 @@ def test_a_halt_that_never_ends_is_given_up_over_again() -> None:
     scene.tick()
     scene.executive.stop("enough")
     scene.executive.loop()
-    assert scene.moments[-1].t - scene.moments[1].t >= HALT_TIME
+    assert scene.moments[-1].t - scene.moments[1].t >= HALT_TIMEOUT
     again = Slow("slow")
     again.ticks = 1000
     assert_alike(scene, repeated(scene, _drive(again)))
@@ -335,7 +341,7 @@ def test_a_leaf_that_was_failed_for_holding_the_tick_fails_over_again() -> None:
     leaf = Dawdle("dawdle")
     scene = Scene(leaf)
     scene.tick()
-    scene.run.overheld = leaf, 2, 97.04
+    scene.run.overrun = leaf, 2, 97.04
     scene.tick()
     reason = scene.changes[-1][2]
     assert reason == "dawdle (line 3): held the tick for 3.1 s"
@@ -345,14 +351,14 @@ def test_a_leaf_that_was_failed_for_holding_the_tick_fails_over_again() -> None:
 
 
 def test_a_refused_command_is_refused_over_again() -> None:
-    scene = Scene(_drive(Drive("drive")))
+    scene = Scene(_drive(DriveLeaf("drive")))
     scene.base.trouble = DriverError("the wheels are stuck")
     assert scene.tick() is Status.FAILURE
     assert scene.changes[-1][2] == "the wheels are stuck"
-    assert_alike(scene, repeated(scene, _drive(Drive("drive"))))
+    assert_alike(scene, repeated(scene, _drive(DriveLeaf("drive"))))
 
 
-def _drive(leaf: Drive) -> Drive:
+def _drive(leaf: DriveLeaf) -> DriveLeaf:
     leaf.distance = 1.0
     return leaf
 

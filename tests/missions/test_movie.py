@@ -13,7 +13,7 @@ import pytest
 
 from drivers.api import Image
 from missions.plugins.pictures import movie
-from missions.plugins.pictures.movie import CODECS, LOOK, Movie
+from missions.plugins.pictures.movie import CODECS, PICTURES_PER_CHECK, Movie
 from tests.browser import Browser
 from tests.missions.command import command
 
@@ -57,7 +57,7 @@ def test_a_film_is_whole_and_for_its_owner_only(tmp_path: Path, ending: str, cap
     path = tmp_path / f"film{ending}"
     path.touch(0o666)
     film = filmed(path, 30)
-    assert (film.trouble, film.pictures, frames(path)) == ("", 30, 30)
+    assert (film.error, film.pictures, frames(path)) == ("", 30, 30)
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
     assert capfd.readouterr().err == "", "OpenCV's own remarks are no news"
 
@@ -79,13 +79,11 @@ def test_a_browser_plays_it(browser: Browser, tmp_path: Path, ending: str) -> No
 
 def test_a_film_ends_in_time_where_the_disk_gets_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rooms = iter([10**9, 10**9])
-    monkeypatch.setattr(movie, "_room", lambda _: next(rooms, 1000))
+    monkeypatch.setattr(movie, "_free_bytes", lambda _: next(rooms, 1000))
     path = tmp_path / "film.webm"
-    film = filmed(path, 3 * LOOK)
-    assert film.trouble.startswith(
-        f"{path}: ends after 50 pictures, 4.0 s, or before: there is no more room on the disk"
-    )
-    assert frames(path) == 2 * LOOK, "what is there can be seen"
+    film = filmed(path, 3 * PICTURES_PER_CHECK)
+    assert film.error.startswith(f"{path}: ends after 50 pictures, 4.0 s, or before: there is no more room on the disk")
+    assert frames(path) == 2 * PICTURES_PER_CHECK, "what is there can be seen"
 
 
 @pytest.mark.parametrize("ending", CODECS)
@@ -93,7 +91,7 @@ def test_a_film_that_cannot_be_read_to_its_end_is_told(tmp_path: Path, ending: s
     path = tmp_path / f"film{ending}"
     with files_of_at_most(100_000):
         film = filmed(path, 60)
-    assert "it cannot be read to its end" in film.trouble
+    assert "it cannot be read to its end" in film.error
 
 
 def test_a_film_that_could_not_be_written_leaves_the_earlier_one_and_is_not_called_written(tmp_path: Path) -> None:
@@ -101,15 +99,15 @@ def test_a_film_that_could_not_be_written_leaves_the_earlier_one_and_is_not_call
     path.write_bytes(b"mine")
     with files_of_at_most(100_000):
         film = filmed(path, 60)
-    assert film.trouble.endswith(f"{path} is the earlier film; the new one was removed")
-    assert not film.written
+    assert film.error.endswith(f"{path} is the earlier film; the new one was removed")
+    assert not film.is_written
     assert path.read_bytes() == b"mine"
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_film_without_a_picture_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(movie, "_room", lambda _: 1000)
-    assert not filmed(tmp_path / "film.webm", 1).written
+    monkeypatch.setattr(movie, "_free_bytes", lambda _: 1000)
+    assert not filmed(tmp_path / "film.webm", 1).is_written
     assert list(tmp_path.iterdir()) == []
 
 
@@ -120,7 +118,7 @@ def test_pictures_in_a_folder_end_where_the_disk_is_full(tmp_path: Path) -> None
         with files_of_at_most(1000):
             film.write(picture(1))
         film.write(picture(2))
-    assert film.trouble.startswith(f"{folder}: ends after 1 pictures or before: File too large")
+    assert film.error.startswith(f"{folder}: ends after 1 pictures or before: File too large")
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
     assert {stat.S_IMODE(path.stat().st_mode) for path in folder.iterdir()} == {0o600}
 
@@ -133,7 +131,7 @@ def test_a_film_that_cannot_be_begun_is_refused() -> None:
 def test_a_film_for_which_there_is_no_room_at_all_is_not_said_to_be_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(movie, "_room", lambda _: 1000)
+    monkeypatch.setattr(movie, "_free_bytes", lambda _: 1000)
     done = command(capsys, "run", "look_around", "--simulate", "fast", "--film", str(tmp_path / "film.webm"))
     assert (done.code, "wrote" in done.err) == (0, False)
     assert "film.webm: ends after 0 pictures" in done.err

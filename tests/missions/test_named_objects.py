@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from config.faults import InvalidFileError
-from missions.language.sought import looked_for
+from missions.language.sought import wanted_objects
 from missions.library.shipped import load_mission
-from missions.library.things import wanted
-from perception.api import Wanted
+from missions.library.things import find_object
+from perception.api import ThingSpec
 
 MISSION = """
 mission: look
@@ -24,14 +24,14 @@ tree:
 
 
 def test_a_phrase_or_a_name_is_what_is_looked_for() -> None:
-    assert wanted("red  Ball") == Wanted("red ball", "red", "ball", None)
-    assert wanted("apple") == Wanted("apple", "red", "ball", 0.12)
+    assert find_object("red  Ball") == ThingSpec("red ball", "red", "ball", None)
+    assert find_object("apple") == ThingSpec("apple", "red", "ball", 0.12)
 
 
 def test_a_file_of_ones_own_is_an_object(tmp_path: Path) -> None:
     path = tmp_path / "cup.yaml"
     path.write_text("object: cup\ncolour: blue\nsize: 9 cm\n")
-    assert wanted(str(path)) == Wanted("cup", "blue", "thing", 0.09)
+    assert find_object(str(path)) == ThingSpec("cup", "blue", "thing", 0.09)
 
 
 @pytest.mark.parametrize(
@@ -45,14 +45,14 @@ def test_a_file_of_ones_own_is_an_object(tmp_path: Path) -> None:
 )
 def test_what_cannot_be_looked_for_is_refused_with_what_to_write(name: str, said: str) -> None:
     with pytest.raises(LookupError, match=said):
-        wanted(name)
+        find_object(name)
 
 
 def test_all_that_a_mission_looks_for_is_known_before_it_starts(tmp_path: Path) -> None:
     path = tmp_path / "look.yaml"
     path.write_text(MISSION)
     plan = load_mission(str(path))
-    assert [one.name for one in looked_for(plan.tree)] == ["small yellow ball", "apple"]
+    assert [one.name for one in wanted_objects(plan.tree)] == ["small yellow ball", "apple"]
 
 
 def test_a_mistake_in_a_mission_is_shown_at_its_place(tmp_path: Path) -> None:
@@ -75,7 +75,7 @@ def test_a_mistake_in_a_mission_is_shown_at_its_place(tmp_path: Path) -> None:
 def test_what_an_expression_may_name_is_looked_for(steps: str, names: list[str], tmp_path: Path) -> None:
     path = tmp_path / "look.yaml"
     path.write_text(f"mission: look\nparams: {{hues: [red, green]}}\ntree: {{{steps}}}\n")
-    assert set(names) <= {one.name for one in looked_for(load_mission(str(path)).tree)}
+    assert set(names) <= {one.name for one in wanted_objects(load_mission(str(path)).tree)}
 
 
 def test_what_is_named_to_a_mission_within_is_looked_for(tmp_path: Path) -> None:
@@ -83,7 +83,7 @@ def test_what_is_named_to_a_mission_within_is_looked_for(tmp_path: Path) -> None
     path = tmp_path / "look.yaml"
     each = '{in: [red, blue], as: hue, do: {mission: seek.yaml, with: {what: "${hue} box"}}}'
     path.write_text(f"mission: look\ntree: {{for_each: {each}}}\n")
-    assert {"red box", "blue box"} <= {one.name for one in looked_for(load_mission(str(path)).tree)}
+    assert {"red box", "blue box"} <= {one.name for one in wanted_objects(load_mission(str(path)).tree)}
 
 
 def test_a_mission_that_looks_for_what_nothing_in_it_names_is_refused(tmp_path: Path) -> None:
@@ -99,4 +99,4 @@ def test_a_mission_of_which_a_param_is_missing_may_yet_be_told_what_to_look_for(
         'mission: look\nparams: {what: {type: text}}\ntree: {sequence: [set: {it: "${what}"}, find_object: "${it}"]}\n'
     )
     plan = load_mission(str(path))
-    assert looked_for(plan.tree) == ()
+    assert wanted_objects(plan.tree) == ()

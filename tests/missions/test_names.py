@@ -7,7 +7,7 @@ from random import Random
 
 import pytest
 
-from config.library import find
+from config.library import find_file
 from config.world import WorldConfig, load_world
 from drivers.api import DeviceStatus
 from missions.assembly.drawn import drawn_gallery
@@ -22,9 +22,9 @@ from missions.library.shipped import load_mission
 from missions.request import RunRequest
 from missions.runner import Runner
 from perception.api import UNKNOWN, Box, Detection
-from perception.identity import Look, Nobody
-from perception.people import KnownPeople
-from perception.tracks import Sighting
+from perception.identity import FaceMatch, NullRecogniser
+from perception.people import PatchRecogniser
+from perception.tracks import FaceSighting
 from tests.perception.people_drawn import pictures
 
 FIND = """
@@ -51,7 +51,7 @@ tree:
 
 def two_people(**known: bool) -> WorldConfig:
     """Return the world of Anna and Ben, known or not."""
-    world = load_world(find("worlds", "two_people"))
+    world = load_world(find_file("worlds", "two_people"))
     return replace(world, people=tuple(replace(each, known=known.get(each.name, True)) for each in world.people))
 
 
@@ -144,35 +144,35 @@ def test_two_who_are_drawn_alike_are_told_of_and_strangers_are_not_learnt() -> N
     people, notices = two_people().people, list[DeviceStatus]()
     alike = [replace(each, look="anna") for each in people]
     drawn_gallery(alike, notices.append)
-    assert [notice.what for notice in notices] == ["Anna and Ben look alike"]
+    assert [notice.message for notice in notices] == ["Anna and Ben look alike"]
     notices.clear()
     drawn_gallery([alike[0], replace(alike[1], known=False)], notices.append)
     assert notices == []
-    assert isinstance(drawn_gallery([replace(each, known=False) for each in people], notices.append), Nobody)
+    assert isinstance(drawn_gallery([replace(each, known=False) for each in people], notices.append), NullRecogniser)
 
 
 def test_a_real_camera_knows_the_people_in_the_folder_of_the_robot_file(tmp_path: Path) -> None:
-    camera = load_robot(find("robots", "turtlebot2_arm")).camera
+    camera = load_robot(find_file("robots", "turtlebot2_arm")).camera
     assert camera is not None
     own = replace(camera, identity=replace(camera.identity, people=str(tmp_path / "people")))
     notices = list[DeviceStatus]()
-    assert isinstance(gallery(own, notices.append), Nobody)
-    assert [(notice.what, notice.hint) for notice in notices] == [
+    assert isinstance(gallery(own, notices.append), NullRecogniser)
+    assert [(notice.message, notice.hint) for notice in notices] == [
         ("it knows nobody yet, so that all are unknown", "mission person add NAME")
     ]
     notices.clear()
     people = People(tmp_path / "people")
     people.add("Anna", [picture[40:440, 120:520] for picture in pictures("anna", (1.2,), each=4)])
-    assert isinstance(gallery(own, notices.append), KnownPeople)
+    assert isinstance(gallery(own, notices.append), PatchRecogniser)
     assert notices == []
-    (people.where / "Anna/001.png").write_bytes(b"broken")
-    assert isinstance(gallery(own, notices.append), KnownPeople), "the other pictures are enough"
-    assert [notice.what for notice in notices] == [f"{people.where}/Anna/001.png: is no portrait, and is left out"]
-    assert notices[0].hint == f"rm {people.where}/Anna/001.png"
+    (people.folder / "Anna/001.png").write_bytes(b"broken")
+    assert isinstance(gallery(own, notices.append), PatchRecogniser), "the other pictures are enough"
+    assert [notice.message for notice in notices] == [f"{people.folder}/Anna/001.png: is no portrait, and is left out"]
+    assert notices[0].hint == f"rm {people.folder}/Anna/001.png"
 
 
 def test_a_robot_file_that_names_an_ordinary_folder_leaves_it_as_it_is(tmp_path: Path) -> None:
-    camera = load_robot(find("robots", "turtlebot2_arm")).camera
+    camera = load_robot(find_file("robots", "turtlebot2_arm")).camera
     assert camera is not None
     tool = tmp_path / "proj/bin/tool"
     tool.parent.mkdir(parents=True)
@@ -180,8 +180,8 @@ def test_a_robot_file_that_names_an_ordinary_folder_leaves_it_as_it_is(tmp_path:
     tool.chmod(0o755)
     notices = list[DeviceStatus]()
     named = replace(camera, identity=replace(camera.identity, people=str(tmp_path)))
-    assert isinstance(gallery(named, notices.append), Nobody)
-    assert [notice.what for notice in notices] == ["it knows nobody yet, so that all are unknown"]
+    assert isinstance(gallery(named, notices.append), NullRecogniser)
+    assert [notice.message for notice in notices] == ["it knows nobody yet, so that all are unknown"]
     assert tool.stat().st_mode & 0o777 == 0o755
 
 
@@ -192,17 +192,18 @@ def test_what_is_the_matter_with_the_pictures_is_told_once_at_the_first_look() -
     assert known is not None
     assert notices == []
     for image in pictures("anna", (1.5,), each=2):
-        known.look(image, Box(300.0, 200.0, 60.0, 60.0))
-    assert [notice.what for notice in notices] == ["Anna and Ben look alike"]
+        known.match(image, Box(300.0, 200.0, 60.0, 60.0))
+    assert [notice.message for notice in notices] == ["Anna and Ben look alike"]
 
 
 def test_true_names_err_as_often_as_they_are_told_to() -> None:
     people = two_people(Ben=False).people
     shown = [
-        Sighting(Detection(Box(x, 0.0, 50.0, 50.0), 5.0), found=True, who=who) for x, who in ((1, "Anna"), (2, "Ben"))
+        FaceSighting(Detection(Box(x, 0.0, 50.0, 50.0), 5.0), found=True, person=who)
+        for x, who in ((1, "Anna"), (2, "Ben"))
     ]
     exact, poor = TrueNames(people, 0.0, Random(1)), TrueNames(people, 0.3, Random(1))  # noqa: S311 - which looks are mistaken is no secret
-    assert [exact.look(each.box, shown) for each in shown] == [Look("Anna", 1.0), Look("Ben", -1.0)]
+    assert [exact.look(each.box, shown) for each in shown] == [FaceMatch("Anna", 1.0), FaceMatch("Ben", -1.0)]
     assert exact.look(Box(9.0, 9.0, 50.0, 50.0), shown) is None
-    wrong = sum(poor.look(shown[0].box, shown) != Look("Anna", 1.0) for _ in range(1000))
+    wrong = sum(poor.look(shown[0].box, shown) != FaceMatch("Anna", 1.0) for _ in range(1000))
     assert 250 < wrong < 350

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from config.library import find
+from config.library import find_file
 from missions.plugins.setup import head_bench
 from missions.request import RunRequest
 from missions.runner import Runner
 from tests.missions.command import Outcome, command
 
-SHIPPED = find("robots", "turtlebot2_arm").read_text()
+SHIPPED = find_file("robots", "turtlebot2_arm").read_text()
 NECK = """\
 head:
   driver: dynamixel
@@ -53,7 +53,7 @@ def test_a_mission_turns_it_in_simulated_time(folder: Path) -> None:
     assert runner.run().result == "success"
     assert runner.twins is not None
     assert runner.twins.head is not None
-    pose = runner.twins.head.true_pose(runner.twins.timeline.clock.now())
+    pose = runner.twins.head.true_pose(runner.twins.timeline.clock.read_value())
     assert (degrees(pose.pan), degrees(pose.tilt)) == pytest.approx((14.4, 0.0), abs=1.1)
 
 
@@ -77,7 +77,7 @@ def test_the_real_driver_turns_it_over_a_virtual_bus(folder: Path, mission: Call
 def test_a_bus_that_is_not_there_is_said_with_what_to_try(
     folder: Path, mission: Callable[..., Outcome], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(head_bench, "CONNECT_TIME", 0.5)
+    monkeypatch.setattr(head_bench, "CONNECT_TIMEOUT", 0.5)
     outcome = mission("head", "where", "--robot", str(folder / "necked.yaml"), "--port", "/dev/no_such_bus")
     assert outcome.code == 3
     assert "/dev/no_such_bus: no such device" in outcome.err

@@ -26,7 +26,7 @@ def test_where_the_order_of_two_modifiers_is_the_cause_it_says_so() -> None:
     for tree, said in CASES.items():
         with pytest.raises(InvalidFileError) as caught:
             plan_of(tree)
-        assert [(fault.message, fault.suggestion) for fault in caught.value.faults] == [said], tree
+        assert [(fault.message, fault.suggestion) for fault in caught.value.diagnostics] == [said], tree
 
 
 def test_the_same_modifiers_in_the_other_order_are_good() -> None:

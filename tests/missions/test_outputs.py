@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 import pytest
 
-from missions.cli.outputs import writing
+from missions.cli.outputs import report_write_errors
 
 
 @pytest.mark.parametrize(
@@ -18,6 +18,6 @@ from missions.cli.outputs import writing
     ],
 )
 def test_a_cure_names_a_folder_that_is_there(tmp_path: Path, number: int, cure: str) -> None:
-    with pytest.raises(click.BadParameter) as caught, writing(tmp_path / "not" / "there" / "x.yaml", "-o"):
+    with pytest.raises(click.BadParameter) as caught, report_write_errors(tmp_path / "not" / "there" / "x.yaml", "-o"):
         raise OSError(number, "no")
     assert caught.value.message.endswith(f"\n  try: {cure.format(tmp_path)}")

@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from behaviours.catalogue import LEAVES
-from config.faults import Diagnostic, InvalidFileError, Source
+from config.faults import Diagnostic, InvalidFileError, SourceText
 from config.units import Quantity
 from missions.language.document import check_plan
 from missions.language.plan import Plan
 from missions.library.shipped import load_mission
-from missions.library.things import THINGS
+from missions.library.things import LOOKUPS
 from missions.plugins.testing.ran import run_mission
 
 MISSION = """\
@@ -35,13 +35,13 @@ tree:
 
 
 def check(text: str, params: Mapping[str, str] | None = None, *, complete: bool = False) -> Plan:
-    return check_plan(Source("visit.yaml", text), LEAVES, THINGS, params=params, complete=complete)
+    return check_plan(SourceText("visit.yaml", text), LEAVES, LOOKUPS, params=params, complete=complete)
 
 
 def faults(text: str, params: Mapping[str, str] | None = None) -> list[Diagnostic]:
     with pytest.raises(InvalidFileError) as caught:
         check(text, params)
-    return list(caught.value.faults)
+    return list(caught.value.diagnostics)
 
 
 def the_fault(text: str, params: Mapping[str, str] | None = None) -> Diagnostic:

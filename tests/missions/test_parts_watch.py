@@ -4,10 +4,10 @@ from dataclasses import replace
 from math import nan
 
 from behaviours.robot import Robot
-from drivers.api import STILL, BaseState, HeadPose, Health, JointState, Pose2D, Quality, Reading
+from drivers.api import ZERO_VELOCITY, BaseState, HeadPose, Health, JointState, Pose2D, Quality, Reading
 from drivers.clock import ManualClock
 from missions.executive.events import Event, ReflexFired
-from missions.executive.parts import PartState, PartsWatch
+from missions.executive.parts import PartsMonitor, PartStatus
 from missions.plugins.testing.recorders.bench import RecordedBase, RecordedHead, RecordedJoints
 
 
@@ -31,21 +31,21 @@ class Stand:
         self.looked: float | None = None
         robot = Robot(base_part=self.base, head_part=self.head)
         devices = {"base": self.base, "head": self.head}
-        self.watch = PartsWatch(devices, robot, lambda: self.looked)
+        self.watch = PartsMonitor(devices, robot, lambda: self.looked)
 
-    def look(self, now: float = 0.0) -> PartState:
+    def look(self, now: float = 0.0) -> PartStatus:
         """Return how the base is."""
-        return self.watch.look(now)[0]
+        return self.watch.check(now)[0]
 
     def hear(self, what: str, *, on: bool) -> None:
         event: Event = ReflexFired(0.0, 0, what, "", on)
-        self.watch.take(event)
+        self.watch.on_event(event)
 
 
 def test_a_part_that_is_well_is_ok_with_its_figures_and_their_age() -> None:
     stand = Stand()
     stand.head.reading = Reading(HeadPose(0.5, -0.25), 1.0, Quality.GOOD)
-    assert stand.watch.look(1.25)[1] == PartState("head", "OK", 0.25, {"pan": 0.5, "tilt": -0.25})
+    assert stand.watch.check(1.25)[1] == PartStatus("head", "OK", 0.25, {"pan": 0.5, "tilt": -0.25})
 
 
 def test_a_part_that_is_not_there_is_an_error_with_what_to_try() -> None:
@@ -103,7 +103,7 @@ def test_replies_that_were_missed_are_a_concern_for_two_seconds() -> None:
 
 def test_a_number_that_is_none_is_left_out() -> None:
     stand = Stand()
-    stand.base.reading = Reading(BaseState(Pose2D(nan, 0.0, 0.0), STILL), 0.0, Quality.GOOD)
+    stand.base.reading = Reading(BaseState(Pose2D(nan, 0.0, 0.0), ZERO_VELOCITY), 0.0, Quality.GOOD)
     assert "x" not in stand.look().values
     assert stand.look().values["y"] == 0.0
 
@@ -117,15 +117,15 @@ def test_an_arm_names_the_joints_that_are_silent_and_is_as_old_as_the_oldest() -
         "wrist": Reading(replace(joint, temperature=55.0, moving=False), 1.0, Quality.STALE),
     }
     arm.readings = readings
-    (state,) = PartsWatch({"arm": arm}, Robot(arm_part=arm)).look(5.0)
+    (state,) = PartsMonitor({"arm": arm}, Robot(arm_part=arm)).check(5.0)
     figures = {"joints": 2.0, "moving": 1.0, "hottest": 55.0}
-    assert state == PartState("arm", "STALE", 4.0, figures, "silent: wrist")
+    assert state == PartStatus("arm", "STALE", 4.0, figures, "silent: wrist")
 
 
 def test_a_camera_whose_pictures_stay_away_is_stale() -> None:
     stand = Stand()
-    camera = PartsWatch({"camera": stand.head}, Robot(), lambda: stand.looked)
-    assert camera.look(9.0)[0].level == "OK"
+    camera = PartsMonitor({"camera": stand.head}, Robot(), lambda: stand.looked)
+    assert camera.check(9.0)[0].level == "OK"
     stand.looked = 8.5
-    assert (camera.look(9.0)[0].level, camera.look(9.0)[0].age) == ("OK", 0.5)
-    assert (camera.look(12.0)[0].level, camera.look(12.0)[0].detail) == ("STALE", "no new picture")
+    assert (camera.check(9.0)[0].level, camera.check(9.0)[0].age) == ("OK", 0.5)
+    assert (camera.check(12.0)[0].level, camera.check(12.0)[0].detail) == ("STALE", "no new picture")

@@ -11,12 +11,19 @@ import cv2
 import numpy as np
 import pytest
 
-from missions.cli.root import guarded
+from missions.cli.root import run_guarded
 from missions.library.people import People
 from missions.plugins.setup import person
-from missions.plugins.setup.person.add import EVERY, GUIDE, NEARLY, SAME, TOO_SOON, Taking
+from missions.plugins.setup.person.add import (
+    INSTRUCTIONS,
+    PICTURE_INTERVAL,
+    SAME_PICTURE,
+    TOO_SIMILAR,
+    TOO_SOON,
+    PortraitCollector,
+)
 from perception.api import Image
-from perception.faces import HaarFaces
+from perception.faces import HaarFaceDetector
 from tests.missions.command import Outcome
 from tests.perception.people_drawn import crowd, pictures
 
@@ -33,7 +40,7 @@ class Bench:
 
     def run(self, *words: str) -> Outcome:
         self.capsys.readouterr()
-        code = guarded(lambda: person.command.main(list(words), standalone_mode=False))
+        code = run_guarded(lambda: person.command.main(list(words), standalone_mode=False))
         printed = self.capsys.readouterr()
         return Outcome(code, printed.out, printed.err)
 
@@ -70,7 +77,7 @@ def test_somebody_is_added_from_pictures_listed_and_forgotten(bench: Bench) -> N
     assert [each["name"] for each in data["people"]] == ["Anna", "Ben"]
     assert 0 <= data["rates"]["refused"] <= 1
     assert bench.run("remove", "anna", "--yes").out == "Anna: 4 pictures deleted\n"
-    assert [each.name for each in bench.people.known()] == ["Ben"]
+    assert [each.name for each in bench.people.known_people()] == ["Ben"]
 
 
 def test_pictures_of_nobody_or_of_two_are_refused_by_name_and_nothing_is_kept(bench: Bench) -> None:
@@ -80,21 +87,21 @@ def test_pictures_of_nobody_or_of_two_are_refused_by_name_and_nothing_is_kept(be
     assert f"{bad[0]}: there is no face in it" in outcome.err
     assert f"{bad[1]}: there are 2 faces in it" in outcome.err
     assert good[0] not in outcome.err
-    assert not bench.people.where.exists()
+    assert not bench.people.folder.exists()
 
 
 def test_too_few_pictures_are_refused(bench: Bench) -> None:
     outcome = bench.run("add", "Anna", *bench.write("anna", *near("anna")[:2]))
     assert outcome.code == 1
     assert "too few pictures of Anna: 2, where each counts once\n  try: it takes 3 at least" in outcome.err
-    assert not bench.people.where.exists()
+    assert not bench.people.folder.exists()
 
 
 def test_the_same_picture_three_times_is_one(bench: Bench) -> None:
     outcome = bench.run("add", "Anna", *bench.write("anna", *[near("anna")[0]] * 3))
     assert outcome.code == 1
     assert "too few pictures of Anna: 1" in outcome.err
-    assert not bench.people.where.exists()
+    assert not bench.people.folder.exists()
 
 
 def test_pictures_that_are_there_already_are_told_of(bench: Bench) -> None:
@@ -112,17 +119,17 @@ def test_a_picture_of_somebody_else_is_refused(bench: Bench) -> None:
     outcome = bench.run("add", "Ben", *bench.write("ben", *near("ben"), near("anna")[0]))
     assert outcome.code == 1
     assert "nothing was kept: one of the pictures of Ben is Anna's already" in outcome.err
-    assert [each.name for each in bench.people.known()] == ["Anna"]
+    assert [each.name for each in bench.people.known_people()] == ["Anna"]
 
 
 def test_a_picture_that_cannot_be_read_is_told_of_and_the_others_count(bench: Bench) -> None:
     bench.run("add", "Anna", *bench.write("anna", *near("anna")))
-    (bench.people.where / "Anna/002.png").write_bytes(b"no picture")
+    (bench.people.folder / "Anna/002.png").write_bytes(b"no picture")
     outcome = bench.run("list")
     assert outcome.code == 0
     assert "Anna/002.png: is no portrait, and is left out\n  try: rm " in outcome.err
     assert "of 100 looks at them" in outcome.out
-    (bench.people.where / "Anna/001.png").unlink()
+    (bench.people.folder / "Anna/001.png").unlink()
     outcome = bench.run("list")
     assert "Anna: 2 pictures are too few to know somebody by" in outcome.err
     assert outcome.out.splitlines()[-1].split()[:2] == ["Anna", "3"]
@@ -130,7 +137,7 @@ def test_a_picture_that_cannot_be_read_is_told_of_and_the_others_count(bench: Be
 
 def test_what_is_left_in_a_folder_is_told_of(bench: Bench) -> None:
     bench.run("add", "Anna", *bench.write("anna", *near("anna")))
-    letter = bench.people.where / "Anna/letter.txt"
+    letter = bench.people.folder / "Anna/letter.txt"
     letter.touch()
     outcome = bench.run("remove", "Anna", "--yes")
     assert outcome.out == "Anna: 4 pictures deleted\n"
@@ -159,7 +166,7 @@ def test_what_was_judged_otherwise_than_the_robot_does_is_told(bench: Bench, mon
     robots = bench.folder / "robots"
     robots.mkdir()
     for name, method in (("plain", "patches"), ("deep", "dlib")):
-        identity = f"{{people: {bench.people.where}, method: {method}}}"
+        identity = f"{{people: {bench.people.folder}, method: {method}}}"
         (robots / f"{name}.yaml").write_text(f"robot: {name}\ncamera:\n  identity: {identity}\n")
     monkeypatch.chdir(bench.folder)
     bench.run("add", "Anna", *bench.write("anna", *near("anna")))
@@ -187,35 +194,35 @@ def test_before_a_camera_somebody_is_guided_until_there_are_enough(bench: Bench)
     assert outcome.code == 0, outcome.err
     assert "Look straight into the camera." in outcome.err
     assert "waiting: there is no face in it" in outcome.err
-    assert [each.pictures for each in bench.people.known()] == [3]
+    assert [each.pictures for each in bench.people.known_people()] == [3]
 
 
 def test_the_guide_goes_on_as_pictures_are_taken_and_says_why_it_waits() -> None:
-    taking = Taking(HaarFaces(), count=3)
+    taking = PortraitCollector(HaarFaceDetector(), count=3)
     good = near("anna")[0]
-    assert taking.guide == GUIDE[0]
+    assert taking.instruction == INSTRUCTIONS[0]
     assert taking.offer(NOBODY, 0.0) == "there is no face in it"
     assert taking.offer(crowd("anna", "ben"), 0.1) == "there are 2 faces in it"
     blurred = np.asarray(cv2.GaussianBlur(good, (0, 0), 5), np.uint8)
     assert "blurred" in taking.offer(blurred, 0.2)
     assert taking.offer(good, 0.3) == ""
-    assert taking.offer(good, 0.3 + EVERY / 2) == TOO_SOON
-    assert taking.guide == GUIDE[2]
-    assert taking.offer(good, 0.3 + 1.01 * EVERY) == SAME
+    assert taking.offer(good, 0.3 + PICTURE_INTERVAL / 2) == TOO_SOON
+    assert taking.instruction == INSTRUCTIONS[2]
+    assert taking.offer(good, 0.3 + 1.01 * PICTURE_INTERVAL) == SAME_PICTURE
     for number, picture in enumerate(near("anna")[1:3], start=1):
-        assert taking.offer(picture, 0.3 + number * EVERY + 0.01 * number) == ""
-    assert taking.done
+        assert taking.offer(picture, 0.3 + number * PICTURE_INTERVAL + 0.01 * number) == ""
+    assert taking.is_complete
     assert len(taking.portraits) == 3
 
 
 def test_a_picture_that_is_nearly_one_before_is_not_taken_until_somebody_moves() -> None:
-    taking, good = Taking(HaarFaces(), count=3), near("anna")[0]
+    taking, good = PortraitCollector(HaarFaceDetector(), count=3), near("anna")[0]
     noise = np.random.default_rng(1).normal(0, 2, good.shape)
     again = np.asarray(np.clip(good + noise, 0, 255), np.uint8)
     assert taking.offer(good, 0.0) == ""
-    assert taking.offer(again, 2 * EVERY) == NEARLY
-    assert taking.guide == GUIDE[len(GUIDE) // 3]
-    assert taking.offer(near("anna")[2], 3 * EVERY) == ""
+    assert taking.offer(again, 2 * PICTURE_INTERVAL) == TOO_SIMILAR
+    assert taking.instruction == INSTRUCTIONS[len(INSTRUCTIONS) // 3]
+    assert taking.offer(near("anna")[2], 3 * PICTURE_INTERVAL) == ""
 
 
 @pytest.mark.real_time
@@ -231,7 +238,12 @@ def test_what_to_do_before_a_camera_is_said_aloud_where_that_is_asked(
         assert cv2.imwrite(str(folder / f"{number:02}.png"), image)
     outcome = bench.run("add", "Anna", "--camera", str(folder), "--count", "3", "--say")
     assert outcome.code == 0, outcome.err
-    assert said == [GUIDE[0], GUIDE[len(GUIDE) // 3], GUIDE[2 * len(GUIDE) // 3], "closed"]
+    assert said == [
+        INSTRUCTIONS[0],
+        INSTRUCTIONS[len(INSTRUCTIONS) // 3],
+        INSTRUCTIONS[2 * len(INSTRUCTIONS) // 3],
+        "closed",
+    ]
 
 
 def test_nobody_is_forgotten_where_a_name_is_wrong_or_nobody_agrees(
@@ -243,7 +255,7 @@ def test_nobody_is_forgotten_where_a_name_is_wrong_or_nobody_agrees(
     assert "nobody is called 'Bob'; nothing was deleted" in outcome.err
     monkeypatch.setattr("click.confirm", lambda _: False)
     assert bench.run("remove", "Anna").code == 1
-    assert [each.name for each in bench.people.known()] == ["Anna"]
+    assert [each.name for each in bench.people.known_people()] == ["Anna"]
 
 
 def test_a_list_of_nobody_says_what_to_type(bench: Bench) -> None:

@@ -4,15 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import InvalidFileError, Source
+from config.faults import InvalidFileError, SourceText
 from missions.language.plan import Plan
-from missions.library.drivers import robot_of
+from missions.library.drivers import parse_robot
 from missions.library.interests import interests_of
 from missions.library.shipped import load_mission
 from missions.library.target import target_of
 from tests.missions.command import command
 
-EARS = target_of(robot_of(Source("r.yaml", "robot: r2\nmicrophone: {pronunciations: {xyzzy: Z IH Z IY}}\n")))
+EARS = target_of(parse_robot(SourceText("r.yaml", "robot: r2\nmicrophone: {pronunciations: {xyzzy: Z IH Z IY}}\n")))
 
 
 def load(
@@ -26,7 +26,7 @@ def load(
 def fault(folder: Path, step: str, *, head: str = "") -> str:
     with pytest.raises(InvalidFileError) as caught:
         load(folder, step, head=head)
-    (found,) = caught.value.faults
+    (found,) = caught.value.diagnostics
     return str(found)
 
 
@@ -109,7 +109,7 @@ def test_where_no_robot_is_named_the_words_are_checked_for_the_usual_one(
 
 
 def test_a_robot_without_ears_cannot_listen(tmp_path: Path) -> None:
-    deaf = target_of(robot_of(Source("r.yaml", "robot: r1\nvoice: {}\n")))
+    deaf = target_of(parse_robot(SourceText("r.yaml", "robot: r1\nvoice: {}\n")))
     load(tmp_path, "listen: [yes]")
     with pytest.raises(InvalidFileError, match="'listen' needs a microphone; robot 'r1' has none"):
         load_mission(str(tmp_path / "ask.yaml"), robot=deaf)

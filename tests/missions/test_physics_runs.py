@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from drivers.errors import BadRequest
 from drivers.sim.rigid.stick import LEFT
 from missions.cli.root import mission
-from missions.plugins.testing.ran import Ran, run_mission
+from missions.plugins.testing.ran import MissionRun, run_mission
 from missions.request import RunRequest
 from missions.runner import Runner
 
@@ -18,7 +18,7 @@ WALK = "mission: stroll\ntree:\n  walk: {distance: 0.2 m, velocity: 0.2 m/s}\n"
 PUSHED = "world: rough\nphysics: {friction: 0.7, pushes: [{at: 2 s, speed: 2 m/s, towards: 90 deg}]}\n"
 
 
-def walked(folder: Path, *, world: str | None = None, seed: int = 0) -> Ran:
+def walked(folder: Path, *, world: str | None = None, seed: int = 0) -> MissionRun:
     (folder / "stroll.yaml").write_text(WALK)
     if world is not None:
         (folder / "rough.yaml").write_text(world)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from drivers.finding.survey import survey
-from missions.plugins.setup.ports import changed_lines, find_out, watch_desk
+from drivers.finding.survey import scan_hardware
+from missions.plugins.setup.ports import device_lines, identify_device, watch_devices
 from tests.drivers.desks import RecordedMachine
 from tests.missions.command import Outcome, command
 
@@ -87,7 +87,7 @@ def test_what_is_unplugged_and_plugged_in_again_is_found(
     desk.port("ttyUSB0", "1a86:55d3")
     desk.port("ttyUSB1", "1a86:55d3")
     steps = iter((lambda: desk.unplug("ttyUSB1"), lambda: None, lambda: desk.port("ttyUSB1", "1a86:55d3")))
-    assert find_out(desk.machine, partial(_step, steps)) == 0
+    assert identify_device(desk.machine, partial(_step, steps)) == 0
     told = capsys.readouterr()
     assert "2 devices; now unplug the one that you look for" in told.err
     assert "it was /dev/ttyUSB1; now plug it in again" in told.err
@@ -97,7 +97,7 @@ def test_what_is_unplugged_and_plugged_in_again_is_found(
 def test_where_nothing_is_plugged_in_nothing_can_be_found(
     capsys: pytest.CaptureFixture[str], desk: RecordedMachine
 ) -> None:
-    assert find_out(desk.machine, lambda: None) == 1
+    assert identify_device(desk.machine, lambda: None) == 1
     assert "nothing is plugged in" in capsys.readouterr().err
 
 
@@ -113,7 +113,13 @@ def test_what_comes_and_goes_is_told_until_ctrl_c(
     steps = iter(
         (lambda: None, lambda: desk.port("ttyACM0", "16c0:0483", serial="T1"), lambda: desk.unplug("ttyUSB0"), leave)
     )
-    watch_desk(desk.machine, survey(desk.machine), lambda: survey(desk.machine), partial(_step, steps), as_json=as_json)
+    watch_devices(
+        desk.machine,
+        scan_hardware(desk.machine),
+        lambda: scan_hardware(desk.machine),
+        partial(_step, steps),
+        as_json=as_json,
+    )
     told = capsys.readouterr().out.splitlines()
     if as_json:
         assert [[port["path"] for port in json.loads(line)["ports"]] for line in told] == [
@@ -127,7 +133,7 @@ def test_what_comes_and_goes_is_told_until_ctrl_c(
 
 def test_what_came_is_told_and_nothing_else(desk: RecordedMachine) -> None:
     desk.port("ttyUSB0", "0403:6014", serial="FT1")
-    before = survey(desk.machine)
+    before = scan_hardware(desk.machine)
     desk.port("ttyACM0", "16c0:0483", serial="T1")
-    after = survey(desk.machine)
-    assert next(changed_lines(after, after.paths - before.paths)) == "/dev/ttyACM0  Teensy, 16c0:0483"
+    after = scan_hardware(desk.machine)
+    assert next(device_lines(after, after.paths - before.paths)) == "/dev/ttyACM0  Teensy, 16c0:0483"

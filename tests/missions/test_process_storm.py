@@ -21,7 +21,7 @@ from websockets.exceptions import WebSocketException
 
 from drivers.clock import SystemClock
 from missions.control.pilot import MAX_STATE_AGE
-from missions.control.sockets import linked, path_of
+from missions.control.sockets import open_connection, socket_path
 from tests.forked import Forked
 from tests.missions.left import MARK, left_of, marked, nobody_left, readable, writer_of
 from tests.missions.lone_base import LONE_ROBOT, LoneBase, lone_base
@@ -113,8 +113,10 @@ class Play:
 
     def _stop(self, strike: str) -> None:
         """Stop it as `mission stop` does, once or by two at the same time; it stands, and stays so."""
-        with suppress(OSError), linked(path_of(str(self.process.pid))) as link:
-            told = [link.ask({"do": "stop", "press": f"{strike} {number}"}) for number in range(1 + ("one" in strike))]
+        with suppress(OSError), open_connection(socket_path(str(self.process.pid))) as link:
+            told = [
+                link.request({"do": "stop", "press": f"{strike} {number}"}) for number in range(1 + ("one" in strike))
+            ]
             self.latched = all(each["ok"] for each in told)
             if self.latched:
                 self._rests_since_now(strike)
@@ -156,7 +158,7 @@ class Play:
     def _drive(self, seconds: float) -> None:
         """Let time pass, in which somebody drives by the page if they can."""
         clock = SystemClock()
-        while clock.now() < seconds:
+        while clock.read_value() < seconds:
             if self.client is not None and not self.alone:
                 with suppress(OSError, WebSocketException, TimeoutError):
                     self.client.drive(str(self.process.pid), left=0.3, stamp=self.stamp)

@@ -5,29 +5,29 @@ from pathlib import Path
 import pytest
 
 from drivers.api import ignore
-from drivers.api.driver import Site
+from drivers.api.driver import DriverContext
 from drivers.api.senses import MicrophoneKeys
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import BadRequest, NotConnected
-from drivers.microphone.captured import CapturedMicrophone
-from drivers.microphone.declared import FileKeys
+from drivers.microphone.captured import SoundCardMicrophone
+from drivers.microphone.declared import WavFileKeys
 from drivers.microphone.make import recording, sound_card
 from drivers.microphone.wav import WavMicrophone
-from missions.assembly.hearing import hearing
+from missions.assembly.hearing import make_ears
 from missions.library import pronouncing
-from missions.library.pronouncing import confusable_for, lexicon_for, unpronounceable
+from missions.library.pronouncing import find_confusable_phrases, find_unpronounceable, lexicon_for
 
 pytest.importorskip("pocketsphinx")
 
 
 def test_the_robot_file_goes_before_the_dictionary() -> None:
-    config = MicrophoneKeys(said={"hello": "HH AY"})
+    config = MicrophoneKeys(pronunciation_texts={"hello": "HH AY"})
     assert lexicon_for(config, ["hello"], SystemClock()).pronunciations("hello")[0] == ("HH", "AY")
 
 
 def test_a_name_that_is_in_neither_is_said_by_the_synthesiser() -> None:
     pytest.importorskip("espeakng_loader")
-    assert unpronounceable(MicrophoneKeys(), ["hello", "wheatleyon"]) == []
+    assert find_unpronounceable(MicrophoneKeys(), ["hello", "wheatleyon"]) == []
     lexicon = lexicon_for(MicrophoneKeys(), ["hello", "wheatleyon"], SystemClock())
     assert lexicon.pronunciations("wheatleyon")[0][0] == "W"
     assert lexicon.pronunciations("hello")
@@ -35,7 +35,7 @@ def test_a_name_that_is_in_neither_is_said_by_the_synthesiser() -> None:
 
 def test_without_a_synthesiser_it_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pronouncing, "find_spec", lambda _: None)
-    assert unpronounceable(MicrophoneKeys(), ["hello", "wheatleyon"]) == ["wheatleyon"]
+    assert find_unpronounceable(MicrophoneKeys(), ["hello", "wheatleyon"]) == ["wheatleyon"]
 
 
 def test_what_the_synthesiser_cannot_say_either_is_told_with_what_to_write(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -49,9 +49,9 @@ def test_what_the_synthesiser_cannot_say_either_is_told_with_what_to_write(monke
 
 
 def test_letters_beyond_english_are_left_to_the_robot_file_by_the_checker_and_the_ears_alike() -> None:
-    said = MicrophoneKeys(said={"schön": "SH EH N"})
-    assert unpronounceable(MicrophoneKeys(), ["schön"]) == ["schön"]
-    assert unpronounceable(said, ["schön"]) == []
+    said = MicrophoneKeys(pronunciation_texts={"schön": "SH EH N"})
+    assert find_unpronounceable(MicrophoneKeys(), ["schön"]) == ["schön"]
+    assert find_unpronounceable(said, ["schön"]) == []
     with pytest.raises(BadRequest, match="nobody knows how these are pronounced: schön:"):
         lexicon_for(MicrophoneKeys(), ["hello", "schön"], SystemClock())
     assert lexicon_for(said, ["schön"], SystemClock()).pronunciations("schön") == [("SH", "EH", "N")]
@@ -60,12 +60,12 @@ def test_letters_beyond_english_are_left_to_the_robot_file_by_the_checker_and_th
 @pytest.mark.parametrize("recogniser", ["vosk", "sherpa"])
 def test_recognisers_with_a_model_of_the_users_know_their_own_words(recogniser: str) -> None:
     keys = MicrophoneKeys(recogniser=recogniser, model="m")
-    assert (unpronounceable(keys, ["wheatleyon"]), confusable_for(keys, ["go", "no"])) == ((), ())
+    assert (find_unpronounceable(keys, ["wheatleyon"]), find_confusable_phrases(keys, ["go", "no"])) == ((), ())
 
 
 def test_without_a_recogniser_the_hint_is_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pronouncing, "english", lambda _: None)
-    assert unpronounceable(MicrophoneKeys(), ["hello"]) == ()
+    monkeypatch.setattr(pronouncing, "load_english", lambda _: None)
+    assert find_unpronounceable(MicrophoneKeys(), ["hello"]) == ()
     with pytest.raises(NotConnected, match="pocketsphinx, which understands speech, is not installed") as caught:
         lexicon_for(MicrophoneKeys(), ["hello"], SystemClock())
     assert "missiontree[listen]" in caught.value.hint
@@ -73,15 +73,15 @@ def test_without_a_recogniser_the_hint_is_what_to_install(monkeypatch: pytest.Mo
 
 def test_sound_comes_from_where_the_file_says() -> None:
     clock = ManualClock()
-    assert isinstance(sound_card(MicrophoneKeys(), Site(clock)), CapturedMicrophone)
-    assert isinstance(recording(FileKeys(source="a.wav"), Site(clock)), WavMicrophone)
+    assert isinstance(sound_card(MicrophoneKeys(), DriverContext(clock)), SoundCardMicrophone)
+    assert isinstance(recording(WavFileKeys(source="a.wav"), DriverContext(clock)), WavMicrophone)
 
 
 def test_a_recording_that_is_missing_is_named_with_the_folder_where_it_was_looked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    source = recording(FileKeys(source="a.wav"), Site(ManualClock()))
+    source = recording(WavFileKeys(source="a.wav"), DriverContext(ManualClock()))
     source.open()
     assert source.health().detail == f"microphone: {tmp_path / 'a.wav'}: no such file"
 
@@ -92,7 +92,7 @@ def test_a_recording_that_is_missing_is_named_with_the_folder_where_it_was_looke
 def test_ears_that_are_not_open_say_so_and_have_heard_nothing(config: MicrophoneKeys, tmp_path: Path) -> None:
     clock = ManualClock()
     source = WavMicrophone(tmp_path / "none.wav", clock)
-    ears = hearing(config, source, ["hello robot"], clock, report=ignore)
+    ears = make_ears(config, source, ["hello robot"], clock, report=ignore)
     assert (ears.words(), ears.refused(), ears.listened(), ears.level()) == ((), (), None, -90.0)
     assert not ears.health().online
     ears.rest()

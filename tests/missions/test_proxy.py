@@ -15,12 +15,12 @@ from drivers.api.kinds import KINDS
 from drivers.api.marks import command, fixed, members
 from drivers.clock import ManualClock
 from drivers.errors import BadRequest, DeviceFault
-from missions.executive.answers import Answers
-from missions.executive.asked import FIELDS, asked, commands_of, protocol_of, robot_for
-from missions.executive.proxy import for_leaf, proxied
-from missions.plugins.records.replay.memory import Memory
-from missions.plugins.records.replay.rerun import answering
-from missions.plugins.testing.recorders.bench import Bench
+from missions.executive.answers import TickCache
+from missions.executive.asked import PART_FIELDS, command_names, resolve_protocol, robot_for, with_proxies
+from missions.executive.proxy import for_leaf, make_proxy
+from missions.plugins.records.replay.memory import RecordedAnswers
+from missions.plugins.records.replay.rerun import recorded_robot
+from missions.plugins.testing.recorders.bench import LeafTestBench
 
 
 class Winch(Device, Protocol):
@@ -36,11 +36,11 @@ class Winch(Device, Protocol):
     @command(
         "after",
         moves=lambda length, hooks: length > 0.0,  # noqa: ARG005 - with whatever hooks
-        kept={"hooks": tuple},
+        converters={"hooks": tuple},
     )
     def lift(self, length: float, *, hooks: tuple[str, ...] | None = None) -> float: ...
 
-    @command("before", as_leaf={"who": lambda _: "leaf"})
+    @command("before", leaf_converters={"who": lambda _: "leaf"})
     def drop(self, who: str = "") -> None: ...
 
     def load(self) -> float: ...
@@ -103,49 +103,49 @@ def deck() -> Deck:
 
 
 @pytest.fixture
-def answers() -> Answers:
-    answers = Answers()
-    answers.kept = answers.open = True
+def answers() -> TickCache:
+    answers = TickCache()
+    answers.is_recording = answers.is_open = True
     return answers
 
 
-def winches(deck: Deck, answers: Answers) -> tuple[Winch, Winch]:
+def winches(deck: Deck, answers: TickCache) -> tuple[Winch, Winch]:
     """Return the winch of the executive, and that of a leaf."""
-    winch: Winch = proxied("winch", Winch, deck, answers, deck.permit)
+    winch: Winch = make_proxy("winch", Winch, deck, answers, deck.permit)
     return winch, for_leaf(winch, "hoist", deck.tell)
 
 
-def test_a_command_is_permitted_given_and_then_told(deck: Deck, answers: Answers) -> None:
+def test_a_command_is_permitted_given_and_then_told(deck: Deck, answers: TickCache) -> None:
     _, leafs = winches(deck, answers)
     assert leafs.lift(20.0, hooks=["left"]) == 12.0  # type: ignore[arg-type] # a list is kept as a tuple
     told = {"lift": 20.0, "hooks": ["left"]}
     assert deck.row == ["permit", ("lift", 20.0, ("left",)), told]
-    assert answers.take() == [("winch", "lift", (20.0, ("left",)), 12.0)]
+    assert answers.take_answers() == [("winch", "lift", (20.0, ("left",)), 12.0)]
 
 
-def test_a_command_of_rest_is_told_before_it_is_given_and_needs_no_permit(deck: Deck, answers: Answers) -> None:
+def test_a_command_of_rest_is_told_before_it_is_given_and_needs_no_permit(deck: Deck, answers: TickCache) -> None:
     _, leafs = winches(deck, answers)
     leafs.rest()
     assert deck.row == [{"rest": True}, "rest"]
 
 
-def test_a_command_that_moves_nothing_needs_no_permit(deck: Deck, answers: Answers) -> None:
+def test_a_command_that_moves_nothing_needs_no_permit(deck: Deck, answers: TickCache) -> None:
     winch, _ = winches(deck, answers)
     winch.drop("crew")
     winch.lift(0.0)
     assert deck.row == [("drop", "crew"), ("lift", 0.0, None)]
 
 
-def test_what_is_refused_is_recorded_and_not_told(deck: Deck, answers: Answers) -> None:
+def test_what_is_refused_is_recorded_and_not_told(deck: Deck, answers: TickCache) -> None:
     _, leafs = winches(deck, answers)
     deck.trouble = fault = DeviceFault("the rope is torn")
     with pytest.raises(DeviceFault, match="torn"):
         leafs.lift(1.0)
     assert deck.row == ["permit", ("lift", 1.0, None)]
-    assert answers.take() == [("winch", "lift", (1.0, None), fault)]
+    assert answers.take_answers() == [("winch", "lift", (1.0, None), fault)]
 
 
-def test_what_a_leaf_may_not_say_is_changed_for_a_leaf_alone(deck: Deck, answers: Answers) -> None:
+def test_what_a_leaf_may_not_say_is_changed_for_a_leaf_alone(deck: Deck, answers: TickCache) -> None:
     winch, leafs = winches(deck, answers)
     winch.drop("crew")
     leafs.drop("crew")
@@ -153,10 +153,10 @@ def test_what_a_leaf_may_not_say_is_changed_for_a_leaf_alone(deck: Deck, answers
 
 
 def test_a_leaf_cannot_drive_as_somebody_else_and_stops_the_base_for_nobody_else() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     stops: list[Source | None] = []
     bench.base.stop = lambda *, source=None: stops.append(source)  # type: ignore[method-assign]
-    robot = asked(bench.robot, Answers())
+    robot = with_proxies(bench.robot, TickCache())
     leafs = robot_for(bench.put(Say("say")), robot, lambda *_: None)
     with pytest.raises(BadRequest, match="a mission's behaviour cannot drive as 'teleop'"):
         leafs.base.drive(Velocity(0.1, 0.0), source=Source.TELEOP)
@@ -171,8 +171,8 @@ def test_a_behaviour_does_not_release_what_a_person_has_stopped() -> None:
     def stopped(_: Device) -> None:
         raise DeviceFault("stopped by Ann")
 
-    bench = Bench()
-    leafs = robot_for(bench.put(Say("say")), asked(bench.robot, Answers(), stopped), lambda *_: None)
+    bench = LeafTestBench()
+    leafs = robot_for(bench.put(Say("say")), with_proxies(bench.robot, TickCache(), stopped), lambda *_: None)
     bench.base.latch("it has fallen")
     with pytest.raises(DeviceFault, match="Ann"):
         leafs.base.enable()
@@ -180,8 +180,8 @@ def test_a_behaviour_does_not_release_what_a_person_has_stopped() -> None:
 
 
 def test_commands_are_told_with_what_missions_know_them_by() -> None:
-    bench, told = Bench(), list[Mapping[str, object]]()
-    leafs = robot_for(bench.put(Say("say")), asked(bench.robot, Answers()), lambda *each: told.append(each[2]))
+    bench, told = LeafTestBench(), list[Mapping[str, object]]()
+    leafs = robot_for(bench.put(Say("say")), with_proxies(bench.robot, TickCache()), lambda *each: told.append(each[2]))
     leafs.base.drive(Velocity(0.12345, 0.0))
     bench.base.drive = lambda *_, **__: Velocity(0.1, 0.0)  # type: ignore[method-assign]
     leafs.base.drive(Velocity(0.2, 0.0))
@@ -215,7 +215,7 @@ def test_commands_are_told_with_what_missions_know_them_by() -> None:
 
 
 def test_between_a_leaf_and_the_driver_there_is_one_call() -> None:
-    bench, depths = Bench(), list[int]()
+    bench, depths = LeafTestBench(), list[int]()
 
     def drive(velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
         del source
@@ -223,13 +223,13 @@ def test_between_a_leaf_and_the_driver_there_is_one_call() -> None:
         return velocity
 
     bench.base.drive = drive  # type: ignore[method-assign]
-    leafs = robot_for(bench.put(Say("say")), asked(bench.robot, Answers()), lambda *_: None)
+    leafs = robot_for(bench.put(Say("say")), with_proxies(bench.robot, TickCache()), lambda *_: None)
     drive(Velocity(0.1, 0.0))
     leafs.base.drive(Velocity(0.1, 0.0))
     assert depths[1] - depths[0] == 1
 
 
-def test_readings_are_looked_up_and_properties_too(deck: Deck, answers: Answers) -> None:
+def test_readings_are_looked_up_and_properties_too(deck: Deck, answers: TickCache) -> None:
     winch, leafs = winches(deck, answers)
     calls: list[str] = []
     assert (winch.load(), leafs.load(), winch.load_at(1.5), leafs.load_at(1.5)) == (3.0, 3.0, 1.5, 1.5)
@@ -243,28 +243,28 @@ def test_readings_are_looked_up_and_properties_too(deck: Deck, answers: Answers)
     assert (leafs.rope, leafs.jammed, leafs.name) == (12.0, False, "winch")
 
 
-def test_a_sample_asks_what_is_sampled_and_what_is_fixed_once(deck: Deck, answers: Answers) -> None:
+def test_a_sample_asks_what_is_sampled_and_what_is_fixed_once(deck: Deck, answers: TickCache) -> None:
     winches(deck, answers)
     for expected in (["rope", "load"], ["load"]):
-        answers.open = True
+        answers.is_open = True
         answers.sample()
-        assert [what for _, what, _, _ in answers.take()] == expected
+        assert [what for _, what, _, _ in answers.take_answers()] == expected
 
 
-def test_opening_and_closing_are_the_devices_own(deck: Deck, answers: Answers) -> None:
+def test_opening_and_closing_are_the_devices_own(deck: Deck, answers: TickCache) -> None:
     winch, leafs = winches(deck, answers)
     winch.open()
     leafs.close()
-    assert (deck.row, answers.take()) == (["open", "close"], [])
+    assert (deck.row, answers.take_answers()) == (["open", "close"], [])
 
 
 def test_a_leafs_robot_is_made_of_proxies_alone() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     with pytest.raises(TypeError, match="behind no proxy"):
         robot_for(bench.put(Say("say")), Robot(base_part=bench.base), lambda *_: None)
 
 
-def test_a_traceback_shows_the_source_of_a_proxy(deck: Deck, answers: Answers) -> None:
+def test_a_traceback_shows_the_source_of_a_proxy(deck: Deck, answers: TickCache) -> None:
     winch, _ = winches(deck, answers)
     deck.trouble = DeviceFault("the rope is torn")
     with pytest.raises(DeviceFault) as caught:
@@ -276,16 +276,18 @@ def test_a_traceback_shows_the_source_of_a_proxy(deck: Deck, answers: Answers) -
 
 
 def replayed() -> Robot:
-    memory = Memory(unheard=lambda _: None, otherwise=lambda *_: None)
-    return answering(frozenset(KINDS), memory, ManualClock().now, eye=(0.0, 0.0, 1.0), groups={})
+    memory = RecordedAnswers(on_unanswered=lambda _: None, on_different_command=lambda *_: None)
+    return recorded_robot(frozenset(KINDS), memory, ManualClock().read_value, eye=(0.0, 0.0, 1.0), groups={})
 
 
-@pytest.mark.parametrize("make", [lambda: asked(Bench().robot, Answers()), replayed], ids=["proxy", "replay"])
+@pytest.mark.parametrize(
+    "make", [lambda: with_proxies(LeafTestBench().robot, TickCache()), replayed], ids=["proxy", "replay"]
+)
 def test_each_part_has_the_methods_of_its_protocol(make: Callable[[], Robot]) -> None:
     robot = make()
-    for part in FIELDS:
+    for part in PART_FIELDS:
         device = getattr(robot, f"{part}_part")
-        for name, member in members(protocol_of(part)).items():
+        for name, member in members(resolve_protocol(part)).items():
             if member.protocol is not None:
                 assert set(members(member.protocol)) <= set(dir(getattr(device, name))), f"{part}.{name}"
             elif "property" not in member.kind:
@@ -293,9 +295,9 @@ def test_each_part_has_the_methods_of_its_protocol(make: Callable[[], Robot]) ->
 
 
 def test_proxies_take_the_arguments_of_their_protocols() -> None:
-    robot = asked(Bench().robot, Answers())
-    for part in FIELDS:
-        for name, member in members(protocol_of(part)).items():
+    robot = with_proxies(LeafTestBench().robot, TickCache())
+    for part in PART_FIELDS:
+        for name, member in members(resolve_protocol(part)).items():
             if member.kind in {"command", "question"}:
                 taken = inspect.signature(getattr(getattr(robot, f"{part}_part"), name)).parameters.values()
                 wanted = [(each.name, each.kind, each.default) for each in member.parameters]
@@ -330,20 +332,22 @@ ANSWERED = {
 def test_what_records_hold_is_still_the_command_or_the_question_that_it_was() -> None:
     """Records of every version are read by this; what is new since then, they do not hold."""
     for part, recorded in RECORDED.items():
-        assert recorded <= commands_of(part), part
-        assert not ANSWERED[part] & commands_of(part), part
-        assert ANSWERED[part] <= members(protocol_of(part)).keys(), part
+        assert recorded <= command_names(part), part
+        assert not ANSWERED[part] & command_names(part), part
+        assert ANSWERED[part] <= members(resolve_protocol(part)).keys(), part
 
 
 # --- replay -----------------------------------------------------------------------------------------------------------
 
 
 def test_a_changed_command_is_answered_within_the_limits_of_then() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     changed: list[str] = []
-    memory = Memory(unheard=changed.append, otherwise=lambda _, __, now: changed.append(str(now)))
-    robot = answering({"base", "head", "arm"}, memory, ManualClock().now, eye=(0.0, 0.0, 1.0), groups={})
-    memory.begin(
+    memory = RecordedAnswers(
+        on_unanswered=changed.append, on_different_command=lambda _, __, now: changed.append(str(now))
+    )
+    robot = recorded_robot({"base", "head", "arm"}, memory, ManualClock().read_value, eye=(0.0, 0.0, 1.0), groups={})
+    memory.begin_tick(
         [(part, "limits", (), getattr(bench.robot, f"{part}_part").limits) for part in ("base", "head", "arm")]
     )
     assert robot.base.drive(Velocity(2.0, -9.0), source=Source.MISSION) == Velocity(0.5, -bench.base.limits.turn)

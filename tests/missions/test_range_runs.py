@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from behaviours.robot import Robot
-from config.library import find
+from config.library import find_file
 from config.robot import RobotConfig
 from config.world import load_world
-from drivers.api import Angles, wrapped
-from drivers.api.kinds import WIRED
+from drivers.api import Angles, wrap_angles
+from drivers.api.kinds import PORT_KINDS
 from drivers.base.range_twin import RangerTwin
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import BadRequest, NotConnected
@@ -35,7 +35,7 @@ tree:
 
 @pytest.fixture
 def turtlebot() -> RobotConfig:
-    return load_robot(find("robots", "turtlebot2"))
+    return load_robot(find_file("robots", "turtlebot2"))
 
 
 def measured(folder: Path, *, simulate: Literal["wire", "fast"]) -> tuple[float, float]:
@@ -62,7 +62,7 @@ def test_a_mission_reads_what_is_around_the_robot(tmp_path: Path, simulate: Lite
 def test_a_range_finder_has_a_port_as_other_parts_on_a_wire_have(turtlebot: RobotConfig) -> None:
     clock = SystemClock()
     simulation = Simulation(
-        turtlebot, frozenset(WIRED) & turtlebot.parts, clock, world=load_world(find("worlds", "empty"))
+        turtlebot, frozenset(PORT_KINDS) & turtlebot.parts, clock, world=load_world(find_file("worlds", "empty"))
     )
     assert set(simulation.ports) == {"base", "range"}
     simulation.close()
@@ -75,7 +75,7 @@ def looked(*things: tuple[float, float]) -> tuple[Any, ManualClock]:
         del time
         far = np.full(len(found), np.inf)
         for bearing, distance in things:
-            far[np.argmin(np.abs(wrapped(found - radians(bearing))))] = distance
+            far[np.argmin(np.abs(wrap_angles(found - radians(bearing))))] = distance
         return far
 
     clock = ManualClock()

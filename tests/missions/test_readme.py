@@ -62,7 +62,7 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The record that the pages mention."""
     path = tmp_path_factory.mktemp("records") / "monday.mcap"
     asked = ("run", "greet", "--simulate", "fast", "--eyes", "truth", "--record", str(path))
-    assert guarded(lambda: mission.main(list(asked), standalone_mode=False)) == 0
+    assert run_guarded(lambda: mission.main(list(asked), standalone_mode=False)) == 0
     return path
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from drivers.api import Sides
 from drivers.base.twin import BaseTwin
-from missions.cli.live import REFLEXES as SHOWN
-from missions.cli.live import Watcher
+from missions.cli.live import REFLEX_TEXTS as SHOWN
+from missions.cli.live import RunDisplay
 from missions.executive.events import CommandSent, Event, Logged, ReflexFired
 from missions.executive.executive import Result
 from missions.executive.guard import REFLEXES
@@ -33,7 +33,7 @@ class Ran:
         base = runner.twins.base
         assert base is not None
         for time, hand in (hands or {}).items():
-            runner.twins.timeline.at(time, partial(hand, base))
+            runner.twins.timeline.call_at(time, partial(hand, base))
         self.result: Result = runner.run()
         self.twins = runner.twins
 
@@ -66,9 +66,9 @@ def test_a_critical_battery_ends_a_mission_with_the_base_at_rest(tmp_path: Path)
     assert 3.0 <= ran.result.seconds <= 3.2
     assert ran.reflexes() == [("battery_low", "9 %", True), ("battery_critical", "9 %", True)]
     twins = ran.twins
-    twins.timeline.run(twins.timeline.clock.now() + 1.0)
+    twins.timeline.run_until(twins.timeline.clock.read_value() + 1.0)
     before = twins.pose()
-    twins.timeline.run(twins.timeline.clock.now() + 0.1)
+    twins.timeline.run_until(twins.timeline.clock.read_value() + 0.1)
     assert twins.pose() == before
 
 
@@ -135,7 +135,7 @@ def test_a_mission_that_drives_needs_the_range_finder_for_the_range_guard(tmp_pa
 
 def test_a_person_sees_what_stops_the_base_and_that_its_battery_is_low() -> None:
     out = StringIO()
-    show = Watcher(out)
+    show = RunDisplay(out)
     show(ReflexFired(1.0, 20, "latched", "button 0 was pressed", on=True))
     show(ReflexFired(2.0, 40, "latched", "button 0 was pressed", on=False))
     show(ReflexFired(3.0, 60, "charging", "", on=True))

@@ -10,12 +10,12 @@ import click
 import pytest
 
 from config.defaults import config_folder, load_defaults
-from config.library import find
+from config.library import find_file
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.patient_clock import PatientClock
-from drivers.virtual.terminal import Terminal, WireDevice
+from drivers.virtual.terminal import PseudoTerminal, WireDevice
 from missions.cli.names import names_of
 from tests.drivers.desks import RecordedMachine
 from tests.missions.command import Outcome, command
@@ -49,7 +49,7 @@ def test_a_file_of_ones_own_is_used_by_its_whole_path(
     mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "kit.yaml").write_text(
-        find("robots", "humanoid").read_text().replace("robot: humanoid", "robot: kit", 1)
+        find_file("robots", "humanoid").read_text().replace("robot: humanoid", "robot: kit", 1)
     )
     monkeypatch.chdir(tmp_path)
     assert mission("robot", "use", "kit.yaml").code == 0
@@ -177,7 +177,7 @@ def test_what_is_simulated_without_a_name_is_this_computers_robot(mission: Missi
 
 
 @pytest.fixture
-def plugged(desk: RecordedMachine, monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, Terminal]]:
+def plugged(desk: RecordedMachine, monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, PseudoTerminal]]:
     """A Kobuki, and a chain that lacks two of the arm's ten servos."""
     devices: dict[str, WireDevice] = {
         "kobuki": VirtualKobuki(),
@@ -187,7 +187,7 @@ def plugged(desk: RecordedMachine, monkeypatch: pytest.MonkeyPatch) -> Iterator[
     monkeypatch.setattr(
         sys.modules["missions.plugins.setup.robot.check"], "SystemClock", lambda: clock
     )  # a command hides it
-    terminals = {name: Terminal(name, device, clock) for name, device in devices.items()}
+    terminals = {name: PseudoTerminal(name, device, clock) for name, device in devices.items()}
     for number, (name, terminal) in enumerate(terminals.items()):
         terminal.open()
         ids, serial = ("0403:6001", "kobuki_7") if name == "kobuki" else ("0403:6014", "FT7")

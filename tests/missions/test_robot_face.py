@@ -8,20 +8,20 @@ from urllib.request import urlopen
 import pytest
 
 from drivers.api import Mood, Mouth, MouthShape
-from drivers.api.driver import Site
+from drivers.api.driver import DriverContext
 from drivers.clock import SystemClock
 from drivers.screen.declared import PageKeys
 from drivers.screen.make import PrintedScreen, printed
 from drivers.screen.make import page as make_page
 from drivers.screen.pages import PageScreen
-from missions.assembly.face import OPENINGS, Lips, LivelyScreen
-from missions.plugins.testing.recorders import Bench
+from missions.assembly.face import MOUTH_OPENINGS, MouthAnimation, TalkingScreen
+from missions.plugins.testing.recorders import LeafTestBench
 from tests.missions.command import command
 
 
 def test_the_mouth_follows_the_shapes_of_what_is_said_and_shuts_behind_it() -> None:
-    bench = Bench()
-    lips = Lips(bench.voice, bench.screen, bench.clock)
+    bench = LeafTestBench()
+    lips = MouthAnimation(bench.voice, bench.screen, bench.clock)
     lips.step()
     assert bench.screen.commands == []  # it is not told again and again that nobody speaks
     words = bench.voice.say("a moo")
@@ -32,12 +32,12 @@ def test_the_mouth_follows_the_shapes_of_what_is_said_and_shuts_behind_it() -> N
     words.ended = True
     lips.step()
     lips.step()
-    assert bench.screen.commands == [1.0, 1.0, 0.0, OPENINGS[Mouth.ROUND], 0.0]
+    assert bench.screen.commands == [1.0, 1.0, 0.0, MOUTH_OPENINGS[Mouth.ROUND], 0.0]
 
 
 def test_without_shapes_it_opens_and_shuts_by_the_clock() -> None:
-    bench = Bench()
-    lips = Lips(bench.voice, bench.screen, bench.clock)
+    bench = LeafTestBench()
+    lips = MouthAnimation(bench.voice, bench.screen, bench.clock)
     bench.voice.say("Hello")
     for _ in range(20):
         bench.clock.advance(0.03)
@@ -48,23 +48,23 @@ def test_without_shapes_it_opens_and_shuts_by_the_clock() -> None:
 
 
 def test_every_shape_of_a_mouth_has_its_opening() -> None:
-    assert set(OPENINGS) == set(Mouth)
+    assert set(MOUTH_OPENINGS) == set(Mouth)
 
 
 def test_the_screen_is_what_the_robot_file_says() -> None:
     clock = SystemClock()
-    assert isinstance(printed(PageKeys(), Site(clock, out=print)), PrintedScreen)
-    page = make_page(PageKeys(mood="happy"), Site(clock))
+    assert isinstance(printed(PageKeys(), DriverContext(clock, print_line=print)), PrintedScreen)
+    page = make_page(PageKeys(mood="happy"), DriverContext(clock))
     assert isinstance(page, PageScreen)
-    assert page.shown().mood is Mood.HAPPY
+    assert page.content().mood is Mood.HAPPY
 
 
 def test_a_lively_screen_moves_its_mouth_by_itself_and_leaves_nothing_behind() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     page = PageScreen(SystemClock())
     moved = Event()
     bench.voice.say("Hello")
-    lively = LivelyScreen(page, bench.voice, bench.clock)
+    lively = TalkingScreen(page, bench.voice, bench.clock)
     for _ in range(2):  # opened again after it was closed
         lively.open()
         lively.open()
@@ -73,11 +73,11 @@ def test_a_lively_screen_moves_its_mouth_by_itself_and_leaves_nothing_behind() -
             assert answer.status == 200
         for _ in range(200):
             bench.clock.advance(0.01)
-            if lively.shown().mouth > 0:
+            if lively.content().mouth > 0:
                 break
             moved.wait(0.02)
-        assert lively.shown().mouth > 0
-        assert lively.shown().mood is Mood.HAPPY
+        assert lively.content().mouth > 0
+        assert lively.content().mood is Mood.HAPPY
         lively.close()
         lively.close()
     assert not lively.health().online
@@ -88,8 +88,8 @@ def test_a_robot_without_a_voice_has_no_thread_for_its_mouth(monkeypatch: pytest
         pytest.fail("a thread for a mouth that nothing moves")
 
     monkeypatch.setattr("missions.assembly.face.Thread", started)
-    bench, told = Bench(), list[str]()
-    lively = LivelyScreen(PageScreen(bench.clock), None, bench.clock, lambda notice: told.append(notice.what))
+    bench, told = LeafTestBench(), list[str]()
+    lively = TalkingScreen(PageScreen(bench.clock), None, bench.clock, lambda notice: told.append(notice.message))
     for _ in range(2):  # opened again after it was closed
         lively.open()
         lively.open()

@@ -21,11 +21,11 @@ import numpy as np
 import pytest
 
 from config.defaults import config_folder, load_defaults
-from config.library import find
+from config.library import find_file
 from config.robot import RobotConfig
 from drivers.api import HeadPose
 from drivers.arduino import wire as rosserial
-from drivers.arduino.virtual import FIRST, VirtualRodney
+from drivers.arduino.virtual import FIRST_SKETCH_ANGLES, VirtualRodney
 from drivers.clock import SystemClock
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.servos import wire
@@ -33,14 +33,14 @@ from drivers.servos.declared import DynamixelKeys
 from drivers.servos.feetech import FeetechKeys
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
-from drivers.servos.wire import Instruction
-from drivers.sim.body import Body
+from drivers.servos.wire import Protocol1Instruction
+from drivers.sim.body import BaseBody
 from drivers.transport import guardian_wire as lines
-from drivers.virtual.terminal import Terminal, WireDevice
+from drivers.virtual.terminal import PseudoTerminal, WireDevice
 from drivers.waveshare.virtual import VirtualWaveshare
-from missions.library.drivers import GROUP, load_robot
+from missions.library.drivers import ENTRY_POINT_GROUP, load_robot
 from missions.plugins.setup.robot.dialogue import Dialogue
-from missions.plugins.setup.robot.new import dialogue, new
+from missions.plugins.setup.robot.new import new, run_dialogue
 from tests.drivers.desks import RecordedMachine
 from tests.drivers.sockets import Sockets
 from tests.missions.command import command
@@ -95,21 +95,21 @@ class Workbench:
         self._patch.setattr(device, "feed", logged)
         by_id, behind = f"usb-{serial}" if serial else "", ""
         if self._sockets is None:
-            terminal = self._stack.enter_context(closing(Terminal(name, device, SystemClock())))
+            terminal = self._stack.enter_context(closing(PseudoTerminal(name, device, SystemClock())))
             terminal.open()
             behind = terminal.path
         port = self.desk.port(name, ids, serial=serial, by_id=by_id, behind=behind)
         if self._sockets is not None:
-            self._sockets.devices[str(self.desk.machine.at(port))] = device
+            self._sockets.devices[str(self.desk.machine.local_path(port))] = device
 
     def session(self, person: Person, *, yes: bool = False) -> None:
         self._patch.setattr(click, "prompt", person)
         with click.Context(new):
-            dialogue(Dialogue(self.kept, yes=yes), self.desk.machine, None, patience=PATIENCE)
+            run_dialogue(Dialogue(self.kept, yes=yes), self.desk.machine, None, extra_timeout=PATIENCE)
 
     def instructions(self, name: str) -> set[int]:
         """Return the instructions in frames of protocol 1.0, as Feetech's are too, that a port was sent."""
-        return {packet.code for packet in wire.Parser().feed(b"".join(self.written[name]))}
+        return {packet.code for packet in wire.PacketParser().feed(b"".join(self.written[name]))}
 
 
 @pytest.fixture
@@ -126,7 +126,7 @@ def running(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Workben
 
 
 def plug_turtlebot(bench: Workbench) -> VirtualRodney:
-    nano = VirtualRodney(starts=FIRST)
+    nano = VirtualRodney(start_angles=FIRST_SKETCH_ANGLES)
     bench.plug("ttyUSB0", VirtualKobuki(), "0403:6001", "kobuki_7")
     bench.plug("ttyUSB1", VirtualServoBus([VirtualServo(number) for number in range(1, 11)]), "0403:6014", "FT7")
     bench.plug("ttyUSB2", nano, "1a86:7523")
@@ -139,7 +139,7 @@ def plug_so101(bench: Workbench) -> VirtualServoBus:
     return chain
 
 
-READS = {Instruction.PING, Instruction.READ}
+READS = {Protocol1Instruction.PING, Protocol1Instruction.READ}
 ROSIE = {"what is the robot called": "rosie", "ask /dev/ttyUSB2": "y"}
 ADA = {"what is the robot called": "ada"}
 
@@ -153,7 +153,7 @@ def test_a_turtlebot_with_head_and_arm_greets_after_few_answers(
     told = capsys.readouterr().out
     assert len(person.asked) < MOST
     assert "which of these is it like? its names, limits and figures are taken over (turtlebot2_arm)" in person.asked
-    config = load_robot(find("robots", "rosie"))
+    config = load_robot(find_file("robots", "rosie"))
     assert config.parts == {"base", "head", "arm", "camera", "microphone", "voice", "screen"}
     assert load_defaults().robot == "rosie"
     text = (config_folder() / "robots/rosie.yaml").read_text()
@@ -168,7 +168,7 @@ def test_a_turtlebot_with_head_and_arm_greets_after_few_answers(
     assert bench.written["ttyUSB0"] == []
     assert bench.instructions("ttyUSB1") == READS
     assert nano.commands == []
-    assert set(bench.written["ttyUSB2"]) == {rosserial.PROBE, lines.ASK}
+    assert set(bench.written["ttyUSB2"]) == {rosserial.PROBE, lines.REPORT_REQUEST}
     ran = command(capsys, "run", "greet", "--simulate", "fast", "--eyes", "truth")
     assert ran.code == 0, ran.err
 
@@ -180,7 +180,7 @@ def test_an_so101_waves_after_few_answers(bench: Workbench, capsys: pytest.Captu
     assert len(person.asked) < MOST
     assert "next:" in (told := capsys.readouterr().out)
     assert "mission run wave --param gesture=arm_wave --robot ada --simulate" in told
-    arm = load_robot(find("robots", "ada")).keys(DynamixelKeys)
+    arm = load_robot(find_file("robots", "ada")).keys(DynamixelKeys)
     assert arm is not None
     assert [joint.id for joint in arm.joints.values()] == [1, 2, 3, 4, 5, 6]
     assert arm.port == "/dev/serial/by-id/usb-5A7A01"
@@ -218,7 +218,7 @@ def test_the_calibration_of_lerobot_is_offered_and_taken_with_its_names(
     bench.session(person)
     assert any(f"({file}): shall its calibration be used?" in asked for asked in person.asked)
     assert not any("find the limits" in asked for asked in person.asked)
-    arm = load_robot(find("robots", "ada")).keys(FeetechKeys)
+    arm = load_robot(find_file("robots", "ada")).keys(FeetechKeys)
     assert arm is not None
     assert arm.calibration == str(file)
     assert {name: joint.id for name, joint in arm.servos.items()} == {name: it["id"] for name, it in MINE.items()}
@@ -230,9 +230,9 @@ def test_a_calibration_without_its_file_leaves_its_limits(bench: Workbench, caps
     calibrate_so101(bench)
     bench.session(Person({**ADA, r"like\?": "so101"}))
     assert "were calibrated by another program" in capsys.readouterr().out
-    arm = load_robot(find("robots", "ada")).keys(FeetechKeys)
+    arm = load_robot(find_file("robots", "ada")).keys(FeetechKeys)
     assert arm is not None
-    low, high = (arm.joints["gripper"].kind.ticks(end) for end in arm.joints["gripper"].ends)
+    low, high = (arm.joints["gripper"].servo_model.ticks(end) for end in arm.joints["gripper"].angle_limits)
     assert (low, high) == (900, 3006)
 
 
@@ -243,9 +243,9 @@ def test_a_car_that_is_not_plugged_in_is_made_like_a_known_one(
     person = Person({"called": "beep", r"like\?": model})
     bench.session(person)
     assert len(person.asked) < MOST
-    config = load_robot(find("robots", "beep"))
+    config = load_robot(find_file("robots", "beep"))
     assert {kind: section.driver.name for kind, section in config.sections.items()} == {
-        kind: section.driver.name for kind, section in load_robot(find("robots", model)).sections.items()
+        kind: section.driver.name for kind, section in load_robot(find_file("robots", model)).sections.items()
     }
     greeting = {"pi_car": "greet", "wave_rover": "square_3m"}[model]
     assert f"mission run {greeting} --robot beep --simulate" in capsys.readouterr().out
@@ -259,7 +259,7 @@ def test_an_arm_like_no_other_has_its_joints_named_one_by_one(bench: Workbench) 
     bench.plug("ttyUSB0", VirtualServoBus([VirtualServo(4, model="MX-28"), VirtualServo(7)]), "0403:6014", "FT7")
     person = Person({"called": "kit", r"like\?": "none", "servo 4": "hip", "servo 7": "knee"})
     bench.session(person)
-    arm = load_robot(find("robots", "kit")).keys(DynamixelKeys)
+    arm = load_robot(find_file("robots", "kit")).keys(DynamixelKeys)
     assert arm is not None
     assert {name: (joint.id, joint.model) for name, joint in arm.joints.items()} == {
         "hip": (4, "MX-28"),
@@ -290,7 +290,7 @@ def test_left_after_each_answer_it_goes_on_where_it_was(bench: Workbench, robot:
     if robot == "pi_car":
         assert load_defaults().robot == "", "none of it is plugged in"
     else:
-        assert find("robots", "mine").is_file()
+        assert find_file("robots", "mine").is_file()
     assert all(bench.instructions(name) <= READS for name in bench.written if name in {"ttyUSB1", "ttyACM0"})
 
 
@@ -299,7 +299,7 @@ def test_all_defaults_move_nothing_and_leave_an_arduino_alone(bench: Workbench) 
     person = Person()
     bench.session(person, yes=True)
     assert person.asked == []
-    assert find("robots", "my_robot").is_file()
+    assert find_file("robots", "my_robot").is_file()
     assert load_defaults().robot == "", "this computer's robot stays as it was"
     assert nano.commands == []
     assert bench.written["ttyUSB2"] == []
@@ -315,7 +315,7 @@ def test_where_two_robots_fit_the_user_says_which(bench: Workbench, capsys: pyte
     told = capsys.readouterr().out
     assert "so101: SO-101 follower arm, six Feetech STS3215; the computer's voice. (its arm holds its position)" in told
     assert "(its arm goes limp at the end)" in told
-    arm = load_robot(find("robots", "ada")).keys(DynamixelKeys)
+    arm = load_robot(find_file("robots", "ada")).keys(DynamixelKeys)
     assert arm is not None
     assert arm.at_end == "relax"
 
@@ -323,7 +323,7 @@ def test_where_two_robots_fit_the_user_says_which(bench: Workbench, capsys: pyte
 def test_where_two_robots_fit_all_defaults_take_the_safe_one(bench: Workbench) -> None:
     plug_so101(bench)
     bench.session(Person(), yes=True)
-    arm = load_robot(find("robots", "my_robot")).keys(DynamixelKeys)
+    arm = load_robot(find_file("robots", "my_robot")).keys(DynamixelKeys)
     assert arm is not None
     assert arm.at_end == "hold"
     assert all(joint.torque <= 0.5 for joint in arm.joints.values())
@@ -339,7 +339,7 @@ def test_defaults_that_were_taken_with_yes_are_no_answers_of_the_user(
         raise click.Abort
 
     with monkeypatch.context() as patch:
-        patch.setattr(sys.modules[dialogue.__module__], "write_new", cut)
+        patch.setattr(sys.modules[run_dialogue.__module__], "write_new", cut)
         with pytest.raises(click.Abort):
             bench.session(Person(), yes=True)
     person = Person({**ADA, r"like\?": "so101_leader"})
@@ -348,7 +348,7 @@ def test_defaults_that_were_taken_with_yes_are_no_answers_of_the_user(
         "what is the robot called? (my_robot)",
         "which of these is it like? its names, limits and figures are taken over",
     ]
-    arm = load_robot(find("robots", "ada")).keys(DynamixelKeys)
+    arm = load_robot(find_file("robots", "ada")).keys(DynamixelKeys)
     assert arm is not None
     assert arm.at_end == "relax"
 
@@ -358,7 +358,7 @@ def test_all_defaults_go_on_with_the_robot_that_the_user_has_named(bench: Workbe
     with pytest.raises(click.Abort):
         bench.session(Person({**ADA, r"like\?": "so101_leader"}, stays=2))
     bench.session(Person(), yes=True)
-    arm = load_robot(find("robots", "ada")).keys(DynamixelKeys)
+    arm = load_robot(find_file("robots", "ada")).keys(DynamixelKeys)
     assert arm is not None
     assert arm.at_end == "relax"
 
@@ -367,7 +367,7 @@ def test_servos_of_other_models_are_no_known_arm(bench: Workbench) -> None:
     servos = VirtualServoBus([VirtualServo(number, model="AX-18A") for number in range(1, 11)])
     bench.plug("ttyUSB1", servos, "0403:6014", "FT7")
     bench.session(Person({"called": "strong"}))
-    arm = load_robot(find("robots", "strong")).keys(DynamixelKeys)
+    arm = load_robot(find_file("robots", "strong")).keys(DynamixelKeys)
     assert arm is not None
     assert {joint.model for joint in arm.joints.values()} == {"AX-18A"}
 
@@ -384,7 +384,7 @@ def test_an_unknown_model_is_asked_for_and_never_taken_for_another(bench: Workbe
     person = Person({"called": "kit", "model is servo 2": "XM430-W350", "model is servo 3": "none"})
     bench.session(person)
     assert any("which model is servo 2, which says: number 1125?" in asked for asked in person.asked)
-    arm = load_robot(find("robots", "kit")).keys(DynamixelKeys)
+    arm = load_robot(find_file("robots", "kit")).keys(DynamixelKeys)
     assert arm is not None
     assert {joint.id: joint.model for joint in arm.joints.values()} == {1: "XM430-W350", 2: "XM430-W350"}
 
@@ -392,7 +392,7 @@ def test_an_unknown_model_is_asked_for_and_never_taken_for_another(bench: Workbe
 def test_all_defaults_leave_servos_of_unknown_models_out(bench: Workbench) -> None:
     plug_strangers(bench)
     bench.session(Person(), yes=True)
-    arm = load_robot(find("robots", "my_robot")).keys(DynamixelKeys)
+    arm = load_robot(find_file("robots", "my_robot")).keys(DynamixelKeys)
     assert arm is not None
     assert {joint.id: joint.model for joint in arm.joints.values()} == {1: "XM430-W350"}
 
@@ -416,7 +416,7 @@ def test_two_servos_of_one_id_get_new_ones_each_after_a_yes_of_its_own(bench: Wo
     bench.session(person)
     assert (one.number, other.number) == (1, 2)
     assert [each for each in person.asked if "EEPROM?" in each] == ["  AX-12A: write id 1 -> 2 into the EEPROM? [y/N]"]
-    arm = load_robot(find("robots", "kit")).keys(DynamixelKeys)
+    arm = load_robot(find_file("robots", "kit")).keys(DynamixelKeys)
     assert arm is not None
     assert [joint.id for joint in arm.joints.values()] == [1, 2]
 
@@ -440,11 +440,11 @@ def test_limits_are_those_to_which_a_limp_joint_was_turned(bench: Workbench, mon
             servo.turn_by_hand(angle)
             look()
 
-    monkeypatch.setattr(Dialogue, "watch", turned)
+    monkeypatch.setattr(Dialogue, "watch_until_enter", turned)
     bench.session(Person({"called": "kit", r"like\?": "none", "find the limits": "y"}))
-    arm = load_robot(find("robots", "kit")).keys(DynamixelKeys)
+    arm = load_robot(find_file("robots", "kit")).keys(DynamixelKeys)
     assert arm is not None
-    lower, upper = (degrees(end) for end in arm.joints["joint1"].ends)
+    lower, upper = (degrees(end) for end in arm.joints["joint1"].angle_limits)
     assert lower == pytest.approx(-28.6 + 2, abs=0.5)
     assert upper == pytest.approx(51.6 - 2, abs=0.5)
 
@@ -454,7 +454,7 @@ def test_a_head_that_turns_the_other_way_is_flipped_and_put_straight(running: Wo
     nano = plug_turtlebot(running)
     person = Person({**ROSIE, "may the head move": "y", "did it turn to ITS left": "n", "askew in tilt": "3"})
     running.session(person)
-    head = load_robot(find("robots", "rosie")).head
+    head = load_robot(find_file("robots", "rosie")).head
     assert head is not None
     text = (config_folder() / "robots/rosie.yaml").read_text()
     assert re.search(r"pan: \{servo: 0, .*flip: true\}", text)
@@ -462,7 +462,7 @@ def test_a_head_that_turns_the_other_way_is_flipped_and_put_straight(running: Wo
     moved = {index for index, _ in nano.commands}
     assert moved == {0, 1}
     assert all(80 <= angle <= 100 + 20 * index for index, angle in nano.commands)  # its sketch starts tilt at 120
-    assert nano.widest <= 10
+    assert nano.max_step <= 10
 
 
 @pytest.mark.parametrize(("grey", "told"), [(0, "the pictures are black"), (128, "all of one colour")])
@@ -487,7 +487,7 @@ def test_a_name_that_is_taken_is_asked_for_again(bench: Workbench, capsys: pytes
     out = capsys.readouterr().out
     assert "turtlebot2 ships with MissionTree: give yours another name" in out
     assert "'two words' is no name" in out
-    assert find("robots", "kit").is_file()
+    assert find_file("robots", "kit").is_file()
 
 
 def test_the_command_keeps_the_answers_when_it_is_left(
@@ -502,7 +502,7 @@ def test_the_command_keeps_the_answers_when_it_is_left(
     done = command(capsys, "robot", "new", "--root", root)
     assert done.code == 0
     assert "what is the robot called?: kit  (answered before)" in done.out
-    assert find("robots", "kit").is_file()
+    assert find_file("robots", "kit").is_file()
 
 
 @pytest.mark.parametrize("held", [{"a": 1}, "../../kit", "k" * 100_000, "two words"])
@@ -510,14 +510,14 @@ def test_a_name_that_was_kept_is_looked_at_again(bench: Workbench, held: object)
     bench.kept.parent.mkdir(parents=True, exist_ok=True)
     bench.kept.write_text(json.dumps({"name": held}))
     bench.session(Person({"called": "kit"}))
-    assert find("robots", "kit").is_file()
+    assert find_file("robots", "kit").is_file()
 
 
 @pytest.mark.parametrize("held", ["null", "[1]", "3", "[" * 100_000])
 def test_answers_that_are_none_are_as_if_nothing_had_been_answered(tmp_path: Path, held: str) -> None:
     kept = tmp_path / "robot_new.json"
     kept.write_text(held)
-    assert not Dialogue(kept).begun
+    assert not Dialogue(kept).has_answers
 
 
 def test_a_head_on_i2c_that_turns_the_other_way_is_flipped_and_put_straight(
@@ -530,28 +530,28 @@ def test_a_head_on_i2c_that_turns_the_other_way_is_flipped_and_put_straight(
         assert (config.name, ports, head) == ("beep", {}, "head")
         yield SimpleNamespace(look=looked.append)
 
-    monkeypatch.setattr("missions.plugins.setup.robot.trying.opened_head", opened_head)
+    monkeypatch.setattr("missions.plugins.setup.robot.trying.open_head", opened_head)
     answers = {"called": "beep", r"like\?": "pi_car", "may the head move": "y"}
     bench.session(Person({**answers, "did it turn to ITS left": "n", "askew in pan": "3"}))
     assert not looked  # there is no such bus on this machine
     (config_folder() / "robots/beep.yaml").unlink()
-    bus = bench.desk.machine.at("/dev/i2c-1")
+    bus = bench.desk.machine.local_path("/dev/i2c-1")
     bus.parent.mkdir(parents=True, exist_ok=True)
     bus.touch()
     bench.session(Person({**answers, "did it turn to ITS left": "n", "askew in pan": "3"}))
     assert len(looked) == 5
-    pan = load_robot(find("robots", "beep")).sections["head"].keys.pan
+    pan = load_robot(find_file("robots", "beep")).sections["head"].keys.pan
     assert (pan.flip, round(degrees(pan.trim))) == (True, 3)
 
 
 def test_of_two_bases_that_answer_one_is_chosen(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
     bench.plug("ttyUSB0", VirtualKobuki(), "0403:6001", "kobuki_7")
-    bench.plug("ttyUSB1", VirtualWaveshare(Body(), track=0.17, unit=1.0, encoders=False), "10c4:ea60", "rover_1")
+    bench.plug("ttyUSB1", VirtualWaveshare(BaseBody(), track=0.17, unit=1.0, encoders=False), "10c4:ea60", "rover_1")
     person = Person(
         {"robot called": "kit", r"like\?": "none", "which is it": "waveshare at /dev/serial/by-id/usb-rover_1"}
     )
     bench.session(person)
-    config = load_robot(find("robots", "kit"))
+    config = load_robot(find_file("robots", "kit"))
     assert config.sections["base"].driver.name == "waveshare"
     assert config.sections["base"].keys.port == "/dev/serial/by-id/usb-rover_1"
     out = capsys.readouterr().out
@@ -561,14 +561,14 @@ def test_of_two_bases_that_answer_one_is_chosen(bench: Workbench, capsys: pytest
 
 @pytest.mark.real_time
 def test_one_more_head_gets_a_name_of_its_own_and_is_tried_by_it(running: Workbench) -> None:
-    nano, mast = VirtualRodney(starts=FIRST), VirtualRodney(starts=FIRST)
+    nano, mast = VirtualRodney(start_angles=FIRST_SKETCH_ANGLES), VirtualRodney(start_angles=FIRST_SKETCH_ANGLES)
     running.plug("ttyUSB0", nano, "1a86:7523", "one")
     running.plug("ttyUSB1", mast, "1a86:7523", "two")
     servos = {"pan servo": "0", "tilt servo": "1"}
     names = {"one more head": "lidar_mast", "ask /dev": "y"}
     tried = {"may the lidar_mast move": "y", "did it turn to ITS left": "n"}
     running.session(Person({"robot called": "kit", r"like\?": "none", **names, **servos, **tried}))
-    config = load_robot(find("robots", "kit"))
+    config = load_robot(find_file("robots", "kit"))
     assert config.sections["head"].keys.port == "/dev/serial/by-id/usb-one"
     assert config.sections["lidar_mast"].driver.kind == "head"
     assert config.sections["lidar_mast"].keys.port == "/dev/serial/by-id/usb-two"
@@ -586,8 +586,8 @@ def test_one_more_arm_gets_a_name_of_its_own_and_its_own_joints(bench: Workbench
     bench.session(
         Person({**ADA, r"like\?": "so101", "which is it": "feetech at /dev/serial/by-id/usb-5A7A01", **names})
     )
-    config = load_robot(find("robots", "ada"))
-    assert config.others == {"right_arm": "arm"}
+    config = load_robot(find_file("robots", "ada"))
+    assert config.extra_parts == {"right_arm": "arm"}
     keys = config.sections["right_arm"].keys
     assert {name: joint.id for name, joint in keys.joints.items()} == {"lift": 1, "grip": 2}
     assert keys.port == "/dev/serial/by-id/usb-5A7A02"
@@ -603,7 +603,7 @@ def test_what_does_not_answer_is_named_by_its_driver(bench: Workbench, capsys: p
          r"head\.pan servo": "0", r"head\.tilt servo": "1", r"mast\.pan servo": "2", r"mast\.tilt servo": "3"}
     )  # fmt: skip
     bench.session(person)
-    config = load_robot(find("robots", "kit"))
+    config = load_robot(find_file("robots", "kit"))
     drivers = {part: section.driver.name for part, section in config.sections.items()}
     assert drivers == {"head": "arduino", "lidar_mast": "arduino_second", "voice": "print"}
     assert "  voice: voice.auto, voice.espeak," in capsys.readouterr().out
@@ -614,10 +614,12 @@ def test_a_driver_of_another_distribution_is_offered(
 ) -> None:
     monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "sample_distribution"))
     points = [
-        EntryPoint("base.rover", "sample_robot.declared:ROVER", GROUP),
-        EntryPoint("head.lame", "sample_robot.nowhere:LAME", GROUP),
+        EntryPoint("base.rover", "sample_robot.declared:ROVER", ENTRY_POINT_GROUP),
+        EntryPoint("head.lame", "sample_robot.nowhere:LAME", ENTRY_POINT_GROUP),
     ]
-    monkeypatch.setattr("missions.library.drivers.offered", lambda group: points if group == GROUP else [])
+    monkeypatch.setattr(
+        "missions.library.drivers.entry_points_of", lambda group: points if group == ENTRY_POINT_GROUP else []
+    )
 
     class Slow(Person):
         def __call__(self, question: str, **told: object) -> str:
@@ -627,7 +629,7 @@ def test_a_driver_of_another_distribution_is_offered(
 
     person = Slow({"robot called": "kit", r"like\?": "none", "base port": "/dev/ttyUSB7", "base other": "n"})
     bench.session(person)
-    config = load_robot(find("robots", "kit"))
+    config = load_robot(find_file("robots", "kit"))
     assert config.sections["base"].driver.name == "rover"
     out = capsys.readouterr().out
     assert re.search("^  base: base.kobuki, .*, base.rover$", out, re.MULTILINE)
@@ -637,7 +639,7 @@ def test_a_driver_of_another_distribution_is_offered(
 def test_a_neck_without_an_arm_is_left_out(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
     answers = {"robot called": "kit", r"like\?": "none", "what else": "head.dynamixel", "joint": "neck"}
     bench.session(Person(answers, stays=MOST))
-    assert load_robot(find("robots", "kit")).parts == {"voice"}
+    assert load_robot(find_file("robots", "kit")).parts == {"voice"}
     assert "this robot has no arm" in capsys.readouterr().out
 
 
@@ -647,10 +649,10 @@ def test_answers_that_cannot_be_kept_are_said_to_be_lost_once(
     (tmp_path / "state").touch()  # no folder, so that nothing can be written in it
     talk = Dialogue(tmp_path / "state" / "robot_new.json")
     for key in ("name", "like"):
-        talk.keep(key, "kit")
-    assert not talk.kept
+        talk.save_answer(key, "kit")
+    assert not talk.is_saved
     assert capsys.readouterr().out.count("answers cannot be kept") == 1
     (tmp_path / "state").unlink()
-    talk.keep("base", "none")
-    assert talk.kept
+    talk.save_answer("base", "none")
+    assert talk.is_saved
     assert Dialogue(tmp_path / "state" / "robot_new.json").knows("name")  # type: ignore[unreachable]

@@ -14,14 +14,14 @@ import pytest
 from behaviours.robot import Robot
 from drivers.clock import ManualClock
 from drivers.errors import NotConnected
-from missions.assembly.assembled import Assembled
-from missions.cli.leash import GONE, heeded
+from missions.assembly.assembled import AssembledRobot
+from missions.cli.leash import OUTPUT_CLOSED, watch_outputs
 from missions.executive.events import Event, Logged
 from missions.executive.state import state_of
-from missions.executive.stream import Stream
+from missions.executive.stream import EventStream
 from missions.language.expressions import parse
 from missions.library.shipped import load_mission
-from missions.plugins.testing.recorders import HOLD, RELAX, STOP, Bench, good, stale
+from missions.plugins.testing.recorders import HOLD, RELAX, STOP, LeafTestBench, good, stale
 from missions.request import RunRequest
 from missions.runner import Runner
 from tests.missions.command import Process, command
@@ -38,11 +38,11 @@ def test_a_listener_that_raises_even_to_leave_the_process_is_told_no_more_and_na
     def leaver(event: Event) -> None:
         raise SystemExit(f"no terminal for {event.t}")
 
-    stream = Stream([leaver, heard.append])
+    stream = EventStream([leaver, heard.append])
     stream.emit(event())
     stream.emit(event())
     assert len(heard) == 2
-    assert stream.lost == ["function: no terminal for 0.0"]
+    assert stream.failed_listeners == ["function: no terminal for 0.0"]
 
 
 def test_a_listener_that_hangs_holds_nobody_up() -> None:
@@ -52,7 +52,7 @@ def test_a_listener_that_hangs_holds_nobody_up() -> None:
         ready.set()
         stuck.wait(10.0)
 
-    stream = Stream([hang])
+    stream = EventStream([hang])
     stream.open()
     stream.emit(event())
     assert ready.wait(5.0)
@@ -60,12 +60,12 @@ def test_a_listener_that_hangs_holds_nobody_up() -> None:
         stream.emit(event())  # returns at once, or this test would take for ever
     stuck.set()
     stream.close()
-    assert stream.lost == []
+    assert stream.failed_listeners == []
 
 
 def test_events_come_in_order_and_whole_before_the_stream_has_closed() -> None:
     heard: list[Event] = []
-    stream = Stream([heard.append])
+    stream = EventStream([heard.append])
     stream.open()
     for number in range(500):
         stream.emit(event(str(number)))
@@ -93,7 +93,7 @@ def test_a_mission_ends_at_rest_when_nobody_reads_what_it_prints(options: list[s
         assert b"Traceback" not in told
         assert b"not all events" not in told
     *_, last = map(json.loads, (tmp_path / "e.jsonl").read_text().splitlines())
-    assert (last["result"], last["reason"]) == ("interrupted", GONE)
+    assert (last["result"], last["reason"]) == ("interrupted", OUTPUT_CLOSED)
 
 
 def test_events_that_nobody_reads_any_more_end_it_too(tmp_path: Path) -> None:
@@ -109,12 +109,12 @@ def test_only_pipes_are_ever_left(tmp_path: Path) -> None:
     told: list[str] = []
     reader, writer = os.pipe()
     with (tmp_path / "file").open("w") as file, Path(os.devnull).open("w") as null, os.fdopen(writer, "w") as pipe:
-        with heeded((file, null, pipe), told.append):
+        with watch_outputs((file, null, pipe), told.append):
             pass
         assert told == [], "it ended before anybody went"
-        with heeded((file, null, pipe), told.append):
+        with watch_outputs((file, null, pipe), told.append):
             os.close(reader)
-            wait_until(lambda: told == [GONE])
+            wait_until(lambda: told == [OUTPUT_CLOSED])
 
 
 def test_a_full_disk_costs_events_and_is_told(
@@ -181,9 +181,9 @@ def test_the_other_keys_that_people_press_in_a_panic_stop_it_too(number: int, wo
 
 
 def test_settling_makes_the_arm_hold_and_does_not_drop_it() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     robot = Robot(bench.base, bench.head, bench.arm, bench.voice, bench.sight)
-    assembled = Assembled("r", robot, {"base": bench.base, "head": bench.head, "arm": bench.arm})
+    assembled = AssembledRobot("r", robot, {"base": bench.base, "head": bench.head, "arm": bench.arm})
     assembled.safe_stop(frozenset({"base", "arm"}))
     assert bench.base.commands == [STOP]
     assert bench.arm.commands == [HOLD]
@@ -192,19 +192,19 @@ def test_settling_makes_the_arm_hold_and_does_not_drop_it() -> None:
 
 
 def test_one_part_that_cannot_be_settled_does_not_keep_the_others_from_it() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
 
     def broken() -> None:
         raise RuntimeError("no")
 
     bench.base.stop = broken  # type: ignore[method-assign,assignment]
     robot = Robot(bench.base, bench.head, bench.arm, bench.voice, bench.sight)
-    Assembled("r", robot, {}).safe_stop(frozenset({"base", "arm"}))
+    AssembledRobot("r", robot, {}).safe_stop(frozenset({"base", "arm"}))
     assert bench.arm.commands == [HOLD]
 
 
 def test_an_expression_trusts_no_stale_reading() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     state = state_of(bench.robot, ManualClock())
     reading = bench.base.reading.value
     assert reading is not None

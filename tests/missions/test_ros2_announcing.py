@@ -12,20 +12,20 @@ from typing import Any, cast
 
 import pytest
 
-from drivers.clock import SystemClock, since_1970
-from drivers.ros2.actions import ActionServer, Goal
+from drivers.clock import SystemClock, unix_time_ns
+from drivers.ros2.actions import ActionGoal, ActionServer
 from drivers.ros2.declared import ZenohKeys
-from drivers.ros2.node import Node
-from drivers.ros2.session import Access, open_session
+from drivers.ros2.node import Ros2Node
+from drivers.ros2.session import ZenohAccess, open_session
 from drivers.ros2.types import types
-from drivers.ros2.virtual import Ros2Terminal, Served, free_address
+from drivers.ros2.virtual import Ros2Terminal, RouterSettings, free_address
 from missions.executive.events import Ended, Event, NodeChanged, Started, Ticked, VariableSet
-from missions.executive.telling import percept_of
-from missions.library.drivers import robot_named
+from missions.executive.telling import percept_event
+from missions.library.drivers import load_named_robot
 from missions.plugins.ros2 import offering
-from missions.plugins.ros2.announcing import DETECTIONS, STRING, Announcer, announcer_of, detections
-from missions.plugins.ros2.command import options_of_runs
-from missions.plugins.ros2.offering import RUN_MISSION, MissionServer, _params
+from missions.plugins.ros2.announcing import DETECTION_ARRAY, STRING, RunPublisher, detections, make_run_publisher
+from missions.plugins.ros2.command import run_arguments
+from missions.plugins.ros2.offering import RUN_MISSION, MissionServer, _parse_params
 from perception.api import Box, Face, Marker, Thing, View
 from perception.geometry import Pinhole
 from tests.waiting import wait_until
@@ -40,16 +40,16 @@ MISSIONS = {
 
 @pytest.fixture
 def router() -> Iterator[Ros2Terminal]:
-    router = Ros2Terminal(Served(0, "", free_address()), SystemClock())
+    router = Ros2Terminal(RouterSettings(0, "", free_address()), SystemClock())
     router.open()
     yield router
     router.close()
 
 
 @pytest.fixture
-def node(router: Ros2Terminal) -> Iterator[Node]:
-    session = open_session("test", Access((router.path,)))
-    node = Node(session, SystemClock(), name="rviz")
+def node(router: Ros2Terminal) -> Iterator[Ros2Node]:
+    session = open_session("test", ZenohAccess((router.path,)))
+    node = Ros2Node(session, SystemClock(), name="rviz")
     yield node
     node.close()
     session.close()  # type: ignore[no-untyped-call]
@@ -66,7 +66,7 @@ def pixels_of(message: Any) -> tuple[float, float, float, float]:
 
 def percept(box: Box, away: float) -> tuple[int, float, Box, float, float, float, float, float, float, float]:
     """The figures of a percept in a picture that was taken at 0.2 s."""
-    bearing, drop = CAMERA.angles(*box.centre)
+    bearing, drop = CAMERA.pixel_to_angles(*box.centre)
     return 7, 0.2, box, bearing, drop, bearing, drop, 0.0, 0.0, away
 
 
@@ -77,33 +77,33 @@ RUN: tuple[Event, ...] = (
     VariableSet(0.1, 1, "", "people", 2),
     NodeChanged(0.2, 1, "1.1", "look", "look", 4, "running", "3 s to go"),
     Ticked(0.25, 1, "running"),
-    percept_of(View(0.2, (ANNA,)), 0.3),
+    percept_event(View(0.2, (ANNA,)), 0.3),
     NodeChanged(0.4, 2, "1.1", "look", "look", 4, "success", ""),
     Ended(0.5, "greet", "success", "", 0.5, 2),
 )
 
 
 @pytest.mark.real_time
-def test_a_run_is_told_as_topics_also_to_who_comes_later(router: Ros2Terminal, node: Node) -> None:
+def test_a_run_is_told_as_topics_also_to_who_comes_later(router: Ros2Terminal, node: Ros2Node) -> None:
     heard: dict[str, list[Any]] = {}
 
     def hear(name: str, kind: str) -> None:
         def took(_: str, payload: bytes) -> None:
-            heard.setdefault(name, []).append(types().values(types().decode(kind, payload)))
+            heard.setdefault(name, []).append(types().to_plain(types().decode(kind, payload)))
 
         node.subscribe(name, [kind], took)
 
     for name in ("/mission/events", "/mission/tree", "/mission/variables"):
         hear(name, STRING)
-    hear("/mission/detections", DETECTIONS)
-    announcer = Announcer(Access((router.path,)), 0)
+    hear("/mission/detections", DETECTION_ARRAY)
+    announcer = RunPublisher(ZenohAccess((router.path,)), 0)
     announcer.open()
 
     clock, sent_at = SystemClock(), list[float]()
 
     def found() -> bool:
-        if not sent_at or clock.now() - sent_at[-1] > 0.25:
-            sent_at.append(clock.now())
+        if not sent_at or clock.read_value() - sent_at[-1] > 0.25:
+            sent_at.append(clock.read_value())
             for event in (RUN[1], RUN[4]):  # the first are lost: nobody knew yet who listens
                 announcer(event)
         return {"/mission/detections", "/mission/events", "/mission/tree", "/mission/variables"} <= heard.keys()
@@ -123,18 +123,18 @@ def test_a_run_is_told_as_topics_also_to_who_comes_later(router: Ros2Terminal, n
     (seen,) = heard["/mission/detections"][-1]["detections"]
     assert (seen["id"], seen["results"][0]["hypothesis"]["class_id"]) == ("7", "face:Anna")
     assert seen["results"][0]["pose"]["pose"]["position"]["x"] < 0
-    assert 0 <= since_1970() / 1e9 - seen["header"]["stamp"]["sec"] < 60
+    assert 0 <= unix_time_ns() / 1e9 - seen["header"]["stamp"]["sec"] < 60
 
 
-def test_of_many_events_at_once_none_is_lost(router: Ros2Terminal, node: Node) -> None:
+def test_of_many_events_at_once_none_is_lost(router: Ros2Terminal, node: Ros2Node) -> None:
     heard = list[int]()
 
     def took(_: str, payload: bytes) -> None:
-        told = json.loads(types().values(types().decode(STRING, payload))["data"])
+        told = json.loads(types().to_plain(types().decode(STRING, payload))["data"])
         heard.append(told["tick"])
 
     node.subscribe("/mission/events", [STRING], took)
-    announcer = Announcer(Access((router.path,)), 0)
+    announcer = RunPublisher(ZenohAccess((router.path,)), 0)
     announcer.open()
 
     def found() -> bool:
@@ -150,7 +150,7 @@ def test_of_many_events_at_once_none_is_lost(router: Ros2Terminal, node: Node) -
 
 
 def test_without_a_router_a_run_goes_on_and_ends_at_once() -> None:
-    announcer = Announcer(Access((free_address(),)), 0)
+    announcer = RunPublisher(ZenohAccess((free_address(),)), 0)
     announcer.open()
     for event in RUN:
         announcer(event)
@@ -160,8 +160,10 @@ def test_without_a_router_a_run_goes_on_and_ends_at_once() -> None:
 def test_what_is_seen_is_a_box_in_pixels_a_place_in_the_optical_frame_and_a_time() -> None:
     ball = Thing(*percept(Box(400, 300, 30, 20), nan), name="", colour="red", shape="ball")
     robot = Marker(*percept(Box(310, 230, 20, 20), 1.5), number=12, name="", heading=0.1)
-    event = percept_of(View(0.25, (ANNA,), (ball,), (robot,)), 0.3)
-    told = types().decode(DETECTIONS, types().encode(DETECTIONS, detections(event, 1_700_000_000_050_000_000)))
+    event = percept_event(View(0.25, (ANNA,), (ball,), (robot,)), 0.3)
+    told = types().decode(
+        DETECTION_ARRAY, types().encode(DETECTION_ARRAY, detections(event, 1_700_000_000_050_000_000))
+    )
     assert (told.header.stamp.sec, told.header.stamp.nanosec) == (1_700_000_000, 0)
     assert told.header.frame_id == "camera_optical_frame"
     face, thing, marker = told.detections
@@ -184,7 +186,7 @@ def test_what_is_seen_is_a_box_in_pixels_a_place_in_the_optical_frame_and_a_time
 @pytest.mark.real_time
 @pytest.mark.skipif(find_spec("zenoh_ros2_sdk") is None, reason="zenoh_ros2_sdk is not installed: `make test` does")
 def test_a_node_of_ros_starts_missions_hears_of_them_and_cancels_them(
-    router: Ros2Terminal, node: Node, tmp_path: Path
+    router: Ros2Terminal, node: Ros2Node, tmp_path: Path
 ) -> None:
     files = {}
     for name, text in MISSIONS.items():
@@ -192,7 +194,9 @@ def test_a_node_of_ros_starts_missions_hears_of_them_and_cancels_them(
         Path(files[name]).write_text(text)
     robot = tmp_path / "bare.yaml"
     robot.write_text("robot: bare\nvoice: {driver: print}\n")
-    server = MissionServer(node, ["--simulate", "wire", "--robot", str(robot)], knows=set(files.values()).__contains__)
+    server = MissionServer(
+        node, ["--simulate", "wire", "--robot", str(robot)], is_known=set(files.values()).__contains__
+    )
     digest = types().digest(f"{RUN_MISSION}_FeedbackMessage")
     order = [files["short"], files["long"] + "!", "--help"]
     command = [sys.executable, str(CLIENT), router.path.split(":")[-1], digest, *order]
@@ -219,35 +223,35 @@ class _Silent:
 def test_a_path_and_params_that_are_none_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "short.yaml"
     path.write_text(MISSIONS["short"])
-    server = MissionServer(cast(Node, _Silent()), ["--simulate", "nonsense"])
+    server = MissionServer(cast(Ros2Node, _Silent()), ["--simulate", "nonsense"])
     deep, escape = "[" * 100_000, json.dumps({"who": "\x1b[2J"})
     for name, params in ((str(path), ""), ("../x", ""), ("greet", deep), ("greet", escape), ("--help", "")):
         values = SimpleNamespace(mission=name, parameters=params)
-        assert not server._begin(Goal(cast(ActionServer, None), [], values))
+        assert not server._begin(ActionGoal(cast(ActionServer, None), [], values))
 
 
 def test_runs_that_nodes_start_are_in_the_domain_of_who_starts_them() -> None:
-    words = options_of_runs("turtlebot4", None, 42, "wire", None)
+    words = run_arguments("turtlebot4", None, 42, "wire", None)
     assert words == ["--robot", "turtlebot4", "--simulate", "wire", "--ros2-domain", "42", "--ros2"]
-    keys = robot_named("turtlebot4", 42).keys(ZenohKeys)
+    keys = load_named_robot("turtlebot4", 42).keys(ZenohKeys)
     assert keys is not None
     assert keys.domain == 42
-    assert announcer_of("turtlebot4", None, 42).domain == 42
-    assert robot_named("turtlebot2", 42).name == "turtlebot2"
+    assert make_run_publisher("turtlebot4", None, 42).domain == 42
+    assert load_named_robot("turtlebot2", 42).name == "turtlebot2"
 
 
 def test_params_of_a_goal_are_words_as_a_mission_has_them() -> None:
-    told = _params('{"loud": true, "who": "Anna", "times": 3, "patience": "5 s", "quiet": false}')
+    told = _parse_params('{"loud": true, "who": "Anna", "times": 3, "patience": "5 s", "quiet": false}')
     assert told == ["loud=true", "who=Anna", "times=3", "patience=5 s", "quiet=false"]
-    assert _params("[1]") is None
+    assert _parse_params("[1]") is None
 
 
 def test_a_cancel_of_a_goal_whose_run_has_ended_does_not_stop_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
     stopped = list[object]()
     monkeypatch.setattr(offering, "_stop", stopped.append)
-    server = MissionServer(cast(Node, _Silent()), [])
+    server = MissionServer(cast(Ros2Node, _Silent()), [])
     values = SimpleNamespace(mission="greet", parameters="")
-    before, now = (Goal(cast(ActionServer, None), [number], values) for number in (1, 2))
+    before, now = (ActionGoal(cast(ActionServer, None), [number], values) for number in (1, 2))
     server._running, server._goal = cast(Any, "the run of now"), now
     server._cancel(before)
     assert stopped == [None]
@@ -256,7 +260,7 @@ def test_a_cancel_of_a_goal_whose_run_has_ended_does_not_stop_the_next(monkeypat
 
 
 def test_a_run_is_told_on_once_the_router_is_back(router: Ros2Terminal) -> None:
-    announcer = Announcer(Access((router.path,)), 0)
+    announcer = RunPublisher(ZenohAccess((router.path,)), 0)
     announcer.open()
 
     def told() -> list[str]:

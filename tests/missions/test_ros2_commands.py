@@ -13,10 +13,10 @@ import pytest
 from drivers.clock import SystemClock
 from drivers.ros2.types import types
 from drivers.ros2.virtual import free_address
-from drivers.ros2.wire import entity
+from drivers.ros2.wire import parse_entity
 from missions.assembly.simulation import Simulation
 from missions.library.drivers import load_robot
-from missions.plugins.ros2.place import Frames, placed
+from missions.plugins.ros2.place import FrameTree, compose
 from tests.missions.command import Outcome, Process, command
 
 Mission = Callable[..., Outcome]
@@ -110,7 +110,7 @@ def test_it_docks_by_the_action_of_the_robot_which_is_rejected_without_a_dock_an
 def test_a_capture_holds_tokens_and_messages_and_no_name_of_a_session(mission: Mission, router: str) -> None:
     assert mission("ros2", "capture", "robot.jsonl", "--seconds", "0.5", "--router", router).code == 0
     lines = [json.loads(line) for line in Path("robot.jsonl").read_text().splitlines()]
-    tokens = [entity(line["token"]) for line in lines if "token" in line]
+    tokens = [parse_entity(line["token"]) for line in lines if "token" in line]
     assert {each.zid for each in tokens if each is not None} == {f"{1:032x}"}
     heard = [line for line in lines if "payload" in line]
     assert {"/odom", "/scan", "/tf"} <= {line["topic"] for line in heard}
@@ -146,7 +146,7 @@ def test_a_robot_without_ros_is_told_so(mission: Mission) -> None:
 
 
 def test_a_pose_on_the_map_is_put_together_of_two_frames() -> None:
-    assert placed((1.0, 2.0, pi / 2), (3.0, 0.0, 0.5)) == pytest.approx((1.0, 5.0, pi / 2 + 0.5))
+    assert compose((1.0, 2.0, pi / 2), (3.0, 0.0, 0.5)) == pytest.approx((1.0, 5.0, pi / 2 + 0.5))
 
 
 def test_a_pose_on_the_map_is_found_by_whatever_frames_lead_there() -> None:
@@ -159,36 +159,40 @@ def test_a_pose_on_the_map_is_found_by_whatever_frames_lead_there() -> None:
         [odom, ("tb4/odom", "tb4/base_link", (3.0, 0.0), turned)],
         [("/map", "/base_link", (1.0, 5.0), turned)],
     ):  # fmt: skip
-        frames = Frames("/tb4")
-        assert frames.here() is None
+        frames = FrameTree("/tb4")
+        assert frames.body_pose() is None
         for frame, child, (x, y), rotation in chain:
-            frames.take(frame, child, SimpleNamespace(translation=SimpleNamespace(x=x, y=y), rotation=rotation))
-        found = frames.here()
+            frames.add_transform(
+                frame, child, SimpleNamespace(translation=SimpleNamespace(x=x, y=y), rotation=rotation)
+            )
+        found = frames.body_pose()
         assert found is not None
         assert found[:2] == pytest.approx((1.0, 5.0))
 
 
 def test_the_frames_of_another_robot_and_those_that_go_round_lead_nowhere() -> None:
-    frames, turned = Frames("/tb4"), SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
+    frames, turned = FrameTree("/tb4"), SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
     for frame, child in (
         ("map", "tb3/odom"),
         ("tb3/odom", "tb3/base_link"),
         ("odom", "base_link"),
         ("base_link", "odom"),
     ):
-        frames.take(frame, child, SimpleNamespace(translation=SimpleNamespace(x=0.0, y=0.0), rotation=turned))
-    assert frames.here() is None
-    assert frames.lacking == "map to odom (is it localised?)"
+        frames.add_transform(frame, child, SimpleNamespace(translation=SimpleNamespace(x=0.0, y=0.0), rotation=turned))
+    assert frames.body_pose() is None
+    assert frames.missing_frame == "map to odom (is it localised?)"
 
 
 @pytest.mark.parametrize(("x", "w", "why"), [(nan, 1.0, "its place is nan, 0"), (1e9, 1.0, "its place is 1e+09, 0"),
                                              (0.0, 0.0, "its orientation has the length 0"),
                                              (0.0, nan, "its orientation has the length 0")])  # fmt: skip
 def test_a_frame_that_is_nowhere_is_no_place_and_named(x: float, w: float, why: str) -> None:
-    frames, turned = Frames("/tb4"), SimpleNamespace(x=0.0, y=0.0, z=0.0, w=w)
-    frames.take("map", "tb4/base_link", SimpleNamespace(translation=SimpleNamespace(x=x, y=0.0), rotation=turned))
-    assert frames.here() is None
-    assert frames.wrong == f"base_link in map: {why}"
+    frames, turned = FrameTree("/tb4"), SimpleNamespace(x=0.0, y=0.0, z=0.0, w=w)
+    frames.add_transform(
+        "map", "tb4/base_link", SimpleNamespace(translation=SimpleNamespace(x=x, y=0.0), rotation=turned)
+    )
+    assert frames.body_pose() is None
+    assert frames.fault == f"base_link in map: {why}"
 
 
 def test_only_places_that_can_be_read_again_are_written(mission: Mission) -> None:

@@ -15,23 +15,23 @@ from py_trees.common import Status
 
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf, argument
-from config.faults import InvalidFileError, Source
-from config.library import shipped
+from config.faults import InvalidFileError, SourceText
+from config.library import shipped_files
 from config.marked import Listing, Node, Scalar, compose
-from config.units import UNITS, quantity
+from config.units import UNITS, parse_quantity
 from missions.language import body, for_each, param_types, steps, switches
 from missions.language.document import check_plan
 from missions.language.nodes import BRANCHES, FOR_EACH, MISSION, MODIFIERS, SWITCHES
-from missions.library.catalogue import bounds, shown_default
-from missions.library.catalogue import example as example_of
+from missions.library.catalogue import bounds_text, default_text
+from missions.library.catalogue import example_value as example_of
 from missions.library.shipped import find_mission, shipped_missions
-from missions.library.things import THINGS
-from missions.plugins.schema.mission import known_things, mission_schema
-from missions.plugins.schema.values import quantity as written_quantity
+from missions.library.things import LOOKUPS
+from missions.plugins.schema.mission import mission_schema, shipped_things
+from missions.plugins.schema.values import quantity_schema as written_quantity
 from tests.missions.command import Outcome, command
 
-KNOWN = {kind: cache(find) for kind, find in THINGS.items()} | {"file": Path}  # no bell.wav is here
-SCHEMA = mission_schema(LEAVES, known_things())
+KNOWN = {kind: cache(find) for kind, find in LOOKUPS.items()} | {"file": Path}  # no bell.wav is here
+SCHEMA = mission_schema(LEAVES, shipped_things())
 VALIDATOR = jsonschema.Draft7Validator(SCHEMA)
 BEHAVIOURS = SCHEMA["definitions"]["behaviours"]
 NODE = SCHEMA["definitions"]["node"]
@@ -47,15 +47,15 @@ def plain(node: Node) -> Any:
 
 
 def complaints(text: str) -> list[str]:
-    return [error.message for error in VALIDATOR.iter_errors(plain(compose(Source("m.yaml", text))))]
+    return [error.message for error in VALIDATOR.iter_errors(plain(compose(SourceText("m.yaml", text))))]
 
 
 def faults_in(text: str) -> list[str]:
     """What the checker has against it."""
     try:
-        check_plan(Source("m.yaml", text), LEAVES, KNOWN, find_mission=find_mission)
+        check_plan(SourceText("m.yaml", text), LEAVES, KNOWN, find_mission=find_mission)
     except InvalidFileError as error:
-        return [fault.message for fault in error.faults]
+        return [fault.message for fault in error.diagnostics]
     return []
 
 
@@ -267,7 +267,7 @@ VALUES = st.sampled_from(
         *["{text: a, speed: 1}", "{pan: 3 deg}", "{on: n, cases: {1: stop, x: {wait: 1 s}}}"],
     ]
 )
-KEYS = st.sampled_from([*LEAVES, *BRANCHES, *MODIFIERS, *steps.BESIDE, "nonsense", "3"])
+KEYS = st.sampled_from([*LEAVES, *BRANCHES, *MODIFIERS, *steps.BESIDE_KEYS, "nonsense", "3"])
 
 
 @given(st.lists(st.dictionaries(KEYS, VALUES, min_size=1, max_size=3), min_size=1, max_size=3))
@@ -290,7 +290,7 @@ def numbers() -> st.SearchStrategy[str]:
 @given(numbers(), st.sampled_from(list(UNITS)))
 def test_a_pattern_takes_exactly_what_the_reader_of_quantities_takes(text: str, dimension: str) -> None:
     assume(not re.search(r"[eE]\+?\d{3}", text))  # what is too large to be a number, a pattern cannot tell
-    found = quantity(text)
+    found = parse_quantity(text)
     good = found is not None and found.dimension == dimension
     assert bool(re.search(written_quantity(dimension, negative=True)["pattern"], text)) is good
     assert bool(re.search(written_quantity(dimension)["pattern"], text)) is (good and "-" not in text.strip()[:1])
@@ -315,23 +315,25 @@ def test_every_leaf_argument_composite_and_modifier_is_explained() -> None:
     for word in BRANCHES:
         assert BEHAVIOURS[word]["description"]
     for branch in ("then", "else"):
-        for word in (*MODIFIERS, *steps.BESIDE, "as"):
+        for word in (*MODIFIERS, *steps.BESIDE_KEYS, "as"):
             assert NODE[branch]["properties"][word]["description"]
 
 
 def test_the_schema_and_the_checker_know_the_same_keys() -> None:
-    assert SCHEMA["else"]["properties"].keys() == set(body.KEYS)
-    assert SCHEMA["else"]["properties"]["params"]["additionalProperties"]["properties"].keys() == set(param_types.KEYS)
-    assert all(BEHAVIOURS[word]["properties"].keys() == set(switches.KEYS) for word in SWITCHES)
-    assert BEHAVIOURS[FOR_EACH]["properties"].keys() == set(for_each.KEYS)
-    expected = {*LEAVES, *BRANCHES, *MODIFIERS, *steps.BESIDE}
+    assert SCHEMA["else"]["properties"].keys() == set(body.MISSION_KEYS)
+    assert SCHEMA["else"]["properties"]["params"]["additionalProperties"]["properties"].keys() == set(
+        param_types.PARAM_KEYS
+    )
+    assert all(BEHAVIOURS[word]["properties"].keys() == set(switches.SWITCH_KEYS) for word in SWITCHES)
+    assert BEHAVIOURS[FOR_EACH]["properties"].keys() == set(for_each.FOR_EACH_KEYS)
+    expected = {*LEAVES, *BRANCHES, *MODIFIERS, *steps.BESIDE_KEYS}
     assert NODE["then"]["properties"].keys() == expected
     assert NODE["else"]["properties"].keys() == expected
 
 
 def test_gestures_controllers_and_missions_are_proposed_with_their_summaries() -> None:
     gestures = {each["label"]: each["description"] for each in BEHAVIOURS["gesture"]["defaultSnippets"]}
-    assert gestures.keys() == shipped("gestures").keys()
+    assert gestures.keys() == shipped_files("gestures").keys()
     assert all(gestures.values())
     missions = {each["label"]: each["description"] for each in BEHAVIOURS[MISSION]["defaultSnippets"]}
     assert sorted(find_mission(name) for name in missions) == sorted(shipped_missions().values())
@@ -369,10 +371,10 @@ def test_defaults_and_examples_of_arguments_are_valid_themselves() -> None:
         given_values = {
             each.name: NAMED[each.kind] if each.kind in NAMED else example_of(each)
             for each in arguments
-            if each.required or shown_default(each) != "nothing"  # which is written by leaving it out
+            if each.required or default_text(each) != "nothing"  # which is written by leaving it out
         }
         if not leaf.open_ended:
-            text = mission(f"- {json.dumps({leaf.word: given_values})}")
+            text = mission(f"- {json.dumps({leaf.tag: given_values})}")
             assert accepted(text), text
             assert complaints(text) == []
 
@@ -383,7 +385,7 @@ class Blink(Leaf):
     Succeeds at once.
     """
 
-    word = "blink"
+    tag = "blink"
     span: tuple[float, float] = argument("share", "how bright", span=True)
     times: int = argument("count", "how often", default=2, low=1, high=9)
     loud: bool = argument("flag", "with a click", default=False)
@@ -393,7 +395,7 @@ class Blink(Leaf):
 
 
 def test_a_leaf_of_ones_own_is_in_the_schema_by_its_declaration_alone() -> None:
-    schema = mission_schema({**LEAVES, "blink": Blink}, known_things())
+    schema = mission_schema({**LEAVES, "blink": Blink}, shipped_things())
     validator = jsonschema.Draft7Validator(json.loads(json.dumps(schema, allow_nan=False)))
 
     def good(value: object) -> bool:
@@ -410,10 +412,10 @@ def test_a_leaf_of_ones_own_is_in_the_schema_by_its_declaration_alone() -> None:
 
 
 def test_limits_and_defaults_are_said_as_a_mission_writes_them() -> None:
-    assert [bounds(each) for each in list(Blink.arguments.values())[:4]] == ["", "1 to 9", "", "at most 2"]
-    assert [shown_default(each) for each in list(Blink.arguments.values())[1:3]] == ["2", "false"]
-    assert shown_default(LEAVES["find_face"].arguments["pan"]) == "[-60 deg, 60 deg]"
-    assert bounds(LEAVES["wait"].arguments["duration"]) == "at least 0 s"
+    assert [bounds_text(each) for each in list(Blink.arguments.values())[:4]] == ["", "1 to 9", "", "at most 2"]
+    assert [default_text(each) for each in list(Blink.arguments.values())[1:3]] == ["2", "false"]
+    assert default_text(LEAVES["find_face"].arguments["pan"]) == "[-60 deg, 60 deg]"
+    assert bounds_text(LEAVES["wait"].arguments["duration"]) == "at least 0 s"
 
 
 # The commands

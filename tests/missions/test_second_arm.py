@@ -9,23 +9,23 @@ from typing import Any
 import pytest
 
 from behaviours.catalogue import LEAVES
-from behaviours.robot import Other, Robot
-from config.faults import InvalidFileError, Source
+from behaviours.robot import ExtraPart, Robot
+from config.faults import InvalidFileError, SourceText
 from config.robot import RobotConfig
 from drivers.clock import SystemClock
 from drivers.errors import DeviceFault
-from missions.assembly.assembled import Assembled
+from missions.assembly.assembled import AssembledRobot
 from missions.assembly.simulation import Simulation
-from missions.executive.answers import Answers
-from missions.executive.asked import asked
+from missions.executive.answers import TickCache
+from missions.executive.asked import with_proxies
 from missions.executive.events import CommandSent, Event
 from missions.executive.stop_latch import StopLatch
-from missions.library.drivers import load_robot, robot_of
-from missions.plugins.setup.doctor.moving import trials
-from missions.plugins.testing.commands.simulate import Hands
-from missions.plugins.testing.recorders import HOLD, Bench, RecordedJoints
+from missions.library.drivers import load_robot, parse_robot
+from missions.plugins.setup.doctor.moving import movement_trials
+from missions.plugins.testing.commands.simulate import DeviceCommands
+from missions.plugins.testing.recorders import HOLD, LeafTestBench, RecordedJoints
 from missions.request import RunRequest, contradictions
-from missions.runner import Runner, ports_of
+from missions.runner import Runner, parts_with_ports
 from tests.drivers.arms import Make, making
 from tests.missions.command import Outcome, command
 
@@ -68,7 +68,7 @@ tree:
 
 
 def pair(right: str = RIGHT) -> RobotConfig:
-    return robot_of(Source("pair.yaml", ARMS + right))
+    return parse_robot(SourceText("pair.yaml", ARMS + right))
 
 
 def written(folder: Path, mission: str = BOTH) -> tuple[str, str]:
@@ -104,7 +104,7 @@ def test_each_is_plugged_in_where_the_command_says_by_its_name(
 ) -> None:
     mission, robot = written(tmp_path)
     order = RunRequest(mission, robot=robot, ports={"right_arm": "/dev/three"})
-    assert list(contradictions(order, lambda name, _="": name, ports_of)) == []
+    assert list(contradictions(order, lambda name, _="": name, parts_with_ports)) == []
     told = command(capsys, "run", mission, "--robot", robot, "--port", "rigth_arm=/dev/three")
     assert told.code == 2
     assert "'rigth_arm' is no part with a port; these are: base, head, arm, imu, range, ros2, right_arm" in told.err
@@ -278,12 +278,14 @@ def one_thread_after_another(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("one_thread_after_another")
 def test_a_stop_reaches_the_servos_of_both_and_nothing_moves_them_until_it_is_released(make: Make) -> None:
     left, right = make().start(), make(name="right_arm").start()
-    robot = Robot(arm_part=left.joints, others={"right_arm": Other("arm", right.joints)})
-    assembled = Assembled("pair", robot, {"arm": left.joints, "right_arm": right.joints})
-    latch = StopLatch(assembled.devices, assembled.stilled, None, assembled.safe_stop, lambda _: None, lambda: None)
-    answers = Answers()
-    seen = asked(robot, answers, lambda _: latch.permit())
-    arms = {left: seen.arm, right: seen.of({"arm": "right_arm"}).arm}
+    robot = Robot(arm_part=left.joints, extra_parts={"right_arm": ExtraPart("arm", right.joints)})
+    assembled = AssembledRobot("pair", robot, {"arm": left.joints, "right_arm": right.joints})
+    latch = StopLatch(
+        assembled.devices, assembled.stoppable_parts, None, assembled.safe_stop, lambda _: None, lambda: None
+    )
+    answers = TickCache()
+    seen = with_proxies(robot, answers, lambda _: latch.permit())
+    arms = {left: seen.arm, right: seen.with_named_parts({"arm": "right_arm"}).arm}
     for arm, joints in arms.items():
         joints.move({"elbow": radians(80)}, speeds={"elbow": radians(30)})
         arm.until(lambda arm=arm: arm.state("elbow").position > radians(5))  # type: ignore[misc]
@@ -292,7 +294,7 @@ def test_a_stop_reaches_the_servos_of_both_and_nothing_moves_them_until_it_is_re
     for arm, joints in arms.items():
         with pytest.raises(DeviceFault, match="stopped by Ada"):
             joints.move({"elbow": radians(80)})
-        begun = arm.clock.now()
+        begun = arm.clock.read_value()
         arm.until(lambda arm=arm, begun=begun: arm.clock.now() > begun + 2.0)  # type: ignore[misc]
         assert degrees(arm.chain.servo(2).angle) == pytest.approx(degrees(stopped[arm]), abs=1.0)
         assert not arm.limp(2)
@@ -303,20 +305,20 @@ def test_a_stop_reaches_the_servos_of_both_and_nothing_moves_them_until_it_is_re
 
 
 def test_one_is_held_without_the_other() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     right = RecordedJoints(bench.clock)
-    robot = Robot(arm_part=bench.arm, others={"right_arm": Other("arm", right)})
-    assembled = Assembled("pair", robot, {"arm": bench.arm, "right_arm": right})
-    assert assembled.moving == ("arm", "right_arm")
+    robot = Robot(arm_part=bench.arm, extra_parts={"right_arm": ExtraPart("arm", right)})
+    assembled = AssembledRobot("pair", robot, {"arm": bench.arm, "right_arm": right})
+    assert assembled.moving_parts == ("arm", "right_arm")
     assembled.safe_stop(frozenset({"right_arm"}))
     assert (bench.arm.commands, right.commands) == ([], [HOLD])
 
 
 def test_doctor_tries_the_joints_of_the_second_arm_on_it() -> None:
-    tried = list(trials("right_arm", pair().sections["right_arm"]))
+    tried = list(movement_trials("right_arm", pair().sections["right_arm"]))
     assert [trial.about for trial in tried] == ["shoulder", "elbow", "gripper"]
     assert tried[0].steps == ("nudge: {joint: shoulder, on: right_arm}",)
-    assert "--robot ROBOT --arm right_arm" in tried[0].cure
+    assert "--robot ROBOT --arm right_arm" in tried[0].fix
 
 
 def test_the_servos_of_the_second_arm_are_moved_by_its_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -342,7 +344,7 @@ def test_joints_of_a_ros_file_go_to_the_arm_that_is_named(tmp_path: Path, capsys
     assert list(config.sections["right_arm"].keys.joints) == ["wing", "shoulder", "elbow", "gripper"]
     assert list(config.sections["arm"].keys.joints) == ["shoulder", "elbow"]
     told = command(capsys, "servo", "import", str(ros), "--arm", "left_arm")
-    assert robot_of(Source("new.yaml", told.out)).others == {"left_arm": "arm"}
+    assert parse_robot(SourceText("new.yaml", told.out)).extra_parts == {"left_arm": "arm"}
 
 
 def test_what_is_typed_at_a_simulation_turns_the_joints_of_either_arm() -> None:
@@ -350,9 +352,9 @@ def test_what_is_typed_at_a_simulation_turns_the_joints_of_either_arm() -> None:
     simulation = Simulation(config, frozenset({"arm", "right_arm"}), SystemClock())
     simulation.open()
     try:
-        hands = Hands(simulation, config)
-        hands.do("turn right_arm.elbow 30 deg")
-        hands.do("turn elbow -20 deg")
+        hands = DeviceCommands(simulation, config)
+        hands.run_command("turn right_arm.elbow 30 deg")
+        hands.run_command("turn elbow -20 deg")
         chains: dict[str, Any] = {part: simulation.parts[part].device for part in ("arm", "right_arm")}
         angles = {part: chain.servo(2).angle for part, chain in chains.items()}
     finally:

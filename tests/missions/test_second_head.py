@@ -6,28 +6,28 @@ from pathlib import Path
 import click
 import pytest
 
-from behaviours.robot import Other, Robot
-from config.faults import InvalidFileError, Source
-from config.library import find
+from behaviours.robot import ExtraPart, Robot
+from config.faults import InvalidFileError, SourceText
+from config.library import find_file
 from config.robot import RobotConfig
 from config.world import load_world
-from drivers.api.driver import Site
-from drivers.arduino.declared import SecondKeys
-from drivers.arduino.driver import ArduinoHead, make, second
+from drivers.api.driver import DriverContext
+from drivers.arduino.declared import SecondPanTiltKeys
+from drivers.arduino.driver import ArduinoHead, make, make_second
 from drivers.clock import ManualClock
-from missions.assembly.assembled import Assembled
+from missions.assembly.assembled import AssembledRobot
 from missions.assembly.together import Overrides
 from missions.executive.events import CommandSent, Event
-from missions.library.drivers import load_robot, robot_of
-from missions.plugins.setup.doctor.moving import trials
-from missions.plugins.teleop.command import _opened as teleop_opened
+from missions.library.drivers import load_robot, parse_robot
+from missions.plugins.setup.doctor.moving import movement_trials
+from missions.plugins.teleop.command import _open_robot as teleop_opened
 from missions.plugins.teleop.command import command as teleop
-from missions.plugins.testing.recorders import STOP, Bench, RecordedHead
+from missions.plugins.testing.recorders import STOP, LeafTestBench, RecordedHead
 from missions.request import RunRequest
 from missions.runner import Runner
 from tests.missions.command import command
 
-HEADED = find("robots", "turtlebot2_arm").read_text().replace("robot: turtlebot2_arm", "robot: masted")
+HEADED = find_file("robots", "turtlebot2_arm").read_text().replace("robot: turtlebot2_arm", "robot: masted")
 
 MAST = """
 lidar_mast:
@@ -50,7 +50,7 @@ tree:
 
 
 def masted(mast: str = MAST, headed: str = HEADED) -> RobotConfig:
-    return robot_of(Source("masted.yaml", headed + mast))
+    return parse_robot(SourceText("masted.yaml", headed + mast))
 
 
 def written(folder: Path, mission: str = BOTH) -> tuple[Path, Path]:
@@ -63,14 +63,14 @@ def written(folder: Path, mission: str = BOTH) -> tuple[Path, Path]:
 def faults_of(mast: str, headed: str = HEADED) -> list[str]:
     with pytest.raises(InvalidFileError) as caught:
         masted(mast, headed)
-    return [fault.message for fault in caught.value.faults]
+    return [fault.message for fault in caught.value.diagnostics]
 
 
 def test_a_section_that_says_its_kind_is_one_more_part_of_it() -> None:
     robot = masted()
     assert "lidar_mast" in robot.parts
     assert robot.head is robot.sections["head"].keys
-    assert isinstance(robot.sections["lidar_mast"].keys, SecondKeys)
+    assert isinstance(robot.sections["lidar_mast"].keys, SecondPanTiltKeys)
 
 
 @pytest.mark.parametrize(
@@ -103,8 +103,10 @@ def test_its_board_must_be_there() -> None:
 def test_both_heads_are_driven_over_one_board_each_under_its_name() -> None:
     config = masted()
     clock = ManualClock()
-    head = make(config.sections["head"].keys, Site(clock, "/dev/null", part="head"))
-    mast = second(config.sections["lidar_mast"].keys, Site(clock, parts={"head": head}, part="lidar_mast"))
+    head = make(config.sections["head"].keys, DriverContext(clock, "/dev/null", part="head"))
+    mast = make_second(
+        config.sections["lidar_mast"].keys, DriverContext(clock, needed_parts={"head": head}, part="lidar_mast")
+    )
     assert isinstance(mast, ArduinoHead)
     assert isinstance(head, ArduinoHead)
     assert mast.board is head.board
@@ -184,7 +186,7 @@ def test_who_misspells_it_is_told_the_heads_that_there_are(
 @pytest.mark.real_time
 def test_the_arrows_of_teleop_turn_the_head_that_is_named(tmp_path: Path) -> None:
     _, robot = written(tmp_path)
-    wishes = Overrides(world=load_world(find("worlds", "empty")))
+    wishes = Overrides(world=load_world(find_file("worlds", "empty")))
     with (
         click.Context(teleop, info_name="teleop"),
         teleop_opened(str(robot), "lidar_mast", wishes, wishes.clock()) as (_, head),
@@ -199,15 +201,15 @@ def test_the_arrows_of_teleop_turn_the_head_that_is_named(tmp_path: Path) -> Non
 
 
 def test_doctor_says_how_it_is_trimmed() -> None:
-    (trial,) = trials("lidar_mast", masted().sections["lidar_mast"])
-    assert "mission head trim --robot ROBOT --head lidar_mast" in trial.cure
+    (trial,) = movement_trials("lidar_mast", masted().sections["lidar_mast"])
+    assert "mission head trim --robot ROBOT --head lidar_mast" in trial.fix
 
 
 def test_a_stop_reaches_it_by_its_name() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     mast = RecordedHead(bench.clock)
-    robot = Robot(head_part=bench.head, others={"lidar_mast": Other("head", mast)})
-    assembled = Assembled("masted", robot, {"head": bench.head, "lidar_mast": mast})
-    assert assembled.moving == ("head", "lidar_mast")
+    robot = Robot(head_part=bench.head, extra_parts={"lidar_mast": ExtraPart("head", mast)})
+    assembled = AssembledRobot("masted", robot, {"head": bench.head, "lidar_mast": mast})
+    assert assembled.moving_parts == ("head", "lidar_mast")
     assembled.safe_stop(frozenset({"lidar_mast"}))
     assert (bench.head.commands, mast.commands) == ([], [STOP])

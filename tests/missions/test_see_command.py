@@ -178,7 +178,7 @@ def test_a_page_shows_a_camera_live_while_somebody_looks(mission: Mission, monke
 
     told: list[str] = []
     monkeypatch.setattr(CameraPage, "open", opened)
-    monkeypatch.setattr("missions.plugins.setup.see.through", through)
+    monkeypatch.setattr("missions.plugins.setup.see.camera_frames", through)
     assert mission("see", "0").err == "", "no page where nobody sits at the terminal"
     outcome = mission("see", "0", "--view")
     assert outcome.code == 0

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from drivers.servos.bus import Bus
+from drivers.servos.bus import ServoBus
 from drivers.servos.declared import DynamixelKeys
 from drivers.servos.driver import DynamixelJoints
-from drivers.servos.make import joints as specs
+from drivers.servos.make import joint_specs as specs
 from drivers.sim.timeline import Timeline
 from missions.library.drivers import load_robot
 from tests.drivers.cranked import PERIOD, by_hand
@@ -39,8 +39,8 @@ def faulty(seed: int, run: Run, patch: pytest.MonkeyPatch) -> list[str]:
         table.oracle.forbidden.add(case.victim)
     outcome = run(line)
     wrong = [f"{each} ({line})" for each in table.oracle.wrong]
-    if table.clock.now() > ENOUGH:
-        wrong.append(f"{line} took {table.clock.now():.0f} s")
+    if table.clock.read_value() > ENOUGH:
+        wrong.append(f"{line} took {table.clock.read_value():.0f} s")
     doubted = fault in ("twins", "clone") and f"{case.told}" in line
     if doubted and outcome.code == 0:
         wrong.append(f"{line} succeeded")
@@ -58,17 +58,17 @@ def driven(seed: int) -> list[str]:
     oracle = Oracle(case.chain)
     oracle.forbidden |= set() if case.driven else {case.victim}
     line = DirectLine(oracle, timeline.clock)
-    timeline.every(PERIOD, line.poll)
-    bus = Bus("/dev/servos", timeline.clock, baud=RATE, name="arm", dial=line.dial)
+    timeline.call_every(PERIOD, line.poll)
+    bus = ServoBus("/dev/servos", timeline.clock, baud=RATE, name="arm", dial=line.dial)
     arm = load_robot(Path("bus.yaml")).keys(DynamixelKeys)
     assert arm is not None
     joints = DynamixelJoints(bus, specs(arm), timeline.clock, loop=by_hand(timeline))
     joints.open()
-    timeline.run(timeline.clock.now() + 3.0)
+    timeline.run_until(timeline.clock.read_value() + 3.0)
     name, health = f"j{case.told}", joints.health()
     if health.online:
         joints.move(dict.fromkeys(joints.limits, 0.2))
-    timeline.run(timeline.clock.now() + 1.0)
+    timeline.run_until(timeline.clock.read_value() + 1.0)
     joints.close()
     wrong = list(oracle.wrong)
     if not case.driven and (name not in health.detail or not health.hint):

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from config.editing import NotEditableError
-from config.library import find
+from config.library import find_file
 from drivers.servos.declared import DynamixelKeys
 from drivers.servos.virtual.servo import VirtualServo
 from missions.library.drivers import load_robot
-from missions.plugins.setup.servo.ranges import Range, keep_ranges
+from missions.plugins.setup.servo.ranges import ServoRange, write_ranges
 from tests.missions.command import Outcome, command
 from tests.missions.servo_bench import Three, by_hand, patient, three
 
@@ -105,10 +105,10 @@ def test_the_enter_key_needs_a_terminal(mission: Mission) -> None:
 
 def test_joints_in_steps_stay_in_steps_and_earlier_files_are_all_kept(robot: Three) -> None:
     first = robot.path.read_text()
-    assert keep_ranges(robot.path, {"wrist": Range(1100, 3000, 2000)}).name == "three.yaml.bak"
+    assert write_ranges(robot.path, {"wrist": ServoRange(1100, 3000, 2000)}).name == "three.yaml.bak"
     assert "ticks: {init: 2000, min: 1100, max: 3000}" in robot.path.read_text()
     second = robot.path.read_text()
-    assert keep_ranges(robot.path, {"wrist": Range(1200, 2900)}).name == "three.yaml.bak2"
+    assert write_ranges(robot.path, {"wrist": ServoRange(1200, 2900)}).name == "three.yaml.bak2"
     assert "ticks: {init: 2000, min: 1200, max: 2900}" in robot.path.read_text()
     assert [Path(f"three.yaml.{end}").read_text() for end in ("bak", "bak2")] == [first, second]
 
@@ -118,7 +118,7 @@ def test_a_file_that_says_it_another_way_is_left_alone(robot: Three) -> None:
     robot.path.write_text(text.replace("limits: [-60 deg, 60 deg]", "limits: *both"))
     before = robot.path.read_text()
     with pytest.raises(NotEditableError):
-        keep_ranges(robot.path, {"waist": Range(400, 600)})
+        write_ranges(robot.path, {"waist": ServoRange(400, 600)})
     assert robot.path.read_text() == before
     assert not Path("three.yaml.bak").exists()
 
@@ -177,7 +177,7 @@ def test_its_joints_are_added_to_an_arm_and_all_else_stays(robot: Three, mission
         ("arm.yaml -o three.yaml", "three.yaml is there already"),
         ("arm.yaml -o new.yaml --into three.yaml", "give one of them"),
         ("arm.yaml --model AX-12B", "did you mean 'AX-12"),
-        (f"arm.yaml --into {find('robots', 'turtlebot2_arm')}", "ships with MissionTree"),
+        (f"arm.yaml --into {find_file('robots', 'turtlebot2_arm')}", "ships with MissionTree"),
         ("three.yaml", "three.yaml is a robot: "),
     ],
 )

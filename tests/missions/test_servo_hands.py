@@ -10,14 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from config.library import find
+from config.library import find_file
 from drivers.clock import SystemClock
 from drivers.servos.virtual.chain import VirtualServoBus
 from missions.assembly.simulation import Simulation
 from missions.library.drivers import load_robot
-from missions.plugins.testing.commands.simulate import HELP, Hands, Lines
+from missions.plugins.testing.commands.simulate import COMMAND_HELP, DeviceCommands, LineReader
 
-ROBOT = load_robot(find("robots", "turtlebot2_arm"))
+ROBOT = load_robot(find_file("robots", "turtlebot2_arm"))
 
 
 @pytest.fixture
@@ -29,26 +29,26 @@ def simulation() -> Iterator[Simulation]:
 
 
 def test_a_limp_joint_is_turned_by_hand_and_a_stiff_one_resists(simulation: Simulation) -> None:
-    hands, servos = Hands(simulation, ROBOT), simulation.device(VirtualServoBus)
+    hands, servos = DeviceCommands(simulation, ROBOT), simulation.device(VirtualServoBus)
     assert servos is not None
-    assert hands.do("turn elbow 30 deg") == "turn elbow 30 deg"
+    assert hands.run_command("turn elbow 30 deg") == "turn elbow 30 deg"
     elbow = servos.servo(6)
     assert elbow.angle == pytest.approx(radians(30))
     elbow.set("torque_enable", 1)
     with pytest.raises(ValueError, match=r"elbow \(servo 6\) is stiff"):
-        hands.do("turn elbow 0 deg")
+        hands.run_command("turn elbow 0 deg")
 
 
 def test_heat_load_and_power_are_what_the_servo_feels(simulation: Simulation) -> None:
-    hands, servos = Hands(simulation, ROBOT), simulation.device(VirtualServoBus)
+    hands, servos = DeviceCommands(simulation, ROBOT), simulation.device(VirtualServoBus)
     assert servos is not None
     for line in ("heat gripper 70 degC", "burden gripper 40 %", "remove elbow", "brown_out waist_turn 500 ms"):
-        hands.do(line)
-    assert (servos.servo(10).temperature, servos.servo(10).burden, servos.servo(6).present) == (70.0, 0.4, False)
-    assert not servos.servo(1).awake
+        hands.run_command(line)
+    assert (servos.servo(10).temperature, servos.servo(10).load, servos.servo(6).present) == (70.0, 0.4, False)
+    assert not servos.servo(1).is_awake
     servos.servo(10).set("led", 1)
-    hands.do("power gripper")
-    hands.do("insert elbow")
+    hands.run_command("power gripper")
+    hands.run_command("insert elbow")
     assert (servos.servo(10).get("led"), servos.servo(6).present) == (0, True)
 
 
@@ -56,19 +56,19 @@ def test_a_joint_keeps_its_name_when_its_servo_gets_another_id(simulation: Simul
     servos = simulation.device(VirtualServoBus)
     assert servos is not None
     elbow = servos.servo(6)
-    hands = Hands(simulation, ROBOT)
+    hands = DeviceCommands(simulation, ROBOT)
     elbow.set("id", 77)
-    hands.do("turn elbow 10 deg")
+    hands.run_command("turn elbow 10 deg")
     assert elbow.angle == pytest.approx(radians(10))
 
 
 def test_plugs_are_pulled_and_put_in_again(simulation: Simulation) -> None:
-    hands = Hands(simulation, ROBOT)
-    hands.do("unplug arm")
+    hands = DeviceCommands(simulation, ROBOT)
+    hands.run_command("unplug arm")
     assert [Path(port).exists() for port in simulation.ports.values()] == [True, False]
-    hands.do("unplug")
+    hands.run_command("unplug")
     assert not any(Path(port).exists() for port in simulation.ports.values())
-    hands.do("plug")
+    hands.run_command("plug")
     assert all(Path(port).exists() for port in simulation.ports.values())
 
 
@@ -85,18 +85,18 @@ def test_plugs_are_pulled_and_put_in_again(simulation: Simulation) -> None:
 )
 def test_words_that_make_no_sense_are_answered_in_words(simulation: Simulation, line: str, words: str) -> None:
     with pytest.raises(ValueError, match=words.replace("'", ".")):
-        Hands(simulation, ROBOT).do(line)
+        DeviceCommands(simulation, ROBOT).run_command(line)
 
 
 def test_help_names_every_command(simulation: Simulation) -> None:
-    assert all(word in Hands(simulation, ROBOT).do("help") for word in HELP)
+    assert all(word in DeviceCommands(simulation, ROBOT).run_command("help") for word in COMMAND_HELP)
 
 
 def test_lines_come_whole_however_they_are_cut_and_end_with_their_pipe() -> None:
     with subprocess.Popen(["cat"], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as cat:
         assert cat.stdin is not None
         assert cat.stdout is not None
-        lines = Lines(cat.stdout.fileno())
+        lines = LineReader(cat.stdout.fileno())
         found: list[str] = []
         for piece in (b"turn el", b"bow 3 deg\nunplug\nhe", b"lp\n"):
             cat.stdin.write(piece)

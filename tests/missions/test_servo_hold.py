@@ -15,13 +15,13 @@ import pytest
 from config.editing import rewrite
 from config.writing import write_new
 from drivers.servos.models import MODELS
-from drivers.servos.settings import apply
+from drivers.servos.settings import apply_changes
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.patient_clock import PatientClock
-from drivers.virtual.terminal import Terminal
+from drivers.virtual.terminal import PseudoTerminal
 from missions.plugins.setup.servo import origin
-from missions.plugins.setup.servo.home import Homed
+from missions.plugins.setup.servo.home import HomedServo
 from tests.missions.command import Outcome, command
 from tests.missions.servo_bench import Three, by_hand, patient, three
 from tests.missions.test_servo_home import FILE
@@ -92,7 +92,7 @@ def run(capsys: pytest.CaptureFixture[str]) -> Run:
 @pytest.fixture
 def person(robot: Three, monkeypatch: pytest.MonkeyPatch) -> Person:
     found = Person(lambda: not robot.elbow.limp)
-    monkeypatch.setattr("missions.plugins.setup.servo.bench.Keys", found)
+    monkeypatch.setattr("missions.plugins.setup.servo.bench.KeyReader", found)
     monkeypatch.setattr(sys, "stdin", TypingTerminal("y\n" * 9))
     return found
 
@@ -187,7 +187,7 @@ def arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, clock: PatientClock) ->
     monkeypatch.chdir(tmp_path)
     servo, jaw = VirtualServo(1, model="STS3215"), VirtualServo(2, model="STS3215")
     servo.set("torque_enable", 1)
-    terminal = Terminal("servos", VirtualServoBus([servo, jaw]), clock)
+    terminal = PseudoTerminal("servos", VirtualServoBus([servo, jaw]), clock)
     terminal.open()
     Path("two.yaml").write_text(FILE.replace("PORT", terminal.path))
     yield servo
@@ -278,7 +278,7 @@ def test_what_was_recorded_is_saved_elsewhere_if_its_folder_goes(
 ) -> None:
     by_hand(monkeypatch, clock, turned(arm))
     monkeypatch.setenv("XDG_STATE_HOME", str(Path("state").absolute()))
-    monkeypatch.setattr("missions.cli.outputs._put", _fail)
+    monkeypatch.setattr("missions.cli.outputs._write_file", _fail)
     outcome = run("servo record shown --robot two.yaml --seconds 1 --yes")
     assert outcome.code == 1, outcome.err
     assert arm.limp  # at_end: relax
@@ -295,8 +295,8 @@ def test_home_changes_no_servo_whose_calibration_cannot_be_kept(
     arm: VirtualServo, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(Path("state").absolute()))
-    monkeypatch.setattr("missions.cli.outputs._put", _fail)
-    monkeypatch.setattr(Homed, "trouble", lambda *_: "")
+    monkeypatch.setattr("missions.cli.outputs._write_file", _fail)
+    monkeypatch.setattr(HomedServo, "problem", lambda *_: "")
     outcome = run("servo home --robot two.yaml --into found.json --seconds 0.2 --yes")
     assert outcome.code == 1
     assert arm.get("position_offset") == 0
@@ -337,10 +337,10 @@ def test_a_calibration_is_on_the_disk_before_any_servo_is_changed(
 
     def apply_after_look(*words: Any) -> bool:
         kept.extend(disk.read(each) == each.read_bytes() for each in files)
-        return apply(*words)
+        return apply_changes(*words)
 
-    monkeypatch.setattr(sys.modules[Homed.__module__], "apply", apply_after_look)
-    monkeypatch.setattr(Homed, "trouble", lambda *_: "")
+    monkeypatch.setattr(sys.modules[HomedServo.__module__], "apply", apply_after_look)
+    monkeypatch.setattr(HomedServo, "problem", lambda *_: "")
     outcome = run("servo home elbow --robot two.yaml --into found.json --seconds 0.2 --yes")
     assert (outcome.code, kept) == (0, [True, True]), outcome.err
     assert arm.get("max_position") != 4095
@@ -398,7 +398,7 @@ def test_a_restore_refuses_a_calibration_of_other_servos(
 def break_origin(how: str) -> None:
     """Leave a file of origins that does not say which servos were calibrated."""
     file, entry = Path("found.servos.json"), {"model_number": 777, "firmware": 2563}
-    whole = origin.text({"elbow": entry, "jaw": entry})
+    whole = origin.settings_text({"elbow": entry, "jaw": entry})
     broken = {
         "empty": "",
         "truncated": whole[:40],
@@ -411,7 +411,7 @@ def break_origin(how: str) -> None:
         "words for numbers": whole.replace("777", '"777"'),
         "truth for a number": whole.replace("777", "true"),
         "brackets": "[" * 100_000,
-        "too large": whole + " " * origin.LARGEST,
+        "too large": whole + " " * origin.MAX_FILE_BYTES,
     }
     if how == "folder":
         file.mkdir()
@@ -463,11 +463,11 @@ def test_a_restore_refuses_servos_with_other_firmware_or_settings(arm: VirtualSe
     Path("found.json").write_text(CALIBRATION)
     registers = [each for each in MODELS["STS3215"].table.registers.values() if each.eeprom]
     same = {each.name: arm.get(each) for each in registers if each.name not in origin.NOT_COMPARED}
-    Path("found.servos.json").write_text(origin.text({"elbow": {**same, "return_delay": 9}}))
+    Path("found.servos.json").write_text(origin.settings_text({"elbow": {**same, "return_delay": 9}}))
     outcome = run(RESTORE)
     assert (outcome.code, "return_delay 0, was 9" in outcome.err) == (3, True), outcome.err
     assert settings(arm) == [0, 0, 4095]
-    Path("found.servos.json").write_text(origin.text({"elbow": {**same, "firmware": 9}}))
+    Path("found.servos.json").write_text(origin.settings_text({"elbow": {**same, "firmware": 9}}))
     outcome = run(RESTORE)
     assert (outcome.code, "the calibration is of 9" in outcome.err) == (3, True), outcome.err
     assert settings(arm) == [0, 0, 4095]

@@ -12,15 +12,15 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import Clock
-from drivers.servos.bus import At, Bus
+from drivers.servos.bus import ServoAddress, ServoBus
 from drivers.servos.calibration import HALF_TURN
 from drivers.servos.joint import Joint, JointSpec
 from drivers.servos.models import MODELS
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.patient_clock import PatientClock
-from drivers.virtual.terminal import Terminal
-from missions.plugins.setup.servo.home import Homed, offset_for
+from drivers.virtual.terminal import PseudoTerminal
+from missions.plugins.setup.servo.home import HomedServo, offset_for
 from tests.cases import each
 from tests.drivers.wired import Wired
 from tests.missions.command import Outcome, command
@@ -64,7 +64,7 @@ def servos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, clock: PatientClock)
 
 @contextmanager
 def running(servos: VirtualServoBus, clock: Clock) -> Iterator[str]:
-    terminal = Terminal("servos", servos, clock)
+    terminal = PseudoTerminal("servos", servos, clock)
     terminal.open()
     try:
         yield terminal.path
@@ -153,37 +153,37 @@ def test_with_its_offset_a_servo_shows_the_half_turn_where_it_stands(angle: floa
     servo = VirtualServo(1, model="STS3215", angle=angle)
     servo.set("position_offset", before)
     bus, place = Wired(VirtualServoBus([servo])).bus(), STS.table["present_position"]
-    servo.set("position_offset", offset_for(bus.read(At(1, "STS"), place), before))
-    assert abs(bus.read(At(1, "STS"), place) - HALF_TURN) <= 1
+    servo.set("position_offset", offset_for(bus.read(ServoAddress(1, "STS"), place), before))
+    assert abs(bus.read(ServoAddress(1, "STS"), place) - HALF_TURN) <= 1
 
 
 def test_a_range_over_the_seam_is_told_and_one_up_to_it_is_not() -> None:
     servo = VirtualServo(1, model="STS3215", angle=radians(170))
-    bus: Bus = Wired(VirtualServoBus([servo])).bus()
+    bus: ServoBus = Wired(VirtualServoBus([servo])).bus()
     joint = Joint("roll", JointSpec(1, "STS3215"), STS)
-    shown = bus.read(joint.at, STS.table["present_position"])
-    homed = Homed(joint, 0, offset_for(shown, 0))
+    shown = bus.read(joint.address, STS.table["present_position"])
+    homed = HomedServo(joint, 0, offset_for(shown, 0))
     for angle in (300, 349, 200, 60, 0, -5):  # of the servo: its own steps begin anew at 180
         servo.turn_by_hand(radians(angle))
-        homed.look(bus)
-    assert homed.trouble(0) == ""
+        homed.sample(bus)
+    assert homed.problem(0) == ""
     assert (homed.highest - homed.lowest) * STS.tick == pytest.approx(radians(354), abs=0.01)
 
 
 def test_a_range_over_the_seam_is_refused_and_a_whole_turn_is_that_of_a_joint_without_stops() -> None:
     servo = VirtualServo(1, model="STS3215", angle=radians(170))
-    bus: Bus = Wired(VirtualServoBus([servo])).bus()
+    bus: ServoBus = Wired(VirtualServoBus([servo])).bus()
     joint = Joint("roll", JointSpec(1, "STS3215"), STS)
-    homed = Homed(joint, 0, offset_for(bus.read(joint.at, STS.table["present_position"]), 0))
+    homed = HomedServo(joint, 0, offset_for(bus.read(joint.address, STS.table["present_position"]), 0))
     for angle in (250, 300, 200, 60, -15):  # 130 degrees from where it stood one way, 185 the other
         servo.turn_by_hand(radians(angle))
-        homed.look(bus)
-    assert "begin anew" in homed.trouble(0)
-    assert "--no-stops" in homed.trouble(0)
+        homed.sample(bus)
+    assert "begin anew" in homed.problem(0)
+    assert "--no-stops" in homed.problem(0)
     servo.turn_by_hand(radians(-65))
-    homed.look(bus)
-    assert homed.trouble(20) == ""
-    found = homed.found(20, 0)
+    homed.sample(bus)
+    assert homed.problem(20) == ""
+    found = homed.calibration(20, 0)
     assert (found.homing_offset, found.range_min, found.range_max) == (homed.offset, 0, 4095)
 
 

@@ -11,8 +11,8 @@ import pytest
 from drivers.api import Coupling, JointLimits
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
-from drivers.virtual.terminal import Terminal
-from missions.plugins.setup.servo.mirror import coupled
+from drivers.virtual.terminal import PseudoTerminal
+from missions.plugins.setup.servo.mirror import couple_joints
 from tests.missions.command import Outcome, command
 from tests.missions.servo_bench import patient
 from tests.waiting import wait_until
@@ -44,7 +44,7 @@ def arms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Virt
     with ExitStack() as closings:
         for name, end, reach in (("leader", "relax", "40"), ("follower", "hold", "80")):
             servos = VirtualServoBus([VirtualServo(number, model="STS3215") for number in (1, 2)])
-            terminal = Terminal(name, servos, clock)
+            terminal = PseudoTerminal(name, servos, clock)
             terminal.open()
             closings.callback(terminal.close)
             told = FILE.replace("NAME", name).replace("PORT", terminal.path).replace("END", end)
@@ -81,12 +81,15 @@ def test_the_follower_goes_where_the_leader_is_moved_and_stays_there(
 def test_joints_of_one_name_are_coupled_and_a_gripper_by_its_range() -> None:
     one = {"elbow": JointLimits(-1.0, 1.0, 1.0), "gripper": JointLimits(0.0, 1.0, 1.0)}
     other = {"gripper": JointLimits(-0.5, 1.5, 1.0), "elbow": JointLimits(-1.0, 1.0, 1.0)}
-    assert coupled(one, other, ["gripper"]) == [Coupling("gripper", "gripper", 2.0, -0.5), Coupling("elbow", "elbow")]
-    assert coupled(one, other, [])[0] == Coupling("gripper", "gripper")
+    assert couple_joints(one, other, ["gripper"]) == [
+        Coupling("gripper", "gripper", 2.0, -0.5),
+        Coupling("elbow", "elbow"),
+    ]
+    assert couple_joints(one, other, [])[0] == Coupling("gripper", "gripper")
     with pytest.raises(click.UsageError, match="the leader has toe, the follower gripper, elbow"):
-        coupled({"toe": one["elbow"]}, other, [])
+        couple_joints({"toe": one["elbow"]}, other, [])
     with pytest.raises(click.UsageError, match="gripper: the leader's limits are equal"):
-        coupled({**one, "gripper": JointLimits(0.5, 0.5, 1.0)}, other, ["gripper"])
+        couple_joints({**one, "gripper": JointLimits(0.5, 0.5, 1.0)}, other, ["gripper"])
 
 
 def test_a_leader_with_other_joints_is_told_before_anything_is_opened(

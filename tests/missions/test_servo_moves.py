@@ -110,7 +110,7 @@ def test_what_cannot_be_played_is_said_before_anything_moves(line: str, words: s
 
 def test_a_joint_that_does_not_follow_fails_the_play_and_its_error_is_told(robot: Three, mission: Mission) -> None:
     Path("up.yaml").write_text(NOD.replace("elbow: 0 deg", "elbow: 20 deg"))
-    robot.elbow.burden = 2.0
+    robot.elbow.load = 2.0
     outcome = mission("servo play up.yaml --robot three.yaml")
     assert outcome.code == 1
     assert "joint elbow: commanded" in outcome.out

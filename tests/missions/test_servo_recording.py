@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.playing import slowed
+from behaviours.playing import lay_out
 from config.writing import gesture_text
 from drivers.api import JointState, Quality, Reading
 from drivers.errors import BadRequest, NoReply
 from missions.library.moves.load import load_move
-from missions.library.moves.record import Recording, thinned
+from missions.library.moves.record import JointRecording, thin_out
 
 STEP = radians(300) / 1024
 RATE = 50.0
@@ -34,13 +34,13 @@ def measured(angle: float) -> float:
     return round(angle / STEP) * STEP
 
 
-def recorded(movement: Callable[[float], Mapping[str, float]], seconds: float, *, still: float = 0.0) -> Recording:
+def recorded(movement: Callable[[float], Mapping[str, float]], seconds: float, *, still: float = 0.0) -> JointRecording:
     """A movement as it is recorded, with the arm still for a while before and behind."""
-    recording: Recording | None = None
+    recording: JointRecording | None = None
     for number in range(round((seconds + 2 * still) * RATE) + 1):
         now = number / RATE
         positions = movement(min(max(now - still, 0.0), seconds))
-        recording = recording or Recording(dict.fromkeys(positions, STEP))
+        recording = recording or JointRecording(dict.fromkeys(positions, STEP))
         recording.add(seen({joint: measured(angle) for joint, angle in positions.items()}, 10 + now), 10 + now)
     assert recording is not None
     return recording
@@ -58,7 +58,7 @@ def test_what_is_played_is_what_was_recorded_within_two_steps_of_the_servo(tmp_p
     move = load_move(path)
     assert move.interpolation == "cubic"
     assert len(move.keyframes) < 0.4 * 4.0 * RATE
-    playing = slowed(move.keyframes[0].positions, move.keyframes, {"elbow": 9.0, "wrist": 9.0}, interpolation="cubic")
+    playing = lay_out(move.keyframes[0].positions, move.keyframes, {"elbow": 9.0, "wrist": 9.0}, interpolation="cubic")
     cut = 0.06  # the last reading before it was seen to move
     off = [
         abs(playing.at(time)[joint] - angle)
@@ -86,7 +86,7 @@ def test_to_and_fro_between_two_steps_is_no_movement(movement: Callable[[float],
 
 
 def test_a_joint_that_falls_silent_ends_the_recording_with_its_name() -> None:
-    recording = Recording({"elbow": STEP, "wrist": STEP})
+    recording = JointRecording({"elbow": STEP, "wrist": STEP})
     recording.add(seen({"elbow": 0.0, "wrist": 0.0}, 1.0), 1.0)
     recording.add(seen({"elbow": 0.1, "wrist": 0.1}, 1.1), 1.1)
     states = {**seen({"elbow": 0.2}, 1.3), **seen({"wrist": 0.1}, 1.1, Quality.STALE)}
@@ -97,14 +97,14 @@ def test_a_joint_that_falls_silent_ends_the_recording_with_its_name() -> None:
 
 
 def test_joints_that_never_speak_are_not_waited_for_for_ever() -> None:
-    recording = Recording({"elbow": STEP})
+    recording = JointRecording({"elbow": STEP})
     recording.add(seen({"elbow": 0.0}, 0.0, Quality.STALE), 5.0)
     with pytest.raises(NoReply, match="elbow"):
         recording.add(seen({"elbow": 0.0}, 0.0, Quality.STALE), 5.3)
 
 
 def test_a_reading_that_is_asked_for_twice_is_recorded_once() -> None:
-    recording = Recording({"elbow": STEP})
+    recording = JointRecording({"elbow": STEP})
     for _ in range(3):
         recording.add(seen({"elbow": 0.0}, 1.0), 1.0)
     assert len(recording.snapshots) == 1
@@ -114,7 +114,7 @@ def test_a_reading_that_is_asked_for_twice_is_recorded_once() -> None:
 def test_thinning_misses_no_reading_by_more_than_a_step(places: list[list[int]]) -> None:
     table, steps = np.array(places, dtype=float) * STEP, np.array([STEP, STEP])
     times = np.arange(len(places)) / RATE
-    kept = thinned(times, table, steps)
+    kept = thin_out(times, table, steps)
     assert (kept[0], kept[-1]) == (0, len(places) - 1)
     between = np.column_stack([np.interp(times, times[kept], table[kept, joint]) for joint in range(2)])
     assert np.abs(between - table).max() <= STEP * 1.000001

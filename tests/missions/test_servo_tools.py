@@ -238,7 +238,7 @@ def test_a_move_beyond_the_limits_is_clamped_and_that_is_said(servo: Servo) -> N
 
 
 def test_a_joint_that_does_not_arrive_fails_with_where_it_is(servo: Servo, robot: Three) -> None:
-    robot.elbow.burden = 2.0
+    robot.elbow.load = 2.0
     outcome = servo("move", "elbow", "40 deg")
     assert outcome.code == 1
     assert "joint elbow: commanded 0.70 rad, stands at 0.00 rad" in outcome.out
@@ -288,7 +288,9 @@ def test_a_recovered_arm_is_limp_again_where_its_file_asks_for_that_and_it_is_sa
 def test_a_servo_that_does_not_come_back_from_a_recovery_is_said_to_be_limp(
     servo: Servo, robot: Three, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("missions.plugins.setup.servo.drive.RECOVERY", 0.0)  # it takes longer than that to start
+    monkeypatch.setattr(
+        "missions.plugins.setup.servo.drive.RECOVERY_TIMEOUT", 0.0
+    )  # it takes longer than that to start
     robot.wrist.set("torque_enable", 1)
     robot.wrist.overload()
     wait_until(lambda: robot.wrist.get("hardware_error") != 0)
@@ -324,7 +326,7 @@ def test_a_servo_whose_torque_does_not_stay_on_is_not_called_stiff(
     servo: Servo, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "missions.plugins.setup.servo.drive.restore", lambda *_, **__: None
+        "missions.plugins.setup.servo.drive.restore_settings", lambda *_, **__: None
     )  # as if it took the order and dropped it
     outcome = servo("torque", "on", "elbow")
     assert (outcome.code, outcome.out) == (1, "")

@@ -10,14 +10,14 @@ import yaml
 from behaviours.tracking.follow import RuleBases
 from config.controller import load_controller
 from config.gesture import GestureConfig, load_gesture
-from config.library import DEFAULT_ROBOT, shipped
+from config.library import DEFAULT_ROBOT, shipped_files
 from config.robot import RobotConfig
 from config.world import load_world
 from drivers.api.sections import ArmKeys
 from missions.library.drivers import load_robot
 from missions.library.shipped import find_mission, load_mission, shipped_missions
 from missions.library.target import target_of
-from missions.library.things import THINGS
+from missions.library.things import LOOKUPS
 
 LOADERS: dict[str, Callable[[Path], object]] = {
     "robots": load_robot,
@@ -25,12 +25,12 @@ LOADERS: dict[str, Callable[[Path], object]] = {
     "gestures": load_gesture,
     "controllers": load_controller,
 }
-FILES = [(kind, name) for kind in LOADERS for name in shipped(kind)]
+FILES = [(kind, name) for kind in LOADERS for name in shipped_files(kind)]
 
 
 @pytest.mark.parametrize(("kind", "name"), FILES)
 def test_every_shipped_file_loads_and_is_named_after_its_file(kind: str, name: str) -> None:
-    loaded = LOADERS[kind](shipped(kind)[name])
+    loaded = LOADERS[kind](shipped_files(kind)[name])
     assert getattr(loaded, "name", "") == name
     assert getattr(loaded, "summary", "")
 
@@ -39,7 +39,7 @@ def robot_for(mission: str) -> RobotConfig:
     """Return the robot on which the tests of a mission run it."""
     tests = shipped_missions()[mission].with_suffix(".test.yaml")
     within = yaml.safe_load(tests.read_text(encoding="utf-8")).get("with", {}) if tests.exists() else {}
-    return load_robot(shipped("robots")[within.get("robot", DEFAULT_ROBOT)])
+    return load_robot(shipped_files("robots")[within.get("robot", DEFAULT_ROBOT)])
 
 
 @pytest.mark.parametrize("name", list(shipped_missions()))
@@ -51,13 +51,13 @@ def test_every_shipped_mission_is_good_on_its_robot(name: str) -> None:
 
 def arm_for(gesture: GestureConfig) -> ArmKeys:
     """Return the arm of the first robot that has the joints of ``gesture``."""
-    arms = (load_robot(path).arm for path in shipped("robots").values())
+    arms = (load_robot(path).arm for path in shipped_files("robots").values())
     return next(arm for arm in arms if arm is not None and gesture.joints <= arm.limits.keys())
 
 
-@pytest.mark.parametrize("name", list(shipped("gestures")))
+@pytest.mark.parametrize("name", list(shipped_files("gestures")))
 def test_every_gesture_stays_within_the_joints_of_a_shipped_robot(name: str) -> None:
-    gesture = load_gesture(shipped("gestures")[name])
+    gesture = load_gesture(shipped_files("gestures")[name])
     arm = arm_for(gesture)
     for time, positions in gesture.keyframes:
         for joint, angle in positions.items():
@@ -65,9 +65,9 @@ def test_every_gesture_stays_within_the_joints_of_a_shipped_robot(name: str) -> 
             assert limits.lower <= angle <= limits.upper, f"{joint} at {time} s"
 
 
-@pytest.mark.parametrize("name", list(shipped("gestures")))
+@pytest.mark.parametrize("name", list(shipped_files("gestures")))
 def test_every_gesture_can_be_followed_at_the_speed_of_the_joints(name: str) -> None:
-    gesture = load_gesture(shipped("gestures")[name])
+    gesture = load_gesture(shipped_files("gestures")[name])
     arm = arm_for(gesture)
     before: dict[str, tuple[float, float]] = {}
     for time, positions in gesture.keyframes:
@@ -77,10 +77,10 @@ def test_every_gesture_can_be_followed_at_the_speed_of_the_joints(name: str) -> 
             before[joint] = (time, angle)
 
 
-@pytest.mark.parametrize("name", list(shipped("gestures")))
+@pytest.mark.parametrize("name", list(shipped_files("gestures")))
 def test_every_gesture_ends_where_it_began(name: str) -> None:
     last: dict[str, float] = {}
-    for _, positions in load_gesture(shipped("gestures")[name]).keyframes:
+    for _, positions in load_gesture(shipped_files("gestures")[name]).keyframes:
         last.update(positions)
     if name == "let_go":  # whose hand stays open, since somebody's may still be in it
         assert last.pop("gripper") > 0.5
@@ -92,9 +92,9 @@ def test_every_gesture_ends_where_it_began(name: str) -> None:
     assert last == dict.fromkeys(last, 0.0)
 
 
-@pytest.mark.parametrize("name", list(shipped("worlds")))
+@pytest.mark.parametrize("name", list(shipped_files("worlds")))
 def test_everybody_stands_and_walks_inside_the_room(name: str) -> None:
-    world = load_world(shipped("worlds")[name])
+    world = load_world(shipped_files("worlds")[name])
     for person in world.people:
         for x, y in ((person.x, person.y), *person.path):
             assert abs(x - world.centre[0]) < world.length / 2
@@ -102,20 +102,20 @@ def test_everybody_stands_and_walks_inside_the_room(name: str) -> None:
 
 
 def test_every_controller_and_gesture_is_found_as_missions_name_it() -> None:
-    for name in shipped("controllers"):
-        assert isinstance(THINGS["controller"](name), RuleBases)
-    for name in shipped("gestures"):
-        assert getattr(THINGS["gesture"](name), "name", "") == name
+    for name in shipped_files("controllers"):
+        assert isinstance(LOOKUPS["controller"](name), RuleBases)
+    for name in shipped_files("gestures"):
+        assert getattr(LOOKUPS["gesture"](name), "name", "") == name
 
 
 def test_a_thing_that_is_wrong_says_where_in_its_own_file(tmp_path: Path) -> None:
     file = tmp_path / "bad.yaml"
     file.write_text("gesture: bad\nkeyframes:\n  - {at: 1 s, elbow: 90}\n", encoding="utf-8")
     with pytest.raises(LookupError, match=r"names a gesture that is wrong: .*bad\.yaml:3:22: 'elbow' needs an angle"):
-        THINGS["gesture"](str(file))
+        LOOKUPS["gesture"](str(file))
     file.write_text("controller: bad\nleg: {}\n", encoding="utf-8")
     with pytest.raises(LookupError, match=r"bad\.yaml:2:1: a controller file has no key 'leg'"):
-        THINGS["controller"](str(file))
+        LOOKUPS["controller"](str(file))
 
 
 def test_greet_is_there_and_takes_what_its_caller_says() -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from config.library import find
+from config.library import find_file
 from tests.missions.command import command
 
 
@@ -33,7 +33,7 @@ def test_a_file_is_shown_by_its_keys(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("here.yaml").write_text(find("worlds", "empty").read_text())
+    Path("here.yaml").write_text(find_file("worlds", "empty").read_text())
     assert "To draw it: mission show here.yaml" in command(capsys, "show", "here.yaml").out
     Path("party.yaml").write_text("mission: party\ntree:\n  succeed\n")
     assert "succeed" in command(capsys, "show", "party.yaml").out

@@ -12,14 +12,14 @@ import pytest
 from py_trees.common import Status
 
 import missions
-from behaviours.run import Run
-from config.library import find
+from behaviours.run import RunState
+from config.library import find_file
 from config.world import load_world
 from drivers.clock import ManualClock
 from drivers.sim.timeline import Timeline
 from missions.executive.events import Event, Logged, NodeChanged, PerceptSeen
-from missions.executive.pace import STILL_SPEED, Pace, PausedPace
-from missions.plugins.testing.stage import IN_PROCESS
+from missions.executive.pace import MAX_STILL_SPEED, PausedPacer, SimulationPacer
+from missions.plugins.testing.stage import IN_PROCESS_LIMITS
 from missions.request import RunRequest
 from missions.runner import Runner
 from tests.cases import each
@@ -67,7 +67,7 @@ def test_another_seed_is_another_run() -> None:
 
 
 def test_a_world_may_be_given_as_a_value() -> None:
-    world = load_world(find("worlds", "living_room"))
+    world = load_world(find_file("worlds", "living_room"))
     far = replace(world, people=tuple(replace(person, at=(4.9, person.y)) for person in world.people))
     result = Runner(fast("greet", eyes="truth", world=far, params={"patience": "8 s"})).run()
     assert result.result == "failure"
@@ -94,38 +94,38 @@ class Wall:
 
 def test_a_speed_is_kept_by_waiting() -> None:
     wall, timeline = Wall(), Timeline()
-    pace = Pace(Run(timeline.clock, wall=wall.clock), timeline, speed=5.0, wait=wall.wait)
+    pace = SimulationPacer(RunState(timeline.clock, wall=wall.clock), timeline, speed=5.0, wait=wall.wait)
     for _ in range(100):
         pace(0.05)
-    assert timeline.clock.now() == pytest.approx(5.0)
-    assert wall.clock.now() == pytest.approx(1.0)
+    assert timeline.clock.read_value() == pytest.approx(5.0)
+    assert wall.clock.read_value() == pytest.approx(1.0)
 
 
 def test_time_does_not_race_after_a_pause() -> None:
     wall, timeline = Wall(), Timeline()
-    pace = Pace(Run(timeline.clock, wall=wall.clock), timeline, speed=1.0, wait=wall.wait)
+    pace = SimulationPacer(RunState(timeline.clock, wall=wall.clock), timeline, speed=1.0, wait=wall.wait)
     pace(0.05)
     wall.clock.advance(60.0)  # in which nobody let time pass
-    began = wall.clock.now()
+    began = wall.clock.read_value()
     for _ in range(100):
         pace(0.05)
-    assert wall.clock.now() - began == pytest.approx(5.0, abs=0.06)
+    assert wall.clock.read_value() - began == pytest.approx(5.0, abs=0.06)
 
 
 def test_without_a_speed_nothing_waits() -> None:
     wall, timeline = Wall(), Timeline()
-    pace = Pace(Run(timeline.clock, wall=wall.clock), timeline, wait=wall.wait)
+    pace = SimulationPacer(RunState(timeline.clock, wall=wall.clock), timeline, wait=wall.wait)
     pace(1000.0)
-    assert timeline.clock.now() == 1000.0
+    assert timeline.clock.read_value() == 1000.0
     assert not wall.waited
 
 
 def test_what_wakes_the_executive_ends_the_wait() -> None:
     timeline = Timeline()
-    run = Run(timeline.clock)
-    timeline.at(0.3, run.wake)
-    assert Pace(run, timeline)(1.0)
-    assert timeline.clock.now() == 0.3
+    run = RunState(timeline.clock)
+    timeline.call_at(0.3, run.wake)
+    assert SimulationPacer(run, timeline)(1.0)
+    assert timeline.clock.read_value() == 0.3
 
 
 MOVES = {
@@ -141,30 +141,30 @@ MOVES = {
 def test_the_robot_comes_to_rest_before_a_pause_holds_the_world(what: str, how: str, tmp_path: Path) -> None:
     path = tmp_path / "m.yaml"
     path.write_text(MOVES[what], encoding="utf-8")
-    runner = Runner(RunRequest(str(path), robot="turtlebot2_arm", simulate="fast"), limits=IN_PROCESS)
-    twins, robot, idle = runner.twins, runner.assembled.robot, runner.executive.idle
+    runner = Runner(RunRequest(str(path), robot="turtlebot2_arm", simulate="fast"), limits=IN_PROCESS_LIMITS)
+    twins, robot, idle = runner.twins, runner.assembled_robot.robot, runner.executive.idle
     assert twins is not None
-    assert isinstance(idle, PausedPace)
-    idle._pace._wait = lambda _: None
+    assert isinstance(idle, PausedPacer)
+    idle._pacer._wait = lambda _: None
     stood: list[bool] = []
 
     def pause() -> None:
         runner.executive.pause() if how == "pause" else runner.latch.stop("somebody")
 
     def look(seconds: float) -> None:
-        before = twins.timeline.clock.now()
+        before = twins.timeline.clock.read_value()
         idle(seconds)
-        stood.append(twins.timeline.clock.now() == before)
+        stood.append(twins.timeline.clock.read_value() == before)
         if stood[-3:] == [True] * 3:
             runner.executive.stop("seen")
 
-    twins.timeline.at(2.03, pause)
+    twins.timeline.call_at(2.03, pause)
     runner.executive.idle = look
     runner.run()
     assert not stood[0]  # it moved when it was told to pause, and had the time to come to rest
     state = None if robot.base_part is None else robot.base_part.state().value
     if state is not None:
-        assert max(abs(state.velocity.linear), abs(state.velocity.angular)) < STILL_SPEED
+        assert max(abs(state.velocity.linear), abs(state.velocity.angular)) < MAX_STILL_SPEED
     joints = {} if robot.arm_part is None else robot.arm_part.states()
     assert not any(joint.value is not None and joint.value.moving for joint in joints.values())
 

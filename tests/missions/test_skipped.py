@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from behaviours.catalogue import LEAVES
-from config.faults import Source
+from config.faults import SourceText
 from missions.executive.events import SKIPPED, Event, NodeChanged
 from missions.language.document import check_plan
 from tests.conformance.harness import Play
@@ -64,7 +64,7 @@ def test_events_and_records_say_which_node_was_skipped(folder: Path, capsys: pyt
 )
 def test_modifiers_pass_it_on_and_composites_do_not(node: str, told: str) -> None:
     text = f"mission: m\nparams: {{yes_: true}}\ntree: {node}\n"
-    play = Play(check_plan(Source("m.yaml", text), LEAVES, {}), {"battery": {"percent": 20}})
+    play = Play(check_plan(SourceText("m.yaml", text), LEAVES, {}), {"battery": {"percent": 20}})
     heard: list[Event] = []
     play.executive.stream.listeners.append(heard.append)
     play.line("", 0.0)

@@ -9,8 +9,8 @@ import click
 import pytest
 
 from drivers.errors import NotConnected
-from drivers.transport.ports import LISTED, open_port, other_than_serial
-from missions.cli.numbers import InUnit, Real, Whole
+from drivers.transport.ports import PORTS_HINT, find_non_serial_kind, open_port
+from missions.cli.numbers import QuantityInUnit, RealNumber, WholeNumber
 from missions.cli.root import mission as root
 from tests.missions.command import Outcome, command
 
@@ -87,7 +87,7 @@ def test_what_is_no_serial_port_is_refused_before_anything_is_waited_for(
     Path("go.yaml").write_text("mission: go\ntree:\n  drive: 1 m\n")
     outcome = mission("run", "go.yaml", "--robot", "turtlebot2", "--port", f"base={port}")
     assert outcome.code == 3
-    assert outcome.err == f"mission: base: {port}: no serial port, but {what}\n  try: {LISTED}\n"
+    assert outcome.err == f"mission: base: {port}: no serial port, but {what}\n  try: {PORTS_HINT}\n"
     assert "waiting" not in outcome.out
     with pytest.raises(NotConnected, match="no serial port"):
         open_port("base", port, 115200)
@@ -96,8 +96,8 @@ def test_what_is_no_serial_port_is_refused_before_anything_is_waited_for(
 def test_a_pseudo_terminal_may_be_a_port_and_so_may_what_is_not_there_yet() -> None:
     ours, theirs = pty.openpty()
     try:
-        assert other_than_serial(os.ttyname(theirs)) is None
-        assert other_than_serial("/dev/no_such_port") is None
+        assert find_non_serial_kind(os.ttyname(theirs)) is None
+        assert find_non_serial_kind("/dev/no_such_port") is None
     finally:
         os.close(ours)
         os.close(theirs)
@@ -130,7 +130,7 @@ def test_every_number_of_a_command_is_read_in_plain_digits() -> None:
     kinds = {param.type for each in commands for param in each.params}
     numbers = [kind for kind in kinds if kind.name.partition(" ")[0] in ("integer", "float")]
     assert len(numbers) > 20
-    assert [kind for kind in numbers if not isinstance(kind, Whole | Real)] == []
+    assert [kind for kind in numbers if not isinstance(kind, WholeNumber | RealNumber)] == []
 
 
 @pytest.mark.parametrize(
@@ -146,7 +146,7 @@ def test_every_number_of_a_command_is_read_in_plain_digits() -> None:
     ],
 )
 def test_an_option_takes_a_quantity_as_missions_have_it(unit: str, text: str, found: float) -> None:
-    assert InUnit(unit).convert(text, None, None) == pytest.approx(found)
+    assert QuantityInUnit(unit).convert(text, None, None) == pytest.approx(found)
 
 
 @pytest.mark.parametrize(
@@ -154,4 +154,4 @@ def test_an_option_takes_a_quantity_as_missions_have_it(unit: str, text: str, fo
 )
 def test_an_option_refuses_another_dimension_and_what_is_out_of_range(text: str, said: str) -> None:
     with pytest.raises(click.BadParameter, match=said):
-        InUnit("deg", -45.0, 45.0).convert(text, None, None)
+        QuantityInUnit("deg", -45.0, 45.0).convert(text, None, None)

@@ -7,15 +7,15 @@ import pytest
 
 from behaviours.voice import Say
 from config.faults import InvalidFileError
-from drivers.api import Manner, MouthShape, Priority
+from drivers.api import MouthShape, Priority, SpeechStyle
 from drivers.clock import ManualClock
 from drivers.sound.printed import PrintedVoice
-from missions.executive.answers import Answers
-from missions.executive.asked import asked, robot_for, voice_proxy
+from missions.executive.answers import TickCache
+from missions.executive.asked import robot_for, voice_proxy, with_proxies
 from missions.library.shipped import load_mission
-from missions.plugins.records.replay.memory import Memory
-from missions.plugins.records.replay.rerun import AnsweringVoice
-from missions.plugins.testing.recorders import Bench
+from missions.plugins.records.replay.memory import RecordedAnswers
+from missions.plugins.records.replay.rerun import ReplayedVoice
+from missions.plugins.testing.recorders import LeafTestBench
 
 
 def arguments(folder: Path, step: str) -> Mapping[str, object]:
@@ -45,14 +45,14 @@ def test_the_manner_is_checked_before_anything_is_said(tmp_path: Path) -> None:
 
 
 def test_what_is_said_is_told_with_what_is_unusual_of_it() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     told: list[Mapping[str, object]] = []
     leaf = bench.put(Say("say"), text="Hi")
     voice = robot_for(
-        leaf, asked(bench.robot, Answers()), lambda *command: told.append({**command[2], "to": command[0]})
+        leaf, with_proxies(bench.robot, TickCache()), lambda *command: told.append({**command[2], "to": command[0]})
     ).voice
     voice.say("Hi")
-    voice.say("Stop", Manner(speed=200), Priority.HIGH)
+    voice.say("Stop", SpeechStyle(speed=200), Priority.HIGH)
     voice.play(Path("bell.wav"), Priority.LOW)
     assert told == [
         {"say": "Hi", "to": "voice"},
@@ -61,7 +61,7 @@ def test_what_is_said_is_told_with_what_is_unusual_of_it() -> None:
     ]
     assert bench.voice.commands == [
         "Hi",
-        ("Stop", Manner(speed=200), Priority.HIGH),
+        ("Stop", SpeechStyle(speed=200), Priority.HIGH),
         (Path("bell.wav"), Priority.LOW),
     ]
     heard = voice.speaking()
@@ -72,36 +72,38 @@ def test_what_is_said_is_told_with_what_is_unusual_of_it() -> None:
 
 
 def test_a_record_gives_out_again_what_was_said_and_heard(tmp_path: Path) -> None:
-    clock, answers = ManualClock(10.0), Answers()
+    clock, answers = ManualClock(10.0), TickCache()
     bell = tmp_path / "bell.wav"
     bell.write_bytes((b"OggS\0\x02" + bytes(20) + b"\x01\x1e\x01vorbis").ljust(16_000, b"\0"))  # a second of it
     device = PrintedVoice(clock, lambda _: None)
     device.open()
     voice = voice_proxy(device, answers)
-    answers.kept = answers.open = True
+    answers.is_recording = answers.is_open = True
     first, second = voice.say("one two three four five"), voice.play(bell, Priority.LOW)
     heard = voice.speaking()
     assert heard is not None
     then = (heard.started, tuple(heard.mouth), first.done(), second.started, second.done())
     assert then == (10.0, (), False, None, False)
-    third = voice.say("Stop", Manner(speed=200), Priority.HIGH)
+    third = voice.say("Stop", SpeechStyle(speed=200), Priority.HIGH)
     third.cancel()
     assert (third.cancelled, second.cancelled) == (True, False)
-    said = answers.take()
+    said = answers.take_answers()
     assert said[0][:3] == ("voice", "say", ("one two three four five", None, None))
 
     differences: list[object] = []
-    memory = Memory(unheard=differences.append, otherwise=lambda *what: differences.append(what))
-    memory.begin(said)
-    again = AnsweringVoice(memory, clock.now)
+    memory = RecordedAnswers(
+        on_unanswered=differences.append, on_different_command=lambda *what: differences.append(what)
+    )
+    memory.begin_tick(said)
+    again = ReplayedVoice(memory, clock.read_value)
     first, second = again.say("one two three four five"), again.play(bell, Priority.LOW)
     heard = again.speaking()
     assert heard is not None
     assert (heard.started, tuple(heard.mouth), first.done(), second.started, second.done()) == then
-    third = again.say("Stop", Manner(speed=200), Priority.HIGH)
+    third = again.say("Stop", SpeechStyle(speed=200), Priority.HIGH)
     third.cancel()
     assert (third.cancelled, second.cancelled) == (True, False)
-    memory.end()
+    memory.end_tick()
     assert differences == []
     guessed = again.play(bell)
     assert (guessed.done(), guessed.started) == (False, 10.0)

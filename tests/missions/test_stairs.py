@@ -12,14 +12,14 @@ from random import Random
 
 import pytest
 
-from config.library import shipped
+from config.library import shipped_files
 from config.world import WorldConfig, load_world
 from drivers.api import Pose2D
 from drivers.base.twin import BaseTwin
 from missions.language.plan import Plan
-from missions.library.drivers import robot_named
+from missions.library.drivers import load_named_robot
 from missions.request import RunRequest
-from missions.runner import Runner, load
+from missions.runner import Runner, load_plan
 from tests.missions.lone_base import LONE_ROBOT
 from tests.tries import tries
 
@@ -81,7 +81,7 @@ def briefly(blindly: Path) -> Path:
 
 @cache
 def plan_of(mission: Path, robot: str) -> Plan:
-    return load(order(mission, robot, load_world(shipped("worlds")["empty"])), robot_named(robot))
+    return load_plan(order(mission, robot, load_world(shipped_files("worlds")["empty"])), load_named_robot(robot))
 
 
 def order(mission: Path, robot: str, world: WorldConfig) -> RunRequest:
@@ -90,7 +90,7 @@ def order(mission: Path, robot: str, world: WorldConfig) -> RunRequest:
 
 
 def world_of(name: str, start: Pose2D, lag: float) -> WorldConfig:
-    world = load_world(shipped("worlds")[name])
+    world = load_world(shipped_files("worlds")[name])
     place = replace(world.start, at=(start.x, start.y), heading=start.heading)
     return replace(world, start=place, physics=replace(world.physics, lag=lag), people=())
 
@@ -101,7 +101,7 @@ def ride(mission: Path, robot: str, world: WorldConfig, look: Callable[[BaseTwin
     assert runner.twins is not None
     assert runner.twins.base is not None
     base, timeline = runner.twins.base, runner.twins.timeline
-    timeline.every(BaseTwin.PERIOD, lambda: look(base, timeline.clock.now()))
+    timeline.call_every(BaseTwin.PERIOD, lambda: look(base, timeline.clock.read_value()))
     runner.run()
     return base
 
@@ -111,7 +111,7 @@ def at_the_edge(random: Random) -> Pose2D:
 
     A corner gives the least way from a floor sensor to a wheel.
     """
-    (edge,) = load_world(shipped("worlds")["stairs"]).edges
+    (edge,) = load_world(shipped_files("worlds")["stairs"]).edges
     left, right = edge.x - edge.length / 2, edge.x + edge.length / 2
     low, high = edge.y - edge.width / 2, edge.y + edge.width / 2
     if random.random() < 0.5:

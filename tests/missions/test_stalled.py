@@ -11,14 +11,14 @@ import pytest
 from py_trees.common import Status
 
 from behaviours.leaf import FAILURE, RUNNING, Leaf
-from config.library import find
+from config.library import find_file
 from drivers.api import Velocity
 from drivers.api.sections import BaseKeys
 from drivers.clock import Clock, ManualClock, SystemClock
 from drivers.kobuki.driver import kobuki_base
-from drivers.kobuki.virtual import PERIOD as REPORT
+from drivers.kobuki.virtual import REPORT_INTERVAL as REPORT
 from drivers.kobuki.virtual import VirtualKobuki
-from drivers.virtual.terminal import Terminal
+from drivers.virtual.terminal import PseudoTerminal
 from missions.library.drivers import load_robot
 from missions.request import RunRequest
 from missions.runner import Runner
@@ -36,7 +36,7 @@ TURTLEBOT, ARM = "turtlebot2", "turtlebot2_arm"
 
 
 def base_of(robot: str) -> BaseKeys:
-    config = load_robot(find("robots", robot)).base
+    config = load_robot(find_file("robots", robot)).base
     assert config is not None
     return config
 
@@ -65,17 +65,17 @@ def time_to_rest(config: BaseKeys, wanted: Velocity, seconds: float) -> float:
     base.open()
     link.run(0.1)
     ticked = 0.0
-    while clock.now() < seconds:
-        ticked = clock.now()
+    while clock.read_value() < seconds:
+        ticked = clock.read_value()
         base.drive(wanted)
         link.run(PERIOD)
     assert speed(kobuki) > 0.0
     while speed(kobuki) > 0.0:
         link.run(0.01)
-        kobuki.pose(clock.now())
-        assert clock.now() - ticked < 5.0
+        kobuki.pose(clock.read_value())
+        assert clock.read_value() - ticked < 5.0
     base.close()
-    return clock.now() - ticked
+    return clock.read_value() - ticked
 
 
 def speed(kobuki: VirtualKobuki) -> float:
@@ -98,7 +98,7 @@ class Stalling(Leaf):
         base.drive(Velocity(base.limits.speed, 0.0))
         if self.witness.seen.top < 0.99 * base.limits.speed:
             return RUNNING
-        self.stalled_at = self.clock.now()
+        self.stalled_at = self.clock.read_value()
         self.witness.forget()
         wait_until(lambda: not self.witness.seen.moving)
         return FAILURE
@@ -110,7 +110,7 @@ def test_a_behaviour_that_holds_up_the_tick_of_a_mission_leaves_the_base_at_rest
     mission.write_text("mission: ahead\ntree:\n  drive: 100 m\n  timeout: 30 s\n", encoding="utf-8")
     clock, witness = SystemClock(), Witness()
     stalling = Stalling("ahead", clock, witness)
-    terminal = Terminal("kobuki", witness, clock)
+    terminal = PseudoTerminal("kobuki", witness, clock)
     terminal.open()
     try:
         order = RunRequest(str(mission), robot=LONE_ROBOT, ports={"base": terminal.path}, without_stop=True)

@@ -2,12 +2,12 @@
 
 import pytest
 
-from missions.cli.printable import WIDTH, show_over
+from missions.cli.printable import LINE_WIDTH, overwrite_line
 
 
 def test_a_line_takes_the_place_of_the_one_before_and_never_wraps(capsys: pytest.CaptureFixture[str]) -> None:
-    show_over("near")
-    show_over("far " * WIDTH, err=True)
+    overwrite_line("near")
+    overwrite_line("far " * LINE_WIDTH, err=True)
     out, err = capsys.readouterr()
     assert out == "\rnear"  # where there is no terminal, click leaves out what clears the line
-    assert err == "\r" + ("far " * WIDTH)[:WIDTH]
+    assert err == "\r" + ("far " * LINE_WIDTH)[:LINE_WIDTH]

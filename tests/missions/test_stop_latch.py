@@ -71,13 +71,13 @@ def test_one_press_counts_once_by_however_many_ways_it_comes() -> None:
     latch = latch_of(Stilled())
     for by, press in (("operator 1", "a"), ("operator 2", "a"), ("operator 3", "a")):
         latch.stop(by, press)
-    assert (latch.number, latch.reason) == (1, "stopped by operator 1")
+    assert (latch.stop_count, latch.reason) == (1, "stopped by operator 1")
     latch.stop("operator 1", "b")
     latch.stop("operator 2", "a")  # lost on its way, and sent again
-    assert latch.number == 2
+    assert latch.stop_count == 2
     assert latch.release(2)
     latch.stop("operator 1", "b")  # which comes late: nobody knows that it is no new one
-    assert (latch.number, latch.reason) == (3, "stopped by operator 1")
+    assert (latch.stop_count, latch.reason) == (3, "stopped by operator 1")
     latch.stop("Ada")
     latch.stop("Ada")
-    assert latch.number == 5
+    assert latch.stop_count == 5

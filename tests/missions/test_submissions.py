@@ -9,14 +9,14 @@ from py_trees.common import Status
 from behaviours.catalogue import LEAVES
 from behaviours.node import Node
 from behaviours.robot import Robot
-from behaviours.run import NodeByNode, Run
+from behaviours.run import NodeCallback, RunState
 from config.faults import InvalidFileError
 from drivers.clock import ManualClock
 from missions.executive.build import build
 from missions.language.document import load_plan
 from missions.language.plan import Plan
 from missions.library.shipped import find_mission
-from missions.library.things import THINGS
+from missions.library.things import LOOKUPS
 
 SQUARE = """\
 mission: square
@@ -40,19 +40,19 @@ def folder(tmp_path: Path) -> Path:
 def load(folder: Path, tree: str, *, params: Mapping[str, str] | None = None, head: str = "") -> Plan:
     """Load a mission that stands in ``folder``."""
     (folder / "main.yaml").write_text(f"mission: main\n{head}tree:\n{tree}")
-    return load_plan(folder / "main.yaml", LEAVES, THINGS, find_mission=find_mission, params=params)
+    return load_plan(folder / "main.yaml", LEAVES, LOOKUPS, find_mission=find_mission, params=params)
 
 
 def messages(folder: Path, tree: str, *, head: str = "") -> list[str]:
     """Return the mistakes in a mission, each with the name of its file and its line."""
     with pytest.raises(InvalidFileError) as caught:
         load(folder, tree, head=head)
-    return [f"{Path(fault.source.name).name}:{fault.mark.line}: {fault.message}" for fault in caught.value.faults]
+    return [f"{Path(fault.source.name).name}:{fault.mark.line}: {fault.message}" for fault in caught.value.diagnostics]
 
 
-def ready(plan: Plan, *, seed: int = 0) -> tuple[Node, Run]:
+def ready(plan: Plan, *, seed: int = 0) -> tuple[Node, RunState]:
     """Build a mission for a robot without parts."""
-    run = Run(ManualClock(), seed=seed)
+    run = RunState(ManualClock(), seed=seed)
     return build(plan, run, lambda leaf: Robot()), run  # noqa: ARG005 - a robot without parts
 
 
@@ -164,14 +164,14 @@ def test_a_word_that_would_lead_a_mission_to_itself_is_no_hint(folder: Path, wor
     (folder / "b.yaml").write_text("mission: b\ntree: {mission: main}\n")
     with pytest.raises(InvalidFileError) as caught:
         load(folder, f"  {word}\n")
-    assert "mission:" not in caught.value.faults[0].suggestion
+    assert "mission:" not in caught.value.diagnostics[0].suggestion
 
 
 def test_a_mission_that_hides_one_of_the_library_is_told_how_to_run_that(folder: Path) -> None:
     (folder / "greet.yaml").write_text("mission: greet\ntree: {mission: greet}\n")
     with pytest.raises(InvalidFileError) as caught:
         load(folder, "  mission: greet\n")
-    (fault,) = caught.value.faults
+    (fault,) = caught.value.diagnostics
     assert fault.message == "a mission cannot include itself: greet.yaml -> greet.yaml"
     assert fault.suggestion == "the library has another 'greet': rename greet.yaml to run that"
 
@@ -282,9 +282,9 @@ def test_a_switch_keeps_to_its_case_until_that_ends(folder: Path) -> None:
     assert root.execute_tick() is Status.SUCCESS
 
 
-def names(seen: list[str], status: Status) -> NodeByNode:
+def names(seen: list[str], status: Status) -> NodeCallback:
     """Return an observer that adds to ``seen`` the names of the nodes that come to have ``status``."""
-    return NodeByNode(lambda node: seen.append(node.name) if node.status is status else None)
+    return NodeCallback(lambda node: seen.append(node.name) if node.status is status else None)
 
 
 def test_a_random_sequence_does_all_in_an_order_of_its_seed(folder: Path) -> None:

@@ -13,8 +13,8 @@ from py_trees.common import Status
 import missions
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf, argument
-from config.faults import Source
-from config.library import find
+from config.faults import SourceText
+from config.library import find_file
 from drivers.errors import SensorSilent
 from missions.executive.events import NodeChanged
 from missions.language.document import check_plan
@@ -41,7 +41,7 @@ LONGEST_SILENCE = 30
 class Action(Leaf):
     """Do a piece of work that takes so many ticks, and write down each start, each tick of work, and each halt."""
 
-    word = "action"
+    tag = "action"
     drives = frozenset({"base"})
     ticks: int = argument("count", "how many ticks it takes", principal=True)
     run: Bench
@@ -64,7 +64,7 @@ class Action(Leaf):
 class Guard(Leaf):
     """Ask whether a part of the robot's state is above a number; suspended while that is silent."""
 
-    word = "guard"
+    tag = "guard"
     instant = True
     needs = frozenset({"range"})
     part: str = argument("text", "battery or head", principal=True)
@@ -81,7 +81,7 @@ class Guard(Leaf):
 
 Capture = pytest.CaptureFixture[str]
 
-WORDS: dict[str, type[Leaf]] = {leaf.word: leaf for leaf in (Action, Guard)}
+WORDS: dict[str, type[Leaf]] = {leaf.tag: leaf for leaf in (Action, Guard)}
 
 
 def guard(random: Random, names: Any) -> dict[str, Any]:
@@ -121,7 +121,7 @@ def played(tree: dict[str, Any], values: list[dict[str, int]], silent: list[int]
     Before each of the ``values`` holds for a tick, all sensors are silent for so many ticks. A silent tick in which the
     tree asks nothing, and so is not suspended, takes the place of the other.
     """
-    plan = check_plan(Source("tree", f"mission: tree\ntree: {json.dumps(tree)}\n"), WORDS, {})
+    plan = check_plan(SourceText("tree", f"mission: tree\ntree: {json.dumps(tree)}\n"), WORDS, {})
     play = Play(plan, {"battery": {"value": 0}, "head": {"value": 0}})
     told: list[str] = []
     for state, quiet in zip(values, silent, strict=True):
@@ -132,7 +132,7 @@ def played(tree: dict[str, Any], values: list[dict[str, int]], silent: list[int]
             told += [entry for entry in happened if entry.endswith((" starts", " works", " halts"))]
             if play.root.status is not Status.RUNNING:
                 return told
-            if not play.root.suspended:
+            if not play.root.is_suspended:
                 break
     return told
 
@@ -247,7 +247,7 @@ def test_a_sub_mission_waits_for_the_sensors_of_its_params(
 
 def test_the_robot_file_says_how_long_a_sensor_is_waited_for(tmp_path: Path, capsys: Capture) -> None:
     robot = tmp_path / "patient.yaml"
-    robot.write_text("sensor_timeout: 2 s\n" + find("robots", "turtlebot2").read_text("utf-8"), "utf-8")
+    robot.write_text("sensor_timeout: 2 s\n" + find_file("robots", "turtlebot2").read_text("utf-8"), "utf-8")
     tree = "reactive_selector: [{face_seen: 1 s}, {wait: 20 s}]"
     expected = "{result: failure, reason: the camera has not reported for 2 s, within: 6 s}"
     path = suite(tree, "camera unplugged at 2 s", expected, tmp_path, robot=str(robot))
@@ -266,7 +266,7 @@ def test_a_run_that_was_suspended_is_decided_again(tmp_path: Path, monkeypatch: 
         if isinstance(event, NodeChanged) and event.status == "suspended"
     }
     assert told == dict.fromkeys(("1", "1.1"), "waiting: the range finder does not report")
-    assert rerun(past, past.runner.plan, load_robot(find("robots", "turtlebot2"))).same
+    assert rerun(past, past.runner.plan, load_robot(find_file("robots", "turtlebot2"))).is_identical
 
 
 # --- leaves of other distributions ------------------------------------------------------------------------------------
@@ -286,11 +286,11 @@ def test_a_plain_py_trees_behaviour_says_that_its_sensor_is_silent() -> None:
 
     mission = missions.wrap(Warm("warm"))
     assert mission.tick() is Status.RUNNING
-    assert mission.root.suspended
+    assert mission.root.is_suspended
     assert mission.reason == "waiting: the thermometer does not report"
     assert mission.tick() is Status.RUNNING
     assert mission.tick() is Status.SUCCESS
-    assert not mission.root.suspended
+    assert not mission.root.is_suspended
 
 
 # --- what the checker says -------------------------------------------------------------------------------------------
@@ -315,7 +315,7 @@ CONDITIONS = [
 @pytest.mark.parametrize(("child", "hints"), [*((each, 1) for each in ACTIONS), *((each, 0) for each in CONDITIONS)])
 def test_an_action_used_as_a_guard_gets_a_hint(composite: str, child: str, hints: int) -> None:
     tree = f"{composite}: [{child}, {{drive: 1 m}}]"
-    plan = check_plan(Source("m.yaml", f"mission: m\ntree: {{{tree}}}\n"), LEAVES, {})
+    plan = check_plan(SourceText("m.yaml", f"mission: m\ntree: {{{tree}}}\n"), LEAVES, {})
     found = actions_as_guards(plan.tree)
     assert len(found) == hints
     assert all("used as a guard" in hint.message for hint in found)

@@ -6,7 +6,7 @@ import pytest
 from py_trees.common import Status
 
 from behaviours.catalogue import LEAVES
-from config.faults import InvalidFileError, Source
+from config.faults import InvalidFileError, SourceText
 from missions.language.document import check_plan
 from missions.language.plan import Plan
 from tests.conformance.harness import Play
@@ -55,14 +55,14 @@ tree:
         cases:
 {lines}        default: {{log: none}}
 """
-    return check_plan(Source("m.yaml", text), LEAVES, {})
+    return check_plan(SourceText("m.yaml", text), LEAVES, {})
 
 
 @pytest.mark.parametrize(("first", "second"), ONE)
 def test_one_case_written_twice_is_a_mistake(first: str, second: str) -> None:
     with pytest.raises(InvalidFileError) as caught:
         plan([first, second], "1")
-    (fault,) = caught.value.faults
+    (fault,) = caught.value.diagnostics
     again, before = (each.strip('"') for each in (second, first))
     assert fault.message == f"the case '{again}' is the case '{before}' again (first at line 10)"
     assert fault.mark.line == 11

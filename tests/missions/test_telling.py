@@ -2,12 +2,12 @@
 
 import pytest
 
-from behaviours.run import Run
+from behaviours.run import RunState
 from drivers.api import Source, Steering, Velocity
 from drivers.clock import ManualClock
 from missions.executive.events import CommandSent, Event
-from missions.executive.stream import Stream
-from missions.executive.telling import Teller
+from missions.executive.stream import EventStream
+from missions.executive.telling import EventReporter
 
 STILL = Velocity(0.0, 0.0)
 
@@ -18,34 +18,36 @@ def events() -> list[Event]:
 
 
 @pytest.fixture
-def teller(events: list[Event]) -> Teller:
-    return Teller(Run(ManualClock()), Stream([events.append]))
+def teller(events: list[Event]) -> EventReporter:
+    return EventReporter(RunState(ManualClock()), EventStream([events.append]))
 
 
 def commands(events: list[Event]) -> list[tuple[str, object]]:
     return [(event.source, event.values) for event in events if isinstance(event, CommandSent)]
 
 
-def test_what_a_mission_commands_is_not_told_twice(events: list[Event], teller: Teller) -> None:
+def test_what_a_mission_commands_is_not_told_twice(events: list[Event], teller: EventReporter) -> None:
     ahead = Velocity(0.2, 0.0)
-    teller.steered(Steering(Source.MISSION, ahead, ahead))
-    teller.steered(Steering(Source.MISSION, ahead, STILL, "bumper centre"))
-    teller.steered(Steering(None, STILL, STILL))
+    teller.on_steering(Steering(Source.MISSION, ahead, ahead))
+    teller.on_steering(Steering(Source.MISSION, ahead, STILL, "bumper centre"))
+    teller.on_steering(Steering(None, STILL, STILL))
     assert commands(events) == []
 
 
-def test_a_reflex_is_told_with_what_it_does_and_why_and_when_it_is_over(events: list[Event], teller: Teller) -> None:
+def test_a_reflex_is_told_with_what_it_does_and_why_and_when_it_is_over(
+    events: list[Event], teller: EventReporter
+) -> None:
     back = Velocity(-0.1, 0.4)
-    teller.steered(Steering(Source.SAFETY, back, back, "backing off: bumper right"))
-    teller.steered(Steering(None, STILL, STILL))
+    teller.on_steering(Steering(Source.SAFETY, back, back, "backing off: bumper right"))
+    teller.on_steering(Steering(None, STILL, STILL))
     assert commands(events) == [
         ("safety", {"linear": -0.1, "angular": 0.4, "because": "backing off: bumper right"}),
         ("safety", {"linear": 0.0, "angular": 0.0}),
     ]
 
 
-def test_a_person_is_told_with_what_was_wanted_and_what_was_given(events: list[Event], teller: Teller) -> None:
-    teller.steered(Steering(Source.TELEOP, Velocity(0.7, 0.0), Velocity(0.3, 0.0), "limited"))
+def test_a_person_is_told_with_what_was_wanted_and_what_was_given(events: list[Event], teller: EventReporter) -> None:
+    teller.on_steering(Steering(Source.TELEOP, Velocity(0.7, 0.0), Velocity(0.3, 0.0), "limited"))
     assert commands(events) == [
         (
             "teleop",
@@ -54,9 +56,9 @@ def test_a_person_is_told_with_what_was_wanted_and_what_was_given(events: list[E
     ]
 
 
-def test_a_base_that_is_stopped_for_good_is_so_for_safety(events: list[Event], teller: Teller) -> None:
+def test_a_base_that_is_stopped_for_good_is_so_for_safety(events: list[Event], teller: EventReporter) -> None:
     ahead = Velocity(0.2, 0.0)
-    teller.steered(Steering(Source.MISSION, ahead, ahead))
-    teller.steered(Steering(None, STILL, STILL, "button 0 was pressed"))
-    teller.steered(Steering(None, STILL, STILL))
+    teller.on_steering(Steering(Source.MISSION, ahead, ahead))
+    teller.on_steering(Steering(None, STILL, STILL, "button 0 was pressed"))
+    teller.on_steering(Steering(None, STILL, STILL))
     assert commands(events) == [("safety", {"linear": 0.0, "angular": 0.0, "because": "button 0 was pressed"})]

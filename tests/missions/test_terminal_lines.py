@@ -4,7 +4,7 @@ from io import StringIO
 
 import pytest
 
-from missions.cli.live import Watcher
+from missions.cli.live import RunDisplay
 from missions.executive.events import CommandSent, Event, FaultRaised, Logged, Notified, Started, Ticked
 
 
@@ -26,14 +26,14 @@ from missions.executive.events import CommandSent, Event, FaultRaised, Logged, N
 )  # fmt: skip
 def test_what_people_want_to_know_is_told(event: Event, line: str) -> None:
     out = StringIO()
-    with Watcher(out) as watcher:
+    with RunDisplay(out) as watcher:
         watcher(event)
     assert out.getvalue() == (f"{line}\n" if line else "")
 
 
 def test_a_part_that_is_back_is_told_of_and_one_that_was_never_away_is_not() -> None:
     out, address = StringIO(), "http://192.168.4.1:81/stream"
-    with Watcher(out) as watcher:
+    with RunDisplay(out) as watcher:
         watcher(FaultRaised(0.1, "camera", "online", f"{address} gives pictures"))
         watcher(FaultRaised(2.0, "camera", "offline", f"camera: {address}: no picture for 2.0 s"))
         watcher(FaultRaised(2.0, "base", "fault", "base: a wheel has dropped"))
@@ -54,7 +54,7 @@ class Terminal(StringIO):
 @pytest.mark.parametrize(("first", "line"), [(7.1, "   7.1 s  ready\n"), (0.03, "")])
 def test_a_robot_that_took_long_to_get_ready_says_when_it_was(first: float, line: str) -> None:
     out = StringIO()
-    with Watcher(out) as watcher:
+    with RunDisplay(out) as watcher:
         for t in (first, first + 0.05, first + 2.0):
             watcher(Ticked(t, 1, "running", None))
     assert out.getvalue() == line
@@ -63,7 +63,7 @@ def test_a_robot_that_took_long_to_get_ready_says_when_it_was(first: float, line
 def test_until_the_first_tick_a_terminal_shows_what_is_ready(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm")
     out = Terminal()
-    with Watcher(out) as watcher:
+    with RunDisplay(out) as watcher:
         watcher(Started(0.0, "ask", "m.yaml", "turtlebot2", {}))
         watcher(FaultRaised(0.1, "base", "online", ""))
         watcher(FaultRaised(0.2, "head", "online", ""))

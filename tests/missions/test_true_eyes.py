@@ -9,31 +9,31 @@ import pytest
 from config.colours import COLOURS
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
-from drivers.sim.things import Ball, Box, Rover, Wall
+from drivers.sim.things import Rover, Wall, WorldBall, WorldBox
 from drivers.sim.viewpoint import Viewpoint
-from drivers.sim.world import Change, Light, World
+from drivers.sim.world import Light, LightChange, SimulatedWorld
 from missions.assembly.seeing import SensorNoise, TrueSight
-from missions.assembly.truth import Truth
+from missions.assembly.truth import GroundTruth
 from missions.library.interests import Interests
-from perception.api import BALL, BOX, Gaze, Marker, Thing, Wanted
-from perception.geometry import wrap
+from perception.api import BALL, BOX, Gaze, Marker, Thing, ThingSpec
+from perception.geometry import wrap_angle
 from perception.markers import MarkerSense
 from perception.spots import ThingSense
-from perception.tracks import MarkerKind
+from perception.tracks import MarkerSet
 from tests.perception.rendered import CAMERA, LENS, frame
 
 FLAWLESS = SensorNoise(missed=0.0, noise=0.0)
-KIND = MarkerKind(robots={7: "R2"})
-WANTED = (Wanted("sun", "yellow", BALL, 0.2), Wanted("crate", "red", BOX, 0.3), Wanted("blue", "blue"))
-SUN = Ball("sun", 2.0, 0.3, 0.2, COLOURS["yellow"], bottom=0.4)
-CRATE = Box("crate", 2.2, -0.5, (0.3, 0.3, 0.3), COLOURS["red"], heading=0.5)
+KIND = MarkerSet(robots={7: "R2"})
+WANTED = (ThingSpec("sun", "yellow", BALL, 0.2), ThingSpec("crate", "red", BOX, 0.3), ThingSpec("blue", "blue"))
+SUN = WorldBall("sun", 2.0, 0.3, 0.2, COLOURS["yellow"], bottom=0.4)
+CRATE = WorldBox("crate", 2.2, -0.5, (0.3, 0.3, 0.3), COLOURS["red"], heading=0.5)
 R2 = Rover("R2", 7, 1.8, 0.9, heading=pi + 0.6)
-WORLD = World(objects=(SUN, CRATE), robots=(R2,))
+WORLD = SimulatedWorld(objects=(SUN, CRATE), robots=(R2,))
 EYE = Viewpoint(z=0.7, pitch=radians(12))
 
 
 def true(
-    world: World, view: Viewpoint = EYE, *, flaws: SensorNoise = FLAWLESS, frames: int = 2
+    world: SimulatedWorld, view: Viewpoint = EYE, *, flaws: SensorNoise = FLAWLESS, frames: int = 2
 ) -> tuple[tuple[Thing, ...], tuple[Marker, ...]]:
     """What true eyes see after so many pictures."""
     sight = TrueSight(
@@ -41,7 +41,7 @@ def true(
         lambda _: view,
         lambda _: Gaze(view.yaw, view.pitch),
         CAMERA,
-        flaws=flaws,
+        noise=flaws,
         seed=1,
         on_view=lambda _: None,
         interests=Interests(WANTED, KIND, motion=True),
@@ -51,7 +51,7 @@ def true(
     return sight.things(), sight.markers()
 
 
-def real(world: World, view: Viewpoint = EYE) -> tuple[tuple[Thing, ...], tuple[Marker, ...]]:
+def real(world: SimulatedWorld, view: Viewpoint = EYE) -> tuple[tuple[Thing, ...], tuple[Marker, ...]]:
     """What detectors find in the picture of the same."""
     renderer, things, markers = Renderer(world, LENS, noise=2.0), ThingSense(WANTED, COLOURS), MarkerSense(KIND)
     gaze = Gaze(view.yaw, view.pitch)
@@ -74,7 +74,7 @@ def test_they_see_the_same_as_real_eyes() -> None:
     assert (marker.number, marker.name) == (read.number, read.name) == (7, "R2")
     assert marker.distance == pytest.approx(read.distance, rel=0.03)
     assert marker.yaw == pytest.approx(read.yaw, abs=radians(0.6))
-    assert wrap(marker.heading - read.heading) == pytest.approx(0.0, abs=radians(6))
+    assert wrap_angle(marker.heading - read.heading) == pytest.approx(0.0, abs=radians(6))
 
 
 @pytest.mark.parametrize(
@@ -99,24 +99,24 @@ def test_what_a_wall_hides_is_not_seen() -> None:
 def test_what_is_too_small_or_dark_is_not_seen() -> None:
     assert true(replace(WORLD, objects=(replace(SUN, size=0.02),), robots=())) == ((), ())
     assert true(replace(WORLD, light=0.02)) == ((), ())
-    far = World(robots=(replace(R2, x=4.8, y=0.0, heading=pi + 0.6),))
+    far = SimulatedWorld(robots=(replace(R2, x=4.8, y=0.0, heading=pi + 0.6),))
     assert true(far)[1] == ()
 
 
 def test_only_what_is_wanted_is_told() -> None:
     green = replace(SUN, colour=COLOURS["green"])
-    assert true(World(objects=(green, replace(SUN, y=-0.2))))[0][0].name == "sun"
-    assert len(true(World(objects=(green,)))[0]) == 0
+    assert true(SimulatedWorld(objects=(green, replace(SUN, y=-0.2))))[0][0].name == "sun"
+    assert len(true(SimulatedWorld(objects=(green,)))[0]) == 0
 
 
 def test_a_thing_of_unknown_size_has_no_distance() -> None:
-    ((thing,), _) = true(World(objects=(replace(SUN, colour=COLOURS["blue"]),)))
+    ((thing,), _) = true(SimulatedWorld(objects=(replace(SUN, colour=COLOURS["blue"]),)))
     assert thing.name == "blue"
     assert isnan(thing.distance)
 
 
 def test_a_part_of_all_looks_is_missed_at_random() -> None:
-    truth = Truth(WORLD, CAMERA, SensorNoise(missed=0.3, noise=1.0), Random(5))  # noqa: S311 - noise is no secret
+    truth = GroundTruth(WORLD, CAMERA, SensorNoise(missed=0.3, noise=1.0), Random(5))  # noqa: S311 - noise is no secret
     looks = [truth.things(EYE, 0.0, WANTED, COLOURS) for _ in range(300)]
     assert 0.6 < sum(len(things) for things in looks) / 600 < 0.8
     assert len({things[0].box for things in looks if things}) > 100
@@ -126,11 +126,11 @@ def test_they_tell_what_moves_and_nothing_where_all_stands() -> None:
     walker = Person("Ben", x=2.5, y=0.6, path=((2.5, -0.6),), speed=0.8)
     for people, least, most in (((walker,), 0.002, 0.1), ((replace(walker, path=()),), 0.0, 0.0)):
         sight = TrueSight(
-            World(people=people),
+            SimulatedWorld(people=people),
             lambda _: Viewpoint(z=1.1),
             lambda _: None,
             CAMERA,
-            flaws=FLAWLESS,
+            noise=FLAWLESS,
             seed=1,
             on_view=lambda _: None,
             interests=Interests(motion=True),
@@ -142,8 +142,8 @@ def test_they_tell_what_moves_and_nothing_where_all_stands() -> None:
 
 
 def test_without_interests_nothing_but_faces_is_looked_for() -> None:
-    world = replace(WORLD, light=Light(1.0, (Change(5.0, 0.2),)))
-    sight = TrueSight(world, lambda _: EYE, lambda _: None, CAMERA, flaws=FLAWLESS, seed=1, on_view=lambda _: None)
+    world = replace(WORLD, light=Light(1.0, (LightChange(5.0, 0.2),)))
+    sight = TrueSight(world, lambda _: EYE, lambda _: None, CAMERA, noise=FLAWLESS, seed=1, on_view=lambda _: None)
     for number in range(3):
         sight.see(sight.glimpse(number / 20))
     assert (sight.things(), sight.markers()) == ((), ())

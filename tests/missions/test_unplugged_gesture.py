@@ -41,7 +41,7 @@ class Lifting:
     @property
     def angle(self) -> float:
         """How far the elbow is lifted, in radians."""
-        return self.robot.terminal.ask(lambda: radians(10) - self.robot.elbow.angle)
+        return self.robot.terminal.call_paused(lambda: radians(10) - self.robot.elbow.angle)
 
     def wait_for(self, degrees: float) -> None:
         wait_until(lambda: self.angle > radians(degrees))
@@ -110,7 +110,7 @@ def test_what_could_not_be_relaxed_is_printed_at_the_end(robot: Three, mission: 
 def test_of_one_lost_servo_only_that_is_named_and_the_others_are_relaxed(robot: Three) -> None:
     lifting = Lifting(robot, MISSION)
     lifting.wait_for(10)
-    robot.terminal.ask(lambda: setattr(robot.waist, "present", False))
+    robot.terminal.call_paused(lambda: setattr(robot.waist, "present", False))
     wait_until(lambda: any("waist (servo 1) does not answer any more" in words for _, words in lifting.faults()))
     code, _ = lifting.result(signal.SIGINT)
     assert code == 130

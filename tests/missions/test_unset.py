@@ -113,7 +113,7 @@ def test_what_to_write_is_said() -> None:
 
 
 def test_verify_shows_a_run_for_each_of_these_mistakes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(document, "check_flow", lambda *_: None)
+    monkeypatch.setattr(document, "check_assignments", lambda *_: None)
     # It knows that the list of a for_each has members, and takes calculations to succeed.
     trees = [tree for tree in TOO_SOON if "for_each" not in tree and "1 / n" not in tree]
     found = {tree: outcomes(explored(written(tree)))["every variable is set when it is read"] for tree in trees}

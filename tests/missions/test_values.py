@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from config.units import Quantity
-from missions.language.expressions import ExpressionError, Value, in_si, parse, shown, template, whole
+from missions.language.expressions import ExpressionError, Value, as_whole_number, format_value, in_si, parse, template
 
 SCOPE: dict[str, object] = {
     "n": 3,
@@ -132,7 +132,7 @@ def test_a_value_waits_for_what_it_reads_and_is_then_converted() -> None:
     ],
 )
 def test_values_are_shown_as_a_person_would_write_them(value: object, text: str) -> None:
-    assert shown(value) == text
+    assert format_value(value) == text
 
 
 def test_a_plain_number_is_a_share_and_no_other_quantity() -> None:
@@ -145,11 +145,11 @@ def test_a_plain_number_is_a_share_and_no_other_quantity() -> None:
 
 @pytest.mark.parametrize(("value", "number"), [(3, 3), (3.0, 3), (4.0, 4), (-2, -2)])
 def test_whole_numbers_may_be_written_as_floats(value: object, number: int) -> None:
-    found = whole(value)
+    found = as_whole_number(value)
     assert found == number
     assert type(found) is int
 
 
 @pytest.mark.parametrize("value", [2.5, math.inf, -math.inf, math.nan, True, None, "3", [3], Quantity(3.0, "x", "3 s")])
 def test_nothing_else_is_a_whole_number(value: object) -> None:
-    assert whole(value) is None
+    assert as_whole_number(value) is None

@@ -9,12 +9,12 @@ import pytest
 
 import missions
 from behaviours.node import Node
-from behaviours.run import Run
+from behaviours.run import RunState
 from drivers.api import HeadPose
 from drivers.clock import ManualClock
-from missions.executive.events import Event, JsonLines, VariableSet, plain
-from missions.executive.executive import Changes
-from missions.executive.stream import Stream
+from missions.executive.events import Event, JsonLinesWriter, VariableSet, json_value
+from missions.executive.executive import VariableChanges
+from missions.executive.stream import EventStream
 
 
 class Leaf(Node):
@@ -26,7 +26,7 @@ class Leaf(Node):
     def halt(self) -> bool:
         return True
 
-    def give_up(self) -> None:
+    def abandon_halt(self) -> None:
         """Do nothing."""
 
 
@@ -41,13 +41,13 @@ class Told:
     """The variables of a mission, and what is told of them."""
 
     def __init__(self) -> None:
-        self.run = Run(ManualClock(2.0))
+        self.run = RunState(ManualClock(2.0))
         self.events: list[Event] = []
-        self.changes = Changes(Leaf("all"), self.run, Stream([self.events.append]))
+        self.changes = VariableChanges(Leaf("all"), self.run, EventStream([self.events.append]))
 
     def news(self) -> list[tuple[str, object]]:
         self.events.clear()
-        self.changes.tell()
+        self.changes.emit()
         return [(event.name, event.value) for event in self.events if isinstance(event, VariableSet)]
 
 
@@ -147,7 +147,7 @@ def test_a_mission_inside_has_variables_of_its_own(tmp_path: Path) -> None:
 
 def test_in_a_file_a_value_is_written_in_plain_terms() -> None:
     file = io.StringIO()
-    write = JsonLines(file)
+    write = JsonLinesWriter(file)
     write(VariableSet(1.0, 2, "", "seen", HeadPose(0.5, nan)))
     write(VariableSet(1.0, 2, "1.3", "seen", None))
     assert [json.loads(line) for line in file.getvalue().splitlines()] == [
@@ -157,9 +157,9 @@ def test_in_a_file_a_value_is_written_in_plain_terms() -> None:
 
 
 def test_every_value_has_a_plain_form() -> None:
-    assert plain({1: (True, "a"), "b": {2}}) == {"1": [True, "a"], "b": [2]}
-    assert plain(range(2)) == "range(0, 2)"
-    assert plain(HeadPose(0.5, 0.25)) == {"pan": 0.5, "tilt": 0.25}
+    assert json_value({1: (True, "a"), "b": {2}}) == {"1": [True, "a"], "b": [2]}
+    assert json_value(range(2)) == "range(0, 2)"
+    assert json_value(HeadPose(0.5, 0.25)) == {"pan": 0.5, "tilt": 0.25}
 
 
 def test_the_member_whose_turn_it_is_is_told_with_its_number(tmp_path: Path) -> None:

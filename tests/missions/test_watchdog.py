@@ -11,16 +11,16 @@ import pytest
 from py_trees.common import Status
 
 from behaviours.leaf import RUNNING, SUCCESS, Leaf
-from behaviours.run import Run
+from behaviours.run import RunState
 from drivers.api.kinds import KINDS
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import DeviceFault
 from drivers.kobuki.virtual import VirtualKobuki
-from drivers.virtual.terminal import Terminal
+from drivers.virtual.terminal import PseudoTerminal
 from missions.executive.events import Event as Told
 from missions.executive.events import FaultRaised
-from missions.executive.stream import Stream
-from missions.executive.watchdog import GLANCE, Limits, LoopState, Watchdog
+from missions.executive.stream import EventStream
+from missions.executive.watchdog import CHECK_INTERVAL, LoopState, Watchdog, WatchdogLimits
 from missions.request import RunRequest
 from missions.runner import Runner
 from tests.machines import walk
@@ -33,7 +33,7 @@ from tests.waiting import wait_until
 class Slow(Leaf):
     """Do within a tick what the test says."""
 
-    word = "slow"
+    tag = "slow"
     work_of_tick: Callable[[], Status] = staticmethod(lambda: RUNNING)
 
     def update(self) -> Status:
@@ -45,7 +45,7 @@ class Kennel:
 
     def __init__(self, clock: ManualClock, *, still: Callable[[], None] | None = None) -> None:
         self.clock = clock
-        self.run = Run(clock)
+        self.run = RunState(clock)
         self.stilled = Event()
         self.kept: list[str] = []
         self.told: list[Told] = []
@@ -53,12 +53,12 @@ class Kennel:
         self.given_up: list[tuple[str, str]] = []
         self.dog = Watchdog(
             self.run,
-            Stream([self.told.append]),
-            still={"base": still or (lambda: self.keep("base")), "arm": lambda: self.keep("arm")},
-            heard=lambda: self.word,
+            EventStream([self.told.append]),
+            stop_actions={"base": still or (lambda: self.keep("base")), "arm": lambda: self.keep("arm")},
+            first_signal=lambda: self.word,
             abandon=lambda result, reason: self.given_up.append((result, reason)),
         )
-        self.dog.armed = True
+        self.dog.is_armed = True
         self.leaf = Slow("dawdle")
         self.leaf.run, self.leaf.scope, self.leaf.line = self.run, {}, 4
 
@@ -68,9 +68,9 @@ class Kennel:
 
     def pass_time(self, seconds: float) -> None:
         """Let time pass with the watchdog looking."""
-        for _ in range(round(seconds / GLANCE)):
-            self.clock.advance(GLANCE)
-            self.dog.look()
+        for _ in range(round(seconds / CHECK_INTERVAL)):
+            self.clock.advance(CHECK_INTERVAL)
+            self.dog.check()
 
     def hold(self, seconds: float, then: Status = RUNNING) -> Status:
         """Let the leaf hold a tick for so long."""
@@ -82,7 +82,7 @@ class Kennel:
         self.leaf.work_of_tick = dawdle
         self.run.tick += 1
         status = self.leaf.execute_tick()
-        self.run.beat()
+        self.run.record_heartbeat()
         return status
 
     def permitted(self) -> Status:
@@ -97,9 +97,9 @@ class Kennel:
 
 def test_every_part_that_moves_is_kept_still_and_no_sentence_is_broken_off() -> None:
     runner = Runner(RunRequest("greet", robot="turtlebot2_arm", simulate="fast", eyes="truth"))
-    still = {kind.name for kind in KINDS.values() if kind.still is not None and kind.name in runner.config.parts}
+    still = {kind.name for kind in KINDS.values() if kind.hold_still is not None and kind.name in runner.config.parts}
     assert "arm" in still
-    assert runner.watchdog._still.keys() == still - {"voice"}
+    assert runner.watchdog._stop_actions.keys() == still - {"voice"}
 
 
 @pytest.fixture
@@ -193,7 +193,7 @@ def test_a_signal_that_the_loop_reacts_to_ends_nothing(kennel: Kennel) -> None:
 
 
 def test_a_signal_that_nobody_reacts_to_ends_the_process(kennel: Kennel) -> None:
-    kennel.dog.armed = False  # whatever the main thread is at: opening, ticking, closing
+    kennel.dog.is_armed = False  # whatever the main thread is at: opening, ticking, closing
     kennel.word = "SIGTERM"
     kennel.pass_time(1.9)
     assert kennel.given_up == []
@@ -204,18 +204,25 @@ def test_a_signal_that_nobody_reacts_to_ends_the_process(kennel: Kennel) -> None
 def test_a_process_that_was_stopped_for_an_hour_has_not_stalled(kennel: Kennel) -> None:
     kennel.hold(0.1)
     kennel.clock.advance(3600.0)
-    kennel.dog.look()
+    kennel.dog.check()
     assert (kennel.kept, kennel.given_up) == ([], [])
 
 
 def test_the_watchdog_looks_by_itself_and_stops_more_than_once() -> None:
-    run, told = Run(SystemClock()), list[Told]()
-    limits = Limits(stall=0.1)
-    dog = Watchdog(run, Stream([told.append]), still={}, heard=lambda: None, abandon=lambda *_: None, limits=limits)
+    run, told = RunState(SystemClock()), list[Told]()
+    limits = WatchdogLimits(stall=0.1)
+    dog = Watchdog(
+        run,
+        EventStream([told.append]),
+        stop_actions={},
+        first_signal=lambda: None,
+        abandon=lambda *_: None,
+        limits=limits,
+    )
     dog.stop()
     with dog:
         dog.start()
-        dog.armed = True
+        dog.is_armed = True
         wait_until(lambda: bool(told))
     dog.stop()
 
@@ -344,7 +351,7 @@ class Held:
 
     def __init__(self, folder: Path, tree: str) -> None:
         self.kobuki = VirtualKobuki()
-        self.terminal = Terminal("kobuki", self.kobuki, SystemClock())
+        self.terminal = PseudoTerminal("kobuki", self.kobuki, SystemClock())
         self.terminal.open()
         self.events = folder / "events.jsonl"
         (folder / "leaves.py").write_text(LEAVES)
@@ -358,7 +365,7 @@ class Held:
 
     @property
     def speed(self) -> float:
-        return self.terminal.ask(lambda: abs(self.kobuki.wheels.velocity.linear))
+        return self.terminal.call_paused(lambda: abs(self.kobuki.wheels.velocity.linear))
 
     @property
     def summary(self) -> tuple[str, str]:
@@ -479,15 +486,15 @@ def test_random_silences_take_every_transition_and_a_stalled_leaf_moves_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def look(kennel: Kennel, chance: Random) -> None:
-        kennel.clock.advance(chance.choice((GLANCE, 0.3, 0.6)))
-        kennel.dog.look()
+        kennel.clock.advance(chance.choice((CHECK_INTERVAL, 0.3, 0.6)))
+        kennel.dog.check()
         if kennel.dog._loop is not LoopState.ALIVE:
             with pytest.raises(DeviceFault, match="holds the tick"):
                 kennel.dog.permit()
 
     def live(kennel: Kennel, _: Random) -> None:
-        kennel.run.beat()
-        kennel.dog.look()
+        kennel.run.record_heartbeat()
+        kennel.dog.check()
         kennel.dog.permit()
 
     def new_kennel() -> Kennel:

@@ -6,12 +6,12 @@ from dataclasses import replace
 import pytest
 
 from behaviours.leaf import FAILURE, RUNNING
-from behaviours.sight import FaceSeen
+from behaviours.sight import FaceSeenLeaf
 from drivers.errors import NotConnected
-from missions.assembly.eyes import WatchfulSight
-from missions.executive.answers import Answers
-from missions.executive.proxy import proxied
-from missions.plugins.testing.recorders.bench import Bench
+from missions.assembly.eyes import OnDemandSight
+from missions.executive.answers import TickCache
+from missions.executive.proxy import make_proxy
+from missions.plugins.testing.recorders.bench import LeafTestBench
 from perception.api import Sight
 
 QUESTIONS: list[Callable[[Sight], object]] = [
@@ -25,13 +25,13 @@ QUESTIONS: list[Callable[[Sight], object]] = [
 
 @pytest.mark.parametrize("question", QUESTIONS, ids=["faces", "things", "markers", "looked", "scene"])
 def test_each_question_is_told_to_the_eyes_and_waits_for_them(question: Callable[[Sight], object]) -> None:
-    bench, asked, awake = Bench(), [], [False]
+    bench, asked, awake = LeafTestBench(), [], [False]
 
     def ask() -> bool:
         asked.append(True)
         return awake[0]
 
-    sight = WatchfulSight(bench.sight, ask, lambda: awake[0])
+    sight = OnDemandSight(bench.sight, ask, lambda: awake[0])
     with pytest.raises(NotConnected, match="not searched for a while"):
         question(sight)
     awake[0] = True
@@ -40,9 +40,9 @@ def test_each_question_is_told_to_the_eyes_and_waits_for_them(question: Callable
 
 
 def test_a_condition_waits_for_the_eyes_before_it_says_that_nobody_is_there() -> None:
-    bench, awake = Bench(), [False]
-    leaf = bench.put(FaceSeen("face_seen"))
-    leaf.robot = replace(bench.robot, sight_part=WatchfulSight(bench.sight, lambda: awake[0], lambda: awake[0]))
+    bench, awake = LeafTestBench(), [False]
+    leaf = bench.put(FaceSeenLeaf("face_seen"))
+    leaf.robot = replace(bench.robot, sight_part=OnDemandSight(bench.sight, lambda: awake[0], lambda: awake[0]))
     assert bench.tick(leaf) is RUNNING
     assert "camera: its pictures were not searched" in leaf.feedback_message
     awake[0] = True
@@ -50,23 +50,23 @@ def test_a_condition_waits_for_the_eyes_before_it_says_that_nobody_is_there() ->
 
 
 def test_a_sample_for_the_record_wakes_no_eyes_and_says_whether_they_rest() -> None:
-    bench, asked, awake = Bench(), [], [True]
+    bench, asked, awake = LeafTestBench(), [], [True]
 
     def ask() -> bool:
         asked.append(True)
         return True
 
-    answers = Answers()
-    answers.kept = True
-    sight = proxied("sight", Sight, WatchfulSight(bench.sight, ask, lambda: awake[0]), answers)
-    answers.open = True
+    answers = TickCache()
+    answers.is_recording = True
+    sight = make_proxy("sight", Sight, OnDemandSight(bench.sight, ask, lambda: awake[0]), answers)
+    answers.is_open = True
     answers.sample()
-    assert {what: value for _, what, _, value in answers.take()}["faces"] == bench.sight.faces()
+    assert {what: value for _, what, _, value in answers.take_answers()}["faces"] == bench.sight.faces()
     awake[0] = False
-    answers.open = True
+    answers.is_open = True
     answers.sample()
-    assert all(isinstance(value, NotConnected) for _, _, _, value in answers.take())
+    assert all(isinstance(value, NotConnected) for _, _, _, value in answers.take_answers())
     assert not asked
-    answers.open = True
+    answers.is_open = True
     sight.faces()
     assert asked == [True]

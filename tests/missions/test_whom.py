@@ -104,7 +104,7 @@ def test_a_real_robot_knows_those_who_were_added(mission: str, robot: str, peopl
 
 
 def test_who_has_no_pictures_left_is_not_known(mission: str, robot: str, people: People) -> None:
-    (people.where / "Anna").mkdir(parents=True)
+    (people.folder / "Anna").mkdir(parents=True)
     assert "known: nobody" in refused(RunRequest(mission, {"who": "Anna"}, robot))
 
 
@@ -117,21 +117,21 @@ def test_a_true_camera_sees_the_users_people_even_where_the_rest_is_simulated(mi
 
 
 def test_a_name_with_a_blank_can_be_typed_as_the_hint_has_it(mission: str, robot: str, people: People) -> None:
-    assert not people.known()
+    assert not people.known_people()
     assert refused(RunRequest(mission, {"who": "Ben Two"}, robot)).endswith("try: mission person add 'Ben Two'")
 
 
 def test_people_who_cannot_be_read_are_told_of(mission: str, robot: str, people: People) -> None:
-    people.where.parent.mkdir(parents=True)
-    people.where.write_text("no folder")
+    people.folder.parent.mkdir(parents=True)
+    people.folder.write_text("no folder")
     said = refused(RunRequest(mission, {"who": "Anna"}, robot))
-    assert str(people.where) in said
+    assert str(people.folder) in said
     assert "try: ls -ld" in said
 
 
 def test_a_mission_that_names_nobody_needs_nobody(robot: str, people: People) -> None:
     check(RunRequest("greet", {}, robot))
-    assert not people.known()
+    assert not people.known_people()
 
 
 def test_a_run_with_a_wrong_name_does_not_begin(mission: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -24,12 +24,12 @@ from py_trees.common import OneShotPolicy, Status
 
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf, argument
-from config.faults import InvalidFileError, Source, plain_word
+from config.faults import InvalidFileError, SourceText, to_snake_case
 from missions.executive.events import STATUS_WORDS
 from missions.language.document import check_plan
 from missions.language.nodes import BRANCHES, MODIFIERS
-from missions.language.steps import BESIDE, LISTED
-from missions.language.synonyms import COMPARED, COMPARISON, FORMS, WORDS, word_meant
+from missions.language.steps import BESIDE_KEYS, LIST_HINT
+from missions.language.synonyms import PHRASE_SYNONYMS, SYNONYMS, UNMATCHED_HINT, UNMATCHED_WORDS, unknown_word_hint
 from tests.conformance.harness import Play
 from tests.conformance.probes import Bench
 
@@ -51,7 +51,7 @@ CONDITION = TRUE
 class Scripted(Leaf):
     """Give the outcomes of its name in turn, one letter a tick, over and over; leaves of one name share them."""
 
-    word = "scripted"
+    tag = "scripted"
     outcomes: str = argument("text", "the letters R, S and F", principal=True)
     run: Bench
     given: dict[Bench, dict[str, int]] = {}  # noqa: RUF012 - shared on purpose
@@ -72,8 +72,8 @@ Line = tuple[str, list[str]]
 def hint_for(word: str) -> str:
     """Return what the checker says to a word where a behaviour should be."""
     with pytest.raises(InvalidFileError) as caught:
-        check_plan(Source("m.yaml", f"mission: m\ntree:\n  sequence:\n    - {word}: [stop]\n"), LEAVES, {})
-    return caught.value.faults[0].suggestion
+        check_plan(SourceText("m.yaml", f"mission: m\ntree:\n  sequence:\n    - {word}: [stop]\n"), LEAVES, {})
+    return caught.value.diagnostics[0].suggestion
 
 
 def follow(word: str, fill: Sequence[Any], value: object = None) -> Tree:
@@ -117,7 +117,9 @@ def flow(value: object) -> str:
 def played(tree: Tree, condition: str = "S", ticks: int = TICKS) -> list[Line]:
     """Play our tree while the condition goes as its letters say, one a tick."""
     text = f"mission: pair\ntree: {flow(tree)}\n"
-    play = Play(check_plan(Source("pair", text), {**LEAVES, "scripted": Scripted}, {}), {"battery": {"percent": 80}})
+    play = Play(
+        check_plan(SourceText("pair", text), {**LEAVES, "scripted": Scripted}, {}), {"battery": {"percent": 80}}
+    )
     told = []
     for tick in range(ticks):
         level = LEVEL[condition[tick % len(condition)]]
@@ -458,9 +460,9 @@ def test_a_condition_beside_a_step_is_asked_as_it_says(word: str, runs: str) -> 
 # --- all of them ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("word", [*COMPARED.split(), "SequenceStar", "RateController", "PipelineSequence"])
+@pytest.mark.parametrize("word", [*UNMATCHED_WORDS.split(), "SequenceStar", "RateController", "PipelineSequence"])
 def test_a_word_that_nothing_here_means_gets_no_form(word: str) -> None:
-    assert hint_for(word) == COMPARISON
+    assert hint_for(word) == UNMATCHED_HINT
 
 
 @pytest.mark.parametrize("word", ["Timeout", "TimeLimit", "MaxTime"])
@@ -481,8 +483,8 @@ def test_a_delay_waits_before_each_start() -> None:
 @pytest.mark.parametrize("word", ["while", "until"])
 def test_a_loop_of_other_languages_is_no_guard(word: str) -> None:
     with pytest.raises(InvalidFileError) as caught:
-        check_plan(Source("m.yaml", f"mission: m\ntree:\n  {word}: face.seen\n  do: [stop]\n"), LEAVES, {})
-    assert caught.value.faults[0].suggestion == COMPARISON
+        check_plan(SourceText("m.yaml", f"mission: m\ntree:\n  {word}: face.seen\n  do: [stop]\n"), LEAVES, {})
+    assert caught.value.diagnostics[0].suggestion == UNMATCHED_HINT
 
 
 NOTHING = (
@@ -494,7 +496,7 @@ NOTHING = (
 
 @pytest.mark.parametrize("word", NOTHING.split())
 def test_a_likeness_of_spelling_leads_to_no_word_that_decides(word: str) -> None:
-    assert hint_for(word) == LISTED
+    assert hint_for(word) == LIST_HINT
 
 
 @pytest.mark.parametrize(
@@ -513,26 +515,28 @@ def test_a_likeness_of_spelling_leads_to_no_word_that_decides(word: str) -> None
     ],
 )
 def test_a_slip_of_the_keyboard_leads_to_a_word_that_decides(slip: str, meant: str) -> None:
-    assert word_meant(slip, LEAVES, BRANCHES, (*MODIFIERS, *BESIDE), alone=False) == f"did you mean '{meant}'?"
+    assert (
+        unknown_word_hint(slip, LEAVES, BRANCHES, (*MODIFIERS, *BESIDE_KEYS), alone=False) == f"did you mean '{meant}'?"
+    )
 
 
 def test_each_word_of_others_is_answered_in_one_way() -> None:
     tables = [
-        set(COMPARED.split()),
-        *({word for words in t.values() for word in words.split()} for t in (FORMS, WORDS)),
+        set(UNMATCHED_WORDS.split()),
+        *({word for words in t.values() for word in words.split()} for t in (PHRASE_SYNONYMS, SYNONYMS)),
     ]
     assert [a & b for a, b in zip(tables, tables[1:] + tables[:1], strict=True)] == [set(), set(), set()]
     words = set().union(*tables)
-    assert {word for word in words if plain_word(word) != word} == set()
+    assert {word for word in words if to_snake_case(word) != word} == set()
     assert not words & {*LEAVES, *BRANCHES, *MODIFIERS}
 
 
-@pytest.mark.parametrize("ours", [ours for ours in WORDS if ":" in ours])
+@pytest.mark.parametrize("ours", [ours for ours in SYNONYMS if ":" in ours])
 def test_a_word_that_is_proposed_with_a_value_is_right_as_it_stands(ours: str) -> None:
     node = ours.replace("...", CONDITION).replace("NAME", "name")
     head = node.partition(":")[0]
     node = f"{{drive: 1 m, {node}}}" if head in MODIFIERS else f"{{{node}}}"
-    check_plan(Source("m.yaml", f"mission: m\ntree: {node}\n"), LEAVES, {})
+    check_plan(SourceText("m.yaml", f"mission: m\ntree: {node}\n"), LEAVES, {})
 
 
 SIGNS = {"back|reverse": "drive: -", "right|[^r]clockwise": "(turn|look): -", "left|anti|counter": r"(turn|look): \d"}
@@ -540,7 +544,7 @@ SIGNS = {"back|reverse": "drive: -", "right|[^r]clockwise": "(turn|look): -", "l
 
 @pytest.mark.parametrize("names", SIGNS)
 def test_a_word_with_a_direction_leads_there(names: str) -> None:
-    led = [(ours, w) for ours, words in WORDS.items() for w in words.split() if re.search(rf"(^|_)({names})", w)]
+    led = [(ours, w) for ours, words in SYNONYMS.items() for w in words.split() if re.search(rf"(^|_)({names})", w)]
     led = [(ours, word) for ours, word in led if re.match("drive|turn|look", ours) and "turn_back" not in word]
     assert led
     assert [each for each in led if not re.match(SIGNS[names], each[0])] == []

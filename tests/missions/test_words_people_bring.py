@@ -9,17 +9,17 @@ from typing import NamedTuple
 import pytest
 
 from behaviours.catalogue import LEAVES
-from config.faults import KEYS as FILE_KEYS
-from config.faults import Diagnostic, InvalidFileError, Source, head_of
-from drivers.api.kinds import MOVING
-from missions.language.body import KEYS
+from config.faults import KEY_SYNONYMS as FILE_KEYS
+from config.faults import Diagnostic, InvalidFileError, SourceText, key_of
+from drivers.api.kinds import ACTUATOR_KINDS
+from missions.language.body import MISSION_KEYS
 from missions.language.document import check_plan
 from missions.language.nodes import BRANCHES, MODIFIERS
-from missions.language.steps import BESIDE
-from missions.language.synonyms import WORDS, word_meant
-from missions.library.drivers import Table, robot_of
+from missions.language.steps import BESIDE_KEYS
+from missions.language.synonyms import SYNONYMS, unknown_word_hint
+from missions.library.drivers import DriverTable, parse_robot
 from missions.library.shipped import find_mission, shipped_missions
-from missions.library.things import THINGS
+from missions.library.things import LOOKUPS
 from missions.plugins.schema.robots import part_schemas
 
 BASE = "robot: r\nbase: {driver: kobuki, port: /dev/kobuki, "
@@ -197,11 +197,11 @@ def answer(written: str) -> list[Diagnostic]:
         text = "mission: m\ntree:\n  sequence:\n" + "".join(f"    {line}\n" for line in written.splitlines())
     try:
         if text.startswith("robot") or "mic: " in text:
-            robot_of(Source("r.yaml", text))
+            parse_robot(SourceText("r.yaml", text))
         else:
-            check_plan(Source("m.yaml", text), LEAVES, THINGS, find_mission=find_mission)
+            check_plan(SourceText("m.yaml", text), LEAVES, LOOKUPS, find_mission=find_mission)
     except InvalidFileError as error:
-        return list(error.faults)
+        return list(error.diagnostics)
     return []
 
 
@@ -270,8 +270,8 @@ def test_only_a_word_that_names_a_motion_leads_to_one() -> None:
         "rotat turn spin forward back move driv go nav cmd_vel twist velocity speed reverse head look joint servo arm"
     )
     motions += " follow track nod dock stop halt brake freeze search look"
-    moving = {word for word, leaf in LEAVES.items() if leaf.drives.intersection(MOVING)}
-    leading = [word for ours, words in WORDS.items() if head_of(ours) in moving for word in words.split()]
+    moving = {word for word, leaf in LEAVES.items() if leaf.drives.intersection(ACTUATOR_KINDS)}
+    leading = [word for ours, words in SYNONYMS.items() if key_of(ours) in moving for word in words.split()]
     assert len(leading) > 50
     assert [word for word in leading if not any(each in word for each in motions.split())] == []
 
@@ -280,9 +280,12 @@ def test_a_mission_of_ones_own_goes_before_a_word_of_another_language(tmp_path: 
     (tmp_path / "forward.yaml").write_text("mission: forward\ntree: stop\n", encoding="utf-8")
     with pytest.raises(InvalidFileError) as told:
         check_plan(
-            Source(str(tmp_path / "m.yaml"), "mission: m\ntree: forward\n"), LEAVES, THINGS, find_mission=find_mission
+            SourceText(str(tmp_path / "m.yaml"), "mission: m\ntree: forward\n"),
+            LEAVES,
+            LOOKUPS,
+            find_mission=find_mission,
         )
-    assert told.value.faults[0].suggestion.startswith("it is a mission: write 'mission: forward")
+    assert told.value.diagnostics[0].suggestion.startswith("it is a mission: write 'mission: forward")
 
 
 def test_a_word_of_another_language_is_one_mistake_and_not_two() -> None:
@@ -291,11 +294,11 @@ def test_a_word_of_another_language_is_one_mistake_and_not_two() -> None:
 
 
 def meant(word: str) -> str:
-    return word_meant(word, LEAVES, BRANCHES, (*MODIFIERS, *BESIDE), alone=False)
+    return unknown_word_hint(word, LEAVES, BRANCHES, (*MODIFIERS, *BESIDE_KEYS), alone=False)
 
 
 def test_a_likeness_of_spelling_alone_never_leads_to_what_moves() -> None:
-    moving = [word for word, leaf in LEAVES.items() if leaf.drives.intersection(MOVING)]
+    moving = [word for word, leaf in LEAVES.items() if leaf.drives.intersection(ACTUATOR_KINDS)]
     strange = (
         "sleep steep sweet loop lock book cook hook took burn torn tune tan clay pray slay "
         "drove dark duck deck knock nodding canned skin error scam scar spoon gestures_off mirage tour plan "
@@ -309,7 +312,7 @@ def test_a_likeness_of_spelling_alone_never_leads_to_what_moves() -> None:
 
 def test_a_slip_that_may_be_of_another_word_does_not_lead_to_what_moves() -> None:
     slips = "lay pay it st wsit arce darc ar lok san seep alk"  # say, if, set, wait, race, dark, as, log, sleep, talk
-    moving = [word for word, leaf in LEAVES.items() if leaf.drives.intersection(MOVING)]
+    moving = [word for word, leaf in LEAVES.items() if leaf.drives.intersection(ACTUATOR_KINDS)]
     answers = {slip: meant(slip) for slip in slips.split()}
     assert not [(slip, told) for slip, told in answers.items() for word in moving if f"'{word}'" in told]
 
@@ -327,13 +330,13 @@ def test_a_slip_of_the_keyboard_still_leads_there() -> None:
 
 
 def test_what_a_synonym_stands_for_is_a_word_of_ours() -> None:
-    ours = {*LEAVES, *BRANCHES, *MODIFIERS, *BESIDE, *KEYS}
-    assert not {head_of(word) for word in WORDS} - ours
+    ours = {*LEAVES, *BRANCHES, *MODIFIERS, *BESIDE_KEYS, *MISSION_KEYS}
+    assert not {key_of(word) for word in SYNONYMS} - ours
     read = "\n".join(path.read_text(encoding="utf-8") for path in Path("config").glob("*.py"))
     read += "\n".join(path.read_text(encoding="utf-8") for path in Path("missions/plugins/testing").glob("*.py"))
-    read += json.dumps(part_schemas(Table()))
-    assert not [word for word in FILE_KEYS if f'"{head_of(word)}"' not in read]
-    assert not {word for theirs in WORDS.values() for word in theirs.split()} & {*LEAVES, *BRANCHES, *MODIFIERS}
+    read += json.dumps(part_schemas(DriverTable()))
+    assert not [word for word in FILE_KEYS if f'"{key_of(word)}"' not in read]
+    assert not {word for theirs in SYNONYMS.values() for word in theirs.split()} & {*LEAVES, *BRANCHES, *MODIFIERS}
 
 
 SLIPS: dict[str, Callable[[str], str]] = {
@@ -354,6 +357,6 @@ def test_a_slip_in_the_syntax_of_a_mission_that_is_right_is_one_mistake() -> Non
             place = random.choice([at for at, line in enumerate(lines) if line.strip() and line.lstrip()[0] != "#"])
             lines[place] = slip(lines[place])
             faults = answer("\n".join(lines) + "\n")
-            if len(faults) > 1 and any(fault.mended for fault in faults):
+            if len(faults) > 1 and any(fault.repaired_lines for fault in faults):
                 wrong.append(f"{what}, {lines[place]!r}: {[f'{fault.mark.line}: {fault.message}' for fault in faults]}")
     assert not wrong, "\n".join(wrong)

@@ -13,28 +13,28 @@ import pytest
 from config import things as config_people
 from config import things as config_things
 from config.colours import COLOURS
-from config.library import shipped
-from config.things import ROBOT
+from config.library import shipped_files
+from config.things import ROBOT_RADIUS
 from config.world import WorldConfig, load_world
 from drivers.api import BASE_RADIUS, Pose2D
 from drivers.sim import acts, people, things, topview
 from drivers.sim import things as dock
-from drivers.sim.body import Body
-from drivers.sim.looks import LOOKS
-from drivers.sim.things import Ball
-from drivers.sim.wheels import Wheels
-from drivers.sim.world import World
+from drivers.sim.body import BaseBody
+from drivers.sim.looks import APPEARANCES
+from drivers.sim.things import WorldBall
+from drivers.sim.wheels import SimulatedWheels
+from drivers.sim.world import SimulatedWorld
 from missions.library.worlds import build_battery, build_world
-from missions.plugins.pictures.plan import METRE, plan
-from missions.plugins.pictures.words import lines_about
+from missions.plugins.pictures.plan import UNITS_PER_METRE, plan_svg
+from missions.plugins.pictures.words import describe_world
 from tests.missions.command import command
 
 DOCS = Path(__file__).parents[2] / "docs" / "worlds.md"
-WORLDS = list(shipped("worlds"))
+WORLDS = list(shipped_files("worlds"))
 
 
 def config_of(name: str) -> WorldConfig:
-    return load_world(shipped("worlds")[name])
+    return load_world(shipped_files("worlds")[name])
 
 
 def elements(svg: str) -> list[ET.Element]:
@@ -49,18 +49,18 @@ def texts(svg: str) -> list[str]:
 def test_every_world_that_ships_can_be_built_and_the_robot_stands_free_in_it(name: str) -> None:
     world = build_world(config_of(name))
     start = world.start
-    assert world.touched(start.x, start.y, ROBOT, 0.0) == []
+    assert world.contact_directions(start.x, start.y, ROBOT_RADIUS, 0.0) == []
     assert world.has_floor(start.x, start.y)
 
 
 def test_files_and_simulation_mean_the_same() -> None:
-    assert set(config_people.LOOKS) == LOOKS.keys()
-    assert config_people.REACTION == acts.REACTION
-    assert config_people.BODY == people.BODY
-    assert config_things.THICKNESS == things.THICKNESS
-    assert config_things.MARKERS == things.MARKERS
-    assert dock.SIZE[:2] == config_things.DOCK
-    assert pytest.approx(BASE_RADIUS, abs=0.005) == ROBOT
+    assert set(config_people.LOOKS) == APPEARANCES.keys()
+    assert config_people.REACTION_TIME == acts.REACTION_TIME
+    assert config_people.PERSON_RADIUS == people.BODY_RADIUS
+    assert config_things.WALL_THICKNESS == things.WALL_THICKNESS
+    assert config_things.MARKER_COUNT == things.MARKER_COUNT
+    assert dock.DOCK_SIZE[:2] == config_things.DOCK_SIZE
+    assert pytest.approx(BASE_RADIUS, abs=0.005) == ROBOT_RADIUS
     assert config_things.RoverConfig(name="R", marker=1, at=(0, 0)).size == things.Rover("R", 1, 0.0, 0.0).size
 
 
@@ -81,24 +81,24 @@ def test_a_world_is_built_as_its_file_says(tmp_path: Path) -> None:
     assert world.distance(0.0, 0.0, 0.0, 0.0) == pytest.approx(2.95)
     assert not world.has_floor(-2.0, 0.0)
     assert world.furniture[0].colour == COLOURS["blue"]
-    assert isinstance(world.objects[0], Ball)
+    assert isinstance(world.objects[0], WorldBall)
     assert (world.objects[0].bottom, world.objects[0].size) == (0.5, 0.2)
     assert world.robots[0].solid(0.5).y == pytest.approx(1.5)
-    assert [reply.text for reply in world.hear("Hello Anna", 1.0)] == ["Hi"]
+    assert [reply.text for reply in world.deliver_speech("Hello Anna", 1.0)] == ["Hi"]
     assert [who.shows_face(0.0, 0.0) for time in (1.0, 3.0) for who in world.people_at(time)] == [True, False]
 
 
 def test_two_worlds_of_one_file_do_not_hear_what_is_said_in_the_other() -> None:
     one, other = build_world(config_of("party")), build_world(config_of("party"))
-    one.hear("goodbye", 1.0)
+    one.deliver_speech("goodbye", 1.0)
     assert one.people_at(10.0) != other.people_at(10.0)
-    assert other.heard == ()
+    assert other.utterances == ()
 
 
 @pytest.mark.parametrize("name", WORLDS)
 def test_the_plan_of_each_world_is_well_formed_and_names_everything(name: str) -> None:
     config = config_of(name)
-    svg = plan(config.name, build_world(config), config.summary)
+    svg = plan_svg(config.name, build_world(config), config.summary)
     written = texts(svg)
     assert {config.name, config.summary, "robot", "1 m"} <= set(written)
     assert {f"{config.length:g} m", f"{config.width:g} m"} <= set(written)
@@ -109,38 +109,38 @@ def test_the_plan_of_each_world_is_well_formed_and_names_everything(name: str) -
 
 def test_a_plan_keeps_the_measures_of_the_room() -> None:
     config = config_of("obstacles")
-    drawn = elements(plan("obstacles", build_world(config)))
+    drawn = elements(plan_svg("obstacles", build_world(config)))
     floor = next(element for element in drawn if element.get("class") == "floor")
     corners = np.array([[float(value) for value in pair.split(",")] for pair in (floor.get("points") or "").split()])
-    assert np.ptp(corners, axis=0) == pytest.approx((config.length * METRE, config.width * METRE))
+    assert np.ptp(corners, axis=0) == pytest.approx((config.length * UNITS_PER_METRE, config.width * UNITS_PER_METRE))
 
 
 def test_a_walk_is_a_dashed_line_for_each_leg_and_one_for_there_and_back() -> None:
     world = build_world(config_of("party"))  # Emil goes to two places, Chidi to one and back
-    paths = [element for element in elements(plan("party", world)) if element.get("class") == "path"]
+    paths = [element for element in elements(plan_svg("party", world)) if element.get("class") == "path"]
     assert len(paths) == 3
-    assert plan("party", world) != plan("party", world, time=8.0)
+    assert plan_svg("party", world) != plan_svg("party", world, time=8.0)
 
 
 def test_a_name_that_means_something_in_xml_does_no_harm() -> None:
-    svg = plan('<b> & "c"', World(start=Pose2D(0.0, 0.0, 0.0)), "<!--")
+    svg = plan_svg('<b> & "c"', SimulatedWorld(start=Pose2D(0.0, 0.0, 0.0)), "<!--")
     assert {'<b> & "c"', "<!--"} <= set(texts(svg))
 
 
 def test_a_world_in_words_tells_of_everything_in_it() -> None:
-    words = "\n".join(lines_about(config_of("party")))
+    words = "\n".join(describe_world(config_of("party")))
     assert 'on hearing "hello": says "Hello, robot!", nods' in words
     assert "after 20 s: turns away" in words
     assert "Chidi (chidi) at [3.6 m, 1.6 m]; goes to [3.6 m, -1.8 m] and back at 0.5 m/s" in words
-    assert "15 % from 3 s (within 5 s)" in "\n".join(lines_about(config_of("dim")))
-    assert "R2 with marker 7 at [3.2 m, 0.3 m]" in "\n".join(lines_about(config_of("objects")))
+    assert "15 % from 3 s (within 5 s)" in "\n".join(describe_world(config_of("dim")))
+    assert "R2 with marker 7 at [3.2 m, 0.3 m]" in "\n".join(describe_world(config_of("objects")))
 
 
 def test_a_dock_is_in_the_words_the_plan_and_the_map_of_its_world() -> None:
     config = config_of("square_arena")
-    assert "  dock       at [-2.45 m, -1 m], facing 0 deg" in lines_about(config)
+    assert "  dock       at [-2.45 m, -1 m], facing 0 deg" in describe_world(config)
     world = build_world(config)
-    drawn = plan("square_arena", world)
+    drawn = plan_svg("square_arena", world)
     assert "dock" in texts(drawn)
     assert [element.tag[-4:] for element in elements(drawn) if element.get("class") == "docking"] == ["line"]
     bare = replace(world, dock=None)
@@ -161,8 +161,8 @@ def test_a_battery_is_in_the_words_of_its_world_and_the_base_gets_it(tmp_path: P
     ):
         file.write_text(f"world: hall\nphysics: {{battery: {text}}}\n", encoding="utf-8")
         config = load_world(file)
-        assert f"  battery    {words}" in lines_about(config)
-        assert not any(line.startswith("  physics") for line in lines_about(config))
+        assert f"  battery    {words}" in describe_world(config)
+        assert not any(line.startswith("  physics") for line in describe_world(config))
         battery, given = build_battery(config.physics), config.physics.battery
         assert battery is not None
         assert given is not None
@@ -174,21 +174,21 @@ def test_the_square_arena_has_room_for_a_square_of_three_metres_and_its_dock_is_
     world = build_world(config_of("square_arena"))
     x, y = world.start.x, world.start.y
     assert all(
-        world.touched(x + along * 3.0, y + across * 3.0, ROBOT + 0.3, 0.0) == []
+        world.contact_directions(x + along * 3.0, y + across * 3.0, ROBOT_RADIUS + 0.3, 0.0) == []
         for along, across in [(share, 0.0) for share in np.linspace(0, 1, 31)]
         + [(1.0, share) for share in np.linspace(0, 1, 31)]
         + [(share, 1.0) for share in np.linspace(0, 1, 31)]
         + [(0.0, share) for share in np.linspace(0, 1, 31)]
     )
-    body = Body(wheels=Wheels(pose=Pose2D(x, y, np.pi)), ground=world)
+    body = BaseBody(wheels=SimulatedWheels(pose=Pose2D(x, y, np.pi)), ground=world)
     body.advance(0.0)
-    assert body.signals()
+    assert body.dock_signals()
 
 
 def test_the_corridor_lets_the_robot_pass_straight_on() -> None:
     world = build_world(config_of("corridor"))
-    assert all(world.touched(x, 0.0, ROBOT + 0.1, 0.0) == [] for x in np.linspace(0.0, 6.5, 66))
-    assert world.touched(2.0, 0.3, ROBOT, 0.0)
+    assert all(world.contact_directions(x, 0.0, ROBOT_RADIUS + 0.1, 0.0) == [] for x in np.linspace(0.0, 6.5, 66))
+    assert world.contact_directions(2.0, 0.3, ROBOT_RADIUS, 0.0)
 
 
 # mission show
@@ -271,4 +271,4 @@ def test_every_world_of_the_docs_can_be_built(tmp_path: Path) -> None:
 
 def test_the_docs_name_every_colour_every_look_and_every_world() -> None:
     text = DOCS.read_text(encoding="utf-8")
-    assert all(f"`{word}`" in text for word in (*COLOURS, *LOOKS, *WORLDS))
+    assert all(f"`{word}`" in text for word in (*COLOURS, *APPEARANCES, *WORLDS))

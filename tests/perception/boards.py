@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from perception.api import Image
-from perception.calibration import Board
+from perception.calibration import Chessboard
 from perception.geometry import Pinhole
 
-BOARD = Board(9, 6, 0.025)
+BOARD = Chessboard(9, 6, 0.025)
 LENS = Pinhole(640, 480, radians(58), (0.515, 0.48), (0.08, -0.2, 0.001, -0.0015, 0.0))
 POSES = [
     (turn, place)

@@ -7,12 +7,12 @@ import cv2
 import numpy as np
 import skimage
 
-from drivers.sim.looks import LOOKS
+from drivers.sim.looks import APPEARANCES
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
-from drivers.sim.viewpoint import Pinhole as Lens
+from drivers.sim.viewpoint import PinholeLens as Lens
 from drivers.sim.viewpoint import Viewpoint
-from drivers.sim.world import World
+from drivers.sim.world import SimulatedWorld
 from perception.api import Image
 
 LENS = Lens(640, 480, radians(60))
@@ -25,10 +25,10 @@ EYE = 1.1
 
 def pictures(look: str, distances: tuple[float, ...], *, each: int, seed: int = 0, light: float = 1.0) -> list[Image]:
     """Draw somebody ``each`` times at each of the ``distances`` (m), wherever in the picture."""
-    random = np.random.default_rng([seed, sorted(LOOKS).index(look)])
+    random = np.random.default_rng([seed, sorted(APPEARANCES).index(look)])
     found = []
     for number, away in enumerate(distances):
-        world = World(people=(Person(look, look, x=away, y=0.0),), light=light)
+        world = SimulatedWorld(people=(Person(look, look, x=away, y=0.0),), light=light)
         renderer = Renderer(world, LENS, seed=seed + number)
         for _ in range(each):
             pitch = -atan2(0.5, away) + random.uniform(-0.1, 0.1)
@@ -41,7 +41,7 @@ def crowd(*looks: str, away: float = 1.5) -> Image:
     """Draw several people side by side."""
     places = [(away, 0.35 * (number - (len(looks) - 1) / 2) * 2) for number in range(len(looks))]
     people = tuple(Person(look, look, x=x, y=y) for look, (x, y) in zip(looks, places, strict=True))
-    return Renderer(World(people=people), LENS).draw(Viewpoint(0.0, 0.0, EYE, pitch=-atan2(0.5, away)), 0.0)
+    return Renderer(SimulatedWorld(people=people), LENS).draw(Viewpoint(0.0, 0.0, EYE, pitch=-atan2(0.5, away)), 0.0)
 
 
 def strangers() -> list[Image]:

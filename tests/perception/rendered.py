@@ -10,10 +10,10 @@ import numpy as np
 from config.colours import COLOURS
 from drivers.api import CameraFrame
 from drivers.sim.render import Renderer
-from drivers.sim.things import Ball, Box, Rover
-from drivers.sim.viewpoint import Pinhole as Lens
+from drivers.sim.things import Rover, WorldBall, WorldBox
+from drivers.sim.viewpoint import PinholeLens as Lens
 from drivers.sim.viewpoint import Viewpoint
-from drivers.sim.world import World
+from drivers.sim.world import SimulatedWorld
 from perception.api import Image
 from perception.geometry import Pinhole
 
@@ -61,14 +61,14 @@ def thing_scene(random: Random, colours: tuple[str, ...]) -> Shown | None:
     x, y = away * np.cos(angle), away * np.sin(angle)
     view = Viewpoint(z=0.75, pitch=random.uniform(0.0, 0.25), yaw=random.uniform(-0.1, 0.1))
     thing = _thing("it", shape, colour, x, y, bottom, size, random)
-    middle = bottom + (thing.size / 2 if isinstance(thing, Ball) else thing.size[2] / 2)
+    middle = bottom + (thing.size / 2 if isinstance(thing, WorldBall) else thing.size[2] / 2)
     # Of the same colour or of the same shape, on the other side.
     other_shape = random.choice(("ball", "box"))
     other_colour = colour if other_shape != shape else random.choice([name for name in colours if name != colour])
     aside = y - 0.5 * away if y > 0 else y + 0.5 * away
     other = _thing("other", other_shape, other_colour, x, aside, bottom, size, random)
-    world = World(objects=(thing, other), light=random.choice((1.0, 0.5)))
-    right, down, ahead = view.sees(x, y, middle)
+    world = SimulatedWorld(objects=(thing, other), light=random.choice((1.0, 0.5)))
+    right, down, ahead = view.to_camera_axes(x, y, middle)
     at = 319.5 + LENS.focal * right / ahead, 239.5 + LENS.focal * down / ahead
     half = LENS.focal * size / (ahead - size / 2) * (0.55 if shape == "ball" else 1.1)
     if not (half < at[0] < 639 - half and half < at[1] < 479 - half):
@@ -80,11 +80,11 @@ def thing_scene(random: Random, colours: tuple[str, ...]) -> Shown | None:
 
 def _thing(
     name: str, shape: str, colour: str, x: float, y: float, bottom: float, size: float, random: Random
-) -> Ball | Box:
+) -> WorldBall | WorldBox:
     if shape == "ball":
-        return Ball(name, x, y, size, COLOURS[colour], bottom=bottom)
+        return WorldBall(name, x, y, size, COLOURS[colour], bottom=bottom)
     sides = (size, size * random.uniform(0.8, 1.25), size * random.uniform(0.8, 1.25))
-    return Box(name, x, y, sides, COLOURS[colour], heading=random.uniform(0.0, pi / 2), bottom=bottom)
+    return WorldBox(name, x, y, sides, COLOURS[colour], heading=random.uniform(0.0, pi / 2), bottom=bottom)
 
 
 def marker_picture(
@@ -93,7 +93,7 @@ def marker_picture(
     """Render a robot whose front is ``away`` m in front and ``aside`` m to the left, turned from us to its left."""
     heading = pi + np.arctan2(aside, away) + turned
     x, y = away - 0.175 * np.cos(heading), aside - 0.175 * np.sin(heading)
-    world = World(robots=(Rover("R2", number, x=float(x), y=float(y), heading=float(heading)),))
+    world = SimulatedWorld(robots=(Rover("R2", number, x=float(x), y=float(y), heading=float(heading)),))
     return Renderer(world, LENS, noise=0.0).draw(Viewpoint(z=height, pitch=pitch), 0.0)
 
 

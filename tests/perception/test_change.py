@@ -9,7 +9,7 @@ import pytest
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import Viewpoint
-from drivers.sim.world import Change, Light, World
+from drivers.sim.world import Light, LightChange, SimulatedWorld
 from perception.change import MotionSense
 from tests.perception.rendered import LENS, frame
 
@@ -19,7 +19,7 @@ WALKS = Person("Ben", look="ben", x=2.5, y=0.6, path=((2.5, -0.6),), speed=0.8)
 
 def motions(person: Person, yaw: Callable[[float], float], *, light: float | Light = 1.0) -> list[float]:
     """What is said to move in a second of pictures, the first aside."""
-    renderer = Renderer(World(people=(person,), light=light), LENS, noise=4.0)
+    renderer = Renderer(SimulatedWorld(people=(person,), light=light), LENS, noise=4.0)
     sense, found = MotionSense(), []
     for number in range(16):
         time = number / 16
@@ -50,7 +50,7 @@ def test_somebody_who_walks_by_is_motion_while_the_head_turns() -> None:
 
 
 def test_light_that_fades_is_no_motion() -> None:
-    assert max(motions(STANDS, lambda _: 0.0, light=Light(1.0, (Change(0.2, 0.4, over=0.6),)))) < 0.005
+    assert max(motions(STANDS, lambda _: 0.0, light=Light(1.0, (LightChange(0.2, 0.4, duration=0.6),)))) < 0.005
 
 
 def test_a_view_that_has_nothing_in_common_with_the_last_is_no_motion() -> None:

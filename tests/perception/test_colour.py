@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from config.colours import COLOURS
 from config.object import HUES
 from perception.api import Image
-from perception.spots import Palette, balanced, in_disc
+from perception.spots import Palette, balance_white, to_colour_disc
 
 PALETTE = Palette(COLOURS)
 
@@ -43,7 +43,7 @@ def test_in_warm_and_cold_light_a_thing_before_a_wall_keeps_its_colour(
     scene = np.full((64, 64, 3), 200.0)
     scene[24:40, 24:40] = COLOURS[name][::-1]
     lit = np.asarray(np.rint(scene * tint[::-1]), np.uint8)
-    labels = PALETTE.label(balanced(lit))
+    labels = PALETTE.label(balance_white(lit))
     assert set(labels[24:40, 24:40].ravel().tolist()) == {PALETTE.names.index(name)}
     assert labels[0, 0] not in [PALETTE.names.index(hue) for hue in HUES]
 
@@ -56,10 +56,10 @@ def test_the_colour_of_wood_is_not_that_of_the_red_or_orange_thing_on_it() -> No
 @given(st.integers(0, 2**32 - 1))
 def test_balance_keeps_the_shape_and_does_not_invent_light(seed: int) -> None:
     picture = np.random.default_rng(seed).integers(0, 256, (16, 16, 3), np.uint8)
-    assert balanced(picture).shape == picture.shape
-    assert not balanced(np.zeros((16, 16, 3), np.uint8)).any()
+    assert balance_white(picture).shape == picture.shape
+    assert not balance_white(np.zeros((16, 16, 3), np.uint8)).any()
 
 
 @given(st.tuples(st.integers(0, 255), st.integers(0, 255), st.integers(0, 255)))
 def test_every_colour_lies_in_the_disc(colour: tuple[int, int, int]) -> None:
-    assert np.linalg.norm(in_disc(plain(*colour))[0, 0]) <= 1.0 + 1e-6
+    assert np.linalg.norm(to_colour_disc(plain(*colour))[0, 0]) <= 1.0 + 1e-6

@@ -7,8 +7,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from perception.api import Box, Image
-from perception.crops import LARGEST, LOWER, MARGIN, REACH, SIDE, crop, face_in, portrait
-from perception.light import Grey
+from perception.crops import (
+    CENTRE_DROP,
+    CROP_REACH,
+    CROP_SIDE,
+    MAX_FACE_PIXELS,
+    PORTRAIT_MARGIN,
+    crop_face,
+    make_portrait,
+    portrait_face_box,
+)
+from perception.light import GreyImage
 
 FACE = Box(200, 150, 100, 100)
 
@@ -21,7 +30,7 @@ def dots(*places: tuple[float, float], size: tuple[int, int] = (640, 480)) -> Im
     return picture
 
 
-def brightest(shown: Grey) -> tuple[float, float]:
+def brightest(shown: GreyImage) -> tuple[float, float]:
     """Return the middle of what is bright in a crop."""
     ys, xs = np.nonzero(shown > 100)
     return float(xs.mean()), float(ys.mean())
@@ -33,24 +42,24 @@ def test_what_is_in_a_box_comes_to_lie_in_the_same_place_whatever_its_size(size:
     across, down = face.centre[0] + x * face.width, face.centre[1] + y * face.height
     picture = np.zeros((600, 700, 3), np.uint8)
     cv2.circle(picture, (round(across), round(down)), max(2, round(6 * size)), (255, 255, 255), -1)
-    shown = crop(picture, face)
-    assert shown.shape == (SIDE, SIDE)
-    middle = (SIDE - 1) / 2
-    wanted = (middle + SIDE / REACH * x, middle + SIDE / REACH * (y - LOWER))
+    shown = crop_face(picture, face)
+    assert shown.shape == (CROP_SIDE, CROP_SIDE)
+    middle = (CROP_SIDE - 1) / 2
+    wanted = (middle + CROP_SIDE / CROP_REACH * x, middle + CROP_SIDE / CROP_REACH * (y - CENTRE_DROP))
     assert brightest(shown) == pytest.approx(wanted, abs=2.0)
 
 
 def test_a_crop_is_turned_and_enlarged_about_its_middle() -> None:
-    right = dots((FACE.centre[0] + 25, FACE.centre[1] + LOWER * 100))
-    middle, apart = (SIDE - 1) / 2, 25 * SIDE / REACH / 100
-    assert brightest(crop(right, FACE)) == pytest.approx((middle + apart, middle), abs=1.0)
-    assert brightest(crop(right, FACE, roll=90)) == pytest.approx((middle, middle - apart), abs=1.0)
+    right = dots((FACE.centre[0] + 25, FACE.centre[1] + CENTRE_DROP * 100))
+    middle, apart = (CROP_SIDE - 1) / 2, 25 * CROP_SIDE / CROP_REACH / 100
+    assert brightest(crop_face(right, FACE)) == pytest.approx((middle + apart, middle), abs=1.0)
+    assert brightest(crop_face(right, FACE, roll=90)) == pytest.approx((middle, middle - apart), abs=1.0)
 
 
 def test_a_box_that_shows_nothing_is_refused() -> None:
     for box in (Box(700, 700, 50, 50), Box(10, 10, 0, 0)):
         with pytest.raises(ValueError, match="shows nothing"):
-            crop(dots(), box)
+            crop_face(dots(), box)
 
 
 @given(st.floats(20, 600), st.floats(-0.02, 1.0), st.floats(-0.02, 1.0))
@@ -58,15 +67,15 @@ def test_a_portrait_has_the_face_in_its_middle_also_at_the_edge_of_the_picture(
     width: float, x: float, y: float
 ) -> None:
     face = Box(x * 300, y * 200, width, width)
-    kept = portrait(dots(face.centre), face)
-    assert kept.shape[0] == kept.shape[1] <= round(MARGIN * LARGEST)
-    place = face_in(kept)
-    assert place.width == pytest.approx(min(width, LARGEST), abs=1.0)
+    kept = make_portrait(dots(face.centre), face)
+    assert kept.shape[0] == kept.shape[1] <= round(PORTRAIT_MARGIN * MAX_FACE_PIXELS)
+    place = portrait_face_box(kept)
+    assert place.width == pytest.approx(min(width, MAX_FACE_PIXELS), abs=1.0)
     assert place.centre == (kept.shape[1] / 2, kept.shape[0] / 2)
 
 
 def test_nothing_of_the_picture_but_the_face_and_a_little_around_it_is_kept() -> None:
-    kept = portrait(dots((250, 200), (450, 200), (250, 40)), FACE)
+    kept = make_portrait(dots((250, 200), (450, 200), (250, 40)), FACE)
     assert kept.max() > 200
     bright = cv2.connectedComponents((kept[:, :, 0] > 128).astype(np.uint8))[0] - 1
     assert bright == 1

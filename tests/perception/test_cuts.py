@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from perception.api import Box, Image
-from perception.faces import around, whole
-from perception.light import lightened
+from perception.faces import prepare_picture, prepare_region
+from perception.light import brighten
 
 SPOT = (200.0, 120.0)
 
@@ -29,27 +29,27 @@ def brightest(shown: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> Box:
 @pytest.mark.parametrize("roll", [0.0, radians(22), radians(-40)])
 @pytest.mark.parametrize("scale", [0.5, 1.0, 1.5])
 def test_what_is_found_in_a_whole_picture_lies_where_it_was(scale: float, roll: float) -> None:
-    cut = whole(picture(), scale, roll)
-    found = cut.placed(brightest(cut.shown), 1.0)
+    cut = prepare_picture(picture(), scale, roll)
+    found = cut.to_detection(brightest(cut.image), 1.0)
     assert found.box.centre == pytest.approx(SPOT, abs=3)
     assert (found.roll, found.box.width) == (roll, 14 / scale)
 
 
 @pytest.mark.parametrize("roll", [0.0, radians(22), radians(-40)])
 def test_what_is_found_around_a_place_lies_where_it_was(roll: float) -> None:
-    cut = around(picture(), Box(170, 90, 50, 50), 1.7, 64, roll)
+    cut = prepare_region(picture(), Box(170, 90, 50, 50), 1.7, 64, roll)
     assert cut is not None
-    assert cut.placed(brightest(cut.shown), 1.0).box.centre == pytest.approx(SPOT, abs=3)
+    assert cut.to_detection(brightest(cut.image), 1.0).box.centre == pytest.approx(SPOT, abs=3)
 
 
 def test_around_what_is_not_in_the_picture_there_is_nothing() -> None:
-    assert around(picture(), Box(-900, 0, 50, 50), 1.7, 64) is None
-    assert around(picture(), Box(20, 20, 0, 0), 1.7, 64) is None
+    assert prepare_region(picture(), Box(-900, 0, 50, 50), 1.7, 64) is None
+    assert prepare_region(picture(), Box(20, 20, 0, 0), 1.7, 64) is None
 
 
 def test_a_dark_picture_becomes_as_bright_as_others_and_any_other_stays_as_it_is() -> None:
     dark = np.asarray(picture() // 12, np.uint8)
-    assert 190 <= lightened(dark).max() <= 255
-    assert lightened(picture()) is not None
-    assert np.array_equal(lightened(picture()), picture())
-    assert lightened(np.zeros((4, 4), np.uint8)).max() == 0
+    assert 190 <= brighten(dark).max() <= 255
+    assert brighten(picture()) is not None
+    assert np.array_equal(brighten(picture()), picture())
+    assert brighten(np.zeros((4, 4), np.uint8)).max() == 0

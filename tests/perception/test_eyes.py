@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from perception.api import Box, Detection, Face, Gaze, Image, Sight, View
-from perception.eyes import Effort, Eyes, Vision
-from perception.senses import FaceSense, Senses
-from perception.tracks import Sighting, Tracker
+from perception.eyes import Eyes, Vision, VisionEffort
+from perception.senses import ActiveSenses, FaceSense
+from perception.tracks import FaceSighting, Tracker
 
 PICTURE_TIMEOUT = 10.0
 
@@ -43,10 +43,10 @@ class Source:
 class Middle:
     """Finds a face in the middle of each picture; fails on pictures that are all white."""
 
-    def find(self, image: Image) -> list[Sighting]:
+    def find(self, image: Image) -> list[FaceSighting]:
         if image[0, 0, 0] == 255:
             raise RuntimeError("too bright")
-        return [Sighting(Detection(Box(280, 200, 80, 80), 5.0), found=True)]
+        return [FaceSighting(Detection(Box(280, 200, 80, 80), 5.0), found=True)]
 
 
 def until(true: Callable[[], object]) -> None:
@@ -72,7 +72,7 @@ class Watch:
         self.asked: list[float] = []
         self.time = 0.0
 
-    def now(self) -> float:
+    def read_value(self) -> float:
         self.time += 0.5
         return self.time
 
@@ -86,8 +86,8 @@ class Watch:
     def eyes(self, **others: Any) -> Eyes:
         settings: dict[str, Any] = {
             "field_of_view": radians(60),
-            "senses": Senses(faces=FaceSense(Middle(), Tracker())),
-            "now": self.now,
+            "senses": ActiveSenses(faces=FaceSense(Middle(), Tracker())),
+            "now": self.read_value,
             "changed": self.change,
             "on_view": lambda view: self.percepts.append((view.looked, view.faces)),
             "on_trouble": self.troubles.append,
@@ -137,7 +137,7 @@ def test_the_effort_is_counted_on_the_clock_handed_in(eyes: Eyes, watch: Watch) 
     for stamp in (1.0, 2.0, 3.0):
         watch.source.queue.put(Picture(stamp))
     until(lambda: watch.changes == 3)
-    assert eyes.vision.effort == Effort(frames=3, failed=0, seconds=1.5)
+    assert eyes.vision.effort == VisionEffort(frames=3, failed=0, seconds=1.5)
 
 
 def test_a_failing_detector_is_reported_once_and_does_not_blind_the_robot(eyes: Eyes, watch: Watch) -> None:
@@ -145,11 +145,11 @@ def test_a_failing_detector_is_reported_once_and_does_not_blind_the_robot(eyes: 
     for stamp in (1.0, 1.1):
         watch.source.queue.put(Picture(stamp, WHITE))
     until(lambda: eyes.vision.effort.failed == 2)
-    assert str(eyes.vision.trouble) == "too bright"
+    assert str(eyes.vision.last_error) == "too bright"
     assert [str(trouble) for trouble in watch.troubles] == ["too bright"]
     watch.source.queue.put(Picture(1.2))
     until(lambda: eyes.looked() == 1.2)
-    until(lambda: eyes.vision.trouble is None)
+    until(lambda: eyes.vision.last_error is None)
 
 
 def test_a_failing_camera_is_reported_and_read_again(eyes: Eyes, watch: Watch) -> None:
@@ -171,7 +171,7 @@ def test_a_listener_that_fails_does_not_blind_the_robot(watch: Watch) -> None:
         watch.source.queue.put(Picture(5.1))
         until(lambda: eyes.looked() == 5.1)
         until(lambda: eyes.vision.effort.failed == 2)
-        assert str(eyes.vision.trouble) == "the listener is ill"
+        assert str(eyes.vision.last_error) == "the listener is ill"
     finally:
         eyes.close()
 

@@ -9,9 +9,9 @@ import pytest
 
 from drivers.clock import ManualClock
 from perception.api import Gaze, Image
-from perception.eyes import BLIND, LINGER, OPENED, Eyes, Vision
-from perception.senses import FaceSense, Senses
-from perception.tracks import Sighting, Tracker
+from perception.eyes import REST_AFTER, WARM_UP_PICTURES, WARM_UP_TIMEOUT, Eyes, Vision
+from perception.senses import ActiveSenses, FaceSense
+from perception.tracks import FaceSighting, Tracker
 from tests.waiting import wait_until
 
 
@@ -37,7 +37,7 @@ class Camera:
 
 
 class Nobody:
-    def find(self, image: Image) -> list[Sighting]:
+    def find(self, image: Image) -> list[FaceSighting]:
         del image
         return []
 
@@ -47,13 +47,13 @@ class Robot:
 
     def __init__(self) -> None:
         self.clock, self.camera, self.begun_afresh = ManualClock(100.0), Camera(), 0
-        senses = Senses(faces=FaceSense(Nobody(), Tracker()))
+        senses = ActiveSenses(faces=FaceSense(Nobody(), Tracker()))
         vision = Vision(
             lambda _: Gaze(0.0, 0.0),
             field_of_view=radians(60),
             senses=senses,
-            now=self.clock.now,
-            afresh=self.begin_afresh,
+            now=self.clock.read_value,
+            on_resume=self.begin_afresh,
         )
         self.eyes = Eyes(self.camera, vision)
         self.eyes.may_rest = True
@@ -62,8 +62,8 @@ class Robot:
         self.begun_afresh += 1
 
     def fall_asleep(self) -> None:
-        self.clock.advance(LINGER + 0.1)
-        wait_until(lambda: self.eyes._opened == 0)
+        self.clock.advance(REST_AFTER + 0.1)
+        wait_until(lambda: self.eyes._warm_pictures == 0)
 
     def until_searched(self, more: int) -> None:
         before = self.searched()
@@ -83,9 +83,9 @@ def robot() -> Iterator[Robot]:
 
 def test_eyes_that_somebody_asks_go_on_looking(robot: Robot) -> None:
     for _ in range(3):
-        robot.clock.advance(0.9 * LINGER)
-        assert robot.eyes.awake()
-        assert robot.eyes.ask()
+        robot.clock.advance(0.9 * REST_AFTER)
+        assert robot.eyes.is_awake()
+        assert robot.eyes.wake()
         robot.until_searched(4)
     assert robot.begun_afresh == 0
 
@@ -95,13 +95,13 @@ def test_eyes_that_nobody_asks_read_no_pictures_until_somebody_does(robot: Robot
     robot.fall_asleep()
     read = robot.camera.read_so_far
     robot.clock.advance(60.0)
-    assert not robot.eyes.awake()  # which asks for nothing
+    assert not robot.eyes.is_awake()  # which asks for nothing
     Event().wait(0.05)  # in which they would read fifty
     assert robot.camera.read_so_far == read
-    assert not robot.eyes.ask()
+    assert not robot.eyes.wake()
     before = robot.searched()
-    wait_until(robot.eyes.ask)
-    assert robot.searched() >= before + OPENED
+    wait_until(robot.eyes.wake)
+    assert robot.searched() >= before + WARM_UP_PICTURES
     assert robot.begun_afresh == 1
 
 
@@ -109,11 +109,11 @@ def test_nobody_waits_for_long_for_eyes_without_pictures(robot: Robot) -> None:
     robot.until_searched(4)
     robot.fall_asleep()
     robot.camera.there = False
-    assert not robot.eyes.ask()
-    robot.clock.advance(BLIND / 2)
-    assert not robot.eyes.ask()
-    robot.clock.advance(BLIND)
-    assert robot.eyes.ask()
+    assert not robot.eyes.wake()
+    robot.clock.advance(WARM_UP_TIMEOUT / 2)
+    assert not robot.eyes.wake()
+    robot.clock.advance(WARM_UP_TIMEOUT)
+    assert robot.eyes.wake()
 
 
 def test_eyes_at_rest_are_closed_at_once(robot: Robot) -> None:
@@ -123,6 +123,6 @@ def test_eyes_at_rest_are_closed_at_once(robot: Robot) -> None:
 
 def test_eyes_that_may_not_rest_never_do(robot: Robot) -> None:
     robot.eyes.may_rest = False
-    robot.clock.advance(10 * LINGER)
+    robot.clock.advance(10 * REST_AFTER)
     robot.until_searched(4)
-    assert robot.eyes.ask()
+    assert robot.eyes.wake()

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from perception.api import Box, Detection, Frame, Gaze, Image, Thing
-from perception.delay import Delay
-from perception.eyes import PACE, Eyes, Vision
-from perception.finder import EMPTY, FaceFinder
+from perception.delay import CameraDelay
+from perception.eyes import MAX_PICTURE_INTERVAL, Eyes, Vision
+from perception.finder import LONG_EMPTY_SEARCH_INTERVAL, FaceFinder
 from perception.geometry import Pinhole
-from perception.light import Grey
-from perception.senses import FaceSense, Finder, FrameSource, Senses
+from perception.light import GreyImage
+from perception.senses import ActiveSenses, FaceSense, FrameSource, SightingSource
 from perception.tracks import Tracker
 from tests.perception.test_finder import Counting, wall
 from tests.waiting import wait_until
@@ -73,18 +73,20 @@ def nobody() -> Counting:
 class Looker:
     """Eyes on a film; ``seen`` are the numbers of the pictures that were searched for faces."""
 
-    def __init__(self, film: FrameSource, finder: Finder, *, turning: bool = False, wanted: bool = False) -> None:
+    def __init__(
+        self, film: FrameSource, finder: SightingSource, *, turning: bool = False, wanted: bool = False
+    ) -> None:
         self.seen: list[int] = []
         self._turning = turning
-        senses = Senses(faces=FaceSense(finder, Tracker()))
+        senses = ActiveSenses(faces=FaceSense(finder, Tracker()))
         if wanted:
-            senses = Senses(senses.faces, things=NoThings())
+            senses = ActiveSenses(senses.faces, things=NoThings())
         vision = Vision(
             self.gaze,
             field_of_view=radians(60),
             senses=senses,
             now=lambda: 0.0,
-            delay=Delay() if turning else None,
+            delay=CameraDelay() if turning else None,
             on_frame=lambda frame, _: self.seen.append(round((frame.stamp - 5.0) * RATE)),
         )
         self.eyes = Eyes(film, vision)
@@ -112,7 +114,7 @@ def watch(looker: Looker, film: Film, opened: list[Eyes]) -> list[int]:
 
 
 def test_where_nobody_is_every_fourth_picture_of_thirty_a_second_is_read(opened: list[Eyes]) -> None:
-    film = Skippable(EAGER + 8 * EMPTY)
+    film = Skippable(EAGER + 8 * LONG_EMPTY_SEARCH_INTERVAL)
     seen = watch(Looker(film, FaceFinder(nobody())), film, opened)
     assert seen[:EAGER] == list(range(EAGER))
     later = seen[-6:]
@@ -121,7 +123,7 @@ def test_where_nobody_is_every_fourth_picture_of_thirty_a_second_is_read(opened:
 
 
 def test_a_source_that_cannot_skip_is_read_and_what_would_go_by_is_not_searched(opened: list[Eyes]) -> None:
-    skippable, plain = Skippable(EAGER + 8 * EMPTY), Film(EAGER + 8 * EMPTY)
+    skippable, plain = Skippable(EAGER + 8 * LONG_EMPTY_SEARCH_INTERVAL), Film(EAGER + 8 * LONG_EMPTY_SEARCH_INTERVAL)
     seen = watch(Looker(skippable, FaceFinder(nobody())), skippable, opened)
     assert watch(Looker(plain, FaceFinder(nobody())), plain, opened) == seen
     assert plain.read_of == list(range(plain.length))
@@ -129,7 +131,7 @@ def test_a_source_that_cannot_skip_is_read_and_what_would_go_by_is_not_searched(
 
 def test_no_search_is_missed_by_what_goes_by(opened: list[Eyes]) -> None:
     shown, spared = nobody(), nobody()
-    film = Skippable(EAGER + 8 * EMPTY)
+    film = Skippable(EAGER + 8 * LONG_EMPTY_SEARCH_INTERVAL)
     watch(Looker(film, FaceFinder(spared)), film, opened)
     finder = FaceFinder(shown)
     for _ in range(film.length):
@@ -138,19 +140,19 @@ def test_no_search_is_missed_by_what_goes_by(opened: list[Eyes]) -> None:
 
 
 def test_of_a_slow_camera_every_picture_is_read(opened: list[Eyes]) -> None:
-    film = Skippable(EAGER + 4 * EMPTY, rate=0.9 / PACE)
+    film = Skippable(EAGER + 4 * LONG_EMPTY_SEARCH_INTERVAL, rate=0.9 / MAX_PICTURE_INTERVAL)
     watch(Looker(film, FaceFinder(nobody())), film, opened)
     assert film.read_of == list(range(film.length))
 
 
 def test_while_the_camera_turns_and_its_delay_is_learnt_none_goes_by(opened: list[Eyes]) -> None:
-    film = Skippable(EAGER + 4 * EMPTY)
+    film = Skippable(EAGER + 4 * LONG_EMPTY_SEARCH_INTERVAL)
     watch(Looker(film, FaceFinder(nobody()), turning=True), film, opened)
     assert film.read_of == list(range(film.length))
 
 
 def test_while_things_are_looked_for_none_goes_by(opened: list[Eyes]) -> None:
-    film = Skippable(EAGER + 4 * EMPTY)
+    film = Skippable(EAGER + 4 * LONG_EMPTY_SEARCH_INTERVAL)
     watch(Looker(film, FaceFinder(nobody()), wanted=True), film, opened)
     assert film.read_of == list(range(film.length))
 
@@ -176,13 +178,13 @@ class Walker:
         return np.asarray(np.roll(wall(), round(self.step * self.number), axis=1), np.uint8)
 
     def detect(
-        self, image: Image | Grey, *, smallest: float = 0.0, largest: float = inf, roll: float = 0.0
+        self, image: Image | GreyImage, *, smallest: float = 0.0, largest: float = inf, roll: float = 0.0
     ) -> list[Detection]:
         del image, smallest, largest, roll
         self.searches += 1
         return [Detection(Box(100.0 + self.step * self.number, 200.0, 80.0, 80.0), 5.0)]
 
-    def near(self, image: Image | Grey, box: Box, *, roll: float = 0.0) -> Detection | None:
+    def detect_near(self, image: Image | GreyImage, box: Box, *, roll: float = 0.0) -> Detection | None:
         del box, roll
         return self.detect(image)[0]
 
@@ -191,7 +193,7 @@ class Walker:
         finder, spared = FaceFinder(self), list[int]()
         while self.number < frames:
             finder.find(self.picture)
-            spared.append(finder.spare(most))
+            spared.append(finder.skip_frames(most))
             self.number += 1 + spared[-1]
         return spared
 

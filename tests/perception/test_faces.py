@@ -8,29 +8,29 @@ import pytest
 
 from perception import faces
 from perception.api import Box, Detection, Image
-from perception.faces import ROLL, HaarFaces
+from perception.faces import ROLL_STEP, HaarFaceDetector
 
 FACE = Box(176, 65, 97, 97)
 
 
 def test_the_astronaut_has_exactly_one_face(astronaut: Image) -> None:
-    (face,) = HaarFaces().detect(astronaut)
+    (face,) = HaarFaceDetector().detect(astronaut)
     assert face.box.overlap(FACE) > 0.7
 
 
 def test_a_grey_picture_will_do(astronaut: Image) -> None:
     grey = np.asarray(cv2.cvtColor(astronaut, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
-    assert HaarFaces().detect(grey) == HaarFaces().detect(astronaut)
+    assert HaarFaceDetector().detect(grey) == HaarFaceDetector().detect(astronaut)
 
 
 def test_a_quarter_of_the_light_is_enough(astronaut: Image) -> None:
-    (face,) = HaarFaces().detect(np.asarray(astronaut // 4, dtype=np.uint8))
+    (face,) = HaarFaceDetector().detect(np.asarray(astronaut // 4, dtype=np.uint8))
     assert face.box.overlap(FACE) > 0.6
 
 
 def test_a_huge_picture_gives_its_boxes_in_its_own_pixels(astronaut: Image) -> None:
     huge = np.asarray(cv2.resize(astronaut, None, fx=5, fy=5, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
-    (face,) = HaarFaces().detect(huge)
+    (face,) = HaarFaceDetector().detect(huge)
     assert face.box.overlap(Box(FACE.x * 5, FACE.y * 5, FACE.width * 5, FACE.height * 5)) > 0.6
 
 
@@ -38,24 +38,24 @@ def test_the_largest_face_comes_first(astronaut: Image) -> None:
     small = np.asarray(cv2.resize(astronaut, (256, 256), interpolation=cv2.INTER_AREA), dtype=np.uint8)
     both = np.zeros((512, 768, 3), dtype=np.uint8)
     both[:256, :256], both[:, 256:] = small, astronaut
-    widths = [face.box.width for face in HaarFaces().detect(both)]
+    widths = [face.box.width for face in HaarFaceDetector().detect(both)]
     assert len(widths) == 2
     assert widths == sorted(widths, reverse=True)
 
 
 def test_an_empty_wall_has_no_face() -> None:
-    assert HaarFaces().detect(np.full((480, 640, 3), 128, dtype=np.uint8)) == []
+    assert HaarFaceDetector().detect(np.full((480, 640, 3), 128, dtype=np.uint8)) == []
 
 
 @pytest.mark.parametrize("name", ["portrait_1.jpg", "portrait_2.jpg"])
 def test_each_portrait_has_exactly_one_face(footage: Path, name: str) -> None:
     picture = cv2.imread(str(footage / name))
     assert picture is not None
-    assert len(HaarFaces().detect(np.asarray(picture, dtype=np.uint8))) == 1
+    assert len(HaarFaceDetector().detect(np.asarray(picture, dtype=np.uint8))) == 1
 
 
 def test_near_finds_a_face_that_moved_a_little(astronaut: Image) -> None:
-    moved = HaarFaces().near(astronaut, Box(FACE.x + 15, FACE.y - 10, 90, 90))
+    moved = HaarFaceDetector().detect_near(astronaut, Box(FACE.x + 15, FACE.y - 10, 90, 90))
     assert moved is not None
     assert moved.box.overlap(FACE) > 0.7
 
@@ -64,26 +64,26 @@ def test_near_finds_a_face_that_moved_a_little(astronaut: Image) -> None:
     "box", [Box(350, 350, 97, 97), Box(-500, 0, 97, 97), Box(510, 510, 40, 40), Box(100, 100, 0, 0)]
 )
 def test_near_finds_nothing_where_there_is_no_face(astronaut: Image, box: Box) -> None:
-    assert HaarFaces().near(astronaut, box) is None
+    assert HaarFaceDetector().detect_near(astronaut, box) is None
 
 
 def test_other_cascades_bear_a_face_out_and_not_what_is_none(astronaut: Image) -> None:
-    assert HaarFaces().agrees(astronaut, FACE)
-    assert not HaarFaces().agrees(astronaut, Box(350, 350, 97, 97))
-    assert not HaarFaces().agrees(astronaut, Box(-500, 0, 97, 97))
-    assert not HaarFaces().agrees(astronaut, Box(100, 100, 0, 0))
+    assert HaarFaceDetector().is_confirmed(astronaut, FACE)
+    assert not HaarFaceDetector().is_confirmed(astronaut, Box(350, 350, 97, 97))
+    assert not HaarFaceDetector().is_confirmed(astronaut, Box(-500, 0, 97, 97))
+    assert not HaarFaceDetector().is_confirmed(astronaut, Box(100, 100, 0, 0))
 
 
 @pytest.mark.parametrize("shape", [(0, 0, 3), (10, 10, 4), (10,)])
 def test_what_is_no_picture_is_refused_with_its_shape(shape: tuple[int, ...]) -> None:
     with pytest.raises(ValueError, match="picture: expected"):
-        HaarFaces().detect(np.zeros(shape, dtype=np.uint8))
+        HaarFaceDetector().detect(np.zeros(shape, dtype=np.uint8))
 
 
 def test_a_missing_cascade_says_what_to_install(monkeypatch: pytest.MonkeyPatch, astronaut: Image) -> None:
     monkeypatch.setattr(faces, "CASCADE", "nowhere.xml")
     with pytest.raises(FileNotFoundError, match=r"nowhere.xml is missing\n  try: pip install"):
-        HaarFaces().detect(astronaut)
+        HaarFaceDetector().detect(astronaut)
 
 
 def turned(picture: Image, degrees: float) -> Image:
@@ -96,38 +96,38 @@ def turned(picture: Image, degrees: float) -> Image:
 def test_a_head_that_leans_is_found_borne_out_and_told_as_leaning_where_that_is_asked_for(
     astronaut: Image, side: int
 ) -> None:
-    picture, faces = turned(astronaut, side * 30), HaarFaces()
+    picture, faces = turned(astronaut, side * 30), HaarFaceDetector()
     assert faces.detect(picture, smallest=50) == []
-    (face,) = faces.detect(picture, smallest=50, roll=side * ROLL)
-    assert face.roll == side * ROLL
+    (face,) = faces.detect(picture, smallest=50, roll=side * ROLL_STEP)
+    assert face.roll == side * ROLL_STEP
     assert face.box.overlap(FACE) > 0.6
-    assert faces.agrees(picture, face.box, roll=face.roll)
-    assert not faces.agrees(picture, face.box)
+    assert faces.is_confirmed(picture, face.box, roll=face.roll)
+    assert not faces.is_confirmed(picture, face.box)
 
 
 def test_a_known_head_is_found_again_where_it_begins_to_lean(astronaut: Image) -> None:
-    (again,) = HaarFaces().leaning(turned(astronaut, 30), Detection(FACE, 1.0))
-    assert again.roll == ROLL
+    (again,) = HaarFaceDetector().detect_leaning(turned(astronaut, 30), Detection(FACE, 1.0))
+    assert again.roll == ROLL_STEP
 
 
 def test_a_frontal_face_does_not_look_to_one_side_nor_does_a_wall(astronaut: Image) -> None:
     wall = np.random.default_rng(2).integers(90, 150, (512, 512, 3), dtype=np.uint8)
-    assert not HaarFaces().aside(wall, FACE)
-    assert not HaarFaces().aside(astronaut, Box(-500, 0, 97, 97))
+    assert not HaarFaceDetector().is_turned_aside(wall, FACE)
+    assert not HaarFaceDetector().is_turned_aside(astronaut, Box(-500, 0, 97, 97))
 
 
 def test_a_face_in_eight_percent_of_the_light_is_found_through_the_noise(astronaut: Image) -> None:
     light = astronaut.astype(np.float64) * 0.08
     noise = np.random.default_rng(1).normal(0.0, 1.0, light.shape) * np.sqrt(0.15 * light + 2.0)
-    (face,) = HaarFaces().detect(np.clip(np.rint(light + noise), 0, 255).astype(np.uint8))
+    (face,) = HaarFaceDetector().detect(np.clip(np.rint(light + noise), 0, 255).astype(np.uint8))
     assert face.box.overlap(FACE) > 0.6
 
 
 def test_a_face_is_found_in_a_picture_of_160_pixels(astronaut: Image) -> None:
     small = np.asarray(cv2.resize(astronaut, (128, 128), interpolation=cv2.INTER_AREA), np.uint8)
-    (face,) = HaarFaces().detect(small, smallest=0.047 * 128)
+    (face,) = HaarFaceDetector().detect(small, smallest=0.047 * 128)
     assert face.box.overlap(Box(FACE.x / 4, FACE.y / 4, FACE.width / 4, FACE.height / 4)) > 0.6
 
 
 def test_sizes_for_which_a_picture_is_too_small_are_not_looked_for(astronaut: Image) -> None:
-    assert HaarFaces().detect(astronaut, smallest=5, largest=20) == []
+    assert HaarFaceDetector().detect(astronaut, smallest=5, largest=20) == []

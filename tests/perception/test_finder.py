@@ -10,12 +10,12 @@ import pytest
 
 from perception import finder as known
 from perception.api import Box, Detection, Face, Image
-from perception.faces import HaarFaces
-from perception.finder import ASIDE, FaceFinder, carry
+from perception.faces import HaarFaceDetector
+from perception.finder import MAX_ASIDE_SEARCHES, FaceFinder, track_box
 from perception.geometry import Pinhole
-from perception.light import Grey
-from perception.tracks import Sighting, Tracker
-from perception.turns import ANY
+from perception.light import GreyImage
+from perception.tracks import FaceSighting, Tracker
+from perception.turns import ANY_FACE
 
 if TYPE_CHECKING:
     from tests.perception.conftest import Scene
@@ -27,23 +27,23 @@ class Counting:
     """The real detector; it counts its searches, and can be told to see nothing, or a ghost."""
 
     def __init__(self) -> None:
-        self._haar = HaarFaces()
+        self._haar = HaarFaceDetector()
         self.blind = False
         self.ghost: Detection | None = None
         self.whole = 0
         self.regions = 0
 
     def detect(
-        self, image: Image | Grey, *, smallest: float = 0.0, largest: float = inf, roll: float = 0.0
+        self, image: Image | GreyImage, *, smallest: float = 0.0, largest: float = inf, roll: float = 0.0
     ) -> Sequence[Detection]:
         self.whole += 1
         if self.ghost is not None:
             return [self.ghost]
         return [] if self.blind else self._haar.detect(image, smallest=smallest, largest=largest, roll=roll)
 
-    def near(self, image: Image | Grey, box: Box, *, roll: float = 0.0) -> Detection | None:
+    def detect_near(self, image: Image | GreyImage, box: Box, *, roll: float = 0.0) -> Detection | None:
         self.regions += 1
-        return None if self.blind else self._haar.near(image, box, roll=roll)
+        return None if self.blind else self._haar.detect_near(image, box, roll=roll)
 
 
 def wall() -> Image:
@@ -63,13 +63,13 @@ def test_a_walking_face_is_covered_in_every_frame(scene: "Scene") -> None:
 
 
 def test_searches_grow_rarer_and_between_them_a_face_is_marked_as_carried(scene: "Scene") -> None:
-    finder = FaceFinder(HaarFaces(), every=4)
+    finder = FaceFinder(HaarFaceDetector(), confirm_interval=4)
     found = [finder.find(scene((200 + 4 * step, 240))[0])[0].found for step in range(10)]
     assert found == [True, True, False, True, False, True, False, False, False, True]
 
 
 def test_a_jump_in_the_film_finds_the_face_again_at_once(scene: "Scene") -> None:
-    finder = FaceFinder(HaarFaces())
+    finder = FaceFinder(HaarFaceDetector())
     for _ in range(4):
         finder.find(scene((120, 120))[0])
     picture, (true,) = scene((500, 330))
@@ -79,7 +79,7 @@ def test_a_jump_in_the_film_finds_the_face_again_at_once(scene: "Scene") -> None
 
 
 def test_a_face_that_left_is_gone_in_the_same_frame(scene: "Scene") -> None:
-    finder = FaceFinder(HaarFaces())
+    finder = FaceFinder(HaarFaceDetector())
     for _ in range(4):
         finder.find(scene((320, 240))[0])
     assert finder.find(wall()) == []
@@ -87,7 +87,7 @@ def test_a_face_that_left_is_gone_in_the_same_frame(scene: "Scene") -> None:
 
 def test_a_face_that_turned_aside_is_carried_for_a_while_and_then_given_up(scene: "Scene") -> None:
     detector = Counting()
-    finder = FaceFinder(detector, every=3, patience=2)
+    finder = FaceFinder(detector, confirm_interval=3, max_misses=2)
     picture, _ = scene((320, 240))
     for _ in range(2):
         finder.find(picture)
@@ -109,24 +109,24 @@ def test_a_ghost_lasts_for_one_frame(scene: "Scene") -> None:
 class Doubtful(Counting):
     """A detector that sees a ghost in one place in each frame; its witnesses say what a test tells them to."""
 
-    newcomers = 40
-    turns = (ANY,)
-    quickly = ANY
+    newcomer_interval = 40
+    search_plan = (ANY_FACE,)
+    quick_search = ANY_FACE
     said = costly = False
 
-    def near(self, _: Image | Grey, box: Box, *, roll: float = 0.0) -> Detection | None:
+    def detect_near(self, _: Image | GreyImage, box: Box, *, roll: float = 0.0) -> Detection | None:
         return self.ghost or Detection(box, 1.0, roll)
 
-    def agrees(self, _: Image | Grey, box: Box, *, roll: float = 0.0) -> bool:
+    def is_confirmed(self, _: Image | GreyImage, box: Box, *, roll: float = 0.0) -> bool:
         return self.said and box.width > 0 and roll == 0.0
 
-    def dear(self, _: Image | Grey) -> bool:
+    def is_expensive(self, _: Image | GreyImage) -> bool:
         return self.costly
 
-    def leaning(self, *_: object) -> tuple[Detection, ...]:
+    def detect_leaning(self, *_: object) -> tuple[Detection, ...]:
         return ()
 
-    def aside(self, *_: object) -> bool:
+    def is_turned_aside(self, *_: object) -> bool:
         return False
 
 
@@ -168,7 +168,7 @@ def test_the_longer_a_face_was_borne_out_the_longer_flow_may_carry_it(scene: "Sc
     carried = []
     for frames in (1, 4):
         detector = Counting()
-        finder = FaceFinder(detector, every=1)
+        finder = FaceFinder(detector, confirm_interval=1)
         for _ in range(frames):
             finder.find(picture)
         detector.blind = True
@@ -192,7 +192,7 @@ def test_where_nobody_is_the_effort_falls_to_an_eighth_and_a_loss_brings_it_back
 
 
 def test_a_head_that_was_turned_away_at_first_is_seen_soon_after_it_turns(scene: "Scene") -> None:
-    finder = FaceFinder(HaarFaces())
+    finder = FaceFinder(HaarFaceDetector())
     empty, (picture, _) = wall(), scene((320, 240))
     assert not any(finder.find(np.roll(empty, 5 * n, axis=1)) for n in range(4))
     assert [len(finder.find(picture)) for _ in range(3)][-1] == 1
@@ -211,12 +211,12 @@ def test_two_who_come_at_once_one_near_and_one_far_are_both_seen_by_the_second_f
     near, _ = scene((150, 240))
     far, _ = scene((500, 240), size=0.4)
     near[:, 330:] = far[:, 330:]
-    finder = FaceFinder(HaarFaces())
+    finder = FaceFinder(HaarFaceDetector())
     assert [len(finder.find(near)) for _ in range(2)][-1] == 2
 
 
 def test_a_newcomer_is_found_while_another_is_followed(scene: "Scene") -> None:
-    finder = FaceFinder(HaarFaces(), newcomers=6)
+    finder = FaceFinder(HaarFaceDetector(), newcomer_interval=6)
     for _ in range(3):
         assert len(finder.find(scene((150, 240))[0])) == 1
     picture, (old, new) = scene((150, 240), (480, 260))
@@ -227,7 +227,7 @@ def test_a_newcomer_is_found_while_another_is_followed(scene: "Scene") -> None:
 
 
 def test_two_who_meet_do_not_stay_two_boxes_on_one_face(scene: "Scene") -> None:
-    finder = FaceFinder(HaarFaces())
+    finder = FaceFinder(HaarFaceDetector())
     for x in range(0, 161, 8):
         seen = finder.find(scene((160 + x, 240), (480 - x, 240))[0])
         assert x > 100 or len(seen) == 2
@@ -243,9 +243,9 @@ def test_of_three_who_walk_all_are_covered_and_flow_carries_the_smaller_ones_hal
 
     def count(before: Image, after: Image, box: Box) -> Box | None:
         carried.append(box.width)
-        return carry(before, after, box)
+        return track_box(before, after, box)
 
-    monkeypatch.setattr(known, "carry", count)
+    monkeypatch.setattr(known, "track_box", count)
     finder = FaceFinder(Counting())
     for step in range(40):
         places = [(100 + 4 * step, 120), (540 - 4 * step, 240), (100 + 4 * step, 360)]
@@ -257,7 +257,7 @@ def test_of_three_who_walk_all_are_covered_and_flow_carries_the_smaller_ones_hal
 
 def test_a_search_of_the_whole_picture_spares_those_of_known_faces(scene: "Scene") -> None:
     detector = Counting()
-    finder = FaceFinder(detector, every=3, newcomers=3)
+    finder = FaceFinder(detector, confirm_interval=3, newcomer_interval=3)
     picture, _ = scene((150, 240), (480, 260))
     for _ in range(60):
         assert len(finder.find(picture)) <= 2
@@ -265,7 +265,7 @@ def test_a_search_of_the_whole_picture_spares_those_of_known_faces(scene: "Scene
 
 
 def test_a_picture_of_another_size_starts_afresh(scene: "Scene") -> None:
-    finder = FaceFinder(HaarFaces())
+    finder = FaceFinder(HaarFaceDetector())
     picture, _ = scene((320, 240))
     finder.find(picture)
     half = np.ascontiguousarray(picture[::2, ::2])
@@ -275,8 +275,8 @@ def test_a_picture_of_another_size_starts_afresh(scene: "Scene") -> None:
 
 @pytest.mark.parametrize("size", [0.4, 1.0])
 def test_near_or_far_a_face_is_found_by_the_second_frame(scene: "Scene", size: float) -> None:
-    finder = FaceFinder(HaarFaces())
-    seen: list[Sighting] = []
+    finder = FaceFinder(HaarFaceDetector())
+    seen: list[FaceSighting] = []
     for _ in range(2):
         picture, (true,) = scene((320, 240), size=size)
         seen = finder.find(picture)
@@ -296,7 +296,7 @@ def test_a_small_face_that_leaps_as_a_pan_makes_it_is_carried(scene: "Scene") ->
 
 def test_what_is_no_picture_is_refused() -> None:
     with pytest.raises(ValueError, match="picture: expected"):
-        FaceFinder(HaarFaces()).find(np.zeros((4, 4, 4), dtype=np.uint8))
+        FaceFinder(HaarFaceDetector()).find(np.zeros((4, 4, 4), dtype=np.uint8))
 
 
 def test_after_a_reset_nothing_is_remembered(scene: "Scene") -> None:
@@ -316,14 +316,14 @@ def leaning(picture: Image, degrees: float) -> Image:
 
 @pytest.mark.parametrize("degrees", [-30, -15, 15, 30])
 def test_a_head_that_leans_is_found_within_four_frames(scene: "Scene", degrees: float) -> None:
-    finder = FaceFinder(HaarFaces())
+    finder = FaceFinder(HaarFaceDetector())
     picture, (true,) = scene((320, 240))
     seen = [finder.find(leaning(picture, degrees)) for _ in range(4)][-1]
     assert [sighting.detection.box.overlap(true) > 0.5 for sighting in seen if sighting.found] == [True]
 
 
 def test_a_head_that_leans_more_and_more_is_followed(scene: "Scene") -> None:
-    finder = FaceFinder(HaarFaces())
+    finder = FaceFinder(HaarFaceDetector())
     picture, (true,) = scene((320, 240))
     for step in range(60):
         seen = finder.find(leaning(picture, 0.5 * step))
@@ -337,10 +337,10 @@ class Sideways(Doubtful):
     turned = False
     asked = 0
 
-    def near(self, image: Image | Grey, box: Box, *, roll: float = 0.0) -> Detection | None:
-        return None if self.turned else super().near(image, box, roll=roll)
+    def detect_near(self, image: Image | GreyImage, box: Box, *, roll: float = 0.0) -> Detection | None:
+        return None if self.turned else super().detect_near(image, box, roll=roll)
 
-    def aside(self, *_: object) -> bool:
+    def is_turned_aside(self, *_: object) -> bool:
         self.asked += 1
         return True
 
@@ -349,19 +349,19 @@ def test_a_face_that_looks_to_one_side_is_carried_on_for_a_while_but_not_counted
     picture, (true,) = scene((320, 240))
     detector = Sideways()
     detector.ghost, detector.said = Detection(true, 1.0), True
-    finder = FaceFinder(detector, every=2)
+    finder = FaceFinder(detector, confirm_interval=2)
     for _ in range(8):
         finder.find(picture)
     detector.turned, detector.blind, detector.ghost = True, True, None
     seen = [finder.find(picture) for _ in range(60)]
     assert [len(each) for each in seen[:30]] == [1] * 30
-    assert detector.asked == ASIDE
+    assert detector.asked == MAX_ASIDE_SEARCHES
     assert not any(sighting.found for each in seen for sighting in each)
     assert seen[-1] == []
 
 
 def test_the_others_who_came_along_are_looked_for_soon(scene: "Scene") -> None:
-    finder = FaceFinder(HaarFaces())
+    finder = FaceFinder(HaarFaceDetector())
     finder.find(scene((150, 240))[0])
     both, _ = scene((150, 240), (480, 260))
     assert [len(finder.find(both)) for _ in range(5)][-1] == 2

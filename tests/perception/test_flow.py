@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from perception.api import Box
-from perception.finder import carry
-from perception.light import Grey, grey
+from perception.finder import track_box
+from perception.light import GreyImage, to_grey
 
 if TYPE_CHECKING:
     from tests.perception.conftest import Scene
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def test_a_face_is_carried_as_far_as_it_moves(scene: "Scene", step: tuple[float, float]) -> None:
     before, (box,) = scene((300, 240))
     after, (there,) = scene((300 + step[0], 240 + step[1]))
-    carried = carry(grey(before), grey(after), box)
+    carried = track_box(to_grey(before), to_grey(after), box)
     assert carried is not None
     assert carried.centre == pytest.approx(there.centre, abs=2.0)
 
@@ -25,7 +25,7 @@ def test_a_face_is_carried_as_far_as_it_moves(scene: "Scene", step: tuple[float,
 def test_a_face_that_comes_nearer_gets_a_larger_box(scene: "Scene") -> None:
     before, (box,) = scene((300, 240))
     after, (there,) = scene((300, 240), size=1.06)
-    carried = carry(grey(before), grey(after), box)
+    carried = track_box(to_grey(before), to_grey(after), box)
     assert carried is not None
     assert carried.width == pytest.approx(there.width, rel=0.03)
 
@@ -33,19 +33,19 @@ def test_a_face_that_comes_nearer_gets_a_larger_box(scene: "Scene") -> None:
 def test_a_face_that_vanished_is_not_carried(scene: "Scene") -> None:
     before, (box,) = scene((300, 240))
     noise = np.random.default_rng(1).integers(0, 255, (480, 640), dtype=np.uint8)
-    assert carry(grey(before), noise, box) is None
+    assert track_box(to_grey(before), noise, box) is None
 
 
 def test_a_blank_patch_has_nothing_to_follow() -> None:
-    blank: Grey = np.full((480, 640), 90, dtype=np.uint8)
-    assert carry(blank, blank, Box(100, 100, 80, 80)) is None
+    blank: GreyImage = np.full((480, 640), 90, dtype=np.uint8)
+    assert track_box(blank, blank, Box(100, 100, 80, 80)) is None
 
 
 def test_pictures_of_two_sizes_do_not_follow_each_other(scene: "Scene") -> None:
     before, (box,) = scene((300, 240))
-    assert carry(grey(before), grey(before)[:240], box) is None
+    assert track_box(to_grey(before), to_grey(before)[:240], box) is None
 
 
 def test_a_box_outside_the_picture_is_not_carried(scene: "Scene") -> None:
     before, _ = scene((300, 240))
-    assert carry(grey(before), grey(before), Box(-400, 0, 60, 60)) is None
+    assert track_box(to_grey(before), to_grey(before), Box(-400, 0, 60, 60)) is None

@@ -9,7 +9,7 @@ import cv2.data
 import numpy as np
 
 from perception.api import Box, Image
-from perception.faces import HaarFaces
+from perception.faces import HaarFaceDetector
 from perception.finder import FaceFinder
 
 CLIPS = ["again.mkv", "learn.mkv", "sister.mkv", "want.mkv"]
@@ -36,7 +36,7 @@ def on(box: Box, true: Box) -> bool:
 
 
 def finder() -> Seen:
-    faces = FaceFinder(HaarFaces())
+    faces = FaceFinder(HaarFaceDetector())
     return lambda picture: [sighting.detection.box for sighting in faces.find(picture)]
 
 

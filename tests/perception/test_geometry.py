@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from perception.api import Box, Gaze
-from perception.geometry import FACE_WIDTH, Pinhole, look, wrap
+from perception.geometry import FACE_WIDTH, Pinhole, direction_of, wrap_angle
 
 CAMERA = Pinhole(640, 480, radians(60))
 pixels = st.tuples(st.floats(0, 640), st.floats(0, 480))
@@ -32,61 +32,61 @@ def direction(left: float, down: float) -> npt.NDArray[np.float64]:
 
 
 def test_the_middle_of_the_picture_is_straight_ahead() -> None:
-    assert CAMERA.angles(320, 240) == (0, 0)
+    assert CAMERA.pixel_to_angles(320, 240) == (0, 0)
 
 
 def test_left_in_the_picture_is_positive_and_so_is_down() -> None:
-    bearing, drop = CAMERA.angles(100, 400)
+    bearing, drop = CAMERA.pixel_to_angles(100, 400)
     assert bearing > 0
     assert drop > 0
 
 
 def test_the_edge_of_the_picture_is_half_the_angle_of_view_away() -> None:
-    assert CAMERA.angles(0, 240)[0] == pytest.approx(radians(30))
-    assert CAMERA.angles(640, 240)[0] == pytest.approx(-radians(30))
+    assert CAMERA.pixel_to_angles(0, 240)[0] == pytest.approx(radians(30))
+    assert CAMERA.pixel_to_angles(640, 240)[0] == pytest.approx(-radians(30))
 
 
 @given(pixels)
 def test_a_pixel_comes_back_from_its_angles(place: tuple[float, float]) -> None:
-    assert CAMERA.pixel(*CAMERA.angles(*place)) == pytest.approx(place, abs=1e-6)
+    assert CAMERA.angles_to_pixel(*CAMERA.pixel_to_angles(*place)) == pytest.approx(place, abs=1e-6)
 
 
 @given(pixels)
 def test_a_pixels_angles_are_those_of_its_ray(place: tuple[float, float]) -> None:
     ray = np.array([CAMERA.focal, 320 - place[0], 240 - place[1]])
-    assert direction(*CAMERA.angles(*place)) == pytest.approx(ray / np.linalg.norm(ray), abs=1e-9)
+    assert direction(*CAMERA.pixel_to_angles(*place)) == pytest.approx(ray / np.linalg.norm(ray), abs=1e-9)
 
 
 @given(turns, tilts, pixels)
 def test_looking_turns_the_ray_by_the_cameras_rotation(yaw: float, pitch: float, place: tuple[float, float]) -> None:
-    gaze, seen = Gaze(yaw, pitch), CAMERA.angles(*place)
-    assert direction(*look(gaze, *seen)) == pytest.approx(matrix(gaze) @ direction(*seen), abs=1e-9)
+    gaze, seen = Gaze(yaw, pitch), CAMERA.pixel_to_angles(*place)
+    assert direction(*direction_of(gaze, *seen)) == pytest.approx(matrix(gaze) @ direction(*seen), abs=1e-9)
 
 
 @given(pixels)
 def test_a_level_gaze_straight_on_changes_nothing(place: tuple[float, float]) -> None:
-    seen = CAMERA.angles(*place)
-    assert look(Gaze(0, 0), *seen) == pytest.approx(seen, abs=1e-9)
+    seen = CAMERA.pixel_to_angles(*place)
+    assert direction_of(Gaze(0, 0), *seen) == pytest.approx(seen, abs=1e-9)
 
 
 def test_adding_the_angles_would_not_do() -> None:
-    yaw, pitch = look(Gaze(0, radians(20)), radians(20), 0)
+    yaw, pitch = direction_of(Gaze(0, radians(20)), radians(20), 0)
     assert degrees(yaw) == pytest.approx(21.17, abs=0.01)
     assert degrees(pitch) == pytest.approx(18.75, abs=0.01)
 
 
 def test_the_yaw_goes_on_past_half_a_turn_as_the_gaze_does() -> None:
-    assert look(Gaze(7.0, 0), 0.1, 0)[0] == pytest.approx(7.1)
+    assert direction_of(Gaze(7.0, 0), 0.1, 0)[0] == pytest.approx(7.1)
 
 
 @given(st.floats(-1e4, 1e4))
 def test_wrapping_keeps_the_direction_and_stays_within_half_a_turn(angle: float) -> None:
-    assert -pi <= wrap(angle) <= pi
-    assert (cos(wrap(angle)), sin(wrap(angle))) == pytest.approx((cos(angle), sin(angle)), abs=1e-9)
+    assert -pi <= wrap_angle(angle) <= pi
+    assert (cos(wrap_angle(angle)), sin(wrap_angle(angle))) == pytest.approx((cos(angle), sin(angle)), abs=1e-9)
 
 
 def test_a_face_twice_as_small_is_twice_as_far() -> None:
-    near, far = CAMERA.distance(Box(0, 0, 94, 94)), CAMERA.distance(Box(300, 200, 47, 47))
+    near, far = CAMERA.face_distance(Box(0, 0, 94, 94)), CAMERA.face_distance(Box(300, 200, 47, 47))
     assert near == pytest.approx(FACE_WIDTH * CAMERA.focal / 94)
     assert far == pytest.approx(2 * near)
 
@@ -106,13 +106,13 @@ def test_an_impossible_angle_of_view_is_refused(angle: float) -> None:
 @pytest.mark.parametrize("seen", [(pi / 2, 0.0), (0.0, -2.0), (float("nan"), 0.0)])
 def test_what_is_behind_the_camera_has_no_pixel(seen: tuple[float, float]) -> None:
     with pytest.raises(ValueError, match="not in front"):
-        CAMERA.pixel(*seen)
+        CAMERA.angles_to_pixel(*seen)
 
 
 @pytest.mark.parametrize("width", [0.0, -3.0, float("inf")])
 def test_a_face_without_a_width_has_no_distance(width: float) -> None:
     with pytest.raises(ValueError, match="has no distance"):
-        CAMERA.distance(Box(0, 0, width, 10))
+        CAMERA.face_distance(Box(0, 0, width, 10))
 
 
 BENT = Pinhole(640, 480, radians(60), (0.52, 0.47), (0.09, -0.21, 0.002, -0.001, 0.03))
@@ -120,7 +120,7 @@ BENT = Pinhole(640, 480, radians(60), (0.52, 0.47), (0.09, -0.21, 0.002, -0.001,
 
 @given(pixels)
 def test_a_bent_pixel_comes_back_from_its_angles_too(place: tuple[float, float]) -> None:
-    assert BENT.pixel(*BENT.angles(*place)) == pytest.approx(place, abs=0.02)
+    assert BENT.angles_to_pixel(*BENT.pixel_to_angles(*place)) == pytest.approx(place, abs=0.02)
 
 
 @given(pixels)
@@ -129,11 +129,11 @@ def test_a_lens_bends_as_opencv_says(place: tuple[float, float]) -> None:
     matrix = np.array(((focal, 0, 0.52 * 640), (0, focal, 0.47 * 480), (0, 0, 1)))
     ((right, down),) = cv2.undistortPoints(np.array([[place]]), matrix, np.array(BENT.distortion))[0]
     ray = np.array([1.0, -right, -down])
-    assert direction(*BENT.angles(*place)) == pytest.approx(ray / np.linalg.norm(ray), abs=2e-4)
+    assert direction(*BENT.pixel_to_angles(*place)) == pytest.approx(ray / np.linalg.norm(ray), abs=2e-4)
 
 
 def test_the_optical_axis_meets_the_picture_at_its_centre() -> None:
-    assert BENT.angles(0.52 * 640, 0.47 * 480) == pytest.approx((0, 0))
+    assert BENT.pixel_to_angles(0.52 * 640, 0.47 * 480) == pytest.approx((0, 0))
 
 
 @pytest.mark.parametrize("centre", [(0.0, 0.5), (0.5, 1.2), (float("nan"), 0.5)])

@@ -8,16 +8,25 @@ import pytest
 from missions.plugins.testing.recorders import face
 from perception.api import UNKNOWN, Box, Face, Frame, Gaze, Image
 from perception.geometry import Pinhole
-from perception.identity import CONTRARY, ENOUGH, LATEST, Look, NamedFaces, Naming, Nobody, Votes
+from perception.identity import (
+    MAX_CONTRARY_LOOKS,
+    MIN_CLEAR_LOOKS,
+    MIN_LOOKS,
+    FaceMatch,
+    FaceNamer,
+    NamedFaceSense,
+    NameVotes,
+    NullRecogniser,
+)
 from tests.perception.rendered import frame
 
-ANNA, BEN, STRANGER = Look("Anna", 0.5), Look("Ben", 0.5), Look("Anna", -0.5)
-FAINT = Look("Anna", 0.05)
+ANNA, BEN, STRANGER = FaceMatch("Anna", 0.5), FaceMatch("Ben", 0.5), FaceMatch("Anna", -0.5)
+FAINT = FaceMatch("Anna", 0.05)
 
 
-def names(*looks: Look) -> list[str]:
+def names(*looks: FaceMatch) -> list[str]:
     """Return the name after each look at one face."""
-    votes = Votes()
+    votes = NameVotes()
     found = []
     for look in looks:
         votes.vote(7, look)
@@ -25,13 +34,13 @@ def names(*looks: Look) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize(("look", "name"), [(ANNA, "Anna"), (STRANGER, UNKNOWN), (Look("", -1.0), UNKNOWN)])
-def test_a_clear_name_is_decided_after_three_looks(look: Look, name: str) -> None:
+@pytest.mark.parametrize(("look", "name"), [(ANNA, "Anna"), (STRANGER, UNKNOWN), (FaceMatch("", -1.0), UNKNOWN)])
+def test_a_clear_name_is_decided_after_three_looks(look: FaceMatch, name: str) -> None:
     assert names(*[look] * 4) == ["", "", name, name]
 
 
 def test_a_faint_one_is_decided_after_five() -> None:
-    assert names(*[FAINT] * LATEST) == [""] * (LATEST - 1) + ["Anna"]
+    assert names(*[FAINT] * MIN_LOOKS) == [""] * (MIN_LOOKS - 1) + ["Anna"]
 
 
 def test_nobody_is_forced_to_a_name() -> None:
@@ -39,24 +48,24 @@ def test_nobody_is_forced_to_a_name() -> None:
 
 
 def test_looks_at_several_people_make_a_stranger() -> None:
-    assert names(ANNA, BEN, Look("Chidi", 0.5), ANNA, BEN, Look("Chidi", 0.5))[-1] == UNKNOWN
+    assert names(ANNA, BEN, FaceMatch("Chidi", 0.5), ANNA, BEN, FaceMatch("Chidi", 0.5))[-1] == UNKNOWN
 
 
 def test_a_name_is_taken_back_after_five_contrary_looks_in_a_row_and_not_before() -> None:
-    begin = [ANNA] * ENOUGH
-    assert names(*begin, *[BEN] * CONTRARY)[-2:] == ["Anna", "Ben"]
-    assert names(*begin, *[STRANGER] * CONTRARY)[-2:] == ["Anna", UNKNOWN]
-    assert names(*begin, *([BEN] * (CONTRARY - 1) + [ANNA]) * 5)[-1] == "Anna"
-    assert names(*[STRANGER] * ENOUGH, *[ANNA] * CONTRARY)[-1] == "Anna"
+    begin = [ANNA] * MIN_CLEAR_LOOKS
+    assert names(*begin, *[BEN] * MAX_CONTRARY_LOOKS)[-2:] == ["Anna", "Ben"]
+    assert names(*begin, *[STRANGER] * MAX_CONTRARY_LOOKS)[-2:] == ["Anna", UNKNOWN]
+    assert names(*begin, *([BEN] * (MAX_CONTRARY_LOOKS - 1) + [ANNA]) * 5)[-1] == "Anna"
+    assert names(*[STRANGER] * MIN_CLEAR_LOOKS, *[ANNA] * MAX_CONTRARY_LOOKS)[-1] == "Anna"
 
 
 def test_each_face_has_its_own_looks_and_those_that_are_gone_are_forgotten() -> None:
-    votes = Votes()
-    for _ in range(ENOUGH):
+    votes = NameVotes()
+    for _ in range(MIN_CLEAR_LOOKS):
         votes.vote(1, ANNA)
         votes.vote(2, BEN)
     assert (votes.name(1), votes.name(2), votes.name(3)) == ("Anna", "Ben", "")
-    votes.keep([2])
+    votes.keep_only([2])
     assert (votes.name(1), votes.name(2)) == ("", "Ben")
 
 
@@ -65,7 +74,7 @@ def placed(number: int, stamp: float) -> Face:
 
 
 def test_the_three_largest_that_this_picture_shows_are_looked_at_and_not_too_often() -> None:
-    naming, asked = Naming(every=0.15), list[tuple[float, float]]()
+    naming, asked = FaceNamer(interval=0.15), list[tuple[float, float]]()
 
     def look(stamp: float) -> None:
         faces = [placed(1, stamp - 0.1), *(placed(number, stamp) for number in (2, 3, 4, 5))]
@@ -77,7 +86,7 @@ def test_the_three_largest_that_this_picture_shows_are_looked_at_and_not_too_oft
 
 
 def test_a_look_that_tells_nothing_does_not_count() -> None:
-    naming = Naming(every=0.0)
+    naming = FaceNamer(interval=0.0)
     for number in range(10):
         (named,) = naming.name([placed(1, float(number))], float(number), lambda _: None)
         assert named.name == ""
@@ -94,14 +103,14 @@ class Seen:
 class Bright:
     """Takes the face in a bright picture for Anna's."""
 
-    def look(self, image: Image, face: Box) -> Look | None:
+    def match(self, image: Image, face: Box) -> FaceMatch | None:
         assert face == Box(100.0, 0.0, 40.0, 40.0)
         return ANNA if image.mean() > 128 else STRANGER
 
 
 @pytest.mark.parametrize(("grey", "name"), [(200, "Anna"), (20, UNKNOWN)])
 def test_the_sense_puts_names_on_faces(grey: int, name: str) -> None:
-    sense = NamedFaces(Seen(), Bright())
+    sense = NamedFaceSense(Seen(), Bright())
     camera = Pinhole(640, 480, 1.0)
     image = np.full((480, 640, 3), grey, np.uint8)
     found = [sense.sense(frame(image, 0.2 * number), camera, None)[0].name for number in range(4)]
@@ -109,6 +118,6 @@ def test_the_sense_puts_names_on_faces(grey: int, name: str) -> None:
 
 
 def test_where_nobody_is_known_everybody_is_a_stranger() -> None:
-    look = Nobody().look(np.zeros((4, 4, 3), np.uint8), Box(0, 0, 2, 2))
+    look = NullRecogniser().match(np.zeros((4, 4, 3), np.uint8), Box(0, 0, 2, 2))
     assert look is not None
     assert look.verdict == UNKNOWN

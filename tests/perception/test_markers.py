@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from perception.api import Gaze, Image, Marker
-from perception.markers import MarkerSense, dictionary_of
-from perception.tracks import MARKER_FAMILIES, MarkerKind
+from perception.markers import MarkerSense, marker_dictionary
+from perception.tracks import MARKER_FAMILIES, MarkerSet
 from tests.perception.rendered import CAMERA, LIGHTS, cell, frame, marker_picture, poorly
 
-R2 = MarkerKind(robots={7: "R2"})
+R2 = MarkerSet(robots={7: "R2"})
 
 
 def see(sense: MarkerSense, image: Image, *, pitch: float = 0.0) -> tuple[Marker, ...]:
@@ -70,10 +70,10 @@ def test_a_robot_that_shows_two_sides_is_one_robot() -> None:
 
 @pytest.mark.parametrize("family", MARKER_FAMILIES)
 def test_every_family_is_read(family: str) -> None:
-    dictionary = dictionary_of(family)
+    dictionary = marker_dictionary(family)
     page = np.full((480, 640, 3), 220, np.uint8)
     page[150:330, 230:410] = cv2.aruco.generateImageMarker(dictionary, 5, 180)[..., None]
-    sense = MarkerSense(MarkerKind(family, size=0.1))
+    sense = MarkerSense(MarkerSet(family, size=0.1))
     (marker,) = see(sense, page)
     assert marker.number == 5
     assert marker.distance == pytest.approx(0.1 * CAMERA.focal / 180, rel=0.02)
@@ -90,6 +90,6 @@ def test_no_marker_is_seen_where_there_is_none(footage: Path) -> None:
 
 def test_markers_that_cannot_be_are_refused() -> None:
     with pytest.raises(ValueError, match="no family '9x9'; known are: 4x4_50"):
-        MarkerKind("9x9")
+        MarkerSet("9x9")
     with pytest.raises(ValueError, match="must be above 0 m"):
-        MarkerKind(size=0.0)
+        MarkerSet(size=0.0)

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.geometry import wrap
-from perception.tracks import MEASURED, Motion
+from perception.geometry import wrap_angle
+from perception.tracks import INITIAL_NOISE, AngleFilter
 
 
 @given(st.floats(-1, 1), st.lists(st.floats(0.01, 0.3), min_size=20, max_size=40))
 def test_a_steady_rate_is_learnt_at_any_frame_times(rate: float, gaps: list[float]) -> None:
-    motion, time = Motion(0.0), 0.0
+    motion, time = AngleFilter(0.0), 0.0
     for gap in gaps:
         time += gap
         motion.update(rate * time, gap)
@@ -23,15 +23,15 @@ def test_a_steady_rate_is_learnt_at_any_frame_times(rate: float, gaps: list[floa
 
 def test_noise_is_smoothed() -> None:
     rng = np.random.default_rng(3)
-    motion, errors = Motion(0.0), []
-    for noise in rng.normal(0, MEASURED, 400):
+    motion, errors = AngleFilter(0.0), []
+    for noise in rng.normal(0, INITIAL_NOISE, 400):
         motion.update(float(noise), 0.05)
         errors.append(motion.angle)
-    assert np.std(errors[50:]) < 0.9 * MEASURED
+    assert np.std(errors[50:]) < 0.9 * INITIAL_NOISE
 
 
 def test_someone_who_turns_about_is_followed_within_half_a_second() -> None:
-    motion, angle = Motion(0.0), 0.0
+    motion, angle = AngleFilter(0.0), 0.0
     for step in range(60):
         angle += radians(20) * 0.05 * (1 if step < 50 else -1)
         motion.update(angle, 0.05)
@@ -39,7 +39,7 @@ def test_someone_who_turns_about_is_followed_within_half_a_second() -> None:
 
 
 def test_a_jump_tells_no_rate_but_somebody_who_goes_on_as_fast_is_followed() -> None:
-    motion = Motion(0.0)
+    motion = AngleFilter(0.0)
     for angle in (0.0, 0.0, 12.0, 12.0, 12.0):
         motion.update(radians(angle), 0.05)
         assert abs(motion.rate) < radians(2)
@@ -50,15 +50,15 @@ def test_a_jump_tells_no_rate_but_somebody_who_goes_on_as_fast_is_followed() -> 
 
 
 def test_an_angle_past_half_a_turn_does_not_jump() -> None:
-    motion = Motion(pi - 0.02)
+    motion = AngleFilter(pi - 0.02)
     for step in range(1, 40):
-        motion.update(wrap(pi - 0.02 + 0.01 * step), 0.05)
+        motion.update(wrap_angle(pi - 0.02 + 0.01 * step), 0.05)
     assert motion.angle == pytest.approx(pi - 0.02 + 0.39, abs=0.01)
     assert motion.rate == pytest.approx(0.2, abs=0.02)
 
 
 def test_two_measurements_at_one_time_are_averaged() -> None:
-    motion = Motion(0.0)
+    motion = AngleFilter(0.0)
     motion.update(0.01, 0.0)
     assert motion.angle == pytest.approx(0.005)
     assert motion.rate == 0
@@ -66,14 +66,14 @@ def test_two_measurements_at_one_time_are_averaged() -> None:
 
 def test_a_measurement_from_the_past_is_refused() -> None:
     with pytest.raises(ValueError, match="before the last one"):
-        Motion(0.0).update(0.0, -0.1)
+        AngleFilter(0.0).update(0.0, -0.1)
 
 
 @pytest.mark.parametrize(("noise", "turned", "known"), [(0.05, 0.0, True), (0.6, 0.0, False), (0.05, 3.0, False)])
 def test_who_sets_off_is_known_with_his_first_picture_as_far_as_it_is_exact(
     noise: float, turned: float, known: bool
 ) -> None:
-    motion = Motion(0.0)
+    motion = AngleFilter(0.0)
     for n in range(40):
         motion.update(radians(noise) * (-1) ** n, 0.05)
     motion.update(radians(1), 0.05, radians(turned))

@@ -8,7 +8,7 @@ import pytest
 
 from perception import pupils
 from perception.api import Box, Image
-from perception.faces import HaarFaces
+from perception.faces import HaarFaceDetector
 from perception.pupils import EyeFinder
 
 FACE = Box(176, 65, 97, 97)
@@ -51,7 +51,7 @@ def test_each_portrait_shows_both_eyes(footage: Path) -> None:
         picture = cv2.imread(str(footage / name))
         assert picture is not None
         image = np.asarray(picture, np.uint8)
-        (face,) = HaarFaces().detect(image)
+        (face,) = HaarFaceDetector().detect(image)
         assert len(EyeFinder().find(image, face.box)) == 2, name
 
 

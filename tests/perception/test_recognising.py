@@ -9,10 +9,18 @@ import numpy as np
 import pytest
 
 from perception.api import UNKNOWN, Box, Image
-from perception.crops import face_in, portrait
-from perception.faces import HaarFaces
-from perception.identity import Look
-from perception.people import FEWEST, MAX_PICTURES, VARIANTS, KnownPeople, NotOneFace, described, enrol
+from perception.crops import make_portrait, portrait_face_box
+from perception.faces import HaarFaceDetector
+from perception.identity import FaceMatch
+from perception.people import (
+    MAX_PICTURES,
+    MAX_VARIANTS,
+    MIN_PICTURES,
+    NotOneFaceError,
+    PatchRecogniser,
+    describe_portraits,
+    enrol,
+)
 from perception.pupils import EyeFinder
 from tests.benchmarks.identifying import Asked, Rates, ask, rates
 from tests.benchmarks.portraits import Portraits, clips, drawn, hundred
@@ -34,7 +42,7 @@ def measured(people: tuple[Portraits, Portraits], count: int, *, cohort: bool) -
     found = list[Asked]()
     for known in islice(combinations(sorted(taught), count), CHOICES):
         others = [taught[name] for name in taught if name not in known] if cohort else []
-        found += ask(partial(KnownPeople, cohort=others), taught, asked, known)
+        found += ask(partial(PatchRecogniser, cohort=others), taught, asked, known)
     return rates(found)
 
 
@@ -55,13 +63,13 @@ def test_however_few_are_known_they_are_recognised_from_afar_and_those_of_the_co
 
 def test_faces_of_real_people_are_not_taken_for_drawn_ones(portraits: tuple[Portraits, Portraits]) -> None:
     taught, _ = portraits
-    found = rates(ask(KnownPeople, taught, hundred(), sorted(taught)))
+    found = rates(ask(PatchRecogniser, taught, hundred(), sorted(taught)))
     assert found.accepted[1] == 100
     assert share(found.accepted) <= 0.02
 
 
-def verdicts(people: KnownPeople, shown: Sequence[Image]) -> list[str]:
-    looks: list[Look | None] = [people.look(each, face_in(each)) for each in shown]
+def verdicts(people: PatchRecogniser, shown: Sequence[Image]) -> list[str]:
+    looks: list[FaceMatch | None] = [people.match(each, portrait_face_box(each)) for each in shown]
     return [look.verdict for look in looks if look is not None]
 
 
@@ -69,7 +77,7 @@ def test_of_two_who_are_known_each_is_called_by_name_and_the_others_are_unknown(
     portraits: tuple[Portraits, Portraits],
 ) -> None:
     taught, asked = portraits
-    people = KnownPeople({name: taught[name] for name in ("dora", "ben")}, [taught["chidi"], taught["farah"]])
+    people = PatchRecogniser({name: taught[name] for name in ("dora", "ben")}, [taught["chidi"], taught["farah"]])
     for name in ("dora", "ben"):
         assert verdicts(people, asked[name]).count(name) >= len(asked[name]) - 1
     for name in ("chidi", "farah"):
@@ -88,19 +96,24 @@ def test_people_in_films_are_recognised_a_second_later(footage: Path) -> None:
 def test_of_many_portraits_some_are_compared_spread_over_all_and_of_few_all_variants() -> None:
     shown = [np.full((100, 100, 3), grey, np.uint8) for grey in range(100)]
     eyes = EyeFinder()
-    for count, each in ((FEWEST, 2), (10, 2), (20, 1), (100, 1)):  # nobody has eyes: by the box, and in the mirror
-        found = described(shown[:count], MAX_PICTURES, eyes)
+    for count, each in (
+        (MIN_PICTURES, 2),
+        (10, 2),
+        (20, 1),
+        (100, 1),
+    ):  # nobody has eyes: by the box, and in the mirror
+        found = describe_portraits(shown[:count], MAX_PICTURES, eyes)
         assert [len(picture.templates) for picture in found] == [each] * min(count, MAX_PICTURES)
 
 
 def test_a_face_whose_eyes_are_found_is_seen_upright_too(astronaut: Image) -> None:
     eyes = EyeFinder()
-    (picture,) = described([enrol(astronaut, HaarFaces())], MAX_PICTURES, eyes)
-    assert (len(picture.sights), len(picture.templates)) == (2, VARIANTS)
+    (picture,) = describe_portraits([enrol(astronaut, HaarFaceDetector())], MAX_PICTURES, eyes)
+    assert (len(picture.views), len(picture.templates)) == (2, MAX_VARIANTS)
 
 
 def test_a_picture_of_one_face_enrols_somebody(astronaut: Image) -> None:
-    found = enrol(astronaut, HaarFaces())
+    found = enrol(astronaut, HaarFaceDetector())
     assert found.shape[0] < 200, "the face, and not the picture"
 
 
@@ -113,14 +126,14 @@ def test_a_picture_of_one_face_enrols_somebody(astronaut: Image) -> None:
     ids=["nobody", "two"],
 )
 def test_a_picture_of_no_face_or_two_is_refused(image: Image, count: int, says: str) -> None:
-    with pytest.raises(NotOneFace, match=says) as refused:
-        enrol(image, HaarFaces())
-    assert refused.value.found == count
+    with pytest.raises(NotOneFaceError, match=says) as refused:
+        enrol(image, HaarFaceDetector())
+    assert refused.value.face_count == count
     assert refused.value.hint
 
 
 def test_a_box_that_shows_nothing_is_no_look() -> None:
-    detector = HaarFaces()
+    detector = HaarFaceDetector()
     image = pictures("anna", (1.2,), each=1)[0]
-    people = KnownPeople({"anna": [portrait(image, detector.detect(image)[0].box)] * 3})
-    assert people.look(image, Box(900, 900, 50, 50)) is None
+    people = PatchRecogniser({"anna": [make_portrait(image, detector.detect(image)[0].box)] * 3})
+    assert people.match(image, Box(900, 900, 50, 50)) is None

@@ -8,9 +8,9 @@ import numpy.typing as npt
 import pytest
 
 from perception.api import UNKNOWN, Box, Image
-from perception.faults import MAX_MODEL, BadModel
-from perception.sface import SAME, STEEP, SFacePeople
-from perception.yunet import YuNetFaces
+from perception.faults import MAX_MODEL_BYTES, ModelFileError
+from perception.sface import MARGIN_PER_COSINE, MIN_SAME_COSINE, SFaceRecogniser
+from perception.yunet import YuNetFaceDetector
 
 FACE = Box(200.0, 100.0, 100.0, 100.0)
 
@@ -66,43 +66,43 @@ def portrait(grey: int) -> Image:
 
 
 def test_points_of_a_face_are_in_pixels_of_the_picture(files: tuple[Path, Path]) -> None:
-    row = YuNetFaces(files[1]).points(shown(200), FACE)
+    row = YuNetFaceDetector(files[1]).find_landmarks(shown(200), FACE)
     assert row is not None
     assert row[:4].tolist() == pytest.approx([200, 100, 100, 100], abs=3)
     assert row[8:10].tolist() == pytest.approx([250, 150], abs=3)
-    assert YuNetFaces(files[1]).points(shown(0), FACE) is None
+    assert YuNetFaceDetector(files[1]).find_landmarks(shown(0), FACE) is None
 
 
 def test_the_nearest_person_is_told_with_the_margin_to_the_published_threshold(files: tuple[Path, Path]) -> None:
-    people = SFacePeople(files[0], YuNetFaces(files[1]), {"Anna": [portrait(250)], "Ben": [portrait(70)]})
-    look = people.look(shown(250), FACE)
+    people = SFaceRecogniser(files[0], YuNetFaceDetector(files[1]), {"Anna": [portrait(250)], "Ben": [portrait(70)]})
+    look = people.match(shown(250), FACE)
     assert look is not None
     assert look.name == "Anna"
-    assert look.margin == pytest.approx(STEEP * (1 - SAME), abs=0.05)
-    other = people.look(shown(80), FACE)
+    assert look.margin == pytest.approx(MARGIN_PER_COSINE * (1 - MIN_SAME_COSINE), abs=0.05)
+    other = people.match(shown(80), FACE)
     assert other is not None
     assert other.verdict == "Ben"
 
 
 def test_a_stranger_is_nobody(files: tuple[Path, Path]) -> None:
-    people = SFacePeople(files[0], YuNetFaces(files[1]), {"Anna": [portrait(255)]})
-    look = people.look(shown(62), FACE)
+    people = SFaceRecogniser(files[0], YuNetFaceDetector(files[1]), {"Anna": [portrait(255)]})
+    look = people.match(shown(62), FACE)
     assert look is not None
     assert look.verdict == UNKNOWN
 
 
 def test_where_yunet_sees_no_face_nothing_is_said(files: tuple[Path, Path]) -> None:
-    people = SFacePeople(files[0], YuNetFaces(files[1]), {"Anna": [portrait(250)]})
-    assert people.look(shown(0), FACE) is None
+    people = SFaceRecogniser(files[0], YuNetFaceDetector(files[1]), {"Anna": [portrait(250)]})
+    assert people.match(shown(0), FACE) is None
 
 
 def test_portraits_that_show_no_face_and_a_missing_file_say_what_to_do(files: tuple[Path, Path]) -> None:
     with pytest.raises(ValueError, match="no portrait of Anna shows YuNet a face\n  try: mission person remove Anna"):
-        SFacePeople(files[0], YuNetFaces(files[1]), {"Anna": [portrait(0)]}).look(shown(200), FACE)
+        SFaceRecogniser(files[0], YuNetFaceDetector(files[1]), {"Anna": [portrait(0)]}).match(shown(200), FACE)
     with files[0].open("wb") as file:
-        file.truncate(MAX_MODEL + 1)  # of holes alone
-    with pytest.raises(BadModel, match=r"sface.onnx is no network: it has 200,000,001 bytes"):
-        SFacePeople(files[0], YuNetFaces(files[1]), {"Anna": [portrait(250)]}).look(shown(200), FACE)
+        file.truncate(MAX_MODEL_BYTES + 1)  # of holes alone
+    with pytest.raises(ModelFileError, match=r"sface.onnx is no network: it has 200,000,001 bytes"):
+        SFaceRecogniser(files[0], YuNetFaceDetector(files[1]), {"Anna": [portrait(250)]}).match(shown(200), FACE)
     files[0].unlink()
     with pytest.raises(FileNotFoundError, match=r"sface.onnx is missing"):
-        SFacePeople(files[0], YuNetFaces(files[1]), {"Anna": [portrait(250)]}).look(shown(200), FACE)
+        SFaceRecogniser(files[0], YuNetFaceDetector(files[1]), {"Anna": [portrait(250)]}).match(shown(200), FACE)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from perception.api import BALL, BOX
-from perception.spots import Contour, outline
+from perception.spots import Contour, judge_outline
 
 
 def contour(mask: object) -> Contour:
@@ -30,7 +30,7 @@ def turned_box(width: float, height: float, angle: float) -> Contour:
 
 @given(st.floats(5.5, 70), st.floats(78, 82), st.floats(78, 82), st.floats(0.95, 1.05))
 def test_a_disc_is_a_ball_as_wide_as_it_is(radius: float, x: float, y: float, squeeze: float) -> None:
-    seen = outline(disc(radius, x, y, squeeze))
+    seen = judge_outline(disc(radius, x, y, squeeze))
     assert seen is not None
     assert seen.shape == BALL
     assert seen.width == pytest.approx(2 * radius, rel=0.13)
@@ -39,7 +39,7 @@ def test_a_disc_is_a_ball_as_wide_as_it_is(radius: float, x: float, y: float, sq
 @given(st.floats(14, 70), st.floats(0.4, 1.0), st.floats(0, 90))
 def test_a_rectangle_is_a_box_however_it_is_turned(width: float, share: float, angle: float) -> None:
     if width * share >= 10:
-        seen = outline(turned_box(width, width * share, angle))
+        seen = judge_outline(turned_box(width, width * share, angle))
         assert seen is not None
         assert seen.shape == BOX
 
@@ -48,7 +48,7 @@ def test_a_cube_seen_over_its_edge_is_a_box() -> None:
     mask = np.zeros((160, 160), np.uint8)
     hexagon = np.array([(40, 60), (80, 52), (120, 60), (120, 100), (80, 111), (40, 100)], np.int32)
     cv2.fillConvexPoly(mask, hexagon, 1)
-    seen = outline(contour(mask))
+    seen = judge_outline(contour(mask))
     assert seen is not None
     assert seen.shape == BOX
 
@@ -64,4 +64,4 @@ def test_a_cube_seen_over_its_edge_is_a_box() -> None:
 def test_what_is_neither_is_none(points: list[tuple[int, int]]) -> None:
     mask = np.zeros((160, 160), np.uint8)
     cv2.fillPoly(mask, [np.array(points, np.int32)], 1)
-    assert outline(contour(mask)) is None
+    assert judge_outline(contour(mask)) is None

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from perception.api import Box, Detection, Image
-from perception.finder import EMPTY, TURNING, FaceFinder
-from perception.turns import AGAIN, ANY, Search, Still
+from perception.finder import EMPTY_SEARCH_INTERVAL, LONG_EMPTY_SEARCH_INTERVAL, FaceFinder
+from perception.turns import ANY_FACE, MAX_SKIPPED_SEARCHES, FaceSearch, StillPictureDetector
 
-SMALL = Search(largest=0.06)
+SMALL = FaceSearch(largest=0.06)
 
 NOISE = 5.0
 """Grey levels, one sigma: a webcam indoors."""
@@ -28,33 +28,36 @@ def with_somebody(image: Image, *, brighter: float, size: int = 28) -> Image:
 
 
 def test_the_noise_of_a_camera_is_nothing_new() -> None:
-    still = Still()
-    assert not still.same(room(0), ANY)
-    assert all(still.same(room(seed), ANY) for seed in range(1, 1 + AGAIN))
+    still = StillPictureDetector()
+    assert not still.can_skip(room(0), ANY_FACE)
+    assert all(still.can_skip(room(seed), ANY_FACE) for seed in range(1, 1 + MAX_SKIPPED_SEARCHES))
 
 
 def test_now_and_then_a_search_is_made_all_the_same() -> None:
-    still = Still()
-    assert [still.same(room(seed), ANY) for seed in range(2 * (AGAIN + 1))] == [False, *[True] * AGAIN] * 2
+    still = StillPictureDetector()
+    assert [still.can_skip(room(seed), ANY_FACE) for seed in range(2 * (MAX_SKIPPED_SEARCHES + 1))] == [
+        False,
+        *[True] * MAX_SKIPPED_SEARCHES,
+    ] * 2
 
 
 @pytest.mark.parametrize("light", [1.0, 0.1])
 def test_the_smallest_face_is_something_new_also_in_the_dark(light: float) -> None:
-    still = Still()
-    still.same(room(0, light=light), SMALL)
-    assert not still.same(with_somebody(room(1, light=light), brighter=60 * light), SMALL)
+    still = StillPictureDetector()
+    still.can_skip(room(0, light=light), SMALL)
+    assert not still.can_skip(with_somebody(room(1, light=light), brighter=60 * light), SMALL)
 
 
 def test_each_kind_of_search_has_a_picture_of_its_own() -> None:
-    still = Still()
-    still.same(room(0), ANY)
-    assert not still.same(room(1), SMALL)
+    still = StillPictureDetector()
+    still.can_skip(room(0), ANY_FACE)
+    assert not still.can_skip(room(1), SMALL)
 
 
 def test_what_comes_slowly_is_noticed_since_it_is_the_searched_picture_that_counts() -> None:
-    still = Still()
-    still.same(room(0), ANY)
-    assert [still.same(with_somebody(room(n), brighter=2.0 * n), ANY) for n in range(1, 4)][-1] is False
+    still = StillPictureDetector()
+    still.can_skip(room(0), ANY_FACE)
+    assert [still.can_skip(with_somebody(room(n), brighter=2.0 * n), ANY_FACE) for n in range(1, 4)][-1] is False
 
 
 class Counting:
@@ -68,20 +71,20 @@ class Counting:
         self.searched += 1
         return []
 
-    def near(self, image: Image, box: Box, *, roll: float = 0.0) -> Detection | None:
+    def detect_near(self, image: Image, box: Box, *, roll: float = 0.0) -> Detection | None:
         del image, box, roll
         raise AssertionError("nobody is known")
 
 
-@pytest.mark.parametrize(("moving", "most"), [(False, 1 / AGAIN), (True, 1.0)])
+@pytest.mark.parametrize(("moving", "most"), [(False, 1 / MAX_SKIPPED_SEARCHES), (True, 1.0)])
 def test_an_empty_room_is_searched_seldom_while_the_camera_stands_and_often_while_it_turns(
     moving: bool, most: float
 ) -> None:
-    detector, frames = Counting(), 40 * EMPTY
+    detector, frames = Counting(), 40 * LONG_EMPTY_SEARCH_INTERVAL
     finder, rooms = FaceFinder(detector), [room(n) for n in range(17)]
     for n in range(frames):
         seen = rooms[n % len(rooms)]
         finder.find(np.roll(seen, 5 * n, axis=1) if moving else seen)
-    searches = detector.searched - (EMPTY // TURNING if moving else 1)
-    assert searches <= frames / EMPTY * most
-    assert searches >= frames / EMPTY * most * 0.7
+    searches = detector.searched - (LONG_EMPTY_SEARCH_INTERVAL // EMPTY_SEARCH_INTERVAL if moving else 1)
+    assert searches <= frames / LONG_EMPTY_SEARCH_INTERVAL * most
+    assert searches >= frames / LONG_EMPTY_SEARCH_INTERVAL * most * 0.7

@@ -10,11 +10,11 @@ import pytest
 
 from config.colours import COLOURS
 from config.object import HUES
-from perception.api import ANY, BALL, BOX, Gaze, Image, Thing, Wanted
+from perception.api import ANY, BALL, BOX, Gaze, Image, Thing, ThingSpec
 from perception.spots import SpotFinder, ThingSense
 from tests.perception.rendered import CAMERA, frame, thing_scene
 
-RED_BALL = Wanted("red ball", "red", BALL)
+RED_BALL = ThingSpec("red ball", "red", BALL)
 
 
 def picture(*things: tuple[str, str, tuple[int, int], int]) -> Image:
@@ -52,7 +52,7 @@ def test_things_are_found_at_half_a_metre_to_three_in_bad_pictures_and_nothing_e
 
 def test_hardly_anything_is_found_in_pictures_of_people_who_show_none(footage: Path) -> None:
     """A frame is asked for 21 things at once: each of 7 colours as a ball, as a box, and as either."""
-    asked = [Wanted(f"{hue} {shape}", hue, shape) for hue in HUES for shape in (BALL, BOX, ANY)]
+    asked = [ThingSpec(f"{hue} {shape}", hue, shape) for hue in HUES for shape in (BALL, BOX, ANY)]
     frames = false = 0
     for clip in sorted(footage.glob("*.mkv")):
         sense, film = ThingSense(asked, COLOURS), cv2.VideoCapture(str(clip))
@@ -68,7 +68,7 @@ def test_a_thing_is_told_of_by_the_name_it_was_asked_for_with_its_direction() ->
     sense = ThingSense([RED_BALL], COLOURS)
     (thing,) = see(sense, picture(("red", BALL, (480, 240), 30), ("red", BOX, (150, 240), 30)), gaze=Gaze(0.5, 0.0))
     assert (thing.id, thing.name, thing.colour, thing.shape) == (1, "red ball", "red", "ball")
-    assert degrees(thing.bearing) == pytest.approx(degrees(CAMERA.angles(480, 240)[0]), abs=0.3)
+    assert degrees(thing.bearing) == pytest.approx(degrees(CAMERA.pixel_to_angles(480, 240)[0]), abs=0.3)
     assert thing.yaw == pytest.approx(0.5 + thing.bearing, abs=1e-3)
     assert thing.size is None
     assert isnan(thing.distance)
@@ -82,7 +82,7 @@ def test_one_look_is_not_enough() -> None:
 
 
 def test_a_spot_may_be_several_things_and_what_is_not_asked_for_is_not_told() -> None:
-    sense = ThingSense([RED_BALL, Wanted("red", "red"), Wanted("blue", "blue")], COLOURS)
+    sense = ThingSense([RED_BALL, ThingSpec("red", "red"), ThingSpec("blue", "blue")], COLOURS)
     things = see(sense, picture(("red", BALL, (200, 200), 40), ("green", BALL, (400, 200), 40)))
     assert sorted(thing.name for thing in things) == ["red", "red ball"]
 
@@ -95,14 +95,14 @@ def test_the_largest_comes_first() -> None:
 
 @pytest.mark.parametrize("away", [0.6, 1.5, 2.8])
 def test_the_distance_of_a_ball_follows_from_its_size(away: float) -> None:
-    sense = ThingSense([Wanted("apple", "red", BALL, 0.12)], COLOURS)
+    sense = ThingSense([ThingSpec("apple", "red", BALL, 0.12)], COLOURS)
     half = round(0.06 * CAMERA.focal / away)
     (apple,) = see(sense, picture(("red", BALL, (320, 240), half)))
     assert apple.distance == pytest.approx(0.06 * CAMERA.focal / half, rel=0.08)
 
 
 def test_what_would_be_farther_away_than_can_be_seen_is_something_else() -> None:
-    sense = ThingSense([Wanted("balloon", "red", BALL, 1.0)], COLOURS)
+    sense = ThingSense([ThingSpec("balloon", "red", BALL, 1.0)], COLOURS)
     assert see(sense, picture(("red", BALL, (320, 240), 25))) == ()
 
 
@@ -139,7 +139,7 @@ def test_a_thing_that_stands_still_stays_where_it_is_while_the_head_turns() -> N
     sense = ThingSense([RED_BALL], COLOURS)
     for step in range(12):
         pan = radians(2 * step - 10)
-        x, y = CAMERA.pixel(-pan, 0.0)
+        x, y = CAMERA.angles_to_pixel(-pan, 0.0)
         things = sense.sense(frame(picture(("red", BALL, (round(x), round(y)), 25)), step / 20), CAMERA, Gaze(pan, 0.0))
     assert degrees(things[0].yaw) == pytest.approx(0.0, abs=0.3)
     assert things[0].id == 1

@@ -9,18 +9,18 @@ from hypothesis import strategies as st
 
 from perception.api import Box, Detection, Face, Gaze
 from perception.geometry import Pinhole
-from perception.tracks import Sighting, Tracker
+from perception.tracks import FaceSighting, Tracker
 
 CAMERA = Pinhole(640, 480, radians(60))
 
 
-def at(bearing: float, drop: float = 0.0, *, width: float = 90.0, found: bool = True) -> Sighting:
+def at(bearing: float, drop: float = 0.0, *, width: float = 90.0, found: bool = True) -> FaceSighting:
     """A face whose middle is at these angles in degrees from the optical axis."""
-    x, y = CAMERA.pixel(radians(bearing), radians(drop))
-    return Sighting(Detection(Box(x - width / 2, y - width / 2, width, width), 5.0), found)
+    x, y = CAMERA.angles_to_pixel(radians(bearing), radians(drop))
+    return FaceSighting(Detection(Box(x - width / 2, y - width / 2, width, width), 5.0), found)
 
 
-def see(tracker: Tracker[Face], stamp: float, *sightings: Sighting, gaze: Gaze | None = None) -> tuple[Face, ...]:
+def see(tracker: Tracker[Face], stamp: float, *sightings: FaceSighting, gaze: Gaze | None = None) -> tuple[Face, ...]:
     return tracker.update(sightings, camera=CAMERA, gaze=gaze, stamp=stamp)
 
 
@@ -32,7 +32,7 @@ def test_a_face_is_told_of_once_it_was_detected_twice() -> None:
     assert face.stamp == 0.05
     assert degrees(face.bearing) == pytest.approx(5)
     assert degrees(face.yaw) == pytest.approx(5, abs=0.01)
-    assert face.distance == pytest.approx(CAMERA.distance(face.box))
+    assert face.distance == pytest.approx(CAMERA.face_distance(face.box))
 
 
 def test_what_flow_carries_does_not_confirm_a_face() -> None:

@@ -10,10 +10,18 @@ import numpy.typing as npt
 import pytest
 
 from perception.api import Box, Image
-from perception.faces import HaarFaces
-from perception.faults import MAX_MODEL, BadModel
+from perception.faces import HaarFaceDetector
+from perception.faults import MAX_MODEL_BYTES, ModelFileError
 from perception.finder import FaceDetector
-from perception.yunet import ENOUGH, HAAR, LEAST, SIZES, STEP, SURE, YuNetFaces
+from perception.yunet import (
+    HAAR_SIDE_RATIO,
+    MAX_NETWORKS,
+    MIN_FACE_PIXELS,
+    MIN_SCORE,
+    MIN_SIDE,
+    SIZE_STEP,
+    YuNetFaceDetector,
+)
 
 MODEL = Path(os.environ.get("MISSION_YUNET", Path.home() / ".local/share/missiontree/models"))
 
@@ -43,7 +51,7 @@ def spots(monkeypatch: pytest.MonkeyPatch) -> Spots:
 
     def create(model: str, config: str, size: tuple[int, int], score: float, *_: float) -> Spots:
         assert Path(model).is_file()
-        assert (config, score) == ("", SURE)
+        assert (config, score) == ("", MIN_SCORE)
         network.sizes.append(size)
         return network
 
@@ -52,11 +60,11 @@ def spots(monkeypatch: pytest.MonkeyPatch) -> Spots:
 
 
 @pytest.fixture
-def faces(tmp_path: Path, spots: Spots) -> YuNetFaces:
+def faces(tmp_path: Path, spots: Spots) -> YuNetFaceDetector:
     assert spots.shown == []
     path = tmp_path / "net.onnx"
     path.write_bytes(b"network")
-    return YuNetFaces(path)
+    return YuNetFaceDetector(path)
 
 
 def picture(*spots: tuple[int, int, int, int], size: tuple[int, int] = (640, 480)) -> Image:
@@ -66,36 +74,36 @@ def picture(*spots: tuple[int, int, int, int], size: tuple[int, int] = (640, 480
     return drawn
 
 
-def test_boxes_are_squares_as_the_cascade_draws_them_in_the_pixels_of_the_picture(faces: YuNetFaces) -> None:
+def test_boxes_are_squares_as_the_cascade_draws_them_in_the_pixels_of_the_picture(faces: YuNetFaceDetector) -> None:
     detector: FaceDetector = faces
     (face,) = detector.detect(picture((300, 100, 80, 100)))
     assert face.box.centre == pytest.approx((340, 150), abs=2)
-    assert face.box.width == face.box.height == pytest.approx(HAAR * 100, abs=4)
+    assert face.box.width == face.box.height == pytest.approx(HAAR_SIDE_RATIO * 100, abs=4)
     assert face.score == pytest.approx(0.9)
 
 
-def test_the_larger_the_faces_looked_for_the_smaller_the_picture_shown(faces: YuNetFaces, spots: Spots) -> None:
+def test_the_larger_the_faces_looked_for_the_smaller_the_picture_shown(faces: YuNetFaceDetector, spots: Spots) -> None:
     faces.detect(picture(), smallest=0)
     faces.detect(picture(), smallest=64)
-    assert [shape[1] for shape in spots.shown] == [round(640 * ENOUGH / 28), 5 * STEP]
-    assert 640 * ENOUGH / 64 <= 5 * STEP
+    assert [shape[1] for shape in spots.shown] == [round(640 * MIN_FACE_PIXELS / 28), 5 * SIZE_STEP]
+    assert 640 * MIN_FACE_PIXELS / 64 <= 5 * SIZE_STEP
 
 
-def test_each_size_of_a_picture_has_a_network_that_is_read_once(faces: YuNetFaces, spots: Spots) -> None:
+def test_each_size_of_a_picture_has_a_network_that_is_read_once(faces: YuNetFaceDetector, spots: Spots) -> None:
     seen, face = picture((300, 100, 80, 80)), Box(305, 105, 80, 80)
     for _ in range(3):
         faces.detect(seen)
-        faces.near(seen, face)
-        faces.agrees(seen, face)
+        faces.detect_near(seen, face)
+        faces.is_confirmed(seen, face)
     assert len(spots.sizes) == len(set(spots.sizes)) == 3
-    assert all(side % STEP == 0 for size in spots.sizes for side in size)
-    for width in range(64, 64 * (SIZES + 1), 64):
+    assert all(side % SIZE_STEP == 0 for size in spots.sizes for side in size)
+    for width in range(64, 64 * (MAX_NETWORKS + 1), 64):
         faces.detect(picture(size=(2 * width, 128)))
-    faces.near(seen, face)
+    faces.detect_near(seen, face)
     assert spots.sizes.count(spots.sizes[1]) == 2, "no more than some are kept"
 
 
-def test_only_faces_of_the_size_asked_for_are_told_of_largest_first(faces: YuNetFaces) -> None:
+def test_only_faces_of_the_size_asked_for_are_told_of_largest_first(faces: YuNetFaceDetector) -> None:
     seen = picture((20, 20, 40, 40), (200, 200, 100, 100), (400, 50, 200, 200))
     widths = [face.box.width for face in faces.detect(seen)]
     assert widths == sorted(widths, reverse=True)
@@ -104,28 +112,28 @@ def test_only_faces_of_the_size_asked_for_are_told_of_largest_first(faces: YuNet
     assert len(faces.detect(seen, largest=60)) == 1
 
 
-def test_near_shows_the_network_a_small_region_only(faces: YuNetFaces, spots: Spots) -> None:
-    found = faces.near(picture((300, 100, 80, 80), (20, 400, 60, 60)), Box(310, 110, 80, 80))
+def test_near_shows_the_network_a_small_region_only(faces: YuNetFaceDetector, spots: Spots) -> None:
+    found = faces.detect_near(picture((300, 100, 80, 80), (20, 400, 60, 60)), Box(310, 110, 80, 80))
     assert found is not None
     assert found.box.centre == pytest.approx((340, 140), abs=2)
-    assert spots.shown[0][:2] == (LEAST, LEAST)
+    assert spots.shown[0][:2] == (MIN_SIDE, MIN_SIDE)
 
 
-def test_near_finds_nothing_outside_the_picture_or_where_nothing_is(faces: YuNetFaces) -> None:
-    assert faces.near(picture((300, 100, 80, 80)), Box(500, 350, 60, 60)) is None
-    assert faces.near(picture((300, 100, 80, 80)), Box(-500, 0, 60, 60)) is None
-    assert faces.near(picture((300, 100, 80, 80)), Box(300, 100, 0, 0)) is None
+def test_near_finds_nothing_outside_the_picture_or_where_nothing_is(faces: YuNetFaceDetector) -> None:
+    assert faces.detect_near(picture((300, 100, 80, 80)), Box(500, 350, 60, 60)) is None
+    assert faces.detect_near(picture((300, 100, 80, 80)), Box(-500, 0, 60, 60)) is None
+    assert faces.detect_near(picture((300, 100, 80, 80)), Box(300, 100, 0, 0)) is None
 
 
-def test_a_face_is_borne_out_where_it_is_and_nowhere_else(faces: YuNetFaces) -> None:
+def test_a_face_is_borne_out_where_it_is_and_nowhere_else(faces: YuNetFaceDetector) -> None:
     seen = picture((300, 100, 80, 80))
-    assert faces.agrees(seen, Box(305, 105, 80, 80))
-    assert not faces.agrees(seen, Box(400, 300, 80, 80))
-    assert not faces.agrees(seen, Box(-500, 0, 60, 60))
-    assert not faces.agrees(seen, Box(300, 100, 0, 0))
+    assert faces.is_confirmed(seen, Box(305, 105, 80, 80))
+    assert not faces.is_confirmed(seen, Box(400, 300, 80, 80))
+    assert not faces.is_confirmed(seen, Box(-500, 0, 60, 60))
+    assert not faces.is_confirmed(seen, Box(300, 100, 0, 0))
 
 
-def test_a_grey_picture_will_do_and_a_huge_one_too(faces: YuNetFaces) -> None:
+def test_a_grey_picture_will_do_and_a_huge_one_too(faces: YuNetFaceDetector) -> None:
     (face,) = faces.detect(picture((300, 100, 80, 80))[:, :, 0])
     assert face.box.centre == pytest.approx((340, 140), abs=2)
     (face,) = faces.detect(picture((1500, 500, 400, 400), size=(3200, 2400)))
@@ -134,33 +142,35 @@ def test_a_grey_picture_will_do_and_a_huge_one_too(faces: YuNetFaces) -> None:
 
 def test_a_missing_file_says_how_to_fetch_it(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"absent.onnx is missing\n  try: mission robot models fetch yunet"):
-        YuNetFaces(tmp_path / "absent.onnx").detect(picture())
+        YuNetFaceDetector(tmp_path / "absent.onnx").detect(picture())
 
 
 def test_a_file_that_is_no_network_says_how_to_fetch_one(tmp_path: Path) -> None:
     path = tmp_path / "broken.onnx"
     path.write_bytes(b"no network")
     with pytest.raises(ValueError, match=r"broken.onnx is no network\n  try: mission robot models fetch yunet"):
-        YuNetFaces(path).detect(picture())
+        YuNetFaceDetector(path).detect(picture())
 
 
 def test_a_file_that_is_larger_than_any_network_is_not_even_read(tmp_path: Path) -> None:
     path = tmp_path / "vast.onnx"
     with path.open("wb") as file:
-        file.truncate(MAX_MODEL + 1)  # of holes alone
-    with pytest.raises(BadModel, match=r"vast.onnx is no network: it has 200,000,001 bytes, at most 200,000,000 are"):
-        YuNetFaces(path).detect(picture())
+        file.truncate(MAX_MODEL_BYTES + 1)  # of holes alone
+    with pytest.raises(
+        ModelFileError, match=r"vast.onnx is no network: it has 200,000,001 bytes, at most 200,000,000 are"
+    ):
+        YuNetFaceDetector(path).detect(picture())
 
 
 def test_another_network_says_how_to_fetch_the_right_one(
-    faces: YuNetFaces, spots: Spots, monkeypatch: pytest.MonkeyPatch
+    faces: YuNetFaceDetector, spots: Spots, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def detect(_: Image) -> None:
         raise cv2.error("(-215:Assertion failed) outputs.size() == 12")
 
     monkeypatch.setattr(spots, "detect", detect)
     with pytest.raises(
-        BadModel, match=r"net.onnx is another network than YuNet\n  try: mission robot models fetch yunet"
+        ModelFileError, match=r"net.onnx is another network than YuNet\n  try: mission robot models fetch yunet"
     ):
         faces.detect(picture())
 
@@ -169,9 +179,9 @@ def test_the_network_itself_finds_the_astronaut_where_the_cascade_does(astronaut
     found = sorted(MODEL.glob("*yunet*.onnx")) if MODEL.is_dir() else []
     if not found:
         pytest.skip("the YuNet model is not on this machine: mission robot models fetch yunet")
-    (face,) = YuNetFaces(found[0]).detect(astronaut)
-    (haar,) = HaarFaces().detect(astronaut)
+    (face,) = YuNetFaceDetector(found[0]).detect(astronaut)
+    (haar,) = HaarFaceDetector().detect(astronaut)
     assert face.box.overlap(haar.box) > 0.6
-    near = YuNetFaces(found[0]).near(astronaut, haar.box)
+    near = YuNetFaceDetector(found[0]).detect_near(astronaut, haar.box)
     assert near is not None
     assert near.box.overlap(haar.box) > 0.6

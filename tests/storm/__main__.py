@@ -12,7 +12,7 @@ from config.reading import save_file
 from drivers.clock import SystemClock
 from missions.cli.keys import interruptible
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS
-from missions.plugins.testing.many import GONE, cores, do_all
+from missions.plugins.testing.many import PROCESS_ENDED, core_count, run_parallel
 from tests.storm.play import Outcome, play_seed
 from tests.storm.report import report, schedule
 from tests.storm.shrink import as_test, shrunk
@@ -52,14 +52,14 @@ def command(seeds: int, first: int, jobs: int | None, seed: int | None, shrink: 
     outcomes, interrupted = list[Outcome](), False
     try:
         with interruptible():
-            for outcome in play_all(range(first, first + seeds), jobs or cores()):
+            for outcome in play_all(range(first, first + seeds), jobs or core_count()):
                 outcomes.append(outcome)
                 if outcome.broken:
                     click.echo(f"seed {outcome.weather.seed} breaks {', '.join(outcome.broken)}", err=True)
     except KeyboardInterrupt:
         interrupted = True
     outcomes.sort(key=lambda it: it.weather.seed)
-    click.echo(report(outcomes, clock.now()))
+    click.echo(report(outcomes, clock.read_value()))
     if interrupted:
         return INTERRUPTED
     return FAILURE if any(each.broken for each in outcomes) else SUCCESS
@@ -70,12 +70,12 @@ def play_all(seeds: range, jobs: int) -> Iterator[Outcome]:
     if jobs == 1:
         yield from map(play_seed, seeds)
         return
-    with closing(do_all(play_seed, seeds, _gone, jobs=jobs)) as outcomes:
+    with closing(run_parallel(play_seed, seeds, _gone, jobs=jobs)) as outcomes:
         yield from outcomes
 
 
 def _gone(seed: int) -> Outcome:
-    return Outcome(draw(seed), broken={"raises": GONE})
+    return Outcome(draw(seed), broken={"raises": PROCESS_ENDED})
 
 
 def play_one(seed: int, output: Path, *, shrink: bool) -> int:

@@ -5,8 +5,8 @@ from math import inf, isfinite
 
 from drivers.api import ignore
 from missions.executive.events import NodeChanged, ReflexFired
-from missions.executive.executive import HALT_TIME
-from missions.executive.telling import logging_to
+from missions.executive.executive import HALT_TIMEOUT
+from missions.executive.telling import capture_log
 from missions.plugins.records.replay.rerun import rerun
 from tests.storm.leaves import DOOMED, LEFT
 from tests.storm.looking import (
@@ -32,7 +32,7 @@ BASE_RESTS, ALL_REST = 0.7, 1.0
 WAY_OUT = 1.0
 """Seconds for which something may move on after its leaf has ended: it brakes."""
 
-GIVEN_UP = HALT_TIME + 0.5
+GIVEN_UP = HALT_TIMEOUT + 0.5
 """Seconds within which a mission ends that has to, but for those in which no tick comes: its leaves', and a tick."""
 
 SLACK = 0.03
@@ -100,7 +100,7 @@ def claimed_motion(seen: Witness) -> Iterator[str]:
         leaf = seen.leaf(command)
         moves = {"linear", "pan", "follow"} & command.values.keys() or seen.kind(command.to) == "arm"
         if leaf is not None and moves and command.to not in leaf.claims and "hold" not in command.values:
-            yield f"{leaf.place} commands the {command.to} ({dict(command.values)}), which it does not claim"
+            yield f"{leaf.label} commands the {command.to} ({dict(command.values)}), which it does not claim"
 
 
 @invariant("nothing moves in a run that is stopped or paused, nor a base without ticks or unplugged, but by hand")
@@ -154,8 +154,8 @@ def no_touch(seen: Witness) -> Iterator[str]:
 @invariant("no actuator has two owners")
 def one_owner(seen: Witness) -> Iterator[str]:
     """See what the history has found."""
-    if seen.history.claimed:
-        yield seen.history.claimed
+    if seen.history.claim_conflict:
+        yield seen.history.claim_conflict
 
 
 @invariant("speeds, joints and heads keep their limits, as commanded and in truth")
@@ -218,7 +218,7 @@ def battery(seen: Witness) -> Iterator[str]:
 @invariant("what was decided before a part was away for long moves it no more")
 def anew(seen: Witness) -> Iterator[str]:
     """Look at what moves from its return on, until a behaviour begins that drives it."""
-    others = ((part, {part}) for part, kind in seen.config.others.items() if kind == "arm")
+    others = ((part, {part}) for part, kind in seen.config.extra_parts.items() if kind == "arm")
     for part, owners in (("base", {"base"}), ("arm", {"arm", "head"} if neck_joints(seen) else {"arm"}), *others):
         leaves = {key: leaf for key, leaf in seen.leaves.items() if leaf.claims & owners}
         if any(getattr(leaf, "way", "") == LEFT for leaf in leaves.values()):
@@ -248,7 +248,7 @@ def halted(seen: Witness) -> Iterator[str]:
     """Look at the rogues, which count how often they are asked too late."""
     for leaf in seen.leaves.values():
         if getattr(leaf, "overdue", 0) > 1:
-            yield f"{leaf.place} is still asked whether it stops, more than {leaf.halt_limit:g} s after it was halted"
+            yield f"{leaf.label} is still asked whether it stops, more than {leaf.halt_limit:g} s after it was halted"
 
 
 @invariant("every failure has a reason")
@@ -276,24 +276,24 @@ def told(seen: Witness) -> Iterator[str]:
 @invariant("what was recorded is decided again as it was")
 def decided_again(seen: Witness) -> Iterator[str]:
     """Decide it again, from memory."""
-    with logging_to(ignore):
+    with capture_log(ignore):
         found = rerun(seen, seen.runner.plan, seen.config, seed=seen.seed)
-    if not found.same:
-        yield f"{found.difference or found.command or found.unheard}"
+    if not found.is_identical:
+        yield f"{found.difference or found.command or found.unanswered}"
 
 
 @invariant("a record can be read, whatever became of who wrote it, and what is in it is decided again as it was")
 def readable(seen: Witness) -> Iterator[str]:
     """Read it, where there is one."""
     if seen.record is not None:
-        yield from seen.record.wrong(seen.moments, seen.runner.plan, seen.config, seen.seed)
+        yield from seen.record.wrong(seen.tick_records, seen.runner.plan, seen.config, seen.seed)
 
 
 @invariant("nothing is left behind: no thread, no open file, no file, no behaviour that goes on")
 def nothing_left(seen: Witness) -> Iterator[str]:
     """See what was there afterwards, and not before."""
     yield from seen.left
-    yield from (f"{leaf.place} is still at it" for leaf in seen.leaves.values() if leaf.acting)
+    yield from (f"{leaf.label} is still at it" for leaf in seen.leaves.values() if leaf.is_acting)
 
 
 def broken(seen: Witness) -> dict[str, str]:

@@ -54,7 +54,7 @@ def _error(way: str) -> Exception:
 class Rogue(Leaf):
     """Move what it claims towards a ``goal`` for some ticks, then misbehave in one of its ways."""
 
-    word = "rogue"
+    tag = "rogue"
     way: str = argument("text", f"how it misbehaves: {', '.join(WAYS)}", principal=True, default="raises")
     goal: str = argument("text", f"what it asks for: {', '.join(GOALS)}", default="mild")
     after: int = argument("count", "after so many ticks", default=2)
@@ -100,7 +100,7 @@ class Rogue(Leaf):
 
     def halting(self) -> bool:
         """Take for ever, if that is its way."""
-        now = self.run.now()
+        now = self.run.read_value()
         self._halted_at = now if self._halted_at is None else self._halted_at
         self._late += now > self._halted_at + self.halt_limit
         self.overdue = max(self.overdue, self._late)
@@ -116,7 +116,7 @@ class Rogue(Leaf):
 class RogueBase(Rogue):
     """One that drives the base."""
 
-    word = "rogue_base"
+    tag = "rogue_base"
     needs = drives = frozenset({"base"})
 
     def _ask(self, goal: float) -> None:
@@ -129,7 +129,7 @@ class RogueBase(Rogue):
 class RogueHead(Rogue):
     """One that turns a head."""
 
-    word = "rogue_head"
+    tag = "rogue_head"
     needs = drives = frozenset({"head"})
     on: str = argument("head", "which head", default="head")
 
@@ -143,7 +143,7 @@ class RogueHead(Rogue):
 class RogueArm(Rogue):
     """One that moves all joints of an arm."""
 
-    word = "rogue_arm"
+    tag = "rogue_arm"
     needs = drives = frozenset({"arm"})
     on: str = argument("arm", "which arm", default="arm")
 
@@ -157,19 +157,19 @@ class RogueArm(Rogue):
 class CarelessBase(RogueBase):
     """One that drives the base, and says nothing of how it stops."""
 
-    word = "careless_base"
+    tag = "careless_base"
     terminate = Leaf.terminate
 
 
 class CarelessHead(RogueHead):
     """One that turns a head, and says nothing of how it stops."""
 
-    word = "careless_head"
+    tag = "careless_head"
     terminate = Leaf.terminate
 
 
 class CarelessArm(RogueArm):
     """One that moves an arm, and says nothing of how it stops."""
 
-    word = "careless_arm"
+    tag = "careless_arm"
     terminate = Leaf.terminate

@@ -9,15 +9,15 @@ from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from config.reading import files_read
+from config.reading import collect_read_files
 from drivers.api import ignore
 from drivers.clock import SystemClock
 from drivers.errors import DriverError
 from missions.executive.executive import Result
-from missions.executive.watchdog import Limits
-from missions.plugins.testing.faults import read_live
-from missions.plugins.testing.mishaps import Mishap
-from missions.plugins.testing.trouble import Trouble
+from missions.executive.watchdog import WatchdogLimits
+from missions.plugins.testing.faults import read_live_fault
+from missions.plugins.testing.mishaps import FaultSpec
+from missions.plugins.testing.trouble import FaultInjector
 from missions.request import RunRequest
 from missions.runner import Runner
 from tests.storm.invariants import ALL_REST, broken
@@ -28,7 +28,7 @@ from tests.storm.witness import Witness
 AGAIN = 4
 """Of so many seeds, one is run twice: all must happen again, to the byte."""
 
-PATIENT = Limits(slow=inf, stall=inf, fail=60.0, lost=inf)
+PATIENT = WatchdogLimits(slow=inf, stall=inf, fail=60.0, lost=inf)
 """A machine that is busy must not make two runs differ."""
 
 RECORD = "storm.mcap"
@@ -89,7 +89,7 @@ def play(weather: Weather) -> Outcome:
                 if witness.record is not None:
                     witness.record.end()
         except Exception:  # of whatever kind: no mission and no fault may raise out of a run
-            return Outcome(weather, broken={"raises": traceback.format_exc()}, wall=clock.now())
+            return Outcome(weather, broken={"raises": traceback.format_exc()}, wall=clock.read_value())
         witness.left += [f"the file {name}" for name in sorted(_names(folder) - there - {RECORD})]
         digest = witness.digest(folder)
         for thread in set(threading.enumerate()) - threads:
@@ -106,7 +106,7 @@ def play(weather: Weather) -> Outcome:
         struck[words] = struck.get(words, 0) + 1
     if witness.record is not None and witness.record.struck:
         struck[witness.record.struck] = 1
-    return Outcome(weather, struck, wrong, result.result, result.reason, result.seconds, clock.now(), digest)
+    return Outcome(weather, struck, wrong, result.result, result.reason, result.seconds, clock.read_value(), digest)
 
 
 def _runner(weather: Weather, folder: Path, witness: Witness) -> Runner:
@@ -126,7 +126,7 @@ def _runner(weather: Weather, folder: Path, witness: Witness) -> Runner:
         behaviours=(LEAVES,),
         eyes=weather.eyes,
     )
-    with files_read() as files:
+    with collect_read_files() as files:
         runner = Runner(order, listeners=[witness], limits=PATIENT)
         runner.observe(witness.moment)
     witness.watch(runner)
@@ -141,16 +141,16 @@ def _runner(weather: Weather, folder: Path, witness: Witness) -> Runner:
 
 def _run(weather: Weather, runner: Runner, witness: Witness) -> None:
     """Let it happen, and the robot come to rest."""
-    trouble = Trouble(runner, witness.history)
-    trouble.arrange([read_live(words, runner) for words in weather.faults])
-    witness.struck = trouble.struck
+    trouble = FaultInjector(runner, witness.history)
+    trouble.schedule([read_live_fault(words, runner) for words in weather.faults])
+    witness.struck = trouble.started_faults
     if weather.stop_at:
         countdown = count(weather.stop_at, -1)
-        stop = Mishap("run", "stopped", IN_TICK, seconds=weather.stop_for)
+        stop = FaultSpec("run", "stopped", IN_TICK, seconds=weather.stop_for)
 
         def strike() -> None:
             if next(countdown) == 1:
-                trouble.begin(stop)
+                trouble.start(stop)
                 timeline.run(timeline.clock.now() + weather.hangs)
 
         witness.at_command = strike
@@ -163,8 +163,8 @@ def _run(weather: Weather, runner: Runner, witness: Witness) -> None:
     except DriverError as error:  # a robot that is not complete at its start
         witness.history.result = Result(runner.plan.mission, "error", str(error), timeline.clock.now(), 0)
     witness.ended = timeline.clock.now()
-    if runner.stream.lost:
-        witness.left.append(f"events that were not heard: {', '.join(runner.stream.lost)}")
+    if runner.stream.failed_listeners:
+        witness.left.append(f"events that were not heard: {', '.join(runner.stream.failed_listeners)}")
     timeline.run(witness.ended + ALL_REST + STILL_TIME)
 
 

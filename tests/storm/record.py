@@ -11,7 +11,7 @@ from config.robot import RobotConfig
 from drivers.api import ignore
 from drivers.clock import time_of_day
 from missions.executive.events import Event
-from missions.executive.telling import logging_to
+from missions.executive.telling import capture_log
 from missions.executive.tick_record import TickRecord
 from missions.language.plan import Plan
 from missions.plugins.records.recording.faults import InvalidRecordError
@@ -32,7 +32,7 @@ class StormRecord:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.struck = ""
-        self._recorder = Recorder(path, patient=True, frames=0.0)
+        self._recorder = Recorder(path, lossless=True, frame_rate=0.0)
 
     def __call__(self, event: Event) -> None:
         """Keep an event."""
@@ -40,11 +40,11 @@ class StormRecord:
 
     def moment(self, moment: TickRecord) -> None:
         """Keep a moment."""
-        self._recorder.moment(moment)
+        self._recorder.on_tick(moment)
 
     def begin(self, order: RunRequest, runner: Runner, files: Mapping[Path, bytes]) -> None:
         """Begin it. Raises CannotRecordError."""
-        self._recorder.watch(runner.root)
+        self._recorder.watch_tree(runner.root)
         head = contents_of(order, runner.plan, runner.config, files, started=time_of_day())
         self._recorder.open(head, runner.clock)
 
@@ -67,7 +67,7 @@ class StormRecord:
 
     @property
     def _process(self) -> int:
-        process = self._recorder.process
+        process = self._recorder.process_id
         if process is None:
             raise ProcessLookupError
         return process
@@ -76,7 +76,7 @@ class StormRecord:
         """Yield what is wrong with it, once it has ended: it must be read, and be the beginning of what was."""
         try:
             record = open_record(self.path)
-            kept = list(record.moments)
+            kept = list(record.tick_records)
         except (InvalidRecordError, OSError) as error:
             yield f"it cannot be read: {error}"
             return
@@ -84,12 +84,12 @@ class StormRecord:
         of_run = [moment.t for moment in moments]
         if times != of_run[: len(times)]:
             # On a full disk a small piece may find room after a large one did not: then the record says what it lacks.
-            if not record.lost() or not set(times) <= set(of_run):
+            if not record.lost_counts() or not set(times) <= set(of_run):
                 yield f"its {len(times)} moments are not those of the run"
-        elif not self.struck and not (record.whole and len(times) == len(moments)):
-            yield f"it has {len(times)} of {len(moments)} moments, and is {'' if record.whole else 'not '}whole"
+        elif not self.struck and not (record.is_complete and len(times) == len(moments)):
+            yield f"it has {len(times)} of {len(moments)} moments, and is {'' if record.is_complete else 'not '}whole"
         else:
-            with logging_to(ignore):
+            with capture_log(ignore):
                 found = rerun(record, plan, config, seed=seed)
-            if not found.same:
-                yield f"it is decided otherwise: {found.difference or found.command or found.unheard}"
+            if not found.is_identical:
+                yield f"it is decided otherwise: {found.difference or found.command or found.unanswered}"

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 
-from config.units import article
+from config.units import with_article
 from tests.storm.invariants import INVARIANTS
 from tests.storm.play import AGAIN, Outcome
 
@@ -47,7 +47,7 @@ def schedule(outcome: Outcome) -> str:
     """Return what one seed stands for, and what came of it."""
     weather = outcome.weather
     world = ", ".join((weather.world, *(f"{name} {value:g}" for name, value in weather.physics.items())))
-    others = "".join(f" with {article(name)}" for name in weather.others)
+    others = "".join(f" with {with_article(name)}" for name in weather.others)
     robot = f"{weather.robot}{others}, {weather.pace:.0%} of its speed, {weather.rate} Hz"
     return "\n".join(
         [

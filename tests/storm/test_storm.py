@@ -10,16 +10,16 @@ from random import Random
 import pytest
 from py_trees.common import Status
 
-from behaviours.head import Look
+from behaviours.head import LookLeaf
 from behaviours.leaf import Leaf
 from behaviours.mirror import Mirror as Led
-from behaviours.stopping import Stopping
+from behaviours.stopping import HaltableNode
 from drivers.api import Velocity, ignore
 from drivers.base.arbitrated import ArbitratedBase
 from drivers.base.range_guard import RangeGuard
 from drivers.errors import DeviceFault
 from drivers.servos.twin import JointsTwin
-from missions.executive.asked import Decided
+from missions.executive.asked import StaleCommandGuard
 from missions.executive.executive import Executive
 from tests import planted
 from tests.storm import invariants
@@ -163,16 +163,22 @@ def on_others(mission: str, part: str = "", faults: tuple[str, ...] = ()) -> Wea
         (RangeGuard, "limit", unlimited, INTO_ANNA, "no_touch"),
         (Executive, "_keep_watch", ignore, weather(*PAUSED), "battery"),
         (Executive, "_give_up", gone_on, weather("base battery at 3 % at 0.1 s"), "battery"),
-        (Decided, "__call__", ignore, weather("base unplugged at 1 s for 2 s"), "anew"),
-        (Stopping, "_stopped", never_stopped, slow(NEVER_STOPS), "halted"),
-        (Stopping, "_stop_safely", ignore, slow(NEVER_STOPS), "claimed_motion"),
-        (Look, "terminate", ignore, slow(TURNS), "claimed_motion"),
+        (StaleCommandGuard, "__call__", ignore, weather("base unplugged at 1 s for 2 s"), "anew"),
+        (HaltableNode, "_stopped", never_stopped, slow(NEVER_STOPS), "halted"),
+        (HaltableNode, "_stop_safely", ignore, slow(NEVER_STOPS), "claimed_motion"),
+        (LookLeaf, "terminate", ignore, slow(TURNS), "claimed_motion"),
         (JointsTwin, "rest", ignore, slow(LEAVES_IT), "at_rest"),
         (JointsTwin, "rest", ignore, on_others(LEAVES_IT, "right_arm"), "at_rest"),
-        (Stopping, "_stopped", never_stopped, on_others(NEVER_STOPS, "mast"), "halted"),
-        (Stopping, "_stop_safely", ignore, on_others(NEVER_STOPS, "mast"), "claimed_motion"),
+        (HaltableNode, "_stopped", never_stopped, on_others(NEVER_STOPS, "mast"), "halted"),
+        (HaltableNode, "_stop_safely", ignore, on_others(NEVER_STOPS, "mast"), "claimed_motion"),
         (Led, "terminate", ignore, on_others(LED), "claimed_motion"),
-        (Decided, "__call__", ignore, on_others(AWAY, faults=("right_arm unplugged at 1 s for 2 s",)), "anew"),
+        (
+            StaleCommandGuard,
+            "__call__",
+            ignore,
+            on_others(AWAY, faults=("right_arm unplugged at 1 s for 2 s",)),
+            "anew",
+        ),
     ],
 )
 def test_a_promise_is_held_and_is_seen_to_be_broken_where_the_code_has_a_fault(

@@ -20,7 +20,7 @@ from typing import Any
 
 from drivers.api import BASE_RADIUS, Pose2D
 from drivers.sim.block import Solid
-from drivers.sim.world import SENSOR_HEIGHT, World
+from drivers.sim.world import SENSOR_HEIGHT, SimulatedWorld
 
 NEEDED = 1.3
 """Seconds, beside braking: a second to see how fast a thing moves, and until the wheels obey."""
@@ -66,7 +66,7 @@ class TouchWatch:
 
     def __init__(
         self,
-        world: World,
+        world: SimulatedWorld,
         base: Any,
         place: tuple[float, float, float],
         *,
@@ -110,7 +110,7 @@ class TouchWatch:
                 yield what, dx, dy
         for number, solid in enumerate(self._world.solids(here.time)):
             if self._in_plane(solid):
-                dx, dy = solid.nearest(x, y)
+                dx, dy = solid.nearest_offset(x, y)
                 if hypot(dx, dy) <= BASE_RADIUS:
                     yield str(number), dx, dy
 
@@ -154,7 +154,7 @@ class TouchWatch:
         along, across = cos(pose.heading), sin(pose.heading)
         x, y = pose.x + ahead * along - left * across, pose.y + ahead * across + left * along
         if what.isdigit():
-            dx, dy = [*self._world.solids(then.time)][int(what)].nearest(x, y)
+            dx, dy = [*self._world.solids(then.time)][int(what)].nearest_offset(x, y)
         else:
             dx, dy = next((dx, dy) for name, dx, dy in self._walls(x, y) if name == what)
         far = hypot(dx, dy)

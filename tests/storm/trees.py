@@ -7,7 +7,7 @@ from typing import Any
 
 from behaviours.catalogue import LEAVES as KNOWN
 from behaviours.leaf import Leaf
-from drivers.api.kinds import SEVERAL
+from drivers.api.kinds import REPEATABLE_KINDS
 from tests.storm.leaves import (
     CARELESS,
     GOALS,
@@ -135,7 +135,7 @@ LEAVES: Mapping[str, tuple[Collection[str], Draw]] = {
 """Leaves: the parts that each needs, and what it is given."""
 
 
-OWN: Mapping[str, type[Leaf]] = {leaf.word: leaf for leaf in (RogueHead, RogueArm, CarelessHead, CarelessArm)}
+OWN: Mapping[str, type[Leaf]] = {leaf.tag: leaf for leaf in (RogueHead, RogueArm, CarelessHead, CarelessArm)}
 """Leaves of the storm that say on which part they work."""
 
 Limits = Mapping[str, tuple[float, float]]
@@ -283,4 +283,4 @@ def _kind_of(word: str) -> str:
     """Return the kind of part that a leaf can be told to use; nothing for one that cannot."""
     leaf = OWN.get(word) or KNOWN.get(word)
     on = None if leaf is None else leaf.arguments.get("on")
-    return on.kind if on is not None and on.kind in SEVERAL else ""
+    return on.kind if on is not None and on.kind in REPEATABLE_KINDS else ""

@@ -10,19 +10,19 @@ from random import Random
 from typing import Any, Literal
 
 from behaviours.leaf import Leaf
-from config.faults import InvalidFileError, Source
-from config.library import find
+from config.faults import InvalidFileError, SourceText
+from config.library import find_file
 from config.robot import RobotConfig
 from config.world import BatteryConfig, WorldConfig, load_world
 from drivers.api.sections import ArmKeys
 from missions.assembly.together import with_carriers
 from missions.language.document import check_plan
 from missions.language.plan import Plan
-from missions.library.drivers import robot_of
+from missions.library.drivers import parse_robot
 from missions.library.shipped import load_mission, shipped_missions
 from missions.library.target import target_of
-from missions.library.things import THINGS
-from missions.library.vocabulary import vocabulary
+from missions.library.things import LOOKUPS
+from missions.library.vocabulary import load_leaves
 from tests.storm.crowds import crowded
 from tests.storm.others import OTHERS, others_of
 from tests.storm.trees import Trees
@@ -117,7 +117,7 @@ class Weather:
 
     def robot_text(self) -> str:
         """Return the robot's file."""
-        text = find("robots", self.robot).read_text("utf-8")
+        text = find_file("robots", self.robot).read_text("utf-8")
         text = re.sub(r"max_speed: ([\d.]+) m/s", lambda it: f"max_speed: {float(it[1]) * self.pace:.3f} m/s", text)
         text = re.sub(r"max_turn: ([\d.]+) deg/s", lambda it: f"max_turn: {float(it[1]) * self.pace:.1f} deg/s", text)
         text = re.sub(r"^rate: \d+ Hz", f"rate: {self.rate} Hz", text, flags=re.MULTILINE)
@@ -128,11 +128,11 @@ class Weather:
 
     def robot_config(self) -> RobotConfig:
         """Return the robot, read."""
-        return robot_of(Source("storm.robot.yaml", self.robot_text()))
+        return parse_robot(SourceText("storm.robot.yaml", self.robot_text()))
 
     def world_config(self) -> WorldConfig:
         """Return the world, with its physics."""
-        world = load_world(find("worlds", self.world))
+        world = load_world(find_file("worlds", self.world))
         given: dict[str, Any] = dict(self.physics)
         if "battery" in given:
             given["battery"] = BatteryConfig(level=given["battery"], drain=DRAIN)
@@ -144,14 +144,14 @@ class Weather:
         """Read and check the mission. Raises InvalidFileError."""
         if "\n" not in self.mission:
             return load_mission(self.mission, complete=True, robot=target_of(robot), leaves=_leaves())
-        source = Source("storm.yaml", self.mission)
-        return check_plan(source, _leaves(), THINGS, complete=True, robot=target_of(robot))
+        source = SourceText("storm.yaml", self.mission)
+        return check_plan(source, _leaves(), LOOKUPS, complete=True, robot=target_of(robot))
 
 
 @cache
 def _leaves() -> Mapping[str, type[Leaf]]:
     """Return what missions of the storm are made of."""
-    return vocabulary([LEAVES])
+    return load_leaves([LEAVES])
 
 
 def draw(seed: int) -> Weather:
@@ -207,7 +207,7 @@ def _with_mission(weather: Weather, config: RobotConfig, chance: Random) -> tupl
         arm: {name: (degrees(each.lower), degrees(each.upper)) for name, each in limits.items()}
         for arm, limits in arms.items()
     }
-    trees = Trees(chance, config.parts, joints, config.others)
+    trees = Trees(chance, config.parts, joints, config.extra_parts)
     for _ in range(TRIES):
         shipped = chance.random() < 0.2
         mission = chance.choice(sorted(shipped_missions())) if shipped else trees.mission()
@@ -222,7 +222,7 @@ def _with_mission(weather: Weather, config: RobotConfig, chance: Random) -> tupl
 
 def _schedule(weather: Weather, config: RobotConfig, parts: list[str], chance: Random) -> Iterator[str]:
     """Yield what goes wrong, and when: up to six things, of which some wait for a moment of the base."""
-    kinds = [kind for part in parts for kind in faults_of(part, config.others.get(part, part), weather.robot)]
+    kinds = [kind for part in parts for kind in faults_of(part, config.extra_parts.get(part, part), weather.robot)]
     kinds += RUN_FAULTS
     for _ in range(chance.choice([0, 1, 2, 3, 4, 6])):
         words = chance.choice(kinds)

@@ -11,8 +11,8 @@ from config.robot import RobotConfig
 from drivers.api import BaseState, Reading, ignore
 from missions.executive.events import CommandSent, Event, FaultRaised, NodeChanged, Started, Ticked
 from missions.executive.tick_record import TickRecord
-from missions.plugins.testing.history import History
-from missions.plugins.testing.mishaps import Mishap
+from missions.plugins.testing.history import CaseHistory
+from missions.plugins.testing.mishaps import FaultSpec
 from missions.runner import Runner
 from tests.storm.leaves import LEFT, STOPS_NOT
 from tests.storm.record import StormRecord
@@ -48,17 +48,17 @@ class Witness:
     tick that it comes from. ``touching`` looks at what a base with a range guard drives into.
     """
 
-    history: History = field(default_factory=History)
-    moments: list[TickRecord] = field(default_factory=list)
+    history: CaseHistory = field(default_factory=CaseHistory)
+    tick_records: list[TickRecord] = field(default_factory=list)
     samples: list[Truth] = field(default_factory=list)
     claimed: dict[str, list[float]] = field(default_factory=dict)
     back: dict[str, list[float]] = field(default_factory=dict)
-    struck: list[Mishap] = field(default_factory=list)
+    struck: list[FaultSpec] = field(default_factory=list)
     ended: float = 0.0
     seed: int = 0
     lag: float = 0.0
     left: list[str] = field(default_factory=list)
-    whole: bool = True
+    is_complete: bool = True
     leaves: Mapping[str, Leaf] = field(default_factory=dict)
     record: StormRecord | None = None
     at_command: Callable[[], object] = ignore
@@ -72,9 +72,15 @@ class Witness:
         self._runner = runner
         self.leaves = {leaf.key: leaf for leaf in runner.root.iterate() if isinstance(leaf, Leaf)}
         base = self.twins.base
-        self.history.watch(runner.root, None if base is None else lambda: base.body.velocity)
+        self.history.attach(runner.root, None if base is None else lambda: base.body.velocity)
         keys, finder = self.config.base, self.config.range
-        if base is not None and keys is not None and finder is not None and "range" in self.twins.parts and keys.guards:
+        if (
+            base is not None
+            and keys is not None
+            and finder is not None
+            and "range" in self.twins.parts
+            and keys.has_range_guard
+        ):
             self.touching = TouchWatch(
                 self.twins.world, base, finder.place, acceleration=keys.acceleration, height=finder.position[2]
             )
@@ -85,7 +91,7 @@ class Witness:
         self.history(event)
         if self.record is not None:
             self.record(event)
-        if isinstance(event, CommandSent) and self.runner.root.run.working is not None:
+        if isinstance(event, CommandSent) and self.runner.root.run.active_leaf is not None:
             if (leaf := self.leaf(event)) is not None:
                 self._claims(leaf, event.t)  # of one that begins in this tick, which hangs, nobody is told yet
             self.at_command()  # not where a device tells of itself: its own thread goes on while a tick hangs
@@ -98,14 +104,14 @@ class Witness:
             if event.status == "success" and way == LEFT:
                 self._left |= leaf.claims
         elif isinstance(event, Ticked):
-            running = (leaf for leaf in self.leaves.values() if leaf.status is RUNNING or leaf.acting)
+            running = (leaf for leaf in self.leaves.values() if leaf.status is RUNNING or leaf.is_acting)
             self._claiming = {part for leaf in running for part in leaf.claims}
         elif isinstance(event, FaultRaised) and event.what == "online":
             self.back.setdefault(event.part, []).append(event.t)
 
     def moment(self, moment: TickRecord) -> None:
         """Keep a moment."""
-        self.moments.append(moment)
+        self.tick_records.append(moment)
         if self.record is not None:
             self.record.moment(moment)
 
@@ -113,7 +119,7 @@ class Witness:
         for part in leaf.claims:
             self.claimed.setdefault(part, []).append(time)
 
-    # --- what a record has (missions.plugins.records.replay.rerun.Recorded) ------------------------------------------
+    # --- what a record has (missions.plugins.records.replay.rerun.RerunSource) ------------------------------------------
 
     @property
     def events(self) -> list[Event]:
@@ -146,7 +152,7 @@ class Witness:
 
     def kind(self, part: str) -> str:
         """Return what a part is, which may go by a name of its own."""
-        return self.config.others.get(part, part)
+        return self.config.extra_parts.get(part, part)
 
     def leaf(self, command: CommandSent) -> Leaf | None:
         """Return who gave a command; None for what is no leaf."""

@@ -17,22 +17,22 @@ from drivers.servos.declared import DynamixelKeys, NeckJointKeys, NeckKeys
 from drivers.servos.units import RETURN_DELAY_STEP, baud_code
 from drivers.servos.virtual import obey1, obey2, obey_sts
 from drivers.servos.virtual.servo import VirtualServo
-from drivers.servos.virtual.slots import Slot, collided
-from drivers.servos.wire import GAP, Packet
-from drivers.sim.stage import Stage
-from drivers.virtual.plugged import Plugged
-from drivers.virtual.terminal import agree
+from drivers.servos.virtual.slots import Slot, merge_replies
+from drivers.servos.wire import PACKET_TIMEOUT, Packet
+from drivers.sim.stage import SimContext
+from drivers.virtual.plugged import VirtualDevice
+from drivers.virtual.terminal import baud_rates_match
 
-Obey = Callable[[Packet, Sequence[VirtualServo], float], list[Slot]]
+PacketHandler = Callable[[Packet, Sequence[VirtualServo], float], list[Slot]]
 
-BITS = 10
+BITS_PER_BYTE = 10
 """Bits on the wire for a byte: a start bit, eight, and a stop bit."""
 
 
 class FaultInjection(Protocol):
     """What goes wrong with bytes between a virtual chain and its host."""
 
-    def arrange(self, reply: bytes) -> list[tuple[float, bytes]]:
+    def disturb(self, reply: bytes) -> list[tuple[float, bytes]]:
         """Return what becomes of ``reply``: pieces, each with the seconds by which it is late. Empty if it is lost."""
         ...
 
@@ -42,7 +42,7 @@ class FaultInjection(Protocol):
 
 
 class VirtualServoBus:
-    """The chain as its wire shows it: a ``WireDevice`` that is ``Punctual`` and ``Tunable``.
+    """The chain as its wire shows it: a ``WireDevice`` that is ``TimedDevice`` and ``MultiRateDevice``.
 
     ``paced`` plays the time that bytes take on the wire, and the return delay of each servo. ``injection`` may be
     replaced at any time, and so may ``contention``: it picks those replies of a slot that drive the wire, where the
@@ -61,40 +61,42 @@ class VirtualServoBus:
         self.paced = paced
         self.injection = injection
         self.contention: Callable[[Slot], Slot] | None = None
-        self._ears: list[tuple[wire.Parser, Obey, list[VirtualServo]]] = []
+        self._stacks: list[tuple[wire.PacketParser, PacketHandler, list[VirtualServo]]] = []
         for protocol, parser, obey in (
-            (1, wire.Parser(), obey1.obey),
-            (2, wire2.Parser(), obey2.obey),
-            ("STS", wire.Parser(), obey_sts.obey),
+            (1, wire.PacketParser(), obey1.handle_packet),
+            (2, wire2.PacketParser2(), obey2.handle_packet),
+            ("STS", wire.PacketParser(), obey_sts.handle_packet),
         ):
             if own := [servo for servo in self.servos if servo.model.protocol == protocol]:
-                self._ears.append((parser, obey, own))
+                self._stacks.append((parser, obey, own))
         for servo in self.servos:
             servo.set("baud", baud_code(baud, servo.model.protocol))
         self._first_baud = baud
-        self._dials = [(servo.table, servo.model.table["baud"].address) for servo in self.servos]
-        self._codes = self._dialled()
-        self._rates = self._set_to()
-        self._tuned: int | None = None
-        self._hearing: list[tuple[wire.Parser, Obey, list[VirtualServo]]] | None = None  # the ears that are in tune
-        self._heard_at = self._free_at = 0.0
-        self._changed_at: float | None = None
-        self._under_way: list[tuple[float, int, bytes]] = []  # when due, a number that keeps the order, the bytes
+        self._baud_registers = [(servo.table, servo.model.table["baud"].address) for servo in self.servos]
+        self._active_codes = self._baud_codes()
+        self._rates = self._servo_rates()
+        self._host_baud: int | None = None
+        self._tuned_stacks: list[tuple[wire.PacketParser, PacketHandler, list[VirtualServo]]] | None = (
+            None  # the ears that are in tune
+        )
+        self._received_at = self._free_at = 0.0
+        self._codes_changed_at: float | None = None
+        self._pending: list[tuple[float, int, bytes]] = []  # when due, a number that keeps the order, the bytes
         self._numbers = count()
 
     @property
     def baud(self) -> int:
         """The rate on the wire: the computer's where it is known, else the one that most servos are set to."""
-        if self._tuned is not None:
-            return self._tuned
+        if self._host_baud is not None:
+            return self._host_baud
         ((baud, _),) = Counter(self._rates.values()).most_common(1) or [(self._first_baud, 0)]
         return baud
 
-    def tune(self, baud: int) -> None:
+    def set_baud(self, baud: int) -> None:
         """Hear that the computer runs at ``baud`` (0: it has hung up); servos set to another rate are deaf to it."""
-        if self._tuned != (baud or None):
-            self._tuned = baud or None
-            self._hearing = None
+        if self._host_baud != (baud or None):
+            self._host_baud = baud or None
+            self._tuned_stacks = None
 
     def servo(self, number: int) -> VirtualServo:
         """Return the first servo whose ID is ``number``. Raises KeyError if there is none."""
@@ -106,58 +108,58 @@ class VirtualServoBus:
     def feed(self, data: bytes, now: float) -> bytes:
         """Take requests, cut anywhere; return what is due by now."""
         self._change_rates(now)
-        if now - self._heard_at > GAP:
-            for parser, _, _ in self._ears:
+        if now - self._received_at > PACKET_TIMEOUT:
+            for parser, _, _ in self._stacks:
                 parser.reset()
-        self._heard_at = now
+        self._received_at = now
         self._occupy(len(data), now)
         if self.injection and self.injection.echoes():
             self._send(data, now)
-        for parser, obey, in_tune in self._listeners():
+        for parser, obey, in_tune in self._stacks_in_tune():
             for packet in parser.feed(data):
-                for slot in obey(packet, [servo for servo in in_tune if servo.hears], now):
+                for slot in obey(packet, [servo for servo in in_tune if servo.is_listening], now):
                     self._reply(slot, now)
         self._change_rates(now)
-        return self._due(now)
+        return self._take_due(now)
 
     def poll(self, now: float) -> bytes:
         """Let time pass; return the replies that are due. A new rate holds once the reply to its write has left."""
-        if not self._under_way:  # else it would hold up what is due
+        if not self._pending:  # else it would hold up what is due
             for servo in self.servos:
                 servo.catch_up(now)
         self._change_rates(now)
-        return self._due(now)
+        return self._take_due(now)
 
-    def next_at(self) -> float | None:
+    def next_poll_time(self) -> float | None:
         """Return when the next bytes are due; None while none are under way."""
-        return self._under_way[0][0] if self._under_way else None
+        return self._pending[0][0] if self._pending else None
 
-    def _listeners(self) -> list[tuple[wire.Parser, Obey, list[VirtualServo]]]:
+    def _stacks_in_tune(self) -> list[tuple[wire.PacketParser, PacketHandler, list[VirtualServo]]]:
         """The ears, each with those of its servos that are set to the rate on the wire."""
-        if self._hearing is None:
+        if self._tuned_stacks is None:
             baud = self.baud
-            self._hearing = [
-                (parser, obey, [servo for servo in own if agree(self._rates[servo], baud)])
-                for parser, obey, own in self._ears
+            self._tuned_stacks = [
+                (parser, obey, [servo for servo in own if baud_rates_match(self._rates[servo], baud)])
+                for parser, obey, own in self._stacks
             ]
-        return self._hearing
+        return self._tuned_stacks
 
-    def _dialled(self) -> list[int]:
+    def _baud_codes(self) -> list[int]:
         """The baud codes that the servos are set to."""
-        return [table[address] for table, address in self._dials]
+        return [table[address] for table, address in self._baud_registers]
 
     def _change_rates(self, now: float) -> None:
         """Let new baud codes hold, once the replies to what set them have left."""
-        codes = self._dialled()
-        if codes == self._codes:
-            self._changed_at = None
-        elif self._changed_at is None:
-            self._changed_at = now
-        elif now > self._changed_at and not self._under_way:
-            self._codes = codes
-            self._rates, self._hearing = self._set_to(), None
+        codes = self._baud_codes()
+        if codes == self._active_codes:
+            self._codes_changed_at = None
+        elif self._codes_changed_at is None:
+            self._codes_changed_at = now
+        elif now > self._codes_changed_at and not self._pending:
+            self._active_codes = codes
+            self._rates, self._tuned_stacks = self._servo_rates(), None
 
-    def _set_to(self) -> dict[VirtualServo, int]:
+    def _servo_rates(self) -> dict[VirtualServo, int]:
         """The rates that the servos are set to."""
         return {servo: servo.settings.baud for servo in self.servos}
 
@@ -165,37 +167,41 @@ class VirtualServoBus:
         """Let ``size`` bytes pass over the wire once it is free; return when they have."""
         if not self.paced:
             return now
-        self._free_at = max(self._free_at, now) + delay + size * BITS / self.baud
+        self._free_at = max(self._free_at, now) + delay + size * BITS_PER_BYTE / self.baud
         return self._free_at
 
     def _reply(self, slot: Slot, now: float) -> None:
         if self.contention and len(slot) > 1:
             slot = self.contention(slot)
-        delays = [servo.settings.return_delay * RETURN_DELAY_STEP + servo.skew for servo, _ in slot]
+        delays = [servo.settings.return_delay * RETURN_DELAY_STEP + servo.reply_skew for servo, _ in slot]
         first, sent = min(delays), 0.0
-        bursts = collided([((delay - first) * self.baud, data) for delay, (_, data) in zip(delays, slot, strict=True)])
+        bursts = merge_replies(
+            [((delay - first) * self.baud, data) for delay, (_, data) in zip(delays, slot, strict=True)]
+        )
         for begin, data in bursts:
             due = self._occupy(len(data), now, first if begin == bursts[0][0] else max(0.0, begin / self.baud - sent))
-            sent = begin / self.baud + len(data) * BITS / self.baud
-            for late, piece in self.injection.arrange(data) if self.injection else [(0.0, data)]:
+            sent = begin / self.baud + len(data) * BITS_PER_BYTE / self.baud
+            for late, piece in self.injection.disturb(data) if self.injection else [(0.0, data)]:
                 self._send(piece, due + late)
 
     def _send(self, data: bytes, due: float) -> None:
-        heappush(self._under_way, (due, next(self._numbers), data))
+        heappush(self._pending, (due, next(self._numbers), data))
 
-    def _due(self, now: float) -> bytes:
+    def _take_due(self, now: float) -> bytes:
         said = b""
-        while self._under_way and self._under_way[0][0] <= now:
-            said += heappop(self._under_way)[2]
+        while self._pending and self._pending[0][0] <= now:
+            said += heappop(self._pending)[2]
         return said
 
 
-def make(keys: DynamixelKeys, stage: Stage) -> Plugged:  # noqa: ARG001
+def make(keys: DynamixelKeys, stage: SimContext) -> VirtualDevice:  # noqa: ARG001
     """Return a virtual bus of servos, each as its calibration says; its state are their angles in radians, by joint."""
     offsets = keys.offsets
     chain = []
     for name, joint in keys.servos.items():
-        servo = VirtualServo(joint.id, model=joint.model, angle=joint.zero + offsets.get(name, 0) * joint.kind.tick)
+        servo = VirtualServo(
+            joint.id, model=joint.model, angle=joint.zero + offsets.get(name, 0) * joint.servo_model.tick
+        )
         if name in offsets:
             servo.set("position_offset", offsets[name])
         chain.append(servo)
@@ -205,22 +211,22 @@ def make(keys: DynamixelKeys, stage: Stage) -> Plugged:  # noqa: ARG001
         # One servo a joint, whatever ID somebody has given it by now.
         return {name: servo.angle for name, servo in zip(keys.joints, bus.servos, strict=True)}
 
-    return Plugged(bus, "servos", state=state)
+    return VirtualDevice(bus, "servos", state=state)
 
 
-def make_neck(keys: NeckKeys, stage: Stage) -> Plugged:
+def make_neck(keys: NeckKeys, stage: SimContext) -> VirtualDevice:
     """Return a head that is two joints of the arm, and sits on its wire."""
-    arm: DynamixelKeys = stage.keys["arm"]
+    arm: DynamixelKeys = stage.part_keys["arm"]
     bus: VirtualServoBus = stage.parts["arm"].device
 
     def angle(axis: NeckJointKeys) -> float:
         return true_angle(bus, arm, axis.joint) - axis.trim
 
-    return Plugged(None, looks=lambda _: HeadPose(angle(keys.pan), angle(keys.tilt)))
+    return VirtualDevice(None, head_pose=lambda _: HeadPose(angle(keys.pan), angle(keys.tilt)))
 
 
 def true_angle(bus: VirtualServoBus, arm: DynamixelKeys, name: str) -> float:
     """Return where a joint truly is, in its own angle."""
     joint = arm.servos[name]
-    turned = bus.servo(joint.id).angle - joint.zero - arm.offsets.get(name, 0) * joint.kind.tick
+    turned = bus.servo(joint.id).angle - joint.zero - arm.offsets.get(name, 0) * joint.servo_model.tick
     return -turned if joint.reverse else turned

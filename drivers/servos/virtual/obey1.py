@@ -8,61 +8,65 @@ protocol 1.0, is obeyed by an AX too, though one user tells of an AX-12 that ref
 from collections.abc import Iterable, Sequence
 
 from drivers.servos.virtual.servo import VirtualServo
-from drivers.servos.virtual.settings import FINE
+from drivers.servos.virtual.settings import NO_FAULT
 from drivers.servos.virtual.slots import Slot
-from drivers.servos.wire import BROADCAST, Fault, Instruction, Packet, status
+from drivers.servos.wire import BROADCAST, Packet, Protocol1Instruction, ServoFault, status
 
-_LEVELS: dict[int, int] = {Instruction.PING: 0, Instruction.READ: 1, Instruction.BULK_READ: 1}
+_MIN_RETURN_LEVELS: dict[int, int] = {
+    Protocol1Instruction.PING: 0,
+    Protocol1Instruction.READ: 1,
+    Protocol1Instruction.BULK_READ: 1,
+}
 """The status return level from which an instruction is answered; the others from 2."""
 
 
-def obey(packet: Packet, servos: Sequence[VirtualServo], now: float) -> list[Slot]:
+def handle_packet(packet: Packet, servos: Sequence[VirtualServo], now: float) -> list[Slot]:
     """Let all ``servos`` hear ``packet`` at time ``now``; return their replies, one slot after the other."""
-    if packet.id == BROADCAST and packet.intact and packet.code == Instruction.SYNC_WRITE:
+    if packet.id == BROADCAST and packet.intact and packet.code == Protocol1Instruction.SYNC_WRITE:
         sync_write(packet.parameters, servos, now)
         return []
-    if packet.id == BROADCAST and packet.intact and packet.code == Instruction.BULK_READ:
+    if packet.id == BROADCAST and packet.intact and packet.code == Protocol1Instruction.BULK_READ:
         return _bulk_read(packet.parameters, servos, now)
     slot: Slot = []
     for servo in servos:
         if packet.id in (servo.number, BROADCAST):
             servo.advance(now)
             number = servo.number
-            error, data = _carry_out(servo, packet)
-            if packet.id != BROADCAST and _answers(servo, packet):
+            error, data = _execute(servo, packet)
+            if packet.id != BROADCAST and _may_answer(servo, packet):
                 slot.append((servo, _status(servo, number, error, data)))
     return [slot] if slot else []
 
 
-def _carry_out(servo: VirtualServo, packet: Packet) -> tuple[Fault, bytes]:
+def _execute(servo: VirtualServo, packet: Packet) -> tuple[ServoFault, bytes]:
     """Do what one servo is told; return the error bits of this request, and the data that answer it."""
     if not packet.intact:
-        return Fault.CHECKSUM, b""
+        return ServoFault.CHECKSUM, b""
     match packet.code:
-        case Instruction.PING:
-            return FINE, b""
-        case Instruction.READ:
+        case Protocol1Instruction.PING:
+            return NO_FAULT, b""
+        case Protocol1Instruction.READ:
             return _read(servo, packet.parameters)
-        case Instruction.WRITE if packet.parameters:
+        case Protocol1Instruction.WRITE if packet.parameters:
             return servo.write(packet.parameters[0], packet.parameters[1:]), b""
-        case Instruction.REG_WRITE if packet.parameters:
-            return servo.hold(packet.parameters[0], packet.parameters[1:]), b""
-        case Instruction.ACTION if servo.held is not None:
-            return servo.act(), b""
-        case Instruction.FACTORY_RESET:
+        case Protocol1Instruction.REG_WRITE if packet.parameters:
+            return servo.register_write(packet.parameters[0], packet.parameters[1:]), b""
+        case Protocol1Instruction.ACTION if servo.registered_write is not None:
+            return servo.run_registered_write(), b""
+        case Protocol1Instruction.FACTORY_RESET:
             servo.factory_reset()
-            return FINE, b""
-    return Fault.INSTRUCTION, b""
+            return NO_FAULT, b""
+    return ServoFault.INSTRUCTION, b""
 
 
-def _status(servo: VirtualServo, number: int, error: Fault, data: bytes) -> bytes:
+def _status(servo: VirtualServo, number: int, error: ServoFault, data: bytes) -> bytes:
     """Return the answer of one servo to a request, with what ails it."""
     return status(number, int(error) | int(servo.faults), data)
 
 
-def _read(servo: VirtualServo, parameters: bytes) -> tuple[Fault, bytes]:
+def _read(servo: VirtualServo, parameters: bytes) -> tuple[ServoFault, bytes]:
     data = servo.read(*parameters) if len(parameters) == 2 else b""
-    return (FINE, data) if data else (Fault.RANGE, b"")
+    return (NO_FAULT, data) if data else (ServoFault.RANGE, b"")
 
 
 def _bulk_read(parameters: bytes, servos: Iterable[VirtualServo], now: float) -> list[Slot]:
@@ -72,7 +76,7 @@ def _bulk_read(parameters: bytes, servos: Iterable[VirtualServo], now: float) ->
         count, number, address = parameters[start : start + 3]
         slot: Slot = []
         for servo in servos:
-            if servo.number == number and servo.model.reads == "bulk" and servo.get("status_return_level"):
+            if servo.number == number and servo.model.read_mode == "bulk" and servo.get("status_return_level"):
                 servo.advance(now)
                 error, data = _read(servo, bytes((address, count)))
                 slot.append((servo, _status(servo, number, error, data)))
@@ -94,6 +98,6 @@ def sync_write(parameters: bytes, servos: Iterable[VirtualServo], now: float) ->
                 servo.write(address, blocks[start + 1 : start + 1 + size], clamp=True)
 
 
-def _answers(servo: VirtualServo, packet: Packet) -> bool:
+def _may_answer(servo: VirtualServo, packet: Packet) -> bool:
     """Whether the status return level lets it answer; a ping it always answers."""
-    return servo.get("status_return_level") >= (_LEVELS.get(packet.code, 2) if packet.intact else 2)
+    return servo.get("status_return_level") >= (_MIN_RETURN_LEVELS.get(packet.code, 2) if packet.intact else 2)

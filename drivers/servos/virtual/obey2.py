@@ -8,99 +8,99 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 from drivers.servos.virtual.servo import VirtualServo
-from drivers.servos.virtual.settings import FINE
-from drivers.servos.virtual.slots import Slot, overlaid
-from drivers.servos.wire import BROADCAST, Fault, Packet
-from drivers.servos.wire2 import ALERT, HEADER, STATUS, Error, Instruction, crc, status
+from drivers.servos.virtual.settings import NO_FAULT
+from drivers.servos.virtual.slots import Slot, overlay
+from drivers.servos.wire import BROADCAST, Packet, ServoFault
+from drivers.servos.wire2 import ALERT, HEADER, STATUS, Protocol2Error, Protocol2Instruction, crc, status
 
 FAST_SYNC_READ, FAST_BULK_READ = 0x8A, 0x9A
 """Readings that all servos answer in one packet, each with its part."""
 
-FORGET_TURNS = bytes.fromhex("01 44 58 4C 22")
+CLEAR_TURNS = bytes.fromhex("01 44 58 4C 22")
 """The parameters of CLEAR: part of the position, and a password."""
 
-KEEP: Mapping[int, tuple[str, ...]] = MappingProxyType({0xFF: (), 0x01: ("id",), 0x02: ("id", "baud")})
+KEPT_REGISTERS: Mapping[int, tuple[str, ...]] = MappingProxyType({0xFF: (), 0x01: ("id",), 0x02: ("id", "baud")})
 """What survives a factory reset, by its parameter."""
 
-_ERRORS: Mapping[Fault, Error] = MappingProxyType(
+_ERRORS: Mapping[ServoFault, Protocol2Error] = MappingProxyType(
     {
-        FINE: Error.NONE,
-        Fault.RANGE: Error.RANGE,
-        Fault.LENGTH: Error.LENGTH,
-        Fault.LIMIT: Error.LIMIT,
-        Fault.ACCESS: Error.ACCESS,
+        NO_FAULT: Protocol2Error.NONE,
+        ServoFault.RANGE: Protocol2Error.RANGE,
+        ServoFault.LENGTH: Protocol2Error.LENGTH,
+        ServoFault.LIMIT: Protocol2Error.LIMIT,
+        ServoFault.ACCESS: Protocol2Error.ACCESS,
     }
 )
-_LEVELS: dict[int, int] = {Instruction.PING: 0, Instruction.READ: 1}
+_MIN_RETURN_LEVELS: dict[int, int] = {Protocol2Instruction.PING: 0, Protocol2Instruction.READ: 1}
 """The status return level from which an instruction is answered; the others from 2."""
 
-Wanted = tuple[int, int, int]
+ReadTarget = tuple[int, int, int]
 """What to read of one servo: its ID, an address, and a size."""
 
 
-def obey(packet: Packet, servos: Sequence[VirtualServo], now: float) -> list[Slot]:
+def handle_packet(packet: Packet, servos: Sequence[VirtualServo], now: float) -> list[Slot]:
     """Let all ``servos`` hear ``packet`` at time ``now``; return their replies, one slot after the other."""
     meant = [servo for servo in servos if packet.id in (servo.number, BROADCAST)]
     for servo in meant:
-        servo.heard(now)
-        if packet.code in (Instruction.SYNC_WRITE, Instruction.BULK_WRITE):
+        servo.on_bus_activity(now)
+        if packet.code in (Protocol2Instruction.SYNC_WRITE, Protocol2Instruction.BULK_WRITE):
             servo.catch_up(now)
         else:
             servo.advance(now)
     if packet.id == BROADCAST and packet.intact:
-        if packet.code == Instruction.PING:
+        if packet.code == Protocol2Instruction.PING:
             return [_ping(meant, number) for number in sorted({servo.number for servo in meant})]
-        if packet.code in (Instruction.SYNC_WRITE, Instruction.BULK_WRITE):
+        if packet.code in (Protocol2Instruction.SYNC_WRITE, Protocol2Instruction.BULK_WRITE):
             _write_many(packet, meant)
             return []
-        if packet.code in (Instruction.SYNC_READ, Instruction.BULK_READ):
-            return _in_turn(_wanted(packet), meant)
+        if packet.code in (Protocol2Instruction.SYNC_READ, Protocol2Instruction.BULK_READ):
+            return _answer_in_turn(_parse_read_targets(packet), meant)
         if packet.code in (FAST_SYNC_READ, FAST_BULK_READ):
-            return _in_one(_wanted(packet), meant)
+            return _answer_in_one_packet(_parse_read_targets(packet), meant)
     slot: Slot = []
     for servo in meant:
         number = servo.number
-        error, data = _carry_out(servo, packet)
-        if packet.id != BROADCAST and _answers(servo, packet):
+        error, data = _execute(servo, packet)
+        if packet.id != BROADCAST and _may_answer(servo, packet):
             slot.append((servo, status(number, error | _alert(servo), data)))
     return [slot] if slot else []
 
 
-def _carry_out(servo: VirtualServo, packet: Packet) -> tuple[Error, bytes]:
+def _execute(servo: VirtualServo, packet: Packet) -> tuple[Protocol2Error, bytes]:
     """Do what one servo is told; return the error of this request, and the data that answer it."""
     if not packet.intact:
-        return Error.CRC, b""
+        return Protocol2Error.CRC, b""
     address, rest = int.from_bytes(packet.parameters[:2], "little"), packet.parameters[2:]
     match packet.code:
-        case Instruction.PING:
-            return Error.NONE, _identity(servo)
-        case Instruction.READ:
+        case Protocol2Instruction.PING:
+            return Protocol2Error.NONE, _identity(servo)
+        case Protocol2Instruction.READ:
             return _read(servo, address, int.from_bytes(rest, "little"))
-        case Instruction.WRITE if rest:
+        case Protocol2Instruction.WRITE if rest:
             return _ERRORS[servo.write(address, rest)], b""
-        case Instruction.REG_WRITE if rest:
-            return _ERRORS[servo.hold(address, rest)], b""
-        case Instruction.ACTION if servo.held is not None:
-            return _ERRORS[servo.act()], b""
-        case Instruction.REBOOT | Instruction.FACTORY_RESET | Instruction.CLEAR:
-            return _begin_anew(servo, packet), b""
-    return Error.INSTRUCTION, b""
+        case Protocol2Instruction.REG_WRITE if rest:
+            return _ERRORS[servo.register_write(address, rest)], b""
+        case Protocol2Instruction.ACTION if servo.registered_write is not None:
+            return _ERRORS[servo.run_registered_write()], b""
+        case Protocol2Instruction.REBOOT | Protocol2Instruction.FACTORY_RESET | Protocol2Instruction.CLEAR:
+            return _restart(servo, packet), b""
+    return Protocol2Error.INSTRUCTION, b""
 
 
-def _begin_anew(servo: VirtualServo, packet: Packet) -> Error:
+def _restart(servo: VirtualServo, packet: Packet) -> Protocol2Error:
     """Start, set or count anew."""
     match packet.code, packet.parameters:
-        case Instruction.REBOOT, _:
+        case Protocol2Instruction.REBOOT, _:
             servo.brown_out()
-        case Instruction.FACTORY_RESET, bytes(option) if len(option) == 1 and option[0] in KEEP:
-            servo.factory_reset(*KEEP[option[0]])
-        case Instruction.CLEAR, parameters if parameters == FORGET_TURNS:
-            if servo.turning:
-                return Error.FAILED
-            servo.forget_turns()
+        case Protocol2Instruction.FACTORY_RESET, bytes(option) if len(option) == 1 and option[0] in KEPT_REGISTERS:
+            servo.factory_reset(*KEPT_REGISTERS[option[0]])
+        case Protocol2Instruction.CLEAR, parameters if parameters == CLEAR_TURNS:
+            if servo.is_moving:
+                return Protocol2Error.FAILED
+            servo.clear_turns()
         case _:
-            return Error.INSTRUCTION
-    return Error.NONE
+            return Protocol2Error.INSTRUCTION
+    return Protocol2Error.NONE
 
 
 def _identity(servo: VirtualServo) -> bytes:
@@ -117,15 +117,15 @@ def _alert(servo: VirtualServo) -> int:
     return ALERT if servo.get("hardware_error") else 0
 
 
-def _read(servo: VirtualServo, address: int, count: int) -> tuple[Error, bytes]:
+def _read(servo: VirtualServo, address: int, count: int) -> tuple[Protocol2Error, bytes]:
     data = servo.read(address, count)
-    return (Error.NONE, data) if data else (Error.RANGE, b"")
+    return (Protocol2Error.NONE, data) if data else (Protocol2Error.RANGE, b"")
 
 
-def _wanted(packet: Packet) -> list[Wanted]:
+def _parse_read_targets(packet: Packet) -> list[ReadTarget]:
     """Return whom a reading of several servos names, in its order, and what it asks them for."""
     data = packet.parameters
-    if packet.code in (Instruction.SYNC_READ, FAST_SYNC_READ):
+    if packet.code in (Protocol2Instruction.SYNC_READ, FAST_SYNC_READ):
         return [(number, _word(data, 0), _word(data, 2)) for number in data[4:]]
     return [(data[n], _word(data, n + 1), _word(data, n + 3)) for n in range(0, len(data) - 4, 5)]
 
@@ -138,10 +138,10 @@ def _readers(servos: Iterable[VirtualServo], number: int) -> list[VirtualServo]:
     return [servo for servo in servos if servo.number == number and servo.get("status_return_level")]
 
 
-def _in_turn(wanted: Iterable[Wanted], servos: Sequence[VirtualServo]) -> list[Slot]:
+def _answer_in_turn(targets: Iterable[ReadTarget], servos: Sequence[VirtualServo]) -> list[Slot]:
     """Answer one after the other."""
     slots: list[Slot] = []
-    for number, address, count in wanted:
+    for number, address, count in targets:
         slot: Slot = []
         for servo in _readers(servos, number):
             error, data = _read(servo, address, count)
@@ -152,15 +152,15 @@ def _in_turn(wanted: Iterable[Wanted], servos: Sequence[VirtualServo]) -> list[S
     return slots
 
 
-def _in_one(wanted: Sequence[Wanted], servos: Sequence[VirtualServo]) -> list[Slot]:
+def _answer_in_one_packet(targets: Sequence[ReadTarget], servos: Sequence[VirtualServo]) -> list[Slot]:
     """Answer in one packet: for each its error, ID, data, and a CRC over all that was sent so far. Nothing is stuffed.
 
     Where a servo is missing the packet stops short.
     """
-    length = 1 + sum(count + 4 for _, _, count in wanted)
+    length = 1 + sum(count + 4 for _, _, count in targets)
     frame = HEADER + bytes((BROADCAST, *length.to_bytes(2, "little"), STATUS))
     first: VirtualServo | None = None
-    for number, address, count in wanted:
+    for number, address, count in targets:
         readers = _readers(servos, number)
         if not readers:
             break
@@ -169,7 +169,7 @@ def _in_one(wanted: Sequence[Wanted], servos: Sequence[VirtualServo]) -> list[Sl
         for servo in readers:
             error, data = _read(servo, address, count)
             parts.append(bytes((error | _alert(servo), number)) + data.ljust(count, b"\0"))
-        frame += overlaid(parts)
+        frame += overlay(parts)
         frame += crc(frame).to_bytes(2, "little")
     return [[(first, frame)]] if first else []
 
@@ -177,29 +177,31 @@ def _in_one(wanted: Sequence[Wanted], servos: Sequence[VirtualServo]) -> list[Sl
 def _write_many(packet: Packet, servos: Sequence[VirtualServo]) -> None:
     """Carry out a sync write or a bulk write, which nobody answers."""
     data = packet.parameters
-    for number, address, block in _sync_blocks(data) if packet.code == Instruction.SYNC_WRITE else _bulk_blocks(data):
+    for number, address, block in (
+        _sync_blocks(data) if packet.code == Protocol2Instruction.SYNC_WRITE else _bulk_blocks(data)
+    ):
         for servo in servos:
             if servo.number == number:
                 servo.write(address, block)
 
 
-Written = tuple[int, int, bytes]
+WriteTarget = tuple[int, int, bytes]
 """What to write to one servo: its ID, an address, and the bytes."""
 
 
-def _sync_blocks(data: bytes) -> Iterator[Written]:
+def _sync_blocks(data: bytes) -> Iterator[WriteTarget]:
     address, size = _word(data, 0), _word(data, 2)
     for start in range(4, len(data) - size, size + 1):
         yield data[start], address, data[start + 1 : start + 1 + size]
 
 
-def _bulk_blocks(data: bytes) -> Iterator[Written]:
+def _bulk_blocks(data: bytes) -> Iterator[WriteTarget]:
     while len(data) > 5:
         size = _word(data, 3)
         yield data[0], _word(data, 1), data[5 : 5 + size]
         data = data[5 + size :]
 
 
-def _answers(servo: VirtualServo, packet: Packet) -> bool:
+def _may_answer(servo: VirtualServo, packet: Packet) -> bool:
     """Whether the status return level lets it answer; a ping it always answers."""
-    return servo.get("status_return_level") >= (_LEVELS.get(packet.code, 2) if packet.intact else 2)
+    return servo.get("status_return_level") >= (_MIN_RETURN_LEVELS.get(packet.code, 2) if packet.intact else 2)

@@ -6,21 +6,21 @@ from enum import Enum
 from types import MappingProxyType
 from typing import NamedTuple
 
-from drivers.servos.models import MODELS, Model
+from drivers.servos.models import MODELS, ServoModel
 from drivers.servos.register import Coding, Register
 from drivers.servos.units import baud_of
-from drivers.servos.wire import Fault
+from drivers.servos.wire import ServoFault
 
 # The registers in which a servo tells its state, filled from what a virtual one feels.
 
 _NO_CURRENT: Mapping[int, int] = MappingProxyType({56: 512, 68: 2048})
 """What the current sensors of protocol 1.0 read without current, by their address."""
 
-STALL_CURRENT = 370
+STALL_CURRENT_STEPS = 370
 """What an STS reads at its stall torque: 2.4 A."""
 
 
-class Feeling(NamedTuple):
+class SensorValues(NamedTuple):
     """The state of a servo as its sensors feel it, positive where its ticks rise.
 
     ``position`` in ticks, ``velocity`` in rad/s, ``drive`` as a share of the stall torque, ``voltage`` in volts,
@@ -36,32 +36,34 @@ class Feeling(NamedTuple):
     now: float
 
 
-Told = Callable[[Feeling], int]
+RegisterReading = Callable[[SensorValues], int]
 """What a register says of a feeling."""
 
 
-class Readings:
+class StateRegisters:
     """The registers of one model that tell its state."""
 
-    def __init__(self, model: Model) -> None:
-        told = _told(model)
-        self._rows = [(row, *_span(row), told[row.name]) for row in model.table.registers.values() if row.name in told]
+    def __init__(self, model: ServoModel) -> None:
+        told = _register_readings(model)
+        self._rows = [
+            (row, *_value_range(row), told[row.name]) for row in model.table.registers.values() if row.name in told
+        ]
 
-    def tell(self, table: bytearray, feeling: Feeling) -> None:
+    def update(self, table: bytearray, values: SensorValues) -> None:
         """Bring a control table up to date."""
         for row, least, most, told in self._rows:
-            table[row.address : row.end] = row.encode(min(max(told(feeling), least), most))
+            table[row.address : row.end] = row.encode(min(max(told(values), least), most))
 
 
-def _told(model: Model) -> dict[str, Told]:
+def _register_readings(model: ServoModel) -> dict[str, RegisterReading]:
     """What the registers say, by their names."""
 
-    def velocity(feeling: Feeling) -> int:
+    def velocity(feeling: SensorValues) -> int:
         return round(feeling.velocity / model.speed_unit)
 
-    def current(feeling: Feeling) -> int:  # protocol 1.0: half its range at full torque
+    def current(feeling: SensorValues) -> int:  # protocol 1.0: half its range at full torque
         if model.protocol == "STS":
-            return round(STALL_CURRENT * feeling.drive)
+            return round(STALL_CURRENT_STEPS * feeling.drive)
         return round(_NO_CURRENT[model.table["present_current"].address] * (1 + feeling.drive / 2))
 
     return {
@@ -71,7 +73,7 @@ def _told(model: Model) -> dict[str, Told]:
         "present_voltage": lambda feeling: round(feeling.voltage * 10),
         "present_temperature": lambda feeling: round(feeling.temperature),
         "realtime_tick": lambda feeling: round(feeling.now * 1000) % 32_768,
-        "present_pwm": lambda feeling: round(feeling.drive * model.full),
+        "present_pwm": lambda feeling: round(feeling.drive * model.full_torque),
         "velocity_trajectory": velocity,
         "position_trajectory": lambda feeling: feeling.position,
         "present_current": current,
@@ -80,54 +82,63 @@ def _told(model: Model) -> dict[str, Told]:
     }
 
 
-def _span(register: Register) -> tuple[int, int]:
+def _value_range(register: Register) -> tuple[int, int]:
     """Return the least and the most that the bytes of ``register`` can say."""
-    if register.coding is Coding.SIGN_BIT:
+    if register.coding is Coding.SIGN_10:
         return -1023, 1023
     if register.coding is Coding.SIGN_15:
         return -32_767, 32_767
     bits = 8 * register.size
-    return (-(1 << bits - 1), (1 << bits - 1) - 1) if register.coding is Coding.TWOS else (0, (1 << bits) - 1)
+    return (
+        (-(1 << bits - 1), (1 << bits - 1) - 1) if register.coding is Coding.TWOS_COMPLEMENT else (0, (1 << bits) - 1)
+    )
 
 
-class Mode(Enum):
+class ServoMode(Enum):
     """What a goal is to a servo."""
 
     JOINT = "a position within the limits"
-    TURNS = "a position over several turns"
+    MULTI_TURN = "a position over several turns"
     SPEED = "a speed, endlessly"
     POWER = "a share of the power or current, endlessly"
 
 
-MODES: Mapping[int, Mode] = MappingProxyType(
-    {0: Mode.POWER, 1: Mode.SPEED, 3: Mode.JOINT, 4: Mode.TURNS, 5: Mode.TURNS, 16: Mode.POWER}
+MODES: Mapping[int, ServoMode] = MappingProxyType(
+    {
+        0: ServoMode.POWER,
+        1: ServoMode.SPEED,
+        3: ServoMode.JOINT,
+        4: ServoMode.MULTI_TURN,
+        5: ServoMode.MULTI_TURN,
+        16: ServoMode.POWER,
+    }
 )
 """Register ``operating_mode`` of protocol 2.0."""
 
 _REVERSED, _TORQUE_BY_GOAL = 1, 8  # bits of the drive mode
 
 
-class Settings(NamedTuple):
+class EepromSettings(NamedTuple):
     """The settings of one servo.
 
-    ``limits`` are the goals (ticks) that it takes as a joint, ``sense`` is -1 where it counts the other way round,
-    ``offset`` is what it adds to the ticks that its sensor reads. ``voltages`` bound its supply (0.1 V), ``hottest`` is
-    what its motor may reach (degrees Celsius). ``goal_stiffens`` says whether a goal switches its torque on.
+    ``limits`` are the goals (ticks) that it takes as a joint, ``direction`` is -1 where it counts the other way round,
+    ``offset`` is what it adds to the ticks that its sensor reads. ``voltage_limits`` bound its supply (0.1 V), ``max_temperature`` is
+    what its motor may reach (degrees Celsius). ``goal_enables_torque`` says whether a goal switches its torque on.
     """
 
     baud: int
     return_delay: int
-    mode: Mode
+    mode: ServoMode
     limits: tuple[int, int]
-    sense: int
+    direction: int
     offset: int
-    goal_stiffens: bool
-    voltages: tuple[int, int]
-    hottest: int
+    goal_enables_torque: bool
+    voltage_limits: tuple[int, int]
+    max_temperature: int
     shutdown: int
 
 
-def settings_of(model: Model, table: bytearray) -> Settings:
+def decode_settings(model: ServoModel, table: bytearray) -> EepromSettings:
     """Decode the settings of a servo from its control table."""
     registers = model.table.registers
 
@@ -135,40 +146,46 @@ def settings_of(model: Model, table: bytearray) -> Settings:
         """What a register holds; 0 for one that the model has not."""
         return registers[name].decode(table) if name in registers else 0
 
-    lower, upper = model.table.limits
+    lower, upper = model.table.limit_registers
     limits = value(lower), value(upper)
     old, drive = model.protocol == 1, value("drive_mode")
     sts = model.protocol == "STS"
-    return Settings(
+    return EepromSettings(
         baud=baud_of(value("baud"), model.protocol),
         return_delay=value("return_delay"),
-        mode=_old_mode(model, limits)
+        mode=_protocol1_mode(model, limits)
         if old
         else _sts_mode(value("mode"), limits)
         if sts
         else MODES[value("operating_mode")],
         limits=limits,
-        sense=-1 if drive & _REVERSED else 1,
+        direction=-1 if drive & _REVERSED else 1,
         offset=-value("position_offset") if sts else value("multi_turn_offset" if old else "homing_offset"),
-        goal_stiffens=old or sts or bool(drive & _TORQUE_BY_GOAL),
-        voltages=(value("lowest_voltage"), value("highest_voltage")),
-        hottest=value("temperature_limit"),
+        goal_enables_torque=old or sts or bool(drive & _TORQUE_BY_GOAL),
+        voltage_limits=(value("lowest_voltage"), value("highest_voltage")),
+        max_temperature=value("temperature_limit"),
         shutdown=value("shutdown"),
     )
 
 
-def _sts_mode(mode: int, limits: tuple[int, int]) -> Mode:
+def _sts_mode(mode: int, limits: tuple[int, int]) -> ServoMode:
     """What register ``mode`` of an STS makes of a goal."""
     if mode == 0:
-        return Mode.TURNS if limits == (0, 0) else Mode.JOINT
-    return {1: Mode.SPEED, 2: Mode.POWER}.get(mode, Mode.TURNS)
+        return ServoMode.MULTI_TURN if limits == (0, 0) else ServoMode.JOINT
+    return {1: ServoMode.SPEED, 2: ServoMode.POWER}.get(mode, ServoMode.MULTI_TURN)
 
 
-def _old_mode(model: Model, limits: tuple[int, int]) -> Mode:
+def _protocol1_mode(model: ServoModel, limits: tuple[int, int]) -> ServoMode:
     """What limits of protocol 1.0 make of a goal."""
     if limits == (0, 0):
-        return Mode.SPEED if "position_p_gain" in model.table else Mode.POWER  # AX, RX and EX control no speed
-    return Mode.TURNS if limits == (model.last, model.last) and "multi_turn_offset" in model.table else Mode.JOINT
+        return (
+            ServoMode.SPEED if "position_p_gain" in model.table else ServoMode.POWER
+        )  # AX, RX and EX control no speed
+    return (
+        ServoMode.MULTI_TURN
+        if limits == (model.last_tick, model.last_tick) and "multi_turn_offset" in model.table
+        else ServoMode.JOINT
+    )
 
 
 # The control table of a virtual servo: what it holds, and what may be written to it from outside.
@@ -181,38 +198,38 @@ _CEILINGS: Mapping[str, str] = MappingProxyType(
 )
 
 
-FINE = Fault(0)
+NO_FAULT = ServoFault(0)
 """No fault, made ready: flags are slow to make."""
 
-_NEED_CURRENT = (0, 5)
+_CURRENT_MODES = (0, 5)
 """Operating modes of servos that measure their current."""
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
-    """What a stretch of a table holds: ``rows`` share a byte with it, ``known`` ones fill it, ``whole`` ones fit in.
+class TableSpan:
+    """What a stretch of a table holds: ``rows`` share a byte with it, ``is_mapped`` ones fill it, ``is_aligned`` ones fit in.
 
     ``names`` are those of the rows.
     """
 
     rows: tuple[Register, ...]
     names: frozenset[str]
-    known: bool
-    whole: bool
+    is_mapped: bool
+    is_aligned: bool
 
 
-class Memory:
+class VirtualTable:
     """The registers of one servo of ``model``. Names are those of its table."""
 
     def __init__(self, model: str) -> None:
         self.model = MODELS[model]
         self.table = bytearray(self.model.table.size)
         self._rows = self.model.table.registers
-        self._spans: dict[tuple[int, int], Span] = {}  # what was looked up before
+        self._spans: dict[tuple[int, int], TableSpan] = {}  # what was looked up before
         self._id_at = self._rows["id"].address
         self._volatile = min(register.address for register in self._rows.values() if not register.eeprom)
-        self._kept = bytearray(self._volatile)  # what survives a power cut
-        self._decoded: tuple[bytes, Settings] | None = None  # the EEPROM, and what it says
+        self._saved_eeprom = bytearray(self._volatile)  # what survives a power cut
+        self._decoded: tuple[bytes, EepromSettings] | None = None  # the EEPROM, and what it says
         for register in self._rows.values():
             self.set(register, self.model.default(register))
 
@@ -225,7 +242,7 @@ class Memory:
         row = self._row(register)
         self.table[row.address : row.end] = row.encode(value)
         if row.eeprom:
-            self._kept[row.address : row.end] = row.encode(value)
+            self._saved_eeprom[row.address : row.end] = row.encode(value)
 
     def has(self, name: str) -> bool:
         """Whether this model has a register called ``name``."""
@@ -237,86 +254,86 @@ class Memory:
         return self.table[self._id_at]
 
     @property
-    def settings(self) -> Settings:
+    def settings(self) -> EepromSettings:
         """What its EEPROM sets it to; decoded anew when that has changed."""
         eeprom = bytes(self.table[: self._volatile])
         if self._decoded is None or self._decoded[0] != eeprom:
-            self._decoded = eeprom, settings_of(self.model, self.table)
+            self._decoded = eeprom, decode_settings(self.model, self.table)
         return self._decoded[1]
 
-    def keep(self) -> None:
+    def save_eeprom(self) -> None:
         """Let the settings as they are survive a power cut, unless an STS was locked before."""
         if self.model.protocol != "STS" or not self.get("lock"):
-            self._kept[:] = self.table[: self._volatile]
+            self._saved_eeprom[:] = self.table[: self._volatile]
 
-    def recall(self) -> None:
+    def restore_eeprom(self) -> None:
         """Take the settings back that survive a power cut."""
-        self.table[: self._volatile] = self._kept
+        self.table[: self._volatile] = self._saved_eeprom
 
-    def span(self, address: int, size: int) -> Span:
+    def span(self, address: int, size: int) -> TableSpan:
         """Return what ``size`` bytes from ``address`` on hold."""
         found = self._spans.get((address, size))
         if found is None:
             end = address + size
             rows = tuple(row for row in self._rows.values() if row.address < end and address < row.end)
             inside = sum(min(row.end, end) - max(row.address, address) for row in rows)
-            found = Span(
+            found = TableSpan(
                 rows,
                 frozenset(row.name for row in rows),
-                known=inside == size,
-                whole=inside == sum(row.size for row in rows),
+                is_mapped=inside == size,
+                is_aligned=inside == sum(row.size for row in rows),
             )
             self._spans[address, size] = found
         return found
 
-    def clamped(self, address: int, data: bytes) -> bytes:
+    def clamp_goal(self, address: int, data: bytes) -> bytes:
         """Return ``data`` with the goal in it, if a joint's goal is in it, brought within the limits."""
         goal = self.model.table[self.model.table.goal]
-        if self.settings.mode is not Mode.JOINT or goal.address < address or goal.end > address + len(data):
+        if self.settings.mode is not ServoMode.JOINT or goal.address < address or goal.end > address + len(data):
             return data
         lowest, highest = self.settings.limits
         within = min(max(goal.decode(data, address), lowest), highest)
         start = goal.address - address
         return data[:start] + goal.encode(within) + data[start + goal.size :]
 
-    def refused(self, address: int, data: bytes) -> Fault:
+    def refusal(self, address: int, data: bytes) -> ServoFault:
         """Return why it would not take ``data`` at ``address``; no bit when it would."""
         old, span = self.model.protocol == 1, self.span(address, len(data))
-        if not data or not (old or span.whole):
-            return Fault.RANGE if old else Fault.LENGTH
-        if not span.known or not all(row.writable and self._open(row) for row in span.rows):
-            return Fault.RANGE if old else Fault.ACCESS
-        if not span.whole:  # the rest of its registers stays as it is
+        if not data or not (old or span.is_aligned):
+            return ServoFault.RANGE if old else ServoFault.LENGTH
+        if not span.is_mapped or not all(row.writable and self._is_unlocked(row) for row in span.rows):
+            return ServoFault.RANGE if old else ServoFault.ACCESS
+        if not span.is_aligned:  # the rest of its registers stays as it is
             first, last = span.rows[0].address, span.rows[-1].end
             data = bytes(self.table[first:address]) + data + bytes(self.table[address + len(data) : last])
             address = first
         for row in span.rows:
-            if reason := self._unfit(row, row.decode(data, address)):
+            if reason := self._value_fault(row, row.decode(data, address)):
                 return reason
-        return FINE
+        return NO_FAULT
 
-    def _open(self, row: Register) -> bool:
+    def _is_unlocked(self, row: Register) -> bool:
         """Whether the EEPROM is open, if ``row`` lies there: not while locked, or under torque (protocol 2.0)."""
         return not row.eeprom or not self.get("lock" if self.has("lock") else "torque_enable")
 
-    def _unfit(self, row: Register, value: int) -> Fault:
+    def _value_fault(self, row: Register, value: int) -> ServoFault:
         """Return why ``row`` would not take ``value``."""
-        if not row.lower <= value <= row.upper or (row.name == "operating_mode" and not self._runs(value)):
-            return Fault.RANGE
+        if not row.lower <= value <= row.upper or (row.name == "operating_mode" and not self._supports_mode(value)):
+            return ServoFault.RANGE
         if row.name.startswith("goal_") and self.has("bus_watchdog") and self.get("bus_watchdog") < 0:
-            return Fault.RANGE  # once the watchdog has fired, until 0 is written to it
+            return ServoFault.RANGE  # once the watchdog has fired, until 0 is written to it
         if row.name == "lock" and value < self.get(row):
-            return Fault.RANGE  # only cutting the power unlocks it
-        if row.name == self.model.table.goal and self.settings.mode is Mode.JOINT:
+            return ServoFault.RANGE  # only cutting the power unlocks it
+        if row.name == self.model.table.goal and self.settings.mode is ServoMode.JOINT:
             lowest, highest = self.settings.limits
             if not lowest <= value <= highest:
-                return Fault.ANGLE_LIMIT if self.model.protocol == 1 else Fault.LIMIT
+                return ServoFault.ANGLE_LIMIT if self.model.protocol == 1 else ServoFault.LIMIT
         if row.name in _CEILINGS and abs(value) > self.get(_CEILINGS[row.name]):
-            return Fault.LIMIT
-        return FINE
+            return ServoFault.LIMIT
+        return NO_FAULT
 
-    def _runs(self, operating_mode: int) -> bool:
-        return operating_mode in MODES and (operating_mode not in _NEED_CURRENT or self.has("current_limit"))
+    def _supports_mode(self, operating_mode: int) -> bool:
+        return operating_mode in MODES and (operating_mode not in _CURRENT_MODES or self.has("current_limit"))
 
     def _row(self, register: str | Register) -> Register:
         return self._rows[register] if isinstance(register, str) else register

@@ -4,13 +4,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import radians
 
-from drivers.servos.models import Motor
+from drivers.servos.models import MotorPhysics
 
 Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
+class RigidShape:
     """A box (full sizes), or a capsule from ``at`` to ``to`` of a ``radius``, in the axes of its link.
 
     A shape that is not ``solid`` weighs nothing and touches nothing: it is seen.
@@ -24,7 +24,7 @@ class Shape:
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class RigidLink:
     """What turns about one joint: named after it, ``offset`` from its parent's joint (empty: the trunk).
 
     At zero all axes are the robot's: x forward, y left, z up. ``centre`` is the centre of mass from the joint, and
@@ -37,49 +37,49 @@ class Link:
     axis: Vector
     mass: float
     centre: Vector
-    motor: Motor
+    motor: MotorPhysics
     limits: tuple[float, float]
-    shapes: Sequence[Shape] = ()
+    shapes: Sequence[RigidShape] = ()
     spread: Vector = (0.03, 0.03, 0.03)
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
+class RigidRobot:
     """A robot: its trunk, and the links upon it, each after its parent."""
 
     mass: float
     centre: Vector
-    links: Sequence[Link]
-    shapes: Sequence[Shape] = ()
+    links: Sequence[RigidLink]
+    shapes: Sequence[RigidShape] = ()
     spread: Vector = (0.06, 0.06, 0.06)
 
 
 @dataclass(frozen=True, slots=True)
-class Push:
-    """A push at the trunk: for ``time`` seconds from ``at`` on, such that the robot alone would go at ``speed`` (m/s).
+class TrunkPush:
+    """A push at the trunk: for ``duration`` seconds from ``at`` on, such that the robot alone would go at ``speed`` (m/s).
 
-    ``towards`` (rad) is which way, in the world.
+    ``direction`` (rad) is which way, in the world.
     """
 
     at: float
     speed: float
-    towards: float = 0.0
-    time: float = 0.1
+    direction: float = 0.0
+    duration: float = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Floor:
     """The floor, and what disturbs who stands on it.
 
-    ``friction`` is Coulomb's; ``slope`` (rad) how far the floor rises ahead and to the left. ``masses`` is the share by
-    which each mass may be off, drawn by the seed; ``delay`` (s) is from a goal to the servo that hears it.
+    ``friction`` is Coulomb's; ``slope`` (rad) how far the floor rises ahead and to the left. ``mass_error`` is the share by
+    which each mass may be off, drawn by the seed; ``servo_delay`` (s) is from a goal to the servo that hears it.
     """
 
     friction: float = 1.0
     slope: tuple[float, float] = (0.0, 0.0)
-    masses: float = 0.0
-    delay: float = 0.0
-    pushes: Sequence[Push] = field(default_factory=tuple)
+    mass_error: float = 0.0
+    servo_delay: float = 0.0
+    pushes: Sequence[TrunkPush] = field(default_factory=tuple)
 
 
 # From a robot's links to MuJoCo's model format (MJCF), as text. It needs no MuJoCo.
@@ -88,62 +88,64 @@ TRUNK = "trunk"
 """The body that everything hangs on; whose name no joint may have."""
 
 
-def mjcf(figure: Figure) -> str:
+def make_mjcf(figure: RigidRobot) -> str:
     """Return the model of a robot, without a floor."""
-    below: dict[str, list[Link]] = {}
+    below: dict[str, list[RigidLink]] = {}
     for link in figure.links:
         below.setdefault(link.parent, []).append(link)
-    trunk = _inertial(figure.mass, figure.centre, figure.spread)
-    limbs = "".join(_link(each, below) for each in below.get("", ()))
+    trunk = _inertial_element(figure.mass, figure.centre, figure.spread)
+    limbs = "".join(_link_element(each, below) for each in below.get("", ()))
     servos = "".join(
-        f'<position name="{link.name}" joint="{link.name}" kp="{_n(link.motor.stiffness)}" '
-        f'forcerange="{_n(-link.motor.torque)} {_n(link.motor.torque)}"/>'
+        f'<position name="{link.name}" joint="{link.name}" kp="{_format_number(link.motor.stiffness)}" '
+        f'forcerange="{_format_number(-link.motor.torque)} {_format_number(link.motor.torque)}"/>'
         for link in figure.links
     )
     return (
         '<mujoco><compiler angle="radian" autolimits="true"/>'
         '<default><geom rgba="0.35 0.5 0.7 1"/></default>'
-        f'<worldbody><body name="{TRUNK}"><freejoint/>{trunk}{_shapes(figure.shapes)}{limbs}</body></worldbody>'
+        f'<worldbody><body name="{TRUNK}"><freejoint/>{trunk}{_shape_elements(figure.shapes)}{limbs}</body></worldbody>'
         f"<actuator>{servos}</actuator></mujoco>"
     )
 
 
-def _link(link: Link, below: Mapping[str, Iterable[Link]]) -> str:
+def _link_element(link: RigidLink, below: Mapping[str, Iterable[RigidLink]]) -> str:
     motor = link.motor
     low, high = (end + way * radians(3) for end, way in zip(link.limits, (-1, 1), strict=True))
-    limbs = "".join(_link(each, below) for each in below.get(link.name, ()))
+    limbs = "".join(_link_element(each, below) for each in below.get(link.name, ()))
     return (
-        f'<body name="{link.name}" pos="{_v(link.offset)}">'
-        f'<joint name="{link.name}" axis="{_v(link.axis)}" range="{_n(low)} {_n(high)}" damping="{_n(motor.damping)}" '
-        f'armature="{_n(motor.inertia)}" frictionloss="{_n(motor.friction)}"/>'
-        f"{_inertial(link.mass, link.centre, link.spread)}{_shapes(link.shapes)}{limbs}</body>"
+        f'<body name="{link.name}" pos="{_format_vector(link.offset)}">'
+        f'<joint name="{link.name}" axis="{_format_vector(link.axis)}" range="{_format_number(low)} {_format_number(high)}" damping="{_format_number(motor.damping)}" '
+        f'armature="{_format_number(motor.inertia)}" frictionloss="{_format_number(motor.friction)}"/>'
+        f"{_inertial_element(link.mass, link.centre, link.spread)}{_shape_elements(link.shapes)}{limbs}</body>"
     )
 
 
-def _inertial(mass: float, centre: Vector, spread: Vector) -> str:
+def _inertial_element(mass: float, centre: Vector, spread: Vector) -> str:
     moments = (mass * radius * radius for radius in spread)
-    return f'<inertial mass="{_n(mass)}" pos="{_v(centre)}" diaginertia="{_v(moments)}"/>'
+    return f'<inertial mass="{_format_number(mass)}" pos="{_format_vector(centre)}" diaginertia="{_format_vector(moments)}"/>'
 
 
-def _shapes(shapes: Iterable[Shape]) -> str:
+def _shape_elements(shapes: Iterable[RigidShape]) -> str:
     """Return shapes that touch the floor, and not each other: limbs that would hit are what gaits are checked for."""
     return "".join(
-        f"<geom {_form(shape)} "
+        f"<geom {_shape_attributes(shape)} "
         + ('contype="2" conaffinity="1"' if shape.solid else 'contype="0" conaffinity="0"')
         + "/>"
         for shape in shapes
     )
 
 
-def _form(shape: Shape) -> str:
+def _shape_attributes(shape: RigidShape) -> str:
     if shape.to is None:
-        return f'type="box" pos="{_v(shape.at)}" size="{_v(length / 2 for length in shape.size)}"'
-    return f'type="capsule" size="{_n(shape.radius)}" fromto="{_v(shape.at)} {_v(shape.to)}"'
+        return (
+            f'type="box" pos="{_format_vector(shape.at)}" size="{_format_vector(length / 2 for length in shape.size)}"'
+        )
+    return f'type="capsule" size="{_format_number(shape.radius)}" fromto="{_format_vector(shape.at)} {_format_vector(shape.to)}"'
 
 
-def _v(values: Iterable[float]) -> str:
-    return " ".join(map(_n, values))
+def _format_vector(values: Iterable[float]) -> str:
+    return " ".join(map(_format_number, values))
 
 
-def _n(value: float) -> str:
+def _format_number(value: float) -> str:
     return f"{value:.9g}"

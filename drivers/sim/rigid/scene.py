@@ -12,22 +12,22 @@ from drivers.api import Pose2D
 from drivers.errors import BadRequest
 from drivers.sim.rigid.links import Floor
 
-STEP = 0.002
+TIME_STEP = 0.002
 """Seconds of one step of physics."""
 
 GRAVITY = 9.81
 
-FALLEN = 0.5
+FALLEN_COSINE = 0.5
 """The cosine of the lean at which a robot has fallen: it lies, or will in a moment."""
 
-TILES = "tiles of the floor"
+FLOOR_MATERIAL = "tiles of the floor"
 """The floor's material: tiles, so that films show how a robot moves. No name of a user's model is like it."""
 
-CLEARANCE = 0.0005
+START_CLEARANCE = 0.0005
 """Metres over the floor from which a robot is set down."""
 
 
-def mujoco() -> Any:
+def import_mujoco() -> Any:
     """Return MuJoCo. Raises BadRequest where it is not installed."""
     try:
         import mujoco as found  # noqa: PLC0415 - 60 MB, for those who ask for physics
@@ -38,10 +38,10 @@ def mujoco() -> Any:
     return found
 
 
-class Scene:
+class PhysicsScene:
     """One robot on a floor, by MuJoCo's ``model``: its text, or the file of a user's own. For one thread.
 
-    Time is the simulated clock's. It moves on as far as it is asked for, in steps of ``STEP`` on an absolute schedule:
+    Time is the simulated clock's. It moves on as far as it is asked for, in steps of ``TIME_STEP`` on an absolute schedule:
     so it is the same however often it is asked. At first the robot stands at ``start`` with all joints at 0, and stiff.
     ``backlashes`` are those of the servos (rad) by the names of their joints, each of which the model must have with a
     position actuator. ``energy`` (J) is what the motors have done so far, ``seed`` draws what is drawn by chance.
@@ -57,62 +57,62 @@ class Scene:
         start: Pose2D | None = None,
         seed: int = 0,
     ) -> None:
-        self.engine = mujoco()
-        self.model = _compiled(self.engine, model)
+        self.engine = import_mujoco()
+        self.model = _compile_model(self.engine, model)
         self.data = self.engine.MjData(self.model)
         self.energy = 0.0
         self._steps = 0
         self._floor = floor
-        self._of = {name: place for place, name in enumerate(backlashes)}
-        self._dead = np.array([*backlashes.values()]) / 2
-        self._wire(model)
-        self._disturb(seed)
-        self._angle, self._rate = self.data.qpos[self._at], self.data.qvel[self._by]
+        self._joint_index = {name: place for place, name in enumerate(backlashes)}
+        self._half_backlash = np.array([*backlashes.values()]) / 2
+        self._find_joints(model)
+        self._apply_disturbances(seed)
+        self._angle, self._rate = self.data.qpos[self._position_index], self.data.qvel[self._velocity_index]
         self._setpoint = np.zeros(len(backlashes))
         self._goal = np.zeros(len(backlashes))
         self._speed = np.zeros(len(backlashes))
-        self._sent = [self._setpoint.copy() for _ in range(round(floor.delay / STEP) + 1)]
-        self._set_down(start or Pose2D(0.0, 0.0, 0.0))
+        self._delayed_setpoints = [self._setpoint.copy() for _ in range(round(floor.servo_delay / TIME_STEP) + 1)]
+        self._place_robot(start or Pose2D(0.0, 0.0, 0.0))
 
     # --- servos -------------------------------------------------------------------------------------------------------
 
-    def go(self, joint: str, goal: float, speed: float) -> None:
+    def set_goal(self, joint: str, goal: float, speed: float) -> None:
         """Send a servo to ``goal`` (rad) at ``speed`` (rad/s); a limp one is stiff from now on."""
-        place = self._of[joint]
-        if not self.stiff(joint):
+        place = self._joint_index[joint]
+        if not self.has_torque(joint):
             self._setpoint[place] = self.angle(joint)
-            for sent in self._sent:
+            for sent in self._delayed_setpoints:
                 sent[place] = self._setpoint[place]
-            self._give(place, 1.0)
+            self._set_torque(place, 1.0)
         self._goal[place], self._speed[place] = goal, speed
 
-    def turn(self, joint: str, angle: float) -> None:
+    def turn_limp_joint(self, joint: str, angle: float) -> None:
         """Turn a limp joint to ``angle`` (rad) by hand."""
-        self.data.qpos[self._at[self._of[joint]]] = angle
+        self.data.qpos[self._position_index[self._joint_index[joint]]] = angle
 
-    def relax(self, joint: str) -> None:
+    def switch_torque_off(self, joint: str) -> None:
         """Take a servo's torque away: its motor is turned by what pulls at it."""
-        self._give(self._of[joint], 0.0)
+        self._set_torque(self._joint_index[joint], 0.0)
 
-    def stiff(self, joint: str) -> bool:
+    def has_torque(self, joint: str) -> bool:
         """Whether a servo has its torque."""
-        return bool(self.model.actuator_gainprm[self._servo[self._of[joint]], 0])
+        return bool(self.model.actuator_gainprm[self._servo[self._joint_index[joint]], 0])
 
     def angle(self, joint: str) -> float:
         """Return where a joint is, in radians."""
-        return float(self.data.qpos[self._at[self._of[joint]]])
+        return float(self.data.qpos[self._position_index[self._joint_index[joint]]])
 
     def rate(self, joint: str) -> float:
         """Return how fast a joint turns, in rad/s."""
-        return float(self.data.qvel[self._by[self._of[joint]]])
+        return float(self.data.qvel[self._velocity_index[self._joint_index[joint]]])
 
     def load(self, joint: str) -> float:
         """Return a servo's torque in -1..1 of its most."""
-        return self.torque(joint) / float(self._most[self._of[joint]])
+        return self.torque(joint) / float(self._max_torque[self._joint_index[joint]])
 
     def torque(self, joint: str) -> float:
         """Return the torque (Nm) that a servo gives."""
-        return float(self.data.actuator_force[self._servo[self._of[joint]]])
+        return float(self.data.actuator_force[self._servo[self._joint_index[joint]]])
 
     # --- the body -----------------------------------------------------------------------------------------------------
 
@@ -127,92 +127,92 @@ class Scene:
         turn = self.data.xmat[self._trunk]
         return atan2(turn[7], turn[8]), -asin(min(max(turn[6], -1.0), 1.0))
 
-    def rates(self) -> tuple[float, float, float]:
+    def gyro_rates(self) -> tuple[float, float, float]:
         """Return how fast the trunk turns about its own axes, in rad/s: what a gyro feels."""
         x, y, z = self.data.qvel[self._free + 3 : self._free + 6]
         return float(x), float(y), float(z)
 
-    def force(self) -> tuple[float, float, float]:
+    def proper_acceleration(self) -> tuple[float, float, float]:
         """Return the acceleration that the trunk feels along its own axes, gravity's among them, in m/s2."""
         felt = self.data.qacc[self._free : self._free + 3] - self.model.opt.gravity
         x, y, z = self.data.xmat[self._trunk].reshape(3, 3).T @ felt
         return float(x), float(y), float(z)
 
     @property
-    def fallen(self) -> bool:
+    def has_fallen(self) -> bool:
         """Whether the robot lies, or will in a moment."""
-        return bool(self.data.xmat[self._trunk][8] < FALLEN)
+        return bool(self.data.xmat[self._trunk][8] < FALLEN_COSINE)
 
     def advance(self, now: float) -> None:
         """Let time pass to ``now`` (s), in whole steps; time that is over changes nothing."""
-        last = int(now / STEP + 1e-6)
+        last = int(now / TIME_STEP + 1e-6)
         while self._steps < last:
             self._step()
 
     # --- the inside ---------------------------------------------------------------------------------------------------
 
     def _step(self) -> None:
-        data, reach = self.data, self._speed * STEP
+        data, reach = self.data, self._speed * TIME_STEP
         way = np.minimum(np.maximum(self._goal - self._setpoint, -reach), reach)
         self._setpoint = self._setpoint + way
-        self._sent.append(self._setpoint)
-        goal, angle, dead = self._sent.pop(0), data.qpos[self._at], self._dead
+        self._delayed_setpoints.append(self._setpoint)
+        goal, angle, dead = self._delayed_setpoints.pop(0), data.qpos[self._position_index], self._half_backlash
         # Within the backlash nothing turns the joint.
         data.ctrl[self._servo] = np.minimum(np.maximum(angle, goal - dead), goal + dead)
-        now = self._steps * STEP
+        now = self._steps * TIME_STEP
         if self._floor.pushes:
-            data.xfrc_applied[self._trunk, :2] = self._pushed(now)
+            data.xfrc_applied[self._trunk, :2] = self._push_force(now)
         self.engine.mj_step(self.model, data)
-        self.energy += float(np.maximum(data.actuator_force * data.actuator_velocity, 0.0).sum()) * STEP
+        self.energy += float(np.maximum(data.actuator_force * data.actuator_velocity, 0.0).sum()) * TIME_STEP
         self._steps += 1
 
-    def _pushed(self, now: float) -> tuple[float, float]:
+    def _push_force(self, now: float) -> tuple[float, float]:
         """Return the force (N) of the pushes at a time."""
         x = y = 0.0
         for push in self._floor.pushes:
-            if push.at <= now < push.at + push.time:
-                force = self._mass * push.speed / push.time
-                x, y = x + force * cos(push.towards), y + force * sin(push.towards)
+            if push.at <= now < push.at + push.duration:
+                force = self._mass * push.speed / push.duration
+                x, y = x + force * cos(push.direction), y + force * sin(push.direction)
         return x, y
 
-    def _give(self, place: int, torque: float) -> None:
+    def _set_torque(self, place: int, torque: float) -> None:
         """Switch a servo's torque on (1) or off (0)."""
         servo, stiffness = self._servo[place], self._stiffness[place]
         self.model.actuator_gainprm[servo, 0] = torque * stiffness
         self.model.actuator_biasprm[servo, 1] = -torque * stiffness
 
-    def _wire(self, model: str | Path) -> None:
+    def _find_joints(self, model: str | Path) -> None:
         """Find trunk, joints and servos in the model."""
         mine, types = self.model, self.engine.mjtJoint
         free = [joint for joint in range(mine.njnt) if mine.jnt_type[joint] == types.mjJNT_FREE]
         if not free:
-            raise BadRequest(f"{_shown(model)}: no body has a freejoint: this robot could not fall")
+            raise BadRequest(f"{_model_name(model)}: no body has a freejoint: this robot could not fall")
         self._trunk, self._free = int(mine.jnt_bodyid[free[0]]), int(mine.jnt_dofadr[free[0]])
         joints = {mine.joint(joint).name: joint for joint in range(mine.njnt)}
         # Of the actuators those that are at a joint, which is kind 0.
         at_joints = [servo for servo in range(mine.nu) if not mine.actuator_trntype[servo]]
         servos = {int(mine.actuator_trnid[servo, 0]): servo for servo in at_joints}
-        if lacking := [name for name in self._of if name not in joints]:
+        if lacking := [name for name in self._joint_index if name not in joints]:
             known = ", ".join(filter(None, joints))
-            raise BadRequest(f"{_shown(model)} has no joint '{lacking[0]}'", hint=f"it has {known}")
-        found = [joints[name] for name in self._of]
-        for name, joint in zip(self._of, found, strict=True):
+            raise BadRequest(f"{_model_name(model)} has no joint '{lacking[0]}'", hint=f"it has {known}")
+        found = [joints[name] for name in self._joint_index]
+        for name, joint in zip(self._joint_index, found, strict=True):
             servo = servos.get(joint)
             if servo is None or not mine.actuator_gainprm[servo, 0] == -mine.actuator_biasprm[servo, 1] != 0:
                 hint = f'<position joint="{name}" kp="20" forcerange="-4 4"/> under <actuator>'
-                raise BadRequest(f"{_shown(model)}: joint '{name}' has no position actuator", hint=hint)
-        self._at, self._by = mine.jnt_qposadr[found], mine.jnt_dofadr[found]
+                raise BadRequest(f"{_model_name(model)}: joint '{name}' has no position actuator", hint=hint)
+        self._position_index, self._velocity_index = mine.jnt_qposadr[found], mine.jnt_dofadr[found]
         self._servo = np.array([servos[joint] for joint in found], dtype=int)
         self._stiffness = mine.actuator_gainprm[self._servo, 0].copy()
         most = mine.actuator_forcerange[self._servo, 1]
-        self._most = np.where(most > 0, most, self._stiffness)
+        self._max_torque = np.where(most > 0, most, self._stiffness)
 
-    def _disturb(self, seed: int) -> None:
+    def _apply_disturbances(self, seed: int) -> None:
         """Make floor and masses what they are to be."""
         mine, floor = self.model, self._floor
         chance = Random(f"masses {seed}")  # noqa: S311 - no secret
         for body in range(1, mine.nbody):
-            share = 1 + floor.masses * (2 * chance.random() - 1)
+            share = 1 + floor.mass_error * (2 * chance.random() - 1)
             mine.body_mass[body] *= share
             mine.body_inertia[body] *= share
         mine.geom_friction[:, 0] = floor.friction
@@ -222,7 +222,7 @@ class Scene:
         self.engine.mj_setConst(mine, self.data)
         self._mass = float(mine.body_subtreemass[self._trunk])
 
-    def _set_down(self, start: Pose2D) -> None:
+    def _place_robot(self, start: Pose2D) -> None:
         """Stand the robot on the floor, with its joints at 0."""
         mine, data, engine = self.model, self.data, self.engine
         at = int(mine.jnt_qposadr[mine.body_jntadr[self._trunk]])
@@ -231,11 +231,11 @@ class Scene:
         floor = mine.geom("floor").id
         solid = [each for each in range(mine.ngeom) if each != floor and mine.geom_conaffinity[each]]
         lowest = min((engine.mj_geomDistance(mine, data, floor, each, 10.0, None) for each in solid), default=0.0)
-        data.qpos[at + 2] -= lowest - CLEARANCE
+        data.qpos[at + 2] -= lowest - START_CLEARANCE
         engine.mj_forward(mine, data)
 
 
-def _compiled(engine: Any, model: str | Path) -> Any:
+def _compile_model(engine: Any, model: str | Path) -> Any:
     """Return a model with a floor, which steps as all do here."""
     try:
         own = isinstance(model, Path)
@@ -248,20 +248,22 @@ def _compiled(engine: Any, model: str | Path) -> Any:
             plane = engine.mjtGeom.mjGEOM_PLANE
             tiles = {"rgb1": [0.8, 0.8, 0.8], "rgb2": [0.7, 0.7, 0.7], "width": 64, "height": 64}
             two, checker = engine.mjtTexture.mjTEXTURE_2D, engine.mjtBuiltin.mjBUILTIN_CHECKER
-            spec.add_texture(name=TILES, type=two, builtin=checker, **tiles)
-            material = spec.add_material(name=TILES, texrepeat=[2, 2], texuniform=True)
-            material.textures[engine.mjtTextureRole.mjTEXROLE_RGB] = TILES
-            spec.worldbody.add_geom(name="floor", type=plane, size=[50, 50, 1], material=TILES, rgba=[1, 1, 1, 1])
+            spec.add_texture(name=FLOOR_MATERIAL, type=two, builtin=checker, **tiles)
+            material = spec.add_material(name=FLOOR_MATERIAL, texrepeat=[2, 2], texuniform=True)
+            material.textures[engine.mjtTextureRole.mjTEXROLE_RGB] = FLOOR_MATERIAL
+            spec.worldbody.add_geom(
+                name="floor", type=plane, size=[50, 50, 1], material=FLOOR_MATERIAL, rgba=[1, 1, 1, 1]
+            )
         spec.worldbody.add_light(pos=[0, 0, 4])
-        spec.option.timestep = STEP
+        spec.option.timestep = TIME_STEP
         spec.option.integrator = engine.mjtIntegrator.mjINT_IMPLICITFAST
         spec.option.cone, spec.option.impratio = engine.mjtCone.mjCONE_ELLIPTIC, 10
         spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.4] * 3, [0.5] * 3
         spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
         return spec.compile()
     except ValueError as error:
-        raise BadRequest(f"{_shown(model)} is no model for MuJoCo: {error}") from error
+        raise BadRequest(f"{_model_name(model)} is no model for MuJoCo: {error}") from error
 
 
-def _shown(model: str | Path) -> str:
+def _model_name(model: str | Path) -> str:
     return str(model) if isinstance(model, Path) else "the robot's model"

@@ -11,28 +11,28 @@ from drivers.api import Image
 
 Floats = npt.NDArray[np.float64]
 
-AROUND, FLOOR, MARKS, INK = (242, 248, 250), (150, 150, 150), (190, 190, 190), (64, 60, 60)
+BACKGROUND, FLOOR, MARKS, INK = (242, 248, 250), (150, 150, 150), (190, 190, 190), (64, 60, 60)
 """Colours: blue, green, red."""
 
 LEFT, RIGHT, MIDDLE = (180, 96, 38), (44, 90, 214), (120, 120, 120)
 """Those of the left half of a body, of its right half, and of what lies between."""
 
-MIDST = 0.01
+MIDDLE_HALF_WIDTH = 0.01
 """Metres from its middle within which a line belongs to neither half."""
 
-MARKED = 0.1
+MARK_SPACING = 0.1
 """Metres from mark to mark on the floor."""
 
-ROOM = 1.3
+PICTURE_HEIGHT_FACTOR = 1.3
 """Times its height that a picture is high."""
 
-FLOOR_AT = 0.88
+FLOOR_HEIGHT_SHARE = 0.88
 """Where in the height of a picture the floor is."""
 
-SHIFT = 4
+SUBPIXEL_BITS = 4
 """Bits of sub-pixel accuracy in OpenCV's drawing functions."""
 
-FARTHEST = 1e4
+MAX_PIXEL = 1e4
 """Pixels beyond which nothing is drawn: OpenCV counts them in 32 bits."""
 
 
@@ -44,8 +44,8 @@ class Stroke(NamedTuple):
     radius: float
 
 
-def stick_figure(
-    strokes: Sequence[Stroke], size: tuple[int, int], *, height: float, gone: float = 0.0, told: str = ""
+def draw_stick_figure(
+    strokes: Sequence[Stroke], size: tuple[int, int], *, height: float, walked: float = 0.0, caption: str = ""
 ) -> Image:
     """Return a picture of ``size`` (width, height): from its right at the left, from the front at the right.
 
@@ -53,40 +53,40 @@ def stick_figure(
     ``told`` stands below.
     """
     width = size[0] // 2
-    image: Image = np.full((size[1], size[0], 3), AROUND, np.uint8)
-    scale = size[1] * FLOOR_AT / (ROOM * height)
+    image: Image = np.full((size[1], size[0], 3), BACKGROUND, np.uint8)
+    scale = size[1] * FLOOR_HEIGHT_SHARE / (PICTURE_HEIGHT_FACTOR * height)
     panes = ((0, 0, 1, -1, "from its right"), (width, 1, 0, 1, "from the front"))
     for left, across, along, way, title in panes:
         pane = image[:, left : left + width]
-        _floor(pane, scale, gone if across == 0 else 0.0)
+        _draw_floor(pane, scale, walked if across == 0 else 0.0)
         for stroke in sorted(strokes, key=lambda each: way * float(each.begin[along] + each.end[along])):
-            _draw(pane, stroke, across, scale)
+            _draw_stroke(pane, stroke, across, scale)
         cv2.putText(pane, title, (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.45, INK, 1, cv2.LINE_AA)
-    cv2.putText(image, told, (8, size[1] - 10), cv2.FONT_HERSHEY_SIMPLEX, 0.45, INK, 1, cv2.LINE_AA)
+    cv2.putText(image, caption, (8, size[1] - 10), cv2.FONT_HERSHEY_SIMPLEX, 0.45, INK, 1, cv2.LINE_AA)
     return image
 
 
-def _floor(pane: Image, scale: float, gone: float) -> None:
+def _draw_floor(pane: Image, scale: float, walked: float) -> None:
     height, width = pane.shape[:2]
-    level = round(FLOOR_AT * height)
+    level = round(FLOOR_HEIGHT_SHARE * height)
     cv2.line(pane, (0, level), (width, level), FLOOR, 1, cv2.LINE_AA)
     reach = width / 2 / scale
-    for number in range(int((gone - reach) // MARKED), int((gone + reach) // MARKED) + 2):
-        x = round(width / 2 + scale * (number * MARKED - gone))
+    for number in range(int((walked - reach) // MARK_SPACING), int((walked + reach) // MARK_SPACING) + 2):
+        x = round(width / 2 + scale * (number * MARK_SPACING - walked))
         cv2.line(pane, (x, level), (x, level + 8), MARKS, 2, cv2.LINE_AA)
 
 
-def _draw(pane: Image, stroke: Stroke, across: int, scale: float) -> None:
+def _draw_stroke(pane: Image, stroke: Stroke, across: int, scale: float) -> None:
     height, width = pane.shape[:2]
     middle = float(stroke.begin[1] + stroke.end[1]) / 2
-    colour = MIDDLE if abs(middle) < MIDST else LEFT if middle > 0 else RIGHT
+    colour = MIDDLE if abs(middle) < MIDDLE_HALF_WIDTH else LEFT if middle > 0 else RIGHT
     ends = [
-        (width / 2 + scale * float(each[across]), FLOOR_AT * height - scale * float(each[2]))
+        (width / 2 + scale * float(each[across]), FLOOR_HEIGHT_SHARE * height - scale * float(each[2]))
         for each in (stroke.begin, stroke.end)
     ]
-    if not np.isfinite(ends).all() or np.abs(ends).max() > FARTHEST:
+    if not np.isfinite(ends).all() or np.abs(ends).max() > MAX_PIXEL:
         return
-    begin, end = ((round(x * 2**SHIFT), round(y * 2**SHIFT)) for x, y in ends)
+    begin, end = ((round(x * 2**SUBPIXEL_BITS), round(y * 2**SUBPIXEL_BITS)) for x, y in ends)
     thick = max(2, min(round(2 * scale * stroke.radius), 200))
-    cv2.line(pane, begin, end, tuple(round(0.7 * part) for part in colour), thick + 2, cv2.LINE_AA, SHIFT)
-    cv2.line(pane, begin, end, colour, thick, cv2.LINE_AA, SHIFT)
+    cv2.line(pane, begin, end, tuple(round(0.7 * part) for part in colour), thick + 2, cv2.LINE_AA, SUBPIXEL_BITS)
+    cv2.line(pane, begin, end, colour, thick, cv2.LINE_AA, SUBPIXEL_BITS)

@@ -11,24 +11,32 @@ from math import acos, dist, radians
 from pathlib import Path
 from typing import Any
 
-from config.faults import Diagnostic, InvalidFileError, Mark, Source, closest, one_of
-from config.foreign import foreign_file, plain_data
-from config.gesture import beyond, gesture_of
-from config.library import PLAYED, SHEETS, kinds_of
+from config.faults import Diagnostic, InvalidFileError, Mark, SourceText, closest, suggest_from
+from config.foreign import read_plain_data, recognise_file
+from config.gesture import limit_error, parse_gesture
+from config.library import MOVEMENT_FORMS, SHEET_SUFFIXES, kinds_of
 from config.marked import read_source
-from config.move import JointSource, MoveConfig, is_move, move_of
+from config.move import JointSource, MoveConfig, is_move, parse_move
 from config.reading import read_regular
 from drivers.api import Gesture, Keyframe
 from drivers.api.sections import ArmKeys
 from drivers.servos.declared import DynamixelKeys
-from missions.library.moves.sheet import TIME, TIME_NAMES, Sheet, heading_of, joint_called, read_sheet, time_unit
+from missions.library.moves.sheet import (
+    TIME_HEADING,
+    TIME_NAMES,
+    Sheet,
+    find_joint,
+    parse_heading,
+    read_sheet,
+    time_unit,
+)
 
 # Angles of limbs out of points of a body, by the law of cosines, as fine as a servo can tell them apart.
 
 Point = tuple[float, ...]
 """Where a point of a body is, in one unit of length; two or three coordinates."""
 
-SAME = 1e-9
+SAME_POINT_SHARE = 1e-9
 """Two points that are nearer than this share of a limb's length are one: there is no angle between them."""
 
 
@@ -39,13 +47,13 @@ def angle_at(before: Point, joint: Point, behind: Point) -> float:
     the cosine of the angle between them. Raises ValueError where ``joint`` is where one of the others is.
     """
     near, far, across = dist(joint, before), dist(joint, behind), dist(before, behind)
-    if min(near, far) <= SAME * max(near, far):
+    if min(near, far) <= SAME_POINT_SHARE * max(near, far):
         raise ValueError("two of its points are in one place")
     cosine = (near**2 + far**2 - across**2) / (2 * near * far)
     return acos(min(max(cosine, -1.0), 1.0))  # rounding may carry it past either end
 
 
-def steadied(angles: Iterable[float], resolution: float) -> list[float]:
+def apply_dead_band(angles: Iterable[float], resolution: float) -> list[float]:
     """Return ``angles`` in which a change of less than ``resolution`` is none: the one before stands on.
 
     So a servo is not sent to and fro by noise that is finer than its own steps.
@@ -58,13 +66,13 @@ def steadied(angles: Iterable[float], resolution: float) -> list[float]:
 
 # Movements as other programs keep them: pypot, dynamixel_workbench, RoboPlus. Each becomes a sheet.
 
-MAX_BYTES = 5_000_000
+MAX_FILE_BYTES = 5_000_000
 
-LAST = 1023
+MAX_AX_STEP = 1023
 """The highest step of the servos that RoboPlus moves."""
 
 
-def sheet_of(path: Path, form: str, arm: ArmKeys | None) -> Sheet:
+def read_foreign_sheet(path: Path, form: str, arm: ArmKeys | None) -> Sheet:
     """Return a movement as a sheet of its joints. Raises InvalidFileError for one that cannot be understood.
 
     pypot has degrees and speeds by motor and by seconds; dynamixel_workbench radians in the order of its joints;
@@ -72,18 +80,18 @@ def sheet_of(path: Path, form: str, arm: ArmKeys | None) -> Sheet:
     """
     try:
         if form == "roboplus":
-            frames = _roboplus(read_regular(path, MAX_BYTES).decode("latin-1"), arm)
+            frames = _roboplus(read_regular(path, MAX_FILE_BYTES).decode("latin-1"), arm)
         else:
-            data = plain_data(path)
+            data = read_plain_data(path)
             frames = _pypot(data) if form == "pypot" else _workbench(data)
     except (OSError, ArithmeticError, ValueError, TypeError, LookupError, AttributeError) as error:
         raise InvalidFileError(
-            [Diagnostic(Source(str(path), ""), Mark(), f"its frames cannot be understood: {error}")]
+            [Diagnostic(SourceText(str(path), ""), Mark(), f"its frames cannot be understood: {error}")]
         ) from error
     joints = list(dict.fromkeys(joint for frame in frames.values() for joint in frame))
     if not joints:
-        raise InvalidFileError([Diagnostic(Source(str(path), ""), Mark(), "there is no frame in it")])
-    sheet = Sheet(str(path), 1, headings={name: column for column, name in enumerate((TIME, *joints), 1)})
+        raise InvalidFileError([Diagnostic(SourceText(str(path), ""), Mark(), "there is no frame in it")])
+    sheet = Sheet(str(path), 1, headings={name: column for column, name in enumerate((TIME_HEADING, *joints), 1)})
     pose: dict[str, float] = {}
     for frame in reversed(frames.values()):  # a motor that is named later stands there until then
         pose = {**pose, **frame}
@@ -133,11 +141,13 @@ def _roboplus(text: str, arm: ArmKeys | None) -> dict[float, dict[str, float]]:
         for number, place in enumerate(places[: len(used)]):
             if used[number]:
                 name, joint = joints[number]
-                if joint.kind.last != LAST:
-                    raise ValueError(f"servo {number} is an {joint.model}: it has not the {LAST + 1} steps of an AX")
-                if not 0 <= place <= joint.kind.last:
+                if joint.servo_model.last_tick != MAX_AX_STEP:
+                    raise ValueError(
+                        f"servo {number} is an {joint.model}: it has not the {MAX_AX_STEP + 1} steps of an AX"
+                    )
+                if not 0 <= place <= joint.servo_model.last_tick:
                     raise ValueError(f"servo {number}, an {joint.model}, has no step {place:g}")
-                pose[name] = (joint.kind.angle(place) - joint.zero) * (-1 if joint.reverse else 1)
+                pose[name] = (joint.servo_model.angle(place) - joint.zero) * (-1 if joint.reverse else 1)
         time += takes
         frames[time] = pose
         if pause > 0:
@@ -173,7 +183,7 @@ def _page(lines: list[tuple[str, str, str]]) -> tuple[float, list[list[float]]]:
 # The rows of a sheet as keyframes: every column, or every three points of a body, becomes the angles of a joint.
 
 
-def played(sheet: Sheet, move: MoveConfig, *, rate: float | None, arm: ArmKeys | None) -> Gesture:
+def build_movement(sheet: Sheet, move: MoveConfig, *, rate: float | None, arm: ArmKeys | None) -> Gesture:
     """Return the movement that ``move`` makes of ``sheet``. Raises InvalidFileError with every mistake in the sheet.
 
     ``rate`` and ``arm`` as for ``missions.library.moves.load.load_move``.
@@ -184,8 +194,8 @@ def played(sheet: Sheet, move: MoveConfig, *, rate: float | None, arm: ArmKeys |
     if not sheet.faults and arm is not None:
         for joint, angles in joints.items():
             _check_reach(sheet, joint, move, angles, arm)
-    sheet.refuse()
-    steady = [steadied(angles, _dead_band(move, joint, arm)) for joint, angles in joints.items()]
+    sheet.raise_faults()
+    steady = [apply_dead_band(angles, _dead_band(move, joint, arm)) for joint, angles in joints.items()]
     poses = (dict(zip(joints, angles, strict=True)) for angles in zip(*steady, strict=True))
     keyframes = tuple(Keyframe(time, pose) for time, pose in zip(times, poses, strict=True))
     return Gesture(move.name, move.summary, keyframes, "cubic")
@@ -197,42 +207,44 @@ def _check_headings(sheet: Sheet, move: MoveConfig, arm: ArmKeys | None) -> None
         for heading in source.headings:
             if heading not in sheet.headings:
                 what = f"there is no column '{heading}', of which joint '{joint}' is made"
-                sheet.fault(sheet.top, 1, what, one_of(heading, sheet.headings))
-        if arm is not None and joint not in arm.reaches:
+                sheet.fault(sheet.heading_row, 1, what, suggest_from(heading, sheet.headings))
+        if arm is not None and joint not in arm.ranges:
             column = sheet.headings.get(source.column, 1)
-            sheet.fault(sheet.top, column, f"there is no joint '{joint}'", _meant(source.column or joint, arm))
+            sheet.fault(
+                sheet.heading_row, column, f"there is no joint '{joint}'", _heading_hint(source.column or joint, arm)
+            )
     if not move.joints:
-        sheet.fault(sheet.top, 1, "there is no column of a joint")
+        sheet.fault(sheet.heading_row, 1, "there is no column of a joint")
     _check_units(sheet, move)
-    sheet.refuse()
+    sheet.raise_faults()
 
 
 def _check_units(sheet: Sheet, move: MoveConfig) -> None:
     """Note columns without a unit beside others in degrees: they would be radians, and hardly are."""
     columns = {joint: source.column for joint, source in move.joints.items() if source.points is None}
-    units = {joint: heading_of(column, move.joints).unit for joint, column in columns.items()}
+    units = {joint: parse_heading(column, move.joints).unit for joint, column in columns.items()}
     in_degrees = [joint for joint, unit in units.items() if unit == "deg"]
     for joint, column in columns.items():
         if in_degrees and not units[joint] and not move.degrees:
             hint = f"head it '{column} (deg)' or '{column} (rad)', as its angles are"
             what = f"'{column}' has no unit, and '{columns[in_degrees[0]]}' has degrees"
-            sheet.fault(sheet.top, sheet.headings.get(column, 1), what, hint)
+            sheet.fault(sheet.heading_row, sheet.headings.get(column, 1), what, hint)
 
 
-def _meant(heading: str, arm: ArmKeys) -> str:
+def _heading_hint(heading: str, arm: ArmKeys) -> str:
     """Return which joint a heading may mean, with its unit: without one its angles would be radians."""
-    name, unit = heading_of(heading)
+    name, unit = parse_heading(heading)
     if name.lower() in TIME_NAMES:
         return "a column of times is headed 'time (s)' or 'time (ms)'"
     if name.endswith(("_x", "_y", "_z")):
         return "a move file says of which points a joint is made"
-    if close := joint_called(name, arm.reaches) or closest(name, arm.reaches):
+    if close := find_joint(name, arm.ranges) or closest(name, arm.ranges):
         if unit in ("deg", "rad"):
             return f"did you mean '{close} ({unit})'?"
-        if name.lower().startswith(close.lower()) and not joint_called(name, arm.reaches):  # a unit or kind behind it
+        if name.lower().startswith(close.lower()) and not find_joint(name, arm.ranges):  # a unit or kind behind it
             return f"a column of it is headed '{close} (deg)' or '{close} (rad)', and has its angles in that unit"
         return f"did you mean '{close}'? without a unit it has radians: '{close} (deg)' has degrees"
-    return one_of(name, arm.reaches)
+    return suggest_from(name, arm.ranges)
 
 
 def _times(sheet: Sheet, rate: float | None) -> list[float]:
@@ -241,10 +253,10 @@ def _times(sheet: Sheet, rate: float | None) -> list[float]:
     if not column:
         if rate is None:
             hint = "give the rate of its rows, or add a column 'time' (in seconds)"
-            sheet.fault(sheet.top, 1, "it does not say when its rows are", hint)
+            sheet.fault(sheet.heading_row, 1, "it does not say when its rows are", hint)
         return [number / (rate or 1.0) for number in range(len(sheet.rows))]
     second = 1000.0 if time_unit(column) == "ms" else 1.0
-    times, mistakes = [time / second for time in sheet.numbers(column)], len(sheet.faults)
+    times, mistakes = [time / second for time in sheet.read_numbers(column)], len(sheet.faults)
     for (row, _), (before, time) in zip(sheet.rows[1:], pairwise(times), strict=True):
         if time <= before and not mistakes:
             sheet.fault(row, sheet.headings[column], f"{time:g} s is not later than the {before:g} s of the row before")
@@ -258,7 +270,7 @@ def time_column(sheet: Sheet) -> str:
 
 def _in_degrees(move: MoveConfig, source: JointSource) -> bool:
     """Say whether a column has degrees: as its heading says, else the move file."""
-    unit = heading_of(source.column, move.joints).unit
+    unit = parse_heading(source.column, move.joints).unit
     return unit == "deg" if unit in ("deg", "rad") else move.degrees
 
 
@@ -266,15 +278,15 @@ def _angles(sheet: Sheet, move: MoveConfig, joint: str, source: JointSource) -> 
     """Yield the angles (rad) of a joint, row by row."""
     if source.points is None:
         unit = radians(1) if _in_degrees(move, source) else 1.0
-        found = [unit * value for value in sheet.numbers(source.column)]
+        found = [unit * value for value in sheet.read_numbers(source.column)]
     else:
-        found = _bends(sheet, joint, source)
+        found = _point_angles(sheet, joint, source)
     return (source.sign * angle + source.offset for angle in found)
 
 
-def _bends(sheet: Sheet, joint: str, source: JointSource) -> list[float]:
+def _point_angles(sheet: Sheet, joint: str, source: JointSource) -> list[float]:
     """Return the angle at the middle one of three points in every row; a limb without length is a fault."""
-    columns = [sheet.numbers(heading) for heading in source.headings]
+    columns = [sheet.read_numbers(heading) for heading in source.headings]
     axes = len(source.plane)
     angles, problems = [], []
     for (row, _), *coordinates in zip(sheet.rows, *columns, strict=True):
@@ -285,22 +297,22 @@ def _bends(sheet: Sheet, joint: str, source: JointSource) -> list[float]:
             angles.append(0.0)
             problems.append((row, f"joint '{joint}': {error}"))
     if not sheet.faults:  # a cell without a number has one by now, and is no point
-        _note(sheet, source, problems)
+        _report_problems(sheet, source, problems)
     return angles
 
 
 def _check_reach(sheet: Sheet, joint: str, move: MoveConfig, angles: Sequence[float], arm: ArmKeys) -> None:
     """Note angles beyond the joint's limits."""
-    limits, source, hint = arm.reaches[joint], move.joints[joint], ""
-    found = [(row, beyond(joint, angle, limits)) for (row, _), angle in zip(sheet.rows, angles, strict=True)]
+    limits, source, hint = arm.ranges[joint], move.joints[joint], ""
+    found = [(row, limit_error(joint, angle, limits)) for (row, _), angle in zip(sheet.rows, angles, strict=True)]
     if source.points is None and not _in_degrees(move, source):
         smaller = [radians(angle - source.offset) + source.offset for angle in angles]
-        if not any(beyond(joint, angle, limits) for angle in smaller):
+        if not any(limit_error(joint, angle, limits) for angle in smaller):
             hint = f"are these degrees? then head the column '{joint} (deg)'"
-    _note(sheet, source, [(row, problem) for row, problem in found if problem], hint)
+    _report_problems(sheet, source, [(row, problem) for row, problem in found if problem], hint)
 
 
-def _note(sheet: Sheet, source: JointSource, problems: Sequence[tuple[int, str]], hint: str = "") -> None:
+def _report_problems(sheet: Sheet, source: JointSource, problems: Sequence[tuple[int, str]], hint: str = "") -> None:
     """Note the first problem of a joint, and how many more rows have one: where one has, mostly many do."""
     if problems:
         row, problem = problems[0]
@@ -314,7 +326,7 @@ def _dead_band(move: MoveConfig, joint: str, arm: ArmKeys | None) -> float:
     """Return the change (rad) below which a joint is not moved."""
     if move.dead_band is not None or arm is None:
         return move.dead_band or 0.0
-    return arm.step(joint)
+    return arm.resolution(joint)
 
 
 def load_move(path: Path, *, rate: float | None = None, arm: ArmKeys | None = None) -> Gesture:
@@ -323,38 +335,40 @@ def load_move(path: Path, *, rate: float | None = None, arm: ArmKeys | None = No
     With an ``arm``, it can move no other joints, and none beyond its limits; and what moves a joint by less than a step
     of its servo is no movement. Raises InvalidFileError with every mistake, at its line or its row and column.
     """
-    if path.suffix.lower() in SHEETS:
+    if path.suffix.lower() in SHEET_SUFFIXES:
         sheet = read_sheet(path)
-        return played(sheet, _of_headings(sheet, path, arm), rate=rate, arm=arm)
-    foreign = None if kinds_of(path) else foreign_file(path)
-    if foreign is not None and foreign.form in PLAYED:
-        sheet = sheet_of(path, foreign.form, arm)
-        return played(sheet, _of_headings(sheet, path, arm, in_degrees=foreign.form == "pypot"), rate=None, arm=arm)
+        return build_movement(sheet, _config_from_headings(sheet, path, arm), rate=rate, arm=arm)
+    foreign = None if kinds_of(path) else recognise_file(path)
+    if foreign is not None and foreign.form in MOVEMENT_FORMS:
+        sheet = read_foreign_sheet(path, foreign.form, arm)
+        return build_movement(
+            sheet, _config_from_headings(sheet, path, arm, in_degrees=foreign.form == "pypot"), rate=None, arm=arm
+        )
     source = read_source(path)
     if not is_move(source):
-        return gesture_of(source, None if arm is None else arm.reaches).movement
-    move = move_of(source, path.parent, None if arm is None else arm.reaches)
-    return played(read_sheet(move.sheet, move.tab), move, rate=rate, arm=arm)
+        return parse_gesture(source, None if arm is None else arm.ranges).movement
+    move = parse_move(source, path.parent, None if arm is None else arm.ranges)
+    return build_movement(read_sheet(move.sheet, move.tab), move, rate=rate, arm=arm)
 
 
-def _of_headings(sheet: Sheet, path: Path, arm: ArmKeys | None, *, in_degrees: bool = False) -> MoveConfig:
+def _config_from_headings(sheet: Sheet, path: Path, arm: ArmKeys | None, *, in_degrees: bool = False) -> MoveConfig:
     """Take every column for a joint; a unit behind its name is that of its angles.
 
     Raises InvalidFileError for a unit that is none of an angle, and for two columns of one joint.
     """
     joints: dict[str, JointSource] = {}
-    reaches = {} if arm is None else arm.reaches
+    reaches = {} if arm is None else arm.ranges
     times = time_column(sheet)
     for heading, column in sheet.headings.items():
-        name, unit = heading_of(heading, reaches)
+        name, unit = parse_heading(heading, reaches)
         if heading == times:
             continue
         if unit not in ("", "deg", "rad") and name.lower() not in TIME_NAMES:
             hint = f"write '{name} (deg)' or '{name} (rad)', and its angles in that unit"
-            sheet.fault(sheet.top, column, f"'{unit}' is not a unit of angle", hint)
-        joint = (joint_called(name, reaches) or name) if unit in ("deg", "rad") else heading
+            sheet.fault(sheet.heading_row, column, f"'{unit}' is not a unit of angle", hint)
+        joint = (find_joint(name, reaches) or name) if unit in ("deg", "rad") else heading
         if joint in joints:
-            sheet.fault(sheet.top, column, f"joint '{joint}' has a column already: '{joints[joint].column}'")
+            sheet.fault(sheet.heading_row, column, f"joint '{joint}' has a column already: '{joints[joint].column}'")
         joints[joint] = JointSource(column=heading)
-    sheet.refuse()
+    sheet.raise_faults()
     return MoveConfig(path.stem, sheet.remark, path, joints, degrees=in_degrees)

@@ -10,27 +10,27 @@ import numpy.typing as npt
 
 from config.faults import InvalidFileError
 from config.gesture import GestureConfig
-from config.units import seen
+from config.units import quoted_value
 from config.writing import gesture_text, write_new
 from drivers.api import JointState, Reading
 from drivers.errors import BadRequest, NoReply
 
-GAP = 0.25
+MAX_READING_GAP = 0.25
 """Seconds without a reading of all joints after which it is unknown what they did meanwhile."""
 
-Table = npt.NDArray[np.float64]
+Positions = npt.NDArray[np.float64]
 """Positions in radians, shape (readings, joints), float64."""
 
 
 @dataclass(frozen=True, slots=True)
-class Snapshot:
+class JointSnapshot:
     """Where the joints were (radians) at a time (seconds, on the driver's clock)."""
 
     time: float
     positions: Mapping[str, float]
 
 
-class Recording:
+class JointRecording:
     """A movement while it is made. ``resolutions`` are the joints to record, and the steps (rad) they measure in.
 
     What a joint does within one such step is not told from its standing still.
@@ -38,8 +38,8 @@ class Recording:
 
     def __init__(self, resolutions: Mapping[str, float]) -> None:
         self._resolutions = dict(resolutions)
-        self._heard: float | None = None  # when all joints were heard last, or first asked
-        self.snapshots: list[Snapshot] = []
+        self._last_reading_at: float | None = None  # when all joints were heard last, or first asked
+        self.snapshots: list[JointSnapshot] = []
 
     @property
     def seconds(self) -> float:
@@ -49,22 +49,22 @@ class Recording:
     def add(self, states: Mapping[str, Reading[JointState]], now: float) -> None:
         """Take the newest readings, if there are new ones of every joint.
 
-        Raises NoReply once no such readings have come for ``GAP`` seconds: a recording with a hole is none.
+        Raises NoReply once no such readings have come for ``MAX_READING_GAP`` seconds: a recording with a hole is none.
         """
         snapshot = self._snapshot(states)
         if snapshot is not None:
             self.snapshots.append(snapshot)
-        if snapshot is not None or self._heard is None:
-            self._heard = now
-        elif now - self._heard > GAP:
+        if snapshot is not None or self._last_reading_at is None:
+            self._last_reading_at = now
+        elif now - self._last_reading_at > MAX_READING_GAP:
             silent = [name for name in self._resolutions if not states[name].good]
             raise NoReply(
-                f"{', '.join(silent) or 'the joints'}: no reading for {now - self._heard:.2f} s, "
+                f"{', '.join(silent) or 'the joints'}: no reading for {now - self._last_reading_at:.2f} s, "
                 f"{self.seconds:.1f} s after the recording began",
                 hint="look after the cable and the supply, then record it again",
             )
 
-    def _snapshot(self, states: Mapping[str, Reading[JointState]]) -> Snapshot | None:
+    def _snapshot(self, states: Mapping[str, Reading[JointState]]) -> JointSnapshot | None:
         """Return where all the joints are, None where that is not known anew."""
         readings = {name: states[name] for name in self._resolutions}
         positions = {name: each.value.position for name, each in readings.items() if each.good and each.value}
@@ -72,7 +72,7 @@ class Recording:
         stamps = [each.stamp for each in readings.values()]
         if len(positions) < len(readings) or min(stamps) <= last:
             return None
-        return Snapshot(max(stamps), positions)
+        return JointSnapshot(max(stamps), positions)
 
     def gesture(self, name: str, summary: str = "") -> GestureConfig:
         """Return the movement without the stillness around it, thinned out to what the joints can measure.
@@ -81,16 +81,16 @@ class Recording:
         """
         steps = np.array(list(self._resolutions.values()))
         table = np.array([[snapshot.positions[joint] for joint in self._resolutions] for snapshot in self.snapshots])
-        moved = _moved(table, steps)
+        moved = _moving_range(table, steps)
         if moved is None:
             raise BadRequest(f"{name}: nothing moved while it was recorded", hint="move the joints by hand meanwhile")
         snapshots, table = self.snapshots[moved], table[moved]
         times = np.array([snapshot.time - snapshots[0].time for snapshot in snapshots])
-        kept = thinned(times, table, steps)
+        kept = thin_out(times, table, steps)
         return GestureConfig(name, summary, tuple((float(times[k]), snapshots[k].positions) for k in kept), "cubic")
 
 
-def _moved(table: Table, steps: npt.NDArray[np.float64]) -> slice | None:
+def _moving_range(table: Positions, steps: npt.NDArray[np.float64]) -> slice | None:
     """Return the readings from the last before the first movement to the first after the last; None without one."""
     if len(table) < 2:
         return None
@@ -101,7 +101,7 @@ def _moved(table: Table, steps: npt.NDArray[np.float64]) -> slice | None:
     return slice(int(np.argmax(begun)) - 1, len(table) - int(np.argmax(under_way[::-1])) + 1)
 
 
-def thinned(times: npt.NDArray[np.float64], table: Table, steps: npt.NDArray[np.float64]) -> list[int]:
+def thin_out(times: npt.NDArray[np.float64], table: Positions, steps: npt.NDArray[np.float64]) -> list[int]:
     """Return the readings (indices) that are enough: straight lines between them miss no other by more than a step.
 
     The first and the last are always kept, and whichever lies farthest from the line between two kept ones (Douglas
@@ -126,15 +126,15 @@ def thinned(times: npt.NDArray[np.float64], table: Table, steps: npt.NDArray[np.
 
 # Where a behaviour keeps a movement that it records: a gesture file, never written over.
 
-RESOLUTION = radians(0.3)
+DEFAULT_RESOLUTION = radians(0.3)
 """What a joint does within this angle is not told from its standing still: one step of the coarsest servos."""
 
 
-class Take(Recording):
+class FileRecording(JointRecording):
     """A recording of ``joints`` that is to become a file at ``path``."""
 
     def __init__(self, path: Path, joints: Iterable[str]) -> None:
-        super().__init__(dict.fromkeys(joints, RESOLUTION))
+        super().__init__(dict.fromkeys(joints, DEFAULT_RESOLUTION))
         self._path = path
 
     def write(self) -> None:
@@ -146,7 +146,7 @@ class Take(Recording):
             raise BadRequest(f"{self._path} cannot be written: {error}") from error
 
 
-class NewMove:
+class NewMoveFile:
     """A file for a movement that is yet to be recorded; ``name`` stands for NAME.yaml in the current folder.
 
     Raises LookupError for what cannot be the name of a file.
@@ -155,9 +155,9 @@ class NewMove:
     def __init__(self, name: str) -> None:
         path = Path(name.strip())
         if not path.name or "\0" in name:
-            raise LookupError(f"needs the name of a new file, got {seen(name)}")
+            raise LookupError(f"needs the name of a new file, got {quoted_value(name)}")
         self.path = path if path.suffix in (".yaml", ".yml") else path.with_name(f"{path.name}.yaml")
 
-    def begin(self, joints: Iterable[str]) -> Take:
+    def begin(self, joints: Iterable[str]) -> FileRecording:
         """Return an empty recording of ``joints``."""
-        return Take(self.path, joints)
+        return FileRecording(self.path, joints)

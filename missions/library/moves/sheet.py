@@ -19,15 +19,15 @@ from math import isfinite
 from pathlib import Path
 from typing import NamedTuple
 
-from config.faults import Diagnostic, InvalidFileError, Mark, Source, note, one_of
-from config.library import SHEETS
+from config.faults import Diagnostic, InvalidFileError, Mark, SourceText, add_diagnostic, suggest_from
+from config.library import SHEET_SUFFIXES
 from config.marked import read_source
-from config.reading import note_read, open_regular
-from config.units import seen
+from config.reading import open_regular, record_read
+from config.units import quoted_value
 
 # Headings of a sheet: the name of a joint, or of the times, and the unit that stands behind it.
 
-UNITS = {
+UNIT_WORDS = {
     **dict.fromkeys(("deg", "degs", "degree", "degrees", "°", "º", "grad"), "deg"),
     **dict.fromkeys(("rad", "rads", "radian", "radians"), "rad"),
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden"), "s"),
@@ -35,10 +35,10 @@ UNITS = {
 }
 """Units as people write them, English and German, and what each means."""
 
-TIME = "time"
+TIME_HEADING = "time"
 """The heading of the column that says when a row is, in seconds unless it says another unit."""
 
-TIME_NAMES = (TIME, "t", "zeit", "timestamp", "seconds", "sekunden")
+TIME_NAMES = (TIME_HEADING, "t", "zeit", "timestamp", "seconds", "sekunden")
 """Names of such columns; all but the first need their unit."""
 
 _BRACKETS = re.compile(r"(.*?)\s*[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]\s*")
@@ -52,21 +52,21 @@ class Heading(NamedTuple):
     unit: str
 
 
-def heading_of(text: str, names: Collection[str] = ()) -> Heading:
+def parse_heading(text: str, names: Collection[str] = ()) -> Heading:
     """Take a heading apart; one that is among the ``names`` has no unit."""
     if text in names:
         return Heading(text, "")
     if found := _BRACKETS.fullmatch(text):
         unit = found[2].lower().rstrip(".")
-        return Heading(found[1].strip(), UNITS.get(unit, unit))
+        return Heading(found[1].strip(), UNIT_WORDS.get(unit, unit))
     if found := _BEHIND.fullmatch(text):
-        unit = UNITS.get((found[2] or found[3]).lower(), "")
+        unit = UNIT_WORDS.get((found[2] or found[3]).lower(), "")
         if unit in ("deg", "rad") or (unit and found[1].strip().lower() in TIME_NAMES):
             return Heading(found[1].strip(" _,;:/.-"), unit)
     return Heading(text, "")
 
 
-def joint_called(name: str, joints: Collection[str]) -> str:
+def find_joint(name: str, joints: Collection[str]) -> str:
     """Return the joint that a heading means, in whatever case and with whatever between its words; empty for none."""
     if name in joints:
         return name
@@ -76,15 +76,15 @@ def joint_called(name: str, joints: Collection[str]) -> str:
 
 def time_unit(text: str) -> str:
     """Return the unit of a column of times, s or ms; empty for any other column."""
-    name, unit = heading_of(text)
-    if name.lower() == TIME and unit in ("", "s", "ms"):
+    name, unit = parse_heading(text)
+    if name.lower() == TIME_HEADING and unit in ("", "s", "ms"):
         return unit or "s"
     return unit if name.lower() in TIME_NAMES and unit in ("s", "ms") else ""
 
 
-def is_unit(text: str) -> bool:
+def is_unit_word(text: str) -> bool:
     """Say whether a cell is the name of a unit, with or without brackets."""
-    return text.strip("()[]{}<> .").lower() in UNITS
+    return text.strip("()[]{}<> .").lower() in UNIT_WORDS
 
 
 # Reads one sheet of a workbook in a process of its own, and prints it as JSON: ``python workbook.py FILE [SHEET]``.
@@ -93,7 +93,7 @@ def is_unit(text: str) -> bool:
 # What is printed is ``{"sheets": [names], "sheet": name, "rows": [[cells], ...]}``, with null for the rows of a sheet
 # that is not there, or ``{"error": why}``. Without a name it is the first sheet that is not hidden.
 
-MEMORY = 2_000_000_000
+MAX_MEMORY_BYTES = 2_000_000_000
 """Bytes that it may take."""
 
 MAX_ROWS = 100_000
@@ -104,7 +104,7 @@ def main(path: str, sheet: str | None = None) -> None:
     """Print the sheet, or the first one."""
     from python_calamine import CalamineError, CalamineWorkbook  # noqa: PLC0415 - an extra
 
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY_BYTES, MAX_MEMORY_BYTES))
     try:
         with CalamineWorkbook.from_path(path) as book:
             names = book.sheet_names
@@ -144,16 +144,16 @@ class Sheet:
     """
 
     name: str
-    top: int  # the row of the headings
+    heading_row: int  # the row of the headings
     tab: str = ""  # its name in the workbook
-    others: Sequence[str] = ()  # further sheets of the workbook
+    other_tabs: Sequence[str] = ()  # further sheets of the workbook
     headings: dict[str, int] = field(default_factory=dict)
     rows: list[tuple[int, Sequence[Cell]]] = field(default_factory=list)
     faults: list[Diagnostic] = field(default_factory=list)
 
     def fault(self, row: int, column: int, message: str, suggestion: str = "") -> None:
         """Note a mistake in one cell. Raises InvalidFileError once there are too many to go on."""
-        note(self.faults, Diagnostic(Source(self.name, ""), Mark(row, column), message, suggestion))
+        add_diagnostic(self.faults, Diagnostic(SourceText(self.name, ""), Mark(row, column), message, suggestion))
 
     @property
     def is_workbook(self) -> bool:
@@ -163,20 +163,20 @@ class Sheet:
     @property
     def remark(self) -> str:
         """What is said of a workbook with further sheets; empty for others."""
-        others = ", ".join(f"'{name}'" for name in self.others)
+        others = ", ".join(f"'{name}'" for name in self.other_tabs)
         how = "a move file names another: tab: NAME"
         return f"sheet '{self.tab}' is read, and not {others}; {how}" if others else ""
 
-    def refuse(self) -> None:
+    def raise_faults(self) -> None:
         """Raise InvalidFileError if there are faults; the first one says which sheet of the workbook was read."""
-        if self.faults and self.others:
+        if self.faults and self.other_tabs:
             first = self.faults[0]
             hint = "; ".join(filter(None, (first.suggestion, self.remark)))
             self.faults[0] = replace(first, suggestion=hint)
         if self.faults:
             raise InvalidFileError(self.faults)
 
-    def numbers(self, heading: str) -> list[float]:
+    def read_numbers(self, heading: str) -> list[float]:
         """Return the column under ``heading``; a cell without a number is a fault, and 0."""
         column = self.headings[heading]
         cells = [(row, cells[column - 1] if column <= len(cells) else "") for row, cells in self.rows]
@@ -184,29 +184,33 @@ class Sheet:
         if commas:
             row, cell = commas[0]
             more = f", and {len(commas) - 1} more below it" if len(commas) > 1 else ""
-            self.fault(row, column, f"{seen(cell)} has a decimal comma{more}", "write numbers with a point: 0.25")
+            self.fault(
+                row, column, f"{quoted_value(cell)} has a decimal comma{more}", "write numbers with a point: 0.25"
+            )
         return [0.0 if (row, cell) in commas else self._number(row, column, cell) for row, cell in cells]
 
     def _number(self, row: int, column: int, cell: Cell) -> float:
-        found = _value(cell)
+        found = _number_in(cell)
         if found is None:
             merged = "of merged cells the first one has the value: write it in each" if self.is_workbook else ""
-            self.fault(row, column, *(("an empty cell", merged) if cell == "" else (f"{seen(cell)} is no number", "")))
+            self.fault(
+                row, column, *(("an empty cell", merged) if cell == "" else (f"{quoted_value(cell)} is no number", ""))
+            )
         return found or 0.0
 
 
 def read_sheet(path: Path, tab: str | None = None) -> Sheet:
     """Read a spreadsheet; of a workbook the sheet ``tab``, or the first. Raises InvalidFileError with what is wrong."""
     kind = path.suffix.lower()
-    if kind not in SHEETS:
-        raise _refused(path, f"no spreadsheet: its name must end in {', '.join(SHEETS)}")
+    if kind not in SHEET_SUFFIXES:
+        raise _file_error(path, f"no spreadsheet: its name must end in {', '.join(SHEET_SUFFIXES)}")
     name, others = "", list[str]()
     if kind == ".csv":
-        written = _separated(path)
+        written = _read_separated(path)
     else:
-        written, name, others = _workbook(path, tab)
+        written, name, others = _read_workbook(path, tab)
     if len(written) > MAX_ROWS:
-        raise _refused(path, f"more than {MAX_ROWS:,} rows")
+        raise _file_error(path, f"more than {MAX_ROWS:,} rows")
     rows = [
         (number, cells) for number, cells in enumerate(written, 1) if not str(next(iter(cells), "")).startswith("#")
     ]
@@ -214,36 +218,36 @@ def read_sheet(path: Path, tab: str | None = None) -> Sheet:
     sheet = Sheet(str(path), rows[filled[0]][0] if filled else 1, name, others)
     stands = True  # in the way of the rows
     if len(filled) < 2:
-        sheet.top = 1
+        sheet.heading_row = 1
         sheet.fault(1, 1, "it needs a row of headings, and rows of numbers under it")
     elif _is_title(rows[filled[0]][1], (under := rows[filled[1]])[1]):
         hint = f"take out what stands above row {under[0]}: the headings come first, each with its unit: 'elbow (deg)'"
-        sheet.fault(sheet.top, 1, "a title, and no row of headings", hint)
+        sheet.fault(sheet.heading_row, 1, "a title, and no row of headings", hint)
     else:
         _take_headings(sheet, rows[filled[0]][1])
         stands = _has_units(sheet, *under)
     if stands:
-        sheet.refuse()
+        sheet.raise_faults()
     for number, cells in rows[filled[0] + 1 : filled[-1] + 1]:
         _take_row(sheet, number, cells)
-    sheet.refuse()
+    sheet.raise_faults()
     return sheet
 
 
 def _is_title(first: Sequence[Cell], second: Sequence[Cell]) -> bool:
     """Say whether the first row is no row of headings: it has one cell alone, or the second row has headings."""
-    texts = [cell for cell in second if cell != "" and _value(cell) is None and not _COMMA.fullmatch(str(cell))]
+    texts = [cell for cell in second if cell != "" and _number_in(cell) is None and not _COMMA.fullmatch(str(cell))]
     alone = sum(cell != "" for cell in first) == 1 and sum(cell != "" for cell in second) > 1
     headed = len(texts) > 1 and len(texts) == sum(cell != "" for cell in second)
-    units = [is_unit(str(cell)) for cell in texts]
+    units = [is_unit_word(str(cell)) for cell in texts]
     return (alone and not all(units)) or (headed and not any(units))
 
 
 def _has_units(sheet: Sheet, row: int, cells: Sequence[Cell]) -> bool:
     """Note a row of units under the headings, and say whether there is one."""
     named = [(heading, str(cells[column - 1])) for heading, column in sheet.headings.items() if column <= len(cells)]
-    units = [(heading, cell) for heading, cell in named if cell and is_unit(cell)]
-    found = bool(units) and all(cell == "" or _value(cell) is None for cell in cells)
+    units = [(heading, cell) for heading, cell in named if cell and is_unit_word(cell)]
+    found = bool(units) and all(cell == "" or _number_in(cell) is None for cell in cells)
     if found:
         such = ", ".join(f"'{heading} ({cell.strip('()[] ')})'" for heading, cell in units[:2])
         sheet.fault(row, 1, "a row of units", f"write each unit behind its heading, as in {such}, and take the row out")
@@ -254,10 +258,15 @@ def _take_headings(sheet: Sheet, cells: Sequence[Cell]) -> None:
     for column, cell in enumerate(cells, 1):
         if cell == "":
             continue
-        if isinstance(cell, float) or _value(cell) is not None:
-            sheet.fault(sheet.top, column, f"{seen(cell)} is no heading", "the first row has the names of the columns")
+        if isinstance(cell, float) or _number_in(cell) is not None:
+            sheet.fault(
+                sheet.heading_row,
+                column,
+                f"{quoted_value(cell)} is no heading",
+                "the first row has the names of the columns",
+            )
         elif cell in sheet.headings:
-            sheet.fault(sheet.top, column, f"the heading {seen(cell)} stands here again")
+            sheet.fault(sheet.heading_row, column, f"the heading {quoted_value(cell)} stands here again")
         else:
             sheet.headings[cell] = column
 
@@ -276,7 +285,7 @@ def _take_row(sheet: Sheet, row: int, cells: Sequence[Cell]) -> None:
         sheet.rows.append((row, cells))
 
 
-def _separated(path: Path) -> list[list[Cell]]:
+def _read_separated(path: Path) -> list[list[Cell]]:
     """Read a file of separated values: all cells are texts."""
     text = read_source(path).text
     first = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
@@ -287,29 +296,29 @@ def _separated(path: Path) -> list[list[Cell]]:
         rows = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
         return [[cell.strip() for cell in row] for row in rows]
     except csv.Error as error:
-        raise _refused(path, f"no separated values: {error}") from error
+        raise _file_error(path, f"no separated values: {error}") from error
 
 
-def _workbook(path: Path, tab: str | None) -> tuple[list[list[Cell]], str, list[str]]:
+def _read_workbook(path: Path, tab: str | None) -> tuple[list[list[Cell]], str, list[str]]:
     """Read one sheet of a workbook; return its rows, its name, and the others if nobody has named it."""
     if find_spec("python_calamine") is None:
-        raise _refused(path, "it needs python-calamine", "pip install 'missiontree[sheets]'")
+        raise _file_error(path, "it needs python-calamine", "pip install 'missiontree[sheets]'")
     try:
         with open_regular(path) as file:
             if os.fstat(file.fileno()).st_size > MAX_BYTES:
-                raise _refused(path, f"larger than {MAX_BYTES:,} bytes")
+                raise _file_error(path, f"larger than {MAX_BYTES:,} bytes")
         reader = [sys.executable, "-P", __file__, str(path), *([] if tab is None else [tab])]
         heard = subprocess.run(reader, capture_output=True, check=True, timeout=READING_TIMEOUT)  # noqa: S603 - ourselves
-        note_read(path)
+        record_read(path)
     except OSError as error:
-        raise _refused(path, f"cannot be read: {error.strerror}") from error
+        raise _file_error(path, f"cannot be read: {error.strerror}") from error
     except subprocess.SubprocessError as error:
-        raise _refused(path, "no workbook: it is damaged") from error
+        raise _file_error(path, "no workbook: it is damaged") from error
     told = json.loads(heard.stdout)
     if "error" in told:
-        raise _refused(path, f"no workbook: {told['error']}")
+        raise _file_error(path, f"no workbook: {told['error']}")
     if told["rows"] is None:
-        raise _refused(path, f"there is no sheet {seen(tab)}", one_of(tab or "", told["sheets"]))
+        raise _file_error(path, f"there is no sheet {quoted_value(tab)}", suggest_from(tab or "", told["sheets"]))
     others = [name for name in told["sheets"] if name != told["sheet"]] if tab is None else []
     return [[_cell(value) for value in row] for row in told["rows"]], str(told["sheet"]), others
 
@@ -319,7 +328,7 @@ def _cell(value: object) -> Cell:
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else str(value).strip()
 
 
-def _value(cell: Cell) -> float | None:
+def _number_in(cell: Cell) -> float | None:
     """Return the finite number that a cell holds, None if it holds none."""
     try:
         value = float(cell)
@@ -328,5 +337,5 @@ def _value(cell: Cell) -> float | None:
     return value if isfinite(value) and str(cell).isascii() and "_" not in str(cell) else None
 
 
-def _refused(path: Path, message: str, suggestion: str = "") -> InvalidFileError:
-    return InvalidFileError([Diagnostic(Source(str(path), ""), Mark(), message, suggestion)])
+def _file_error(path: Path, message: str, suggestion: str = "") -> InvalidFileError:
+    return InvalidFileError([Diagnostic(SourceText(str(path), ""), Mark(), message, suggestion)])

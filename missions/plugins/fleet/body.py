@@ -22,10 +22,10 @@ class Telemetry:
     age: float | None = None
 
 
-class Body(Protocol):
+class FleetRobot(Protocol):
     """A robot, as far as a fleet reaches it. From any thread."""
 
-    def look(self) -> Telemetry:
+    def read_telemetry(self) -> Telemetry:
         """Return how it is; at once."""
         ...
 

@@ -9,35 +9,35 @@ from typing import Any, Self
 
 from behaviours.run import log
 from drivers.clock import Clock, SystemClock
-from missions.control.searching import Doubt, Found, may_live, search
-from missions.control.sockets import RunLink
-from missions.control.stopping import Said, ask_all, stop_one
+from missions.control.searching import FoundProcess, StopWarning, may_be_alive, search_runs
+from missions.control.sockets import RunConnection
+from missions.control.stopping import StopOutcomes, send_to_all, stop_one
 from missions.plugins.fleet.body import Telemetry
 
-PERIOD = 0.5
-"""Seconds from one look at the runs to the next; while a stop is latched, ``GLANCE``."""
+SEARCH_INTERVAL = 0.5
+"""Seconds from one look at the runs to the next; while a stop is latched, ``STOP_SEARCH_INTERVAL``."""
 
-GLANCE = 0.05
+STOP_SEARCH_INTERVAL = 0.05
 
-FLEET = "fleet: "
+FLEET_PREFIX = "fleet: "
 """How the name of who stops for a fleet begins: a stop of somebody else at the robot is theirs to release."""
 
-TOLD = 0.8
+STOP_TIMEOUT = 0.8
 """Seconds for which a stop waits for what it tells; what hangs is ended by a signal, and named."""
 
 
-class Machine:
+class LocalRobot:
     """A Body: the runs of this user, as ``mission stop`` reaches them. Follows them while it is entered."""
 
     def __init__(self, *, clock: Clock | None = None) -> None:
         self._clock = clock or SystemClock()
-        self._links: dict[object, RunLink] = {}
+        self._links: dict[object, RunConnection] = {}
         self._state: dict[str, Any] = {}
         self._at: float | None = None
         self._mission, self._runs = "", False
         self._stopped_by = ""
         self._stopped: set[object] = set()  # and what is being stopped
-        self._doubts: list[Doubt] = []
+        self._doubts: list[StopWarning] = []
         self._lock, self._over = Lock(), Event()
         self._thread = Thread(target=self._follow, name="runs", daemon=True)
 
@@ -53,12 +53,12 @@ class Machine:
         for link in self._links.values():
             link.close()
 
-    def look(self) -> Telemetry:
+    def read_telemetry(self) -> Telemetry:
         """See Body."""
         with self._lock:
             state, at = self._state, self._at
             pose = state.get("pose") or (None, None, None)
-            age = None if at is None else round(max(0.0, self._clock.now() - at), 1)
+            age = None if at is None else round(max(0.0, self._clock.read_value() - at), 1)
             there = self._runs and bool(self._links)
             return Telemetry(
                 runs=self._runs,
@@ -74,28 +74,30 @@ class Machine:
 
     def stop(self, by: str) -> tuple[bool, str]:
         """See Body."""
-        by = f"{FLEET}{by}"
-        found = search()
-        self._stopped = {each.key for each in found.found}
+        by = f"{FLEET_PREFIX}{by}"
+        found = search_runs()
+        self._stopped = {each.key for each in found.processes}
         self._stopped_by = by
-        said: list[Said] = []
+        said: list[StopOutcomes] = []
 
         def work() -> None:
             try:
-                said.append(ask_all([{"do": "stop"}], by, found=found))
+                said.append(send_to_all([{"do": "stop"}], by, search_result=found))
             except Exception:
                 self._stopped.clear()  # all are stopped anew by the thread that follows the runs
                 raise
-            self._stopped -= {each.key for each, (good, _) in said[0].items() if isinstance(each, Found) and not good}
+            self._stopped -= {
+                each.key for each, (good, _) in said[0].items() if isinstance(each, FoundProcess) and not good
+            }
 
         thread = Thread(target=work, name="stop", daemon=True)
         thread.start()
-        thread.join(TOLD)
+        thread.join(STOP_TIMEOUT)
         if not said:
             return False, "what runs has not answered yet; it is being ended"
-        return _summed(said[0]) if said[0] else (True, "stopped; nothing runs")
+        return _summarise(said[0]) if said[0] else (True, "stopped; nothing runs")
 
-    def _stop_new(self, found: Found, by: str) -> None:
+    def _stop_new(self, found: FoundProcess, by: str) -> None:
         """Stop a run that has begun meanwhile, or was not reached; try again at the next look if that fails."""
         is_good = False
         try:
@@ -108,23 +110,23 @@ class Machine:
         """See Body."""
         self._stopped_by = ""
         commands = [{"do": "release"}, *([{"do": "resume"}] if resume else [])]
-        said = ask_all(commands, f"{FLEET}{by}", only=_is_stopped_by_fleet)
-        return _summed(said) if said else (True, "released; nothing runs")
+        said = send_to_all(commands, f"{FLEET_PREFIX}{by}", is_wanted=_is_stopped_by_fleet)
+        return _summarise(said) if said else (True, "released; nothing runs")
 
     # --- the thread -------------------------------------------------------------------------------------------------
 
     def _follow(self) -> None:
-        while not self._over.wait(GLANCE if self._stopped_by else PERIOD):
+        while not self._over.wait(STOP_SEARCH_INTERVAL if self._stopped_by else SEARCH_INTERVAL):
             try:
-                self._look_round()
+                self._update()
             except Exception:  # the next look may do better, and a stop holds for what begins until then
                 log.exception("the runs could not be looked at")
 
-    def _look_round(self) -> None:
+    def _update(self) -> None:
         """Stop what has begun while a stop is latched, and take in what runs have told."""
-        result = search(thorough=False)
-        found = result.found
-        self._tell_doubts(result.doubts)
+        result = search_runs(thorough=False)
+        found = result.processes
+        self._log_doubts(result.warnings)
         for each in found if self._stopped_by else ():
             if each.key not in self._stopped:
                 # Before its thread begins, which takes it out again if the stop fails. A release stays a release.
@@ -139,52 +141,52 @@ class Machine:
                 self._connect(each)
         for key in list(self._links):
             self._read(key)
-        unreached = any(each.key not in self._links and not each.is_command and may_live(each) for each in found)
+        unreached = any(each.key not in self._links and not each.is_command and may_be_alive(each) for each in found)
         with self._lock:
-            self._runs = bool(self._links) or unreached or bool(result.doubts)
+            self._runs = bool(self._links) or unreached or bool(result.warnings)
 
-    def _tell_doubts(self, doubts: list[Doubt]) -> None:
+    def _log_doubts(self, doubts: list[StopWarning]) -> None:
         """Log the reasons why a run may not have been found, once each time that they change."""
         if doubts != self._doubts:
             self._doubts = doubts
             for each in doubts:
-                log.warning("a run may not have been found: %s", each.why)
+                log.warning("a run may not have been found: %s", each.reason)
 
-    def _connect(self, found: Found) -> None:
+    def _connect(self, found: FoundProcess) -> None:
         for where in found.addresses:
             with suppress(OSError, ValueError):  # a stop asks each run by itself: this is only for what is shown
-                link = RunLink.open(where)
-                if not link.told:
+                link = RunConnection.open(where)
+                if not link.run_info:
                     link.close()
                     continue
                 link.connection.sendall(b'{"do": "watch"}\n')
                 link.connection.setblocking(False)
                 self._links[found.key] = link
                 with self._lock:
-                    self._mission, self._state = str(link.told.get("mission", ""))[:100], {}
+                    self._mission, self._state = str(link.run_info.get("mission", ""))[:100], {}
                 return
 
     def _read(self, key: object) -> None:
         """Take in what a run has told since."""
         try:
             while True:
-                told = self._links[key].hear()
+                told = self._links[key].receive()
                 if told.get("say") in ("state", "scene"):
-                    self._take(told.get("state", told))
+                    self._store_state(told.get("state", told))
         except BlockingIOError:
             return
         except (OSError, ValueError):
             self._links.pop(key).close()
 
-    def _take(self, state: Mapping[str, Any]) -> None:
+    def _store_state(self, state: Mapping[str, Any]) -> None:
         kept = {name: state[name] for name in ("parts", "pose", "paused", "stopped") if name in state}
         with self._lock:
-            self._state, self._at = self._state | kept, self._clock.now()
+            self._state, self._at = self._state | kept, self._clock.read_value()
 
 
 def _is_stopped_by_fleet(told: Mapping[str, Any]) -> bool:
     """Return whether a run tells that its fleet has stopped it."""
-    return str(told.get("stopped", "")).startswith(f"stopped by {FLEET}")
+    return str(told.get("stopped", "")).startswith(f"stopped by {FLEET_PREFIX}")
 
 
 def _battery(state: Mapping[str, Any]) -> float | None:
@@ -196,6 +198,6 @@ def _battery(state: Mapping[str, Any]) -> float | None:
     return None
 
 
-def _summed(said: Said) -> tuple[bool, str]:
+def _summarise(said: StopOutcomes) -> tuple[bool, str]:
     words = "; ".join(words.partition("\n")[0] for _, words in said.values())
     return all(good for good, _ in said.values()), "".join(each for each in words if each.isprintable())[:900]

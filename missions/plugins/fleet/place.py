@@ -5,17 +5,17 @@ import socket
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from config.fleet import PORT, FleetKeys, refusal
-from missions.plugins.fleet.words import NAME
+from config.fleet import DEFAULT_PORT, FleetKeys, refusal_reason
+from missions.plugins.fleet.words import NAME_PATTERN
 from missions.plugins.tasks.task import TaskError
 
 if TYPE_CHECKING:
     import zenoh
 
-LINK_LEASE = 1500
+LINK_LEASE_MS = 1500
 """Milliseconds without a word after which a link counts as broken; four signs of life are sent within it."""
 
-MAX_MESSAGE = 4 * 1024 * 1024
+MAX_TRANSPORT_BYTES = 4 * 1024 * 1024
 """Bytes of a message that is put together of what comes over the wire, at most."""
 
 INSTALL = "pip install 'missiontree[fleet]'"
@@ -23,7 +23,7 @@ INSTALL = "pip install 'missiontree[fleet]'"
 
 def check_name(name: str, what: str = "fleet") -> str:
     """Return a name of a fleet or robot. Raises TaskError for one that cannot stand in a key."""
-    if not NAME.fullmatch(name):
+    if not NAME_PATTERN.fullmatch(name):
         wanted = "small letters, digits, - and _, 40 at most"
         raise TaskError(f"{ascii(name)[:60]} cannot be the name of a {what}: {wanted}", hint=f"a name such as {what}1")
     return name
@@ -37,10 +37,10 @@ def open_session(fleet: FleetKeys, *, mode: str = "") -> "zenoh.Session":
         raise TaskError("a fleet needs eclipse-zenoh", hint=INSTALL) from error
     certified = bool(fleet.ca and fleet.certificate and fleet.private_key)
     for endpoint in (*fleet.listen, *fleet.connect):
-        if why := refusal(endpoint, certified=certified):
+        if why := refusal_reason(endpoint, certified=certified):
             raise TaskError(why, hint="tls/HOST:PORT with keys (docs/fleet.md), or tcp/127.0.0.1:PORT")
     config = zenoh.Config()
-    for path, value in _settings(fleet, mode or fleet.mode).items():
+    for path, value in _zenoh_settings(fleet, mode or fleet.mode).items():
         config.insert_json5(path, json.dumps(value))
     try:
         return zenoh.open(config)
@@ -49,15 +49,15 @@ def open_session(fleet: FleetKeys, *, mode: str = "") -> "zenoh.Session":
         raise TaskError(f"fleet '{fleet.fleet}' at {where}: {str(error)[:300]}", hint="docs/fleet.md") from error
 
 
-def _settings(fleet: FleetKeys, mode: str) -> Mapping[str, Any]:
+def _zenoh_settings(fleet: FleetKeys, mode: str) -> Mapping[str, Any]:
     """Return the settings of Zenoh. What a fleet says of no place is that of this computer."""
     listen, connect = list(fleet.listen), list(fleet.connect)
     if not listen and not connect:
-        connect = [f"tcp/127.0.0.1:{PORT}"]
+        connect = [f"tcp/127.0.0.1:{DEFAULT_PORT}"]
     if not listen and mode == "peer":
         here = not any(each.partition("/")[0] in ("tls", "quic") for each in connect)
-        first = f"tcp/127.0.0.1:{PORT}"
-        listen = [first if first in connect and _is_free(PORT) else "tcp/127.0.0.1:0"] if here else []
+        first = f"tcp/127.0.0.1:{DEFAULT_PORT}"
+        listen = [first if first in connect and _is_free(DEFAULT_PORT) else "tcp/127.0.0.1:0"] if here else []
     found: dict[str, Any] = {
         "mode": mode,
         "listen/endpoints": listen,
@@ -68,8 +68,8 @@ def _settings(fleet: FleetKeys, mode: str) -> Mapping[str, Any]:
         "connect/retry": {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5},
         "scouting/multicast/enabled": False,  # who is in a fleet is said by a file, not by whoever shouts
         "transport/shared_memory/enabled": False,
-        "transport/link/rx/max_message_size": MAX_MESSAGE,
-        "transport/link/tx/lease": LINK_LEASE,
+        "transport/link/rx/max_message_size": MAX_TRANSPORT_BYTES,
+        "transport/link/tx/lease": LINK_LEASE_MS,
         "transport/link/tx/keep_alive": 4,
     }
     if fleet.ca:

@@ -6,30 +6,30 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, Self, TypeVar
 
-from missions.codec import MAX_INTEGER, CodecError, Rules, decode, decode_word, encode, encode_word, parse
+from missions.codec import MAX_INTEGER, CodecError, Rules, decode, decode_tagged, encode, encode_tagged, parse
 from missions.plugins.tasks.task import Interrupted
 
 # How long robots of a fleet wait for each other.
 
 
 @dataclass(frozen=True, slots=True)
-class Times:
+class FleetTimeouts:
     """Seconds. A robot reports on a task each ``heartbeat``, and asks ``again`` where it got no answer.
 
-    It lets go of a task that may be repeated once its keeper has not answered for ``lease``; after ``hand_on``, which
+    It lets go of a task that may be repeated once its keeper has not answered for ``lease``; after ``reassign_after``, which
     is longer by the time that a run may take to stop, the keeper gives that task to another.
     """
 
     heartbeat: float = 2.0
-    again: float = 1.0
+    retry_interval: float = 1.0
     lease: float = 30.0
-    hand_on: float = 50.0
-    refused: float = 2.0
+    reassign_after: float = 50.0
+    refusal_pause: float = 2.0
 
 
 T = TypeVar("T")
 
-MAX_BYTES, MAX_ANSWER = 64 * 1024, 1024 * 1024
+MAX_MESSAGE_BYTES, MAX_ANSWER_BYTES = 64 * 1024, 1024 * 1024
 """Bytes of a message, and of an answer, at most."""
 
 MAX_TEXT_LENGTH = 1000
@@ -43,10 +43,10 @@ RULES = Rules(
 VERSION = 1
 """The version of keys and messages: robots of another one do not see each other."""
 
-NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}")
+NAME_PATTERN = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}")
 """Names of fleets and robots: what stands in a key as it is, and does nothing on a terminal."""
 
-TASK = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}/[0-9a-f]{8}/[0-9a-f]{12}")
+TASK_ID_PATTERN = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}/[0-9a-f]{8}/[0-9a-f]{12}")
 """IDs of tasks: the address of the robot that keeps the task, and a number drawn by chance."""
 
 Connection = Literal["ONLINE", "OFFLINE", "CONNECTIONBROKEN"]
@@ -55,8 +55,8 @@ Connection = Literal["ONLINE", "OFFLINE", "CONNECTIONBROKEN"]
 TaskState = Literal["WAITING", "INITIALIZING", "RUNNING", "PAUSED", "FINISHED", "FAILED"]
 """As in VDA 5050; the last two are for good."""
 
-How = Literal["", "success", "failure", "interrupted", "refused"]
-"""How an attempt ended; `refused` did not begin."""
+AttemptEnd = Literal["", "success", "failure", "interrupted", "refused"]
+"""How an attempt ended; `refusal_pause` did not begin."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -73,17 +73,17 @@ class Address:
     def read(cls, text: str) -> Self:
         """Read what ``str`` wrote. Raises CodecError."""
         name, _, number = text.partition("/")
-        if not NAME.fullmatch(name) or not re.fullmatch("[0-9a-f]{8}", number):
+        if not NAME_PATTERN.fullmatch(name) or not re.fullmatch("[0-9a-f]{8}", number):
             raise CodecError(f"no address of a robot: {ascii(text)[:80]}")
         return cls(name, number)
 
 
-def key(fleet: str, kind: str, where: str = "*/*") -> str:
+def zenoh_key(fleet: str, kind: str, where: str = "*/*") -> str:
     """Return the key of a kind (here, state, stop, ask) of a robot, or of all."""
     return f"missiontree/{VERSION}/{fleet}/{kind}/{where}"
 
 
-def address_in(text: str) -> Address:
+def address_of_key(text: str) -> Address:
     """Return the robot that a key is of. Raises CodecError."""
     return Address.read("/".join(text.split("/")[-2:]))
 
@@ -116,7 +116,7 @@ class RobotState:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ask:
+class FleetRequest:
     """Something that is asked of a robot; ``by`` says who asks, for people."""
 
     word: ClassVar[str] = ""
@@ -124,7 +124,7 @@ class Ask:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stop(Ask):
+class FleetStop(FleetRequest):
     """Latch every actuator still, and begin no task, until it is released; asked again, of the same ``press``."""
 
     word: ClassVar[str] = "stop"
@@ -132,7 +132,7 @@ class Stop(Ask):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Release(Ask):
+class FleetRelease(FleetRequest):
     """End the latched stop of this number; ``resume`` lets missions go on as well."""
 
     word: ClassVar[str] = "release"
@@ -141,14 +141,14 @@ class Release(Ask):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Met(Ask):
+class ListPeers(FleetRequest):
     """Answer with the robots that it has met since it was started, and how each is connected."""
 
     word: ClassVar[str] = "met"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Keep(Ask):
+class KeepTask(FleetRequest):
     """Keep a task, and have it done by the robot ``on``, or `any`, that is as ``where`` says; asked twice, once."""
 
     word: ClassVar[str] = "keep"
@@ -162,7 +162,7 @@ class Keep(Ask):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Accept(Ask):
+class AcceptTask(FleetRequest):
     """Have a task, and report on it; do not begin it before its keeper has confirmed that. ``again``: as `retry`."""
 
     word: ClassVar[str] = "accept"
@@ -170,11 +170,11 @@ class Accept(Ask):
     attempt: int
     mission: str
     params: Mapping[str, str] = field(default_factory=dict)
-    again: bool
+    repeatable: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Report(Ask):
+class TaskReport(FleetRequest):
     """Hear from ``robot`` how an attempt at a task goes. Refused, it is not that robot's any more."""
 
     word: ClassVar[str] = "report"
@@ -182,21 +182,21 @@ class Report(Ask):
     attempt: int
     robot: str
     state: TaskState
-    how: How = ""
+    how: AttemptEnd = ""
     reason: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Decide(Ask):
+class DecideTask(FleetRequest):
     """Do with a task whose robot is lost what a person says: have another do it, or give it up."""
 
     word: ClassVar[str] = "decide"
     task: str
-    what: Literal["hand-on", "give-up"]
+    decision: Literal["hand-on", "give-up"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tasks(Ask):
+class ListFleetTasks(FleetRequest):
     """Answer with tasks that the robot keeps, the newest first: those that are open, or those that have ended.
 
     With ``before`` those that it was given before the task of that ID: an answer holds so many and no more.
@@ -208,7 +208,7 @@ class Tasks(Ask):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MetRobot:
+class Peer:
     """What is told of a robot that was met: its address, and how it is connected."""
 
     robot: str
@@ -216,7 +216,7 @@ class MetRobot:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ToldTask:
+class FleetTaskInfo:
     """What is told of a task: what was asked for, by whom, which robot has it, and what became of it."""
 
     id: str
@@ -233,32 +233,35 @@ class ToldTask:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
-    """The answer to an Ask: ``why`` it was not done, and what to try, where it was not.
+class FleetAnswer:
+    """The answer to an Ask: ``reason`` it was not done, and what to try, where it was not.
 
-    ``told`` are JSON objects, for who asked to check.
+    ``data`` are JSON objects, for who asked to check.
     """
 
     ok: bool = True
-    why: str = ""
-    told: tuple[Mapping[str, Any], ...] = field(default=())
+    reason: str = ""
+    data: tuple[Mapping[str, Any], ...] = field(default=())
 
 
-ASKS: Mapping[str, type[Ask]] = {kind.word: kind for kind in (Stop, Release, Met, Keep, Accept, Report, Decide, Tasks)}
+REQUESTS: Mapping[str, type[FleetRequest]] = {
+    kind.word: kind
+    for kind in (FleetStop, FleetRelease, ListPeers, KeepTask, AcceptTask, TaskReport, DecideTask, ListFleetTasks)
+}
 """What may be asked, by its word."""
 
 
-def read_ask(data: bytes) -> Ask:
+def read_request(data: bytes) -> FleetRequest:
     """Return what is asked. Raises CodecError."""
-    return decode_word(parse(data, MAX_BYTES), "do", ASKS, RULES)
+    return decode_tagged(parse(data, MAX_MESSAGE_BYTES), "do", REQUESTS, RULES)
 
 
-def as_bytes(message: Any) -> bytes:
+def encode_message(message: Any) -> bytes:
     """Return a message as it is sent."""
-    told = encode_word(message, "do", RULES) if isinstance(message, Ask) else encode(message, RULES)
+    told = encode_tagged(message, "do", RULES) if isinstance(message, FleetRequest) else encode(message, RULES)
     return json.dumps(told, separators=(",", ":"), allow_nan=False).encode()
 
 
-def read(kind: type[T], data: bytes, max_bytes: int = MAX_BYTES) -> T:
+def decode_message(kind: type[T], data: bytes, max_bytes: int = MAX_MESSAGE_BYTES) -> T:
     """Return the message of class ``kind`` in ``data``. Raises CodecError."""
     return decode(kind, parse(data, max_bytes), RULES)

@@ -11,39 +11,39 @@ import click
 import numpy as np
 
 from config.gesture import load_gait
-from config.library import SHEETS, find
+from config.library import SHEET_SUFFIXES, find_file
 from config.reading import save_file
 from config.robot import RobotConfig
 from drivers.api import JointLimits
 from drivers.errors import BadRequest
-from drivers.legs.body import SIDES, Body, Floats, body_of
-from drivers.legs.checking import mistakes
+from drivers.legs.body import SIDES, Floats, LeggedBody, body_of
+from drivers.legs.checking import gait_errors
 from drivers.legs.declared import LegsKeys, StrideKeys
-from drivers.legs.gait import Gait, blended, mirrored, of_keys, scaled, sequence, splined
-from drivers.legs.kinematics import forward, sole
-from drivers.legs.pressure import margins
+from drivers.legs.gait import Gait, blend_gaits, gait_from_keys, join_gaits, mirror_gait, scale_gait, spline_gait
+from drivers.legs.kinematics import forward_kinematics, sole_pose
+from drivers.legs.pressure import support_margins
 from drivers.servos.declared import DynamixelKeys
 from missions.cli.commands import LazyGroup, shared_option
 from missions.cli.names import GAIT, ROBOT
-from missions.cli.numbers import Real, Whole
-from missions.cli.outputs import writing
+from missions.cli.numbers import RealNumber, WholeNumber
+from missions.cli.outputs import report_write_errors
 from missions.library.drivers import load_robot
 from missions.library.moves.load import load_move
-from missions.plugins.pictures.movie import CODECS, Movie, check_place
-from missions.plugins.pictures.png import NO_PLOTS
+from missions.plugins.pictures.movie import CODECS, Movie, check_output
+from missions.plugins.pictures.png import PLOTS_MISSING
 
 # Gaits out of files and into files: gait files, and spreadsheets of the angles of both legs in radians.
 
-LEVEL = 0.01
+MAX_SOLE_TILT = 0.01
 """Radians by which a sole of a spreadsheet may tilt: gaits have level ones."""
 
-TOUCHING = 0.0005
+FLOOR_CONTACT_HEIGHT = 0.0005
 """Metres above the lower sole within which the other one of a spreadsheet is on the floor too."""
 
-TIME = "time"
+TIME_COLUMN = "time"
 
 
-class Walker:
+class LeggedRobot:
     """A robot with legs, as gaits see it. Raises BadRequest for a robot without."""
 
     def __init__(self, robot: RobotConfig) -> None:
@@ -51,23 +51,23 @@ class Walker:
         if keys is None or arm is None:
             raise BadRequest(f"robot '{robot.name}' has no legs", hint="a gait needs a base of `driver: legs`")
         self.arm = arm
-        self.body: Body = body_of(keys.body)
+        self.body: LeggedBody = body_of(keys.body)
         self.stride: StrideKeys = keys.stride
         self.limits: dict[str, JointLimits] = dict(arm.limits)
         servos = arm.servos if isinstance(arm, DynamixelKeys) else {}
-        self.torques = {name: servo.kind.stall_torque * servo.torque for name, servo in servos.items()}
+        self.torques = {name: servo.servo_model.stall_torque * servo.torque for name, servo in servos.items()}
 
-    def mistakes(self, gait: Gait) -> list[str]:
+    def gait_errors(self, gait: Gait) -> list[str]:
         """Return what this robot cannot do of a gait."""
-        return [f"{gait.name}: {each}" for each in mistakes(self.body, gait, self.limits, self.torques)]
+        return [f"{gait.name}: {each}" for each in gait_errors(self.body, gait, self.limits, self.torques)]
 
     def load(self, path: Path) -> Gait:
         """Read a gait. Raises InvalidFileError for mistakes in a file, BadRequest for what is no gait of the robot."""
-        if path.suffix.lower() in SHEETS:
-            return self._of_sheet(path)
-        return of_keys(load_gait(path), self.body, self.stride)
+        if path.suffix.lower() in SHEET_SUFFIXES:
+            return self._load_sheet(path)
+        return gait_from_keys(load_gait(path), self.body, self.stride)
 
-    def _of_sheet(self, path: Path) -> Gait:
+    def _load_sheet(self, path: Path) -> Gait:
         """Take a spreadsheet for one cycle, whose last row is the first one again."""
         move = load_move(path)
         known = set(self.arm.limits)
@@ -80,37 +80,37 @@ class Walker:
         for frame in move.keyframes[:-1]:
             now |= frame.positions
             poses.append(self.body.pose(now))
-        placed = forward(self.body, np.array(poses))
+        placed = forward_kinematics(self.body, np.array(poses))
         feet, headings = np.empty((len(poses), 2, 3)), np.empty((len(poses), 2))
         for number, side in enumerate(SIDES):
-            feet[:, number], turned = sole(self.body, placed, side)
+            feet[:, number], turned = sole_pose(self.body, placed, side)
             tilt = np.arccos(np.clip(turned[:, 2, 2], -1.0, 1.0))
-            if tilt.max() > LEVEL:
+            if tilt.max() > MAX_SOLE_TILT:
                 at = times[int(tilt.argmax())] - times[0]
                 told = f"the {side} sole is not level, {degrees(tilt.max()):.1f} deg at {at:.2f} s"
                 raise BadRequest(f"{path}: {told}", hint="play it as a movement: mission servo play")
             headings[:, number] = np.arctan2(turned[:, 1, 0], turned[:, 0, 0])
-        on = feet[..., 2] - feet[..., 2].min(axis=1, keepdims=True) < TOUCHING
+        on = feet[..., 2] - feet[..., 2].min(axis=1, keepdims=True) < FLOOR_CONTACT_HEIGHT
         period = float(times[-1] - times[0])
-        return splined(path.stem, period, (times[:-1] - times[0]) / period, feet, headings, on)
+        return spline_gait(path.stem, period, (times[:-1] - times[0]) / period, feet, headings, on)
 
     def table(self, times: Floats, angles: Floats) -> str:
         """Return a spreadsheet of the legs (.csv): a column of times (s), and one for each joint (rad)."""
         out = StringIO()
         lines = csv.writer(out, lineterminator="\n")
-        lines.writerow([TIME, *self.body.walking])
+        lines.writerow([TIME_COLUMN, *self.body.leg_joints])
         for time, row in zip(times.tolist(), angles.tolist(), strict=True):
             lines.writerow([f"{time:.4f}", *(f"{angle:.6f}" for angle in row)])
         return out.getvalue()
 
 
-def written(gait: Gait, name: str) -> str:
+def format_gait(gait: Gait, name: str) -> str:
     """Return a gait file of points."""
     lines = [f"gait: {json.dumps(name)}", f"period: {gait.period:.6g} s", "points:"]
     for place in range(len(gait.feet)):
         left, right = (_vector(gait.feet[place, number].tolist()) for number in (0, 1))
         turns = [f"{degrees(each):.4f} deg" for each in gait.headings[place].tolist()]
-        on = "both" if gait.on[place].all() else "left" if gait.on[place, 0] else "right"
+        on = "both" if gait.on_floor[place].all() else "left" if gait.on_floor[place, 0] else "right"
         at = 100 * place / len(gait.feet)
         ends = f"left_turn: {turns[0]}, right_turn: {turns[1]}, on: {on}"
         lines.append(f"  - {{at: {at:g} %, left: {left}, right: {right}, {ends}}}")
@@ -121,15 +121,15 @@ def _vector(place: Sequence[float]) -> str:
     return "[" + ", ".join(f"{1000 * each:.3f} mm" for each in place) + "]"
 
 
-LEGGED = "humanoid"
+DEFAULT_ROBOT = "humanoid"
 """The robot whose gaits they are where none is named."""
 
-SHEET = ".csv"
+SHEET_SUFFIX = ".csv"
 
-MANY = 1000
+MAX_CYCLES = 1000
 """Cycles in one spreadsheet, at most: a quarter of an hour."""
 
-robot_option = shared_option("--robot", type=ROBOT, default=LEGGED, show_default=True, help="Whose gait it is: a robot "
+robot_option = shared_option("--robot", type=ROBOT, default=DEFAULT_ROBOT, show_default=True, help="Whose gait it is: a robot "
                             "with legs (a name or a file).")  # fmt: skip
 output_option = click.option(
     "-o",
@@ -156,8 +156,8 @@ def command() -> None:
 @robot_option
 def check(files: tuple[str, ...], robot: str) -> None:
     """Check gaits: reach, limits, speeds, torques at rest, collisions, and whether it presses within its soles."""
-    walker = _walker(robot)
-    wrong = [each for path in files for each in walker.mistakes(_load(walker, path))]
+    walker = _load_robot(robot)
+    wrong = [each for path in files for each in walker.gait_errors(_load(walker, path))]
     if wrong:
         raise click.ClickException("\n".join(wrong))
     for path in files:
@@ -170,9 +170,9 @@ def show_gait(file: str, output: Path | None, robot: str | None) -> None:
     A picture has soles, pelvis and centre of mass over the cycle, and the joints over time; a film two cycles, as
     lines from its right and from the front.
     """
-    walker = _walker(robot or LEGGED)
+    walker = _load_robot(robot or DEFAULT_ROBOT)
     gait = _load(walker, file)
-    for line in _shown(walker, gait):
+    for line in _describe(walker, gait):
         click.echo(line)
     if output is not None:
         (_film if output.suffix in CODECS else _draw)(walker, gait, output)
@@ -180,25 +180,31 @@ def show_gait(file: str, output: Path | None, robot: str | None) -> None:
 
 @command.command(epilog="Example: mission gait make stroll -o stroll.csv --cycles 4")
 @click.argument("file", type=GAIT, metavar="GAIT")
-@click.option("--cycles", type=Whole(min=1, max=MANY), default=1, show_default=True, help="Of a spreadsheet: how many.")
+@click.option(
+    "--cycles",
+    type=WholeNumber(min=1, max=MAX_CYCLES),
+    default=1,
+    show_default=True,
+    help="Of a spreadsheet: how many.",
+)
 @output_option
 @robot_option
 def make(file: str, cycles: int, output: Path, robot: str) -> None:
     """Make a gait file of points, or a spreadsheet, of a gait."""
-    walker = _walker(robot)
+    walker = _load_robot(robot)
     _write(walker, _load(walker, file), output, cycles)
 
 
 @command.command(epilog="Example: mission gait blend stroll curve --share 0.3 -o between.yaml")
 @click.argument("one", type=GAIT)
 @click.argument("other", type=GAIT)
-@click.option("--share", type=Real(0.0, 1.0), default=0.5, show_default=True, help="Of the second one.")
+@click.option("--share", type=RealNumber(0.0, 1.0), default=0.5, show_default=True, help="Of the second one.")
 @output_option
 @robot_option
 def blend(one: str, other: str, share: float, output: Path, robot: str) -> None:
     """Make a gait between two."""
-    walker = _walker(robot)
-    _write(walker, blended(_load(walker, one), _load(walker, other), share), output)
+    walker = _load_robot(robot)
+    _write(walker, blend_gaits(_load(walker, one), _load(walker, other), share), output)
 
 
 @command.command(epilog="Example: mission gait mirror curve -o right.yaml")
@@ -207,70 +213,72 @@ def blend(one: str, other: str, share: float, output: Path, robot: str) -> None:
 @robot_option
 def mirror(file: str, output: Path, robot: str) -> None:
     """Make the mirror image of a gait: what the left leg does, the right one does."""
-    walker = _walker(robot)
-    _write(walker, mirrored(_load(walker, file)), output)
+    walker = _load_robot(robot)
+    _write(walker, mirror_gait(_load(walker, file)), output)
 
 
 @command.command(epilog="Example: mission gait scale stroll --length 1.2 -o longer.yaml")
 @click.argument("file", type=GAIT, metavar="GAIT")
-@click.option("--length", type=Real(0.0, 10.0), default=1.0, show_default=True, help="Times its steps.")
-@click.option("--rise", type=Real(0.0, 10.0), default=1.0, show_default=True, help="Times its rise of the feet.")
-@click.option("--time", type=Real(0.1, 10.0), default=1.0, show_default=True, help="Times its period.")
+@click.option("--length", type=RealNumber(0.0, 10.0), default=1.0, show_default=True, help="Times its steps.")
+@click.option("--rise", type=RealNumber(0.0, 10.0), default=1.0, show_default=True, help="Times its rise of the feet.")
+@click.option("--time", type=RealNumber(0.1, 10.0), default=1.0, show_default=True, help="Times its period.")
 @output_option
 @robot_option
 def scale(file: str, length: float, rise: float, time: float, output: Path, robot: str) -> None:
     """Make a gait with longer steps, higher feet or another period."""
-    walker = _walker(robot)
-    _write(walker, scaled(_load(walker, file), length=length, rise=rise, time=time), output)
+    walker = _load_robot(robot)
+    _write(walker, scale_gait(_load(walker, file), length=length, rise=rise, time=time), output)
 
 
 @command.command(name="sequence", epilog="Example: mission gait sequence stroll curve --cycles 3 -o way.csv")
 @click.argument("files", type=GAIT, nargs=-1, required=True, metavar="GAIT...")
-@click.option("--cycles", type=Whole(min=1, max=MANY), default=2, show_default=True, help="How many of each.")
+@click.option(
+    "--cycles", type=WholeNumber(min=1, max=MAX_CYCLES), default=2, show_default=True, help="How many of each."
+)
 @output_option
 @robot_option
 def sequence_(files: tuple[str, ...], cycles: int, output: Path, robot: str) -> None:
     """Make one spreadsheet of gaits one after another; each is checked by itself."""
-    if output.suffix != SHEET:
+    if output.suffix != SHEET_SUFFIX:
         raise click.BadParameter(f"{output}: a sequence is a spreadsheet: end its name in .csv", param_hint="-o")
-    walker = _walker(robot)
+    walker = _load_robot(robot)
     gaits = [_load(walker, path) for path in files]
-    _refuse(walker, *gaits)
-    _save(output, walker.table(*sequence(walker.body, [(gait, cycles) for gait in gaits])))
+    _require_feasible(walker, *gaits)
+    _save(output, walker.table(*join_gaits(walker.body, [(gait, cycles) for gait in gaits])))
 
 
-def _walker(robot: str) -> Walker:
-    return Walker(load_robot(find("robots", robot)))
+def _load_robot(robot: str) -> LeggedRobot:
+    return LeggedRobot(load_robot(find_file("robots", robot)))
 
 
-def _load(walker: Walker, gait: str) -> Gait:
-    return walker.load(find("gaits", gait))
+def _load(walker: LeggedRobot, gait: str) -> Gait:
+    return walker.load(find_file("gaits", gait))
 
 
-def _refuse(walker: Walker, *gaits: Gait) -> None:
+def _require_feasible(walker: LeggedRobot, *gaits: Gait) -> None:
     """Raise click.ClickException for gaits that the robot cannot do."""
-    if wrong := [each for gait in gaits for each in walker.mistakes(gait)]:
+    if wrong := [each for gait in gaits for each in walker.gait_errors(gait)]:
         raise click.ClickException("\n".join([*wrong, "nothing is written"]))
 
 
-def _write(walker: Walker, gait: Gait, output: Path, cycles: int = 1) -> None:
-    _refuse(walker, gait)
-    if output.suffix == SHEET:
-        _save(output, walker.table(*sequence(walker.body, [(gait, cycles)])))
+def _write(walker: LeggedRobot, gait: Gait, output: Path, cycles: int = 1) -> None:
+    _require_feasible(walker, gait)
+    if output.suffix == SHEET_SUFFIX:
+        _save(output, walker.table(*join_gaits(walker.body, [(gait, cycles)])))
     elif output.suffix in (".yaml", ".yml"):
-        _save(output, written(gait, output.stem))
+        _save(output, format_gait(gait, output.stem))
     else:
         raise click.BadParameter(f"{output}: end its name in .yaml or .csv", param_hint="-o")
 
 
-def _draw(walker: Walker, gait: Gait, output: Path) -> None:
+def _draw(walker: LeggedRobot, gait: Gait, output: Path) -> None:
     """Draw a gait. Raises click.ClickException for one out of reach, and without Matplotlib."""
     try:
         from missions.plugins.legs.gait_plot import draw_gait  # noqa: PLC0415 - an extra, and slow to import
     except ImportError as error:
-        raise click.UsageError(NO_PLOTS) from error
-    _refuse_unreached(walker, gait)
-    with writing(output, "-o"):
+        raise click.UsageError(PLOTS_MISSING) from error
+    _require_reachable(walker, gait)
+    with report_write_errors(output, "-o"):
         try:
             draw_gait(output, gait, walker.body, walker.limits)
         except ValueError as error:
@@ -279,42 +287,42 @@ def _draw(walker: Walker, gait: Gait, output: Path) -> None:
     click.echo(f"wrote {output}", err=True)
 
 
-def _film(walker: Walker, gait: Gait, output: Path) -> None:
+def _film(walker: LeggedRobot, gait: Gait, output: Path) -> None:
     """Film a gait. Raises click.ClickException for one out of reach, and for a place where no film can be."""
-    from missions.plugins.legs.gait_plot import RATE, gait_pictures  # noqa: PLC0415 - as for pictures
+    from missions.plugins.legs.gait_plot import FRAME_RATE, gait_pictures  # noqa: PLC0415 - as for pictures
 
-    check_place(output, "-o")
-    _refuse_unreached(walker, gait)
-    with Movie(output, rate=RATE, option="-o") as movie:
+    check_output(output, "-o")
+    _require_reachable(walker, gait)
+    with Movie(output, rate=FRAME_RATE, option="-o") as movie:
         for picture in gait_pictures(gait, walker.body):
             movie.write(picture)
-    if movie.trouble:
-        raise click.ClickException(movie.trouble)
+    if movie.error:
+        raise click.ClickException(movie.error)
     click.echo(f"wrote {output}", err=True)
 
 
-def _refuse_unreached(walker: Walker, gait: Gait) -> None:
+def _require_reachable(walker: LeggedRobot, gait: Gait) -> None:
     if gait.angles(walker.body)[1].any():
         raise click.ClickException(f"{gait.name}: it cannot be drawn, a foot is out of reach")
 
 
 def _save(output: Path, text: str) -> None:
-    with writing(output, "-o"):
+    with report_write_errors(output, "-o"):
         save_file(output, text)
     click.echo(f"wrote {output}", err=True)
 
 
-def _shown(walker: Walker, gait: Gait) -> Iterator[str]:
+def _describe(walker: LeggedRobot, gait: Gait) -> Iterator[str]:
     """Yield what is told of a gait."""
     yield f"{gait.name}: a cycle of {gait.period:.2f} s"
     angles, reason = gait.angles(walker.body)
     if not reason.any():
         speeds = np.abs(np.roll(angles, -1, axis=0) - angles) * len(angles) / gait.period
         yield f"{'joint':<20} {'from':>7} {'to':>7} {'limits':>15} {'deg/s':>7} {'of':>5}"
-        for column, joint in enumerate(walker.body.walking):
+        for column, joint in enumerate(walker.body.leg_joints):
             its, row = walker.limits[joint], np.degrees(angles[:, column])
             limits = f"{np.degrees(its.lower):.0f} to {np.degrees(its.upper):.0f}"
             fast = f"{np.degrees(speeds[:, column].max()):7.0f} {np.degrees(its.speed):5.0f}"
             yield f"{joint:<20} {row.min():7.1f} {row.max():7.1f} {limits:>15} {fast}"
-        yield f"it presses {1000 * margins(walker.body, gait, angles).min():.0f} mm within its soles at least"
-    yield from walker.mistakes(gait) or ["good"]
+        yield f"it presses {1000 * support_margins(walker.body, gait, angles).min():.0f} mm within its soles at least"
+    yield from walker.gait_errors(gait) or ["good"]

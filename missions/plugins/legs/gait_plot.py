@@ -9,56 +9,56 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from drivers.api import Image, JointLimits
-from drivers.legs.body import SIDES, Body, Floats
+from drivers.legs.body import SIDES, Floats, LeggedBody
 from drivers.legs.checking import TRUNK, capsules
-from drivers.legs.engine import whole
+from drivers.legs.engine import whole_body_pose
 from drivers.legs.gait import Gait
-from drivers.legs.kinematics import centre_of_mass, forward
-from drivers.sim.rigid.stick import Stroke, stick_figure
-from missions.plugins.pictures.moves_plot import FORMATS, GOAL, LIMIT, MEASURED, save_figure
+from drivers.legs.kinematics import centre_of_mass, forward_kinematics
+from drivers.sim.rigid.stick import Stroke, draw_stick_figure
+from missions.plugins.pictures.moves_plot import FORMATS, GOAL_COLOUR, LIMIT_COLOUR, MEASURED_COLOUR, save_figure
 
 # A gait as pictures of a figure of lines, from its right and from the front, over two cycles on a treadmill.
 
-RATE = 25.0
+FRAME_RATE = 25.0
 """Pictures a second."""
 
-CYCLES = 2
+FILM_CYCLES = 2
 
 SIZE = (640, 480)
 
-LINE = 0.004
+LINE_HALF_WIDTH = 0.004
 """Half the width (m) of a line from joint to joint."""
 
 
-def gait_pictures(gait: Gait, body: Body) -> Iterator[Image]:
+def gait_pictures(gait: Gait, body: LeggedBody) -> Iterator[Image]:
     """Yield the pictures of a gait that the body reaches."""
     angles, _ = gait.angles(body)
-    placed = forward(body, whole(body, angles))
+    placed = forward_kinematics(body, whole_body_pose(body, angles))
     lowest = gait.feet[..., 2].min()
     height = float(placed.position[..., 2].max() - lowest) * 1.15
-    gone = _gone(gait)
+    gone = _travelled(gait)
     count = len(gait.times)
-    for number in range(max(2, round(CYCLES * gait.period * RATE))):
-        time = number / RATE
+    for number in range(max(2, round(FILM_CYCLES * gait.period * FRAME_RATE))):
+        time = number / FRAME_RATE
         cycle, place = divmod(round(time / gait.period * count), count)
         strokes = list(_strokes(body, placed.position[place], placed.rotation[place], -lowest))
         way = float(gone[place] + cycle * gone[-1])
-        yield stick_figure(strokes, SIZE, height=height, gone=way, told=f"{gait.name}  {time:.2f} s")
+        yield draw_stick_figure(strokes, SIZE, height=height, walked=way, caption=f"{gait.name}  {time:.2f} s")
 
 
-def _gone(gait: Gait) -> Floats:
+def _travelled(gait: Gait) -> Floats:
     """Return how far the body has gone by each time of a cycle, and by its end: as the feet on the floor go back."""
     back = gait.feet[:, :, 0] - np.roll(gait.feet[:, :, 0], -1, axis=0)
-    held = gait.on & np.roll(gait.on, -1, axis=0)
+    held = gait.on_floor & np.roll(gait.on_floor, -1, axis=0)
     steps = np.where(held, back, 0.0).sum(axis=1) / np.maximum(held.sum(axis=1), 1)
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _strokes(body: Body, position: Floats, rotation: Floats, up: float) -> Iterator[Stroke]:
+def _strokes(body: LeggedBody, position: Floats, rotation: Floats, up: float) -> Iterator[Stroke]:
     raised = np.array([0.0, 0.0, up])
     for place, parent in enumerate(body.parent):
         if parent >= 0:
-            yield Stroke(position[parent] + raised, position[place] + raised, LINE)
+            yield Stroke(position[parent] + raised, position[place] + raised, LINE_HALF_WIDTH)
     for each in capsules(body):
         if each.name == TRUNK and each.link < 0:
             yield Stroke(each.start + raised, each.end + raised, each.radius)
@@ -67,10 +67,10 @@ def _strokes(body: Body, position: Floats, rotation: Floats, up: float) -> Itera
             yield Stroke(at + turned @ each.start, at + turned @ each.end, each.radius)
 
 
-COLOURS = {"left": GOAL, "right": MEASURED}
+COLOURS = {"left": GOAL_COLOUR, "right": MEASURED_COLOUR}
 
 
-def draw_gait(path: Path, gait: Gait, body: Body, limits: Mapping[str, JointLimits]) -> None:
+def draw_gait(path: Path, gait: Gait, body: LeggedBody, limits: Mapping[str, JointLimits]) -> None:
     """Draw a gait that the body reaches. Raises ValueError for another format, OSError where it cannot be written."""
     if path.suffix not in FORMATS:
         raise ValueError(f"{path}: a picture ends in {' or '.join(FORMATS)}")
@@ -79,41 +79,41 @@ def draw_gait(path: Path, gait: Gait, body: Body, limits: Mapping[str, JointLimi
     FigureCanvasAgg(figure)
     figure.suptitle(f"{gait.name}: a cycle of {gait.period:.2f} s")
     grid = figure.subplots(4, 3, squeeze=False)
-    centre = centre_of_mass(body, forward(body, whole(body, angles)))
+    centre = centre_of_mass(body, forward_kinematics(body, whole_body_pose(body, angles)))
     for axes, title, axis in zip(grid[0], ("ahead", "left", "up"), range(3), strict=True):
         for number, side in enumerate(SIDES):
             axes.plot(gait.times, 1000 * gait.feet[:, number, axis], color=COLOURS[side], label=f"{side} sole")
         axes.plot(gait.times, 1000 * centre[:, axis], color="#444", linestyle="--", label="centre of mass")
-        axes.axhline(0.0, color=LIMIT, linewidth=1.0, label="pelvis")
-        _frame(axes, f"{title}, from the pelvis", "mm")
+        axes.axhline(0.0, color=LIMIT_COLOUR, linewidth=1.0, label="pelvis")
+        _style_axes(axes, f"{title}, from the pelvis", "mm")
     ways = zip(("hip turn", "hip roll", "hip pitch", "knee", "ankle pitch", "ankle roll"), range(6), strict=True)
     for axes, (title, place) in zip([*grid[1], *grid[2]], ways, strict=True):
         for number, side in enumerate(SIDES):
             column = 6 * number + place
-            _joint(axes, gait.times, angles[:, column], COLOURS[side], limits[body.walking[column]])
-        _frame(axes, title, "deg")
+            _plot_joint(axes, gait.times, angles[:, column], COLOURS[side], limits[body.leg_joints[column]])
+        _style_axes(axes, title, "deg")
     for axes, side in zip(grid[3], SIDES, strict=False):
         number = SIDES.index(side)
         axes.plot(1000 * gait.feet[:, number, 0], 1000 * gait.feet[:, number, 2], color=COLOURS[side])
-        _frame(axes, f"{side} sole from the side", "mm up", "mm ahead")
+        _style_axes(axes, f"{side} sole from the side", "mm up", "mm ahead")
     grid[3][2].set_axis_off()
     handles, labels = grid[0][0].get_legend_handles_labels()
     grid[3][2].legend(handles, labels, loc="center", frameon=False)
     save_figure(figure, path, 90)
 
 
-def _joint(axes: Axes, times: Floats, angles: Floats, colour: str, its: JointLimits) -> None:
+def _plot_joint(axes: Axes, times: Floats, angles: Floats, colour: str, limits: JointLimits) -> None:
     """Draw a joint, and its limits where it comes near to them."""
     axes.plot(times, np.degrees(angles), color=colour)
     low, high = float(np.degrees(angles.min())) - 10.0, float(np.degrees(angles.max())) + 10.0
-    for end in np.degrees([its.lower, its.upper]):
+    for end in np.degrees([limits.lower, limits.upper]):
         if low <= end <= high:
             axes.axhline(end, color=colour, linestyle=":", linewidth=1.0)
 
 
-def _frame(axes: Axes, title: str, up: str, along: str = "s") -> None:
+def _style_axes(axes: Axes, title: str, up: str, along: str = "s") -> None:
     axes.set_title(title, fontsize=10)
     axes.set_ylabel(up)
     axes.set_xlabel(along)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(color=LIMIT, alpha=0.25)
+    axes.grid(color=LIMIT_COLOUR, alpha=0.25)

@@ -9,7 +9,7 @@ from typing import Literal
 
 from rich.cells import cell_len, chop_cells, set_cell_size
 
-from missions.trees.drawing import ASCII_SIGNS, SIGNS, Box, Drawing, Status
+from missions.trees.drawing import ASCII_SIGNS, SIGNS, Status, TreeBox, TreeDrawing
 
 Change = Literal["same", "changed", "added", "removed"]
 
@@ -18,19 +18,19 @@ CHANGES: Mapping[Change, str] = {"same": "=", "changed": "≠", "added": "+", "r
 
 
 @dataclass(frozen=True, slots=True)
-class Pair:
+class NodePair:
     """A node of the left mission and the one of the right that has taken its place; one is None where it has none.
 
-    ``what`` says what has changed in the node itself, a line for each thing.
+    ``differences`` says what has changed in the node itself, a line for each thing.
     """
 
-    left: Box | None
-    right: Box | None
+    left: TreeBox | None
+    right: TreeBox | None
     change: Change
-    what: str
-    children: tuple["Pair", ...] = ()
+    differences: str
+    children: tuple["NodePair", ...] = ()
 
-    def walk(self) -> Iterator["Pair"]:
+    def walk(self) -> Iterator["NodePair"]:
         """Yield it and all below it."""
         yield self
         for child in self.children:
@@ -38,12 +38,12 @@ class Pair:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class TreeComparison:
     """Two missions, and the tree of the pairs that their nodes form."""
 
-    left: Drawing
-    right: Drawing
-    root: Pair
+    left: TreeDrawing
+    right: TreeDrawing
+    root: NodePair
 
     def count(self, change: Change) -> int:
         """Return how many nodes are ``same``, ``changed``, ``added`` or ``removed``."""
@@ -56,54 +56,54 @@ class Comparison:
         return ", ".join(counts) or "no difference"
 
 
-def compare(left: Drawing, right: Drawing) -> Comparison:
+def compare(left: TreeDrawing, right: TreeDrawing) -> TreeComparison:
     """Find which nodes of two missions belong together: their roots do, and children that are alike, in their order."""
-    return Comparison(left, right, _pair(left.root, right.root))
+    return TreeComparison(left, right, _pair(left.root, right.root))
 
 
-def _pair(left: Box, right: Box) -> Pair:
+def _pair(left: TreeBox, right: TreeBox) -> NodePair:
     what = "\n".join(_differences(left, right))
-    children = tuple(_matched(left.children, right.children))
-    return Pair(left, right, "changed" if what else "same", what, children)
+    children = tuple(_match_children(left.children, right.children))
+    return NodePair(left, right, "changed" if what else "same", what, children)
 
 
-def _matched(left: Sequence[Box], right: Sequence[Box]) -> Iterator[Pair]:
+def _match_children(left: Sequence[TreeBox], right: Sequence[TreeBox]) -> Iterator[NodePair]:
     """Yield children in pairs: those that are equal, of the rest those of one kind and name, then those of one kind."""
-    for old, new in _aligned(left, right, [_whole, lambda box: (box.kind, box.name), lambda box: box.kind]):
+    for old, new in _align(left, right, [_subtree_facts, lambda box: (box.kind, box.name), lambda box: box.kind]):
         if old is not None and new is not None:
             yield _pair(old, new)
         elif old is not None:
-            yield _alone(old, "removed")
+            yield _unmatched(old, "removed")
         elif new is not None:
-            yield _alone(new, "added")
+            yield _unmatched(new, "added")
 
 
-def _alone(box: Box, change: Literal["added", "removed"]) -> Pair:
+def _unmatched(box: TreeBox, change: Literal["added", "removed"]) -> NodePair:
     left, right = (box, None) if change == "removed" else (None, box)
-    return Pair(left, right, change, "", tuple(_alone(child, change) for child in box.children))
+    return NodePair(left, right, change, "", tuple(_unmatched(child, change) for child in box.children))
 
 
-Likeness = Callable[[Box], Hashable]
+Likeness = Callable[[TreeBox], Hashable]
 Fact = tuple[str, str, int]
-Match = tuple[Box | None, Box | None]
+Match = tuple[TreeBox | None, TreeBox | None]
 
 
-def _aligned(left: Sequence[Box], right: Sequence[Box], alike: Sequence[Likeness]) -> Iterator[Match]:
+def _align(left: Sequence[TreeBox], right: Sequence[TreeBox], likenesses: Sequence[Likeness]) -> Iterator[Match]:
     """Yield matches in order: by the first likeness, and between two of these by the next one."""
-    if not alike or not left or not right:
+    if not likenesses or not left or not right:
         yield from ((old, None) for old in left)
         yield from ((None, new) for new in right)
         return
     old_end = new_end = 0
-    matches = _common([alike[0](box) for box in left], [alike[0](box) for box in right])
+    matches = _common_indices([likenesses[0](box) for box in left], [likenesses[0](box) for box in right])
     for old, new in [*matches, (len(left), len(right))]:
-        yield from _aligned(left[old_end:old], right[new_end:new], alike[1:])
+        yield from _align(left[old_end:old], right[new_end:new], likenesses[1:])
         if old < len(left):
             yield left[old], right[new]
         old_end, new_end = old + 1, new + 1
 
 
-def _common(left: Sequence[Hashable], right: Sequence[Hashable]) -> list[tuple[int, int]]:
+def _common_indices(left: Sequence[Hashable], right: Sequence[Hashable]) -> list[tuple[int, int]]:
     """Return the places of a longest common subsequence."""
     start = 0
     while start < min(len(left), len(right)) and left[start] == right[start]:
@@ -111,13 +111,13 @@ def _common(left: Sequence[Hashable], right: Sequence[Hashable]) -> list[tuple[i
     end = 0
     while end < min(len(left), len(right)) - start and left[-1 - end] == right[-1 - end]:
         end += 1
-    middle = _longest(left[start : len(left) - end], right[start : len(right) - end])
+    middle = _longest_common(left[start : len(left) - end], right[start : len(right) - end])
     found = [(place, place) for place in range(start)]
     found += [(start + old, start + new) for old, new in middle]
     return found + [(len(left) - place, len(right) - place) for place in range(end, 0, -1)]
 
 
-def _longest(left: Sequence[Hashable], right: Sequence[Hashable]) -> Iterator[tuple[int, int]]:
+def _longest_common(left: Sequence[Hashable], right: Sequence[Hashable]) -> Iterator[tuple[int, int]]:
     """Yield the places of a longest common subsequence, by the table of what is in common from each place on."""
     table = [[0] * (len(right) + 1) for _ in range(len(left) + 1)]
     for old in reversed(range(len(left))):
@@ -135,12 +135,12 @@ def _longest(left: Sequence[Hashable], right: Sequence[Hashable]) -> Iterator[tu
             new += 1
 
 
-def _whole(box: Box) -> Hashable:
+def _subtree_facts(box: TreeBox) -> Hashable:
     """Return all that counts of a node and of everything below it."""
-    return box.kind, tuple(_facts(box).items()), tuple(_whole(child) for child in box.children)
+    return box.kind, tuple(_node_facts(box).items()), tuple(_subtree_facts(child) for child in box.children)
 
 
-def _facts(box: Box) -> dict[Fact, str]:
+def _node_facts(box: TreeBox) -> dict[Fact, str]:
     """Return what counts of a node itself; modifiers in their order, arguments in any."""
     named = "" if box.name in (box.kind, box.mission) else box.name
     own = {"name": named, "mission": box.mission, "case": box.case, "as": box.keep_as}
@@ -152,9 +152,9 @@ def _facts(box: Box) -> dict[Fact, str]:
     return facts
 
 
-def _differences(left: Box, right: Box) -> Iterator[str]:
+def _differences(left: TreeBox, right: TreeBox) -> Iterator[str]:
     """Yield what differs of two nodes themselves, a line for each thing."""
-    old, new = _facts(left), _facts(right)
+    old, new = _node_facts(left), _node_facts(right)
     if left.kind != right.kind:  # then its arguments mean something else
         yield f"kind: {left.kind} -> {right.kind}"
         old, new = ({fact: text for fact, text in each.items() if fact[0] == "modifier"} for each in (old, new))
@@ -172,19 +172,19 @@ def _differences(left: Box, right: Box) -> Iterator[str]:
 
 # Two missions in two columns of text, a sign between them for what is the same, changed, added or removed.
 
-LEAST = 16
+MIN_SIDE_COLUMNS = 16
 """Columns of a side at least, however narrow the terminal is."""
 
 Signs = Mapping[Status, str]
 """How statuses are written in a column; none are, where it shows no moment of a run."""
 
 
-def side_by_side(comparison: Comparison, width: int, *, ascii_only: bool = False) -> str:
+def side_by_side(comparison: TreeComparison, width: int, *, ascii_only: bool = False) -> str:
     """Return a line for each pair of nodes, in ``width`` columns; below it, what has changed in the node itself.
 
     A column that shows a moment of a run says how each node stands then.
     """
-    side = max((width - 3) // 2, LEAST)
+    side = max((width - 3) // 2, MIN_SIDE_COLUMNS)
     both = (comparison.left, comparison.right)
     left, right = ({} if each.time is None else ASCII_SIGNS if ascii_only else SIGNS for each in both)
     rows = [_row(_head(comparison.left), " ", _head(comparison.right), side)]
@@ -193,37 +193,37 @@ def side_by_side(comparison: Comparison, width: int, *, ascii_only: bool = False
     return text.translate({ord("≠"): "!", ord("…"): "~"}) if ascii_only else text
 
 
-def _head(drawing: Drawing) -> str:
+def _head(drawing: TreeDrawing) -> str:
     return drawing.mission if drawing.time is None else f"{drawing.mission} at {drawing.time:.2f} s"
 
 
-def _rows(pair: Pair, depth: int, side: int, left: Signs, right: Signs) -> Iterator[str]:
+def _rows(pair: NodePair, depth: int, side: int, left: Signs, right: Signs) -> Iterator[str]:
     indent = " " * min(2 * depth, side // 2)
     columns = ((pair.left, left), (pair.right, right))
-    old, new = (indent + _said(box, signs) if box is not None else "" for box, signs in columns)
+    old, new = (indent + _node_text(box, signs) if box is not None else "" for box, signs in columns)
     yield _row(old, CHANGES[pair.change], new, side)
     below = f"{indent}    "
-    for line in pair.what.splitlines():
+    for line in pair.differences.splitlines():
         yield from (_row("", " ", below + part, side) for part in chop_cells(line, side - len(below)))
     for child in pair.children:
         yield from _rows(child, depth + 1, side, left, right)
 
 
-def _said(box: Box, signs: Signs) -> str:
+def _node_text(box: TreeBox, signs: Signs) -> str:
     """Return a node in one line: how it stands, its case and title, why, arguments, modifiers, and its result."""
     words = [signs[box.status]] if signs else []
     words += [f"{box.case}:"] if box.case else []
     words.append(box.title)
     words += [f"-- {box.reason}"] if box.reason else []
-    told = [f"{name}: {text}" for name, text in box.untold.items()]
+    told = [f"{name}: {text}" for name, text in box.untitled_arguments.items()]
     told += [f"as: {box.keep_as}"] if box.keep_as else []
     told += [f"{f'{signs[badge.status]} ' if signs else ''}{badge.kind}: {badge.text}" for badge in box.badges]
     return " ".join(words) + (f" ({', '.join(told)})" if told else "")
 
 
 def _row(left: str, sign: str, right: str, side: int) -> str:
-    return f"{set_cell_size(_cut(left, side), side)} {sign} {_cut(right, side)}".rstrip()
+    return f"{set_cell_size(_truncate(left, side), side)} {sign} {_truncate(right, side)}".rstrip()
 
 
-def _cut(text: str, most: int) -> str:
-    return text if cell_len(text) <= most else f"{chop_cells(text, most - 1)[0]}…"
+def _truncate(text: str, max_columns: int) -> str:
+    return text if cell_len(text) <= max_columns else f"{chop_cells(text, max_columns - 1)[0]}…"

@@ -12,23 +12,23 @@ from typing import TYPE_CHECKING, Self
 import click
 import numpy as np
 
-from drivers.screen.drawing import frame
-from drivers.screen.expression import expression
+from drivers.screen.drawing import face_image
+from drivers.screen.expression import face_expression
 from drivers.sim.render import Renderer
 from drivers.sim.topview import TopView
 from missions.assembly.twins import Twins
 from missions.cli.session import RunSession
-from missions.plugins.pictures.movie import Movie, check_place
+from missions.plugins.pictures.movie import Movie, check_output
 from missions.plugins.pictures.options import FilmOptions
 
 if TYPE_CHECKING:
     from drivers.sim.rigid.filmed import BodyCamera
 
-RATE = 12.5
+FRAME_RATE = 12.5
 """Pictures per second of simulated time."""
 
 
-class Film:
+class RunFilm:
     """Films ``twins`` into a file or, for any other name, into a folder of numbered pictures.
 
     Its camera is one of its own, in the place of the robot's: filming changes nothing of the run.
@@ -37,7 +37,7 @@ class Film:
 
     def __init__(self, path: Path, twins: Twins) -> None:
         self.path = path
-        self._movie = Movie(path, rate=RATE, option="--film")
+        self._movie = Movie(path, rate=FRAME_RATE, option="--film")
         self._twins = twins
         self._renderer = Renderer(twins.world, twins.lens, noise=0.0)
         self._map = TopView(twins.world, (twins.lens.height * 4 // 3, twins.lens.height))
@@ -46,19 +46,19 @@ class Film:
         self._open = False
 
     @property
-    def trouble(self) -> str:
+    def error(self) -> str:
         """From when on it could not be written, and why; empty while all is well."""
-        return self._movie.trouble
+        return self._movie.error
 
     @property
-    def written(self) -> bool:
+    def is_written(self) -> bool:
         """Whether any of its pictures are at its path."""
-        return self._movie.written
+        return self._movie.is_written
 
     def __enter__(self) -> Self:
         self._movie.__enter__()
         self._open = True
-        self._twins.timeline.every(1 / RATE, self._take)
+        self._twins.timeline.call_every(1 / FRAME_RATE, self._take)
         return self
 
     def __exit__(
@@ -81,7 +81,7 @@ class Film:
         if not self._open:
             return
         twins = self._twins
-        now, pose, view = twins.timeline.clock.now(), twins.pose(), twins.viewpoint()
+        now, pose, view = twins.timeline.clock.read_value(), twins.pose(), twins.viewpoint()
         self._trail.append((pose.x, pose.y))
         above = self._map.draw(now, pose, camera=view, field_of_view=twins.lens.field_of_view, trail=self._trail)
         panes = [above]
@@ -90,8 +90,8 @@ class Film:
         if self._body is None or "camera" in twins.parts:
             panes.insert(0, self._renderer.draw(view, now))
         if twins.screen is not None:
-            shown, height = twins.screen.shown(), twins.lens.height
-            panes.append(frame(expression(shown, now), shown.text, (height * 2 // 3, height)))
+            shown, height = twins.screen.content(), twins.lens.height
+            panes.append(face_image(face_expression(shown, now), shown.text, (height * 2 // 3, height)))
         self._movie.write(np.hstack(panes))
 
 
@@ -104,11 +104,11 @@ def film_run(options: FilmOptions, session: RunSession) -> Iterator[None]:
     path, twins = options.film, session.runner.twins
     if path is None or twins is None:
         raise click.UsageError("--film is made in simulated time: add --simulate fast")
-    check_place(path, "--film")
-    film = Film(path, twins)
-    session.outputs.append(lambda: film.path if film.written else None)
+    check_output(path, "--film")
+    film = RunFilm(path, twins)
+    session.outputs.append(lambda: film.path if film.is_written else None)
     with film:
         yield
-    if film.trouble:
+    if film.error:
         with suppress(OSError):
-            click.echo(f"mission: {film.trouble}", err=True)
+            click.echo(f"mission: {film.error}", err=True)

@@ -4,18 +4,18 @@ import json
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from missions.plugins.pictures.compare import Comparison, Pair, compare, side_by_side
+from missions.plugins.pictures.compare import NodePair, TreeComparison, compare, side_by_side
 from missions.plugins.pictures.page.pair import page, pair_page
 from missions.plugins.pictures.png import png
 from missions.plugins.pictures.svg import svg, svg_pair
-from missions.trees.drawing import Drawing, to_json
+from missions.trees.drawing import TreeDrawing, to_json
 
 # A comparison of two missions as plain JSON, for other programs.
 
 FORMAT = "missiontree-diff/1"
 
 
-def comparison_to_json(comparison: Comparison) -> dict[str, object]:
+def comparison_to_json(comparison: TreeComparison) -> dict[str, object]:
     """Return both trees as they are told alone, and ``pairs``: the tree of which keys belong together."""
     return {
         "format": FORMAT,
@@ -26,12 +26,12 @@ def comparison_to_json(comparison: Comparison) -> dict[str, object]:
     }
 
 
-def _pair(pair: Pair) -> dict[str, object]:
+def _pair(pair: NodePair) -> dict[str, object]:
     return {
         "left": None if pair.left is None else pair.left.key,
         "right": None if pair.right is None else pair.right.key,
         "change": pair.change,
-        "what": pair.what.splitlines(),
+        "what": pair.differences.splitlines(),
         "children": [_pair(child) for child in pair.children],
     }
 
@@ -43,20 +43,20 @@ def _json(data: object) -> str:
     return json.dumps(data, indent=1, ensure_ascii=False) + "\n"
 
 
-PICTURE_FORMS: Mapping[str, Callable[[Drawing], Dump]] = {
+PICTURE_FORMS: Mapping[str, Callable[[TreeDrawing], Dump]] = {
     "svg": svg,
     "png": lambda drawing: png(svg(drawing)),
     "html": page,
 }
 """The forms of one tree beside those of text. ``png`` raises ImportError without the extra ``plots``."""
 
-WIDE = 120
+PAIR_COLUMNS = 120
 """Columns of two missions side by side in a file."""
 
-PAIR_FORMS: Mapping[str, Callable[[Comparison], Dump]] = {
-    "text": partial(side_by_side, width=WIDE),
-    "unicode": partial(side_by_side, width=WIDE),
-    "ascii": partial(side_by_side, width=WIDE, ascii_only=True),
+PAIR_FORMS: Mapping[str, Callable[[TreeComparison], Dump]] = {
+    "text": partial(side_by_side, width=PAIR_COLUMNS),
+    "unicode": partial(side_by_side, width=PAIR_COLUMNS),
+    "ascii": partial(side_by_side, width=PAIR_COLUMNS, ascii_only=True),
     "svg": svg_pair,
     "png": lambda comparison: png(svg_pair(comparison)),
     "json": lambda comparison: _json(comparison_to_json(comparison)),
@@ -65,7 +65,7 @@ PAIR_FORMS: Mapping[str, Callable[[Comparison], Dump]] = {
 """The forms in which two trees stand side by side."""
 
 
-def dump_pair(left: Drawing, right: Drawing, form: str, width: int | None) -> Dump:
+def dump_pair(left: TreeDrawing, right: TreeDrawing, form: str, width: int | None) -> Dump:
     """Return two trees side by side, as text in so many columns, if any. Raises ValueError for an unknown form."""
     if form not in PAIR_FORMS:
         raise ValueError(f"--diff knows no format '{form}', only {', '.join(PAIR_FORMS)}")

@@ -12,8 +12,8 @@ from math import ceil
 from typing import Literal
 from unicodedata import category, combining, east_asian_width, normalize
 
-from missions.plugins.pictures.compare import Comparison, Pair
-from missions.trees.drawing import SIGNS, Box, Drawing, Status
+from missions.plugins.pictures.compare import NodePair, TreeComparison
+from missions.trees.drawing import SIGNS, Status, TreeBox, TreeDrawing
 
 # How wide a text is in DejaVu Sans, so that a picture is laid out without a font, and the same on every machine.
 #
@@ -40,46 +40,48 @@ _HORN = 0.15
 """What a horn, or a caron written as an apostrophe, adds to its letter, as in ơ and ľ."""
 
 
-def width(text: str, size: float, *, bold: bool = False) -> float:
+def text_width(text: str, size: float, *, bold: bool = False) -> float:
     """Return how far ``text`` reaches in a font of ``size``, in the same unit."""
     return size * sum(_advance(letter, bold) for letter in text)
 
 
-def cut(text: str, size: float, most: float, *, bold: bool = False) -> str:
+def truncate(text: str, size: float, max_width: float, *, bold: bool = False) -> str:
     """Return ``text`` in one line no wider than ``most``; what is cut off, an ellipsis stands for."""
     text = " ".join(text.split())
-    if width(text, size, bold=bold) <= most:
+    if text_width(text, size, bold=bold) <= max_width:
         return text
-    room = most - width("…", size, bold=bold)
+    room = max_width - text_width("…", size, bold=bold)
     kept = 0
     for letter in text:
-        room -= width(letter, size, bold=bold)
+        room -= text_width(letter, size, bold=bold)
         if room < 0:
             break
         kept += 1
     return f"{text[:kept].rstrip()}…"
 
 
-def packed(items: Iterable[str], blank: str, size: float, most: float, lines: int) -> tuple[str, ...]:
+def wrap_items(items: Iterable[str], separator: str, size: float, max_width: float, max_lines: int) -> tuple[str, ...]:
     """Fill at most ``lines`` lines with ``items``, ``blank`` between them; an ellipsis stands for what is more.
 
     An item that is wider than a line is broken between its words, all others stay in one piece.
     """
     rows: list[str] = []
-    for glue, word in _words(items, blank, size, most):
+    for glue, word in _unbreakable_words(items, separator, size, max_width):
         longer = f"{rows[-1]}{glue}{word}" if rows else word
-        if rows and (len(rows) == lines or width(longer, size) <= most):
+        if rows and (len(rows) == max_lines or text_width(longer, size) <= max_width):
             rows[-1] = longer
         else:
             rows.append(word)
-    return tuple(cut(row, size, most) for row in rows)
+    return tuple(truncate(row, size, max_width) for row in rows)
 
 
-def _words(items: Iterable[str], blank: str, size: float, most: float) -> Iterator[tuple[str, str]]:
+def _unbreakable_words(
+    items: Iterable[str], separator: str, size: float, max_width: float
+) -> Iterator[tuple[str, str]]:
     """Yield what stays together, each with what stands before it on the same line."""
     for item in items:
-        words = [item] if width(item, size) <= most else item.split()
-        yield from zip([blank, *(" " for _ in words)], words, strict=False)
+        words = [item] if text_width(item, size) <= max_width else item.split()
+        yield from zip([separator, *(" " for _ in words)], words, strict=False)
 
 
 @lru_cache(maxsize=4096)
@@ -108,19 +110,19 @@ def _advance(letter: str, bold: bool) -> float:
 Part = Literal["symbol", "kind", "name", "sign", "line", "argument", "badge", "reason", "change", "folded"]
 
 SIZES: Mapping[Part, int] = {"symbol": 14, "kind": 13, "name": 13, "sign": 13, "line": 10}
-"""The size of the font of each part of a card; that of all others is ``SMALL``."""
+"""The size of the font of each part of a card; that of all others is ``SMALL_FONT_SIZE``."""
 
-SMALL = 11
+SMALL_FONT_SIZE = 11
 
-BAND, MAX_WIDTH, PAD = 30, 320, 11
+BAND_WIDTH, MAX_LINE_WIDTH, CARD_PADDING = 30, 320, 11
 """The band at the left that the symbol stands on, the widest line, and the blank beside it; all in pixels."""
 
-TITLE_ROW, SMALL_ROW, BADGE_ROW, BADGE_PAD = 20, 16, 23, 7
+TITLE_HEIGHT, SMALL_LINE_HEIGHT, BADGE_HEIGHT, BADGE_PADDING = 20, 16, 23, 7
 """The heights of the rows, and the blank at both ends of a badge."""
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class CardText:
     """A text on a card: ``x`` and its base line ``y`` from the card's upper left corner. A badge has a status too."""
 
     part: Part
@@ -133,99 +135,101 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Card:
-    """A box with its lines; ``width`` and ``height`` hold all of them."""
+    """A box with its lines; ``text_width`` and ``height`` hold all of them."""
 
-    box: Box
+    box: TreeBox
     width: int
     height: int
-    lines: tuple[Line, ...]
+    lines: tuple[CardText, ...]
 
 
-def card(box: Box, *, live: bool = False, change: str = "") -> Card:
+def make_card(box: TreeBox, *, live: bool = False, change: str = "") -> Card:
     """Return the card of ``box``: with signs of statuses if ``live``; ``change`` says in which way it differs."""
-    writer = _Writer()
+    writer = _CardWriter()
     writer.title(box, live)
-    writer.small("argument", _packed(_arguments(box), ", ", 3))
+    writer.small("argument", _wrap_small(_arguments(box), ", ", 3))
     writer.badges(box, live)
     writer.small("folded", [f"{box.folded} more inside"] if box.folded else [])
-    writer.small("reason", _packed(_reasons(box), "; ", 2))
-    writer.small("change", _packed(change.split("\n") if change else [], "; ", 3))
+    writer.small("reason", _wrap_small(_reasons(box), "; ", 2))
+    writer.small("change", _wrap_small(change.split("\n") if change else [], "; ", 3))
     return writer.card(box)
 
 
-class _Writer:
+class _CardWriter:
     """Writes the rows of one card from the top downwards."""
 
     def __init__(self) -> None:
-        self._lines: list[Line] = []
+        self._lines: list[CardText] = []
         self._y = 5  # where the next row begins
 
-    def title(self, box: Box, live: bool) -> None:
+    def title(self, box: TreeBox, live: bool) -> None:
         """Write kind, name, the sign of the status, and the line of the file."""
         base = self._y + 15
-        self._write("symbol", box.symbol, (BAND - ceil(width(box.symbol, SIZES["symbol"]))) // 2, base)
-        kind = cut(box.kind, SIZES["kind"], MAX_WIDTH / 2, bold=True)
-        x = self._write("kind", kind, BAND + PAD, base)
-        x = self._write("name", cut(_name(box), SIZES["name"], MAX_WIDTH), x, base)
+        self._write("symbol", box.symbol, (BAND_WIDTH - ceil(text_width(box.symbol, SIZES["symbol"]))) // 2, base)
+        kind = truncate(box.kind, SIZES["kind"], MAX_LINE_WIDTH / 2, bold=True)
+        x = self._write("kind", kind, BAND_WIDTH + CARD_PADDING, base)
+        x = self._write("name", truncate(_name(box), SIZES["name"], MAX_LINE_WIDTH), x, base)
         if live:
             x = self._write("sign", SIGNS[box.status], x + 12, base)
         self._write("line", f":{box.line}", x + 10, base)
-        self._y += TITLE_ROW
+        self._y += TITLE_HEIGHT
 
     def small(self, part: Part, texts: Iterable[str]) -> None:
         """Write lines of small print."""
         for text in texts:
-            self._write(part, text, BAND + PAD, self._y + 12)
-            self._y += SMALL_ROW
+            self._write(part, text, BAND_WIDTH + CARD_PADDING, self._y + 12)
+            self._y += SMALL_LINE_HEIGHT
 
-    def badges(self, box: Box, live: bool) -> None:
+    def badges(self, box: TreeBox, live: bool) -> None:
         """Write the modifiers, as many in a row as there is room for."""
         if not box.badges:
             return
-        x = left = BAND + PAD - 2
+        x = left = BAND_WIDTH + CARD_PADDING - 2
         self._y += 3
         for badge in box.badges:
             sign = f"{SIGNS[badge.status]} " if live else ""
-            text = cut(f"{sign}{badge.kind} {badge.text}", SMALL, MAX_WIDTH - 2 * BADGE_PAD)
-            end = x + ceil(width(text, SMALL)) + 2 * BADGE_PAD
-            if x > left and end > left + MAX_WIDTH:
-                end, x, self._y = end - x + left, left, self._y + BADGE_ROW
-            self._lines.append(Line("badge", text, x + BADGE_PAD, self._y + 14, end - x - 2 * BADGE_PAD, badge.status))
+            text = truncate(f"{sign}{badge.kind} {badge.text}", SMALL_FONT_SIZE, MAX_LINE_WIDTH - 2 * BADGE_PADDING)
+            end = x + ceil(text_width(text, SMALL_FONT_SIZE)) + 2 * BADGE_PADDING
+            if x > left and end > left + MAX_LINE_WIDTH:
+                end, x, self._y = end - x + left, left, self._y + BADGE_HEIGHT
+            self._lines.append(
+                CardText("badge", text, x + BADGE_PADDING, self._y + 14, end - x - 2 * BADGE_PADDING, badge.status)
+            )
             x = end + 6
-        self._y += BADGE_ROW
+        self._y += BADGE_HEIGHT
 
-    def card(self, box: Box) -> Card:
+    def card(self, box: TreeBox) -> Card:
         """Return what was written; what ends the title's row moves to the right edge."""
-        ends = (line.x + line.width + (BADGE_PAD if line.part == "badge" else 0) for line in self._lines)
-        wide = max(ends) + PAD
+        ends = (line.x + line.width + (BADGE_PADDING if line.part == "badge" else 0) for line in self._lines)
+        wide = max(ends) + CARD_PADDING
         title = max(line.x + line.width for line in self._lines if line.part == "line")
-        shift = wide - PAD - title
+        shift = wide - CARD_PADDING - title
         lines = (replace(it, x=it.x + shift) if it.part in ("sign", "line") else it for it in self._lines)
         return Card(box, wide, self._y + 6, tuple(lines))
 
     def _write(self, part: Part, text: str, x: int, y: int) -> int:
         """Write one text, and return where it ends."""
-        wide = ceil(width(text, SIZES.get(part, SMALL), bold=part == "kind"))
+        wide = ceil(text_width(text, SIZES.get(part, SMALL_FONT_SIZE), bold=part == "kind"))
         if text:
-            self._lines.append(Line(part, text, x, y, wide))
+            self._lines.append(CardText(part, text, x, y, wide))
         return x + wide
 
 
-def _name(box: Box) -> str:
+def _name(box: TreeBox) -> str:
     """Return what the title says after the kind; an argument that is too long for it has lines of its own."""
     name = box.title.removeprefix(box.kind)
-    return "" if not box.untold and box.said and width(name, SIZES["name"]) > MAX_WIDTH else name
+    return "" if not box.untitled_arguments and box.said and text_width(name, SIZES["name"]) > MAX_LINE_WIDTH else name
 
 
-def _arguments(box: Box) -> Iterator[str]:
+def _arguments(box: TreeBox) -> Iterator[str]:
     """Yield the arguments as the file has them, but one that the title says, and the variable that keeps the result."""
-    untold = box.untold if _name(box) else box.arguments
+    untold = box.untitled_arguments if _name(box) else box.arguments
     yield from (f"{name}: {text}" for name, text in untold.items())
     if box.keep_as:
         yield f"as: {box.keep_as}"
 
 
-def _reasons(box: Box) -> Iterator[str]:
+def _reasons(box: TreeBox) -> Iterator[str]:
     """Yield why it stands as it does, since when, and what its modifiers add to that."""
     if box.reason:
         yield box.reason
@@ -235,11 +239,11 @@ def _reasons(box: Box) -> Iterator[str]:
     yield from (reason for reason in more if reason != box.reason)
 
 
-def _packed(items: Iterable[str], blank: str, rows: int) -> tuple[str, ...]:
-    return packed(items, blank, SMALL, MAX_WIDTH, rows)
+def _wrap_small(items: Iterable[str], separator: str, rows: int) -> tuple[str, ...]:
+    return wrap_items(items, separator, SMALL_FONT_SIZE, MAX_LINE_WIDTH, rows)
 
 
-PAGE, PAIR_PAGE = 1200, 760
+PAGE_WIDTH, PAIR_PAGE_WIDTH = 1200, 760
 """Pixels beyond which children stand below their parent: in a picture of one tree, and in that of two."""
 
 GAP, INDENT, ROW = 44, 48, 12
@@ -250,28 +254,28 @@ INSET, LABEL = 14, 26
 
 
 @dataclass(frozen=True, slots=True)
-class Placed:
+class PlacedCard:
     """A node's card: its upper left corner, its size, and its lines, which count from that corner."""
 
-    box: Box
+    box: TreeBox
     x: int
     y: int
     width: int
     height: int
-    lines: tuple[Line, ...]
+    lines: tuple[CardText, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class CardLink:
     """The way from a node to its child, which stands ``below`` it or at its right."""
 
-    parent: Placed
-    child: Placed
+    parent: PlacedCard
+    child: PlacedCard
     below: bool
 
 
 @dataclass(frozen=True, slots=True)
-class Panel:
+class MissionPanel:
     """What lies under the tree of a sub-mission."""
 
     x: int
@@ -282,31 +286,31 @@ class Panel:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class TreeLayout:
     """A whole tree, in whole pixels from its upper left corner; panels that hold others come first."""
 
-    placed: tuple[Placed, ...]
-    links: tuple[Link, ...]
-    panels: tuple[Panel, ...]
+    cards: tuple[PlacedCard, ...]
+    links: tuple[CardLink, ...]
+    panels: tuple[MissionPanel, ...]
     width: int
     height: int
 
 
-def lay_out(drawing: Drawing) -> Layout:
+def lay_out(drawing: TreeDrawing) -> TreeLayout:
     """Return where everything stands in the picture of one tree."""
     root = _row(drawing.root, is_live(drawing))
-    root.place((0,), 0, PAGE)
-    return _Collected(root, 0).layout()
+    root.place((0,), 0, PAGE_WIDTH)
+    return _LayoutCollector(root, 0).layout()
 
 
-def lay_out_pair(comparison: Comparison) -> tuple[Layout, Layout]:
+def lay_out_pair(comparison: TreeComparison) -> tuple[TreeLayout, TreeLayout]:
     """Return the same for two trees that are compared: what belongs together stands at the same height."""
     root = _pair_row(comparison.root, is_live(comparison.left), is_live(comparison.right))
-    root.place((0, 0), 0, PAIR_PAGE)
-    return _Collected(root, 0).layout(), _Collected(root, 1).layout()
+    root.place((0, 0), 0, PAIR_PAGE_WIDTH)
+    return _LayoutCollector(root, 0).layout(), _LayoutCollector(root, 1).layout()
 
 
-def is_live(drawing: Drawing) -> bool:
+def is_live(drawing: TreeDrawing) -> bool:
     """Say whether it shows a moment of a run, and not only the mission."""
     return drawing.time is not None or any(box.status != "idle" for box in drawing.root.walk())
 
@@ -320,7 +324,7 @@ class _Row:
 
     cards: tuple[Card | None, ...]
     children: Sequence["_Row"]
-    panelled: bool
+    has_panel: bool
     spans: tuple[int, ...] = field(init=False)
     xs: tuple[int, ...] = field(init=False)
     y: int = field(init=False)
@@ -329,8 +333,8 @@ class _Row:
 
     def __post_init__(self) -> None:
         inner = [max((child.spans[picture] for child in self.children), default=0) for picture in self._pictures]
-        blank = GAP + self._before if self.children else 0
-        after = INSET if self.panelled else 0
+        blank = GAP + self._left_margin if self.children else 0
+        after = INSET if self.has_panel else 0
         self.spans = tuple(self._width(picture) + blank + inner[picture] + after for picture in self._pictures)
 
     def place(self, xs: tuple[int, ...], top: int, page: int) -> None:
@@ -341,12 +345,12 @@ class _Row:
             return
         self.below = any(x + span > page for x, span in zip(xs, self.spans, strict=True))
         ahead = (INDENT if self.below else self._width(picture) + GAP for picture in self._pictures)
-        inner = tuple(x + more + self._before for x, more in zip(xs, ahead, strict=True))
-        under = self.panel_top + (LABEL if self.panelled else 0)
+        inner = tuple(x + more + self._left_margin for x, more in zip(xs, ahead, strict=True))
+        under = self.panel_top + (LABEL if self.has_panel else 0)
         for child in self.children:
             child.place(inner, under, page)
             under = child.bottom + ROW
-        self.bottom = max(self.bottom, under - ROW + (INSET if self.panelled else 0))
+        self.bottom = max(self.bottom, under - ROW + (INSET if self.has_panel else 0))
 
     @property
     def panel_top(self) -> int:
@@ -354,10 +358,10 @@ class _Row:
         return self.y + max(each.height for each in self.cards if each is not None) + ROW if self.below else self.y
 
     @property
-    def _before(self) -> int:
+    def _left_margin(self) -> int:
         """The room that its children need before them: for the margin of a panel, and for the cases of a switch."""
         cards = (each for child in self.children for each in child.cards if each is not None)
-        return (INSET if self.panelled else 0) + max((case_width(each.box) for each in cards), default=0)
+        return (INSET if self.has_panel else 0) + max((case_width(each.box) for each in cards), default=0)
 
     @property
     def _pictures(self) -> range:
@@ -368,53 +372,53 @@ class _Row:
         return 0 if found is None else found.width
 
 
-def case_width(box: Box) -> int:
+def case_width(box: TreeBox) -> int:
     """Return how much room the label needs under which a switch chooses a node."""
-    return ceil(width(box.case, SMALL)) + 10 if box.case else 0
+    return ceil(text_width(box.case, SMALL_FONT_SIZE)) + 10 if box.case else 0
 
 
-def _row(box: Box, live: bool) -> _Row:
+def _row(box: TreeBox, live: bool) -> _Row:
     children = [_row(child, live) for child in box.children]
-    return _Row((card(box, live=live),), children, bool(box.mission and children))
+    return _Row((make_card(box, live=live),), children, bool(box.mission and children))
 
 
-def _pair_row(pair: Pair, live_left: bool, live_right: bool) -> _Row:
-    left = None if pair.left is None else card(pair.left, live=live_left)
-    right = None if pair.right is None else card(pair.right, live=live_right, change=pair.what)
+def _pair_row(pair: NodePair, live_left: bool, live_right: bool) -> _Row:
+    left = None if pair.left is None else make_card(pair.left, live=live_left)
+    right = None if pair.right is None else make_card(pair.right, live=live_right, change=pair.differences)
     children = [_pair_row(child, live_left, live_right) for child in pair.children]
     panelled = any(each is not None and each.box.mission and each.box.children for each in (left, right))
     return _Row((left, right), children, panelled)
 
 
-class _Collected:
+class _LayoutCollector:
     """Collects what stands in one of the pictures of rows that are placed."""
 
     def __init__(self, root: _Row, picture: int) -> None:
         self._picture = picture
-        self._placed: list[Placed] = []
-        self._links: list[Link] = []
-        self._panels: list[Panel] = []
+        self._placed: list[PlacedCard] = []
+        self._links: list[CardLink] = []
+        self._panels: list[MissionPanel] = []
         self._right = self._collect(root, None, False)
 
-    def layout(self) -> Layout:
+    def layout(self) -> TreeLayout:
         """Return all of it."""
         bottoms = [each.y + each.height for each in self._placed] + [each.y + each.height for each in self._panels]
         panels = tuple(reversed(self._panels))
-        return Layout(tuple(self._placed), tuple(self._links), panels, self._right, max(bottoms))
+        return TreeLayout(tuple(self._placed), tuple(self._links), panels, self._right, max(bottoms))
 
-    def _collect(self, row: _Row, parent: Placed | None, below: bool) -> int:
+    def _collect(self, row: _Row, parent: PlacedCard | None, below: bool) -> int:
         """Collect a row and all below it; return where the rightmost of them ends."""
         found = row.cards[self._picture]
         if found is None:  # nor is there anything below it
             return 0
-        placed = Placed(found.box, row.xs[self._picture], row.y, found.width, found.height, found.lines)
+        placed = PlacedCard(found.box, row.xs[self._picture], row.y, found.width, found.height, found.lines)
         self._placed.append(placed)
         if parent is not None:
-            self._links.append(Link(parent, placed, below))
+            self._links.append(CardLink(parent, placed, below))
         right = max((self._collect(child, placed, row.below) for child in row.children), default=0)
         if found.box.mission and found.box.children:
             left = row.children[0].xs[self._picture] - INSET
             right += INSET
             label = found.box.children[0].file
-            self._panels.append(Panel(left, row.panel_top, right - left, row.bottom - row.panel_top, label))
+            self._panels.append(MissionPanel(left, row.panel_top, right - left, row.bottom - row.panel_top, label))
         return max(right, placed.x + placed.width)

@@ -8,16 +8,16 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from config.reading import whole_file
+from config.reading import replace_file
 from drivers.api import JointLimits
 
 
 def save_figure(figure: "Figure", path: Path, dpi: int, mode: int | None = None) -> Path:
     """Write a figure in the form that the name of the file ends in, whole or not at all; return its path.
 
-    ``mode`` is as that of ``whole_file``. Raises OSError; ValueError for an ending that Matplotlib does not know.
+    ``mode`` is as that of ``replace_file``. Raises OSError; ValueError for an ending that Matplotlib does not know.
     """
-    with whole_file(path, mode) as file:
+    with replace_file(path, mode) as file:
         figure.savefig(file, dpi=dpi, format=path.suffix.removeprefix(".") or "png")
     return path
 
@@ -25,10 +25,10 @@ def save_figure(figure: "Figure", path: Path, dpi: int, mode: int | None = None)
 FORMATS = (".png", ".svg")
 """The endings of pictures that can be drawn."""
 
-GOAL, MEASURED, LIMIT = "#2a78b5", "#c8553d", "#8a8f98"
+GOAL_COLOUR, MEASURED_COLOUR, LIMIT_COLOUR = "#2a78b5", "#c8553d", "#8a8f98"
 """Colours: what was sent, what was measured, and how far a joint may go."""
 
-COLUMNS = 2
+MAX_COLUMNS = 2
 """Joints beside each other."""
 
 
@@ -47,23 +47,23 @@ def draw_move(
     """
     if path.suffix not in FORMATS:
         raise ValueError(f"{path}: a picture ends in {' or '.join(FORMATS)}")
-    columns = min(COLUMNS, len(goals))
+    columns = min(MAX_COLUMNS, len(goals))
     rows = ceil(len(goals) / columns)
     figure = Figure(figsize=(6.0 * columns, 0.8 + 2.2 * rows), layout="constrained")
     FigureCanvasAgg(figure)  # a canvas of its own: no window, and nothing global
     figure.suptitle(title)
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True)
     for axes, (joint, (times, angles)) in zip(grid.flat, goals.items(), strict=False):
-        axes.plot(times, [degrees(angle) for angle in angles], color=GOAL, linewidth=1.4, label="goal")
+        axes.plot(times, [degrees(angle) for angle in angles], color=GOAL_COLOUR, linewidth=1.4, label="goal")
         if measured is not None and joint in measured:
             when, where = measured[joint]
-            axes.plot(when, [degrees(angle) for angle in where], color=MEASURED, linewidth=1.0, label="measured")
+            axes.plot(when, [degrees(angle) for angle in where], color=MEASURED_COLOUR, linewidth=1.0, label="measured")
         if joint in limits:
-            _limits(axes, limits[joint])
+            _draw_limits(axes, limits[joint])
         axes.set_title(joint, fontsize=10)
         axes.set_ylabel("deg")
         axes.spines[["top", "right"]].set_visible(False)
-        axes.grid(color=LIMIT, alpha=0.25)
+        axes.grid(color=LIMIT_COLOUR, alpha=0.25)
     for axes in list(grid.flat)[len(goals) :]:
         axes.set_axis_off()
     for axes in grid[-1]:
@@ -75,10 +75,10 @@ def draw_move(
     save_figure(figure, path, 90)
 
 
-def _limits(axes: Axes, limits: JointLimits) -> None:
+def _draw_limits(axes: Axes, limits: JointLimits) -> None:
     """Draw how far the joint may go, where that is near to what it does."""
     low, high = axes.get_ylim()
     margin = max(5.0, 0.25 * (high - low))
     near = [degrees(end) for end in (limits.lower, limits.upper) if low - margin <= degrees(end) <= high + margin]
     for number, end in enumerate(near):
-        axes.axhline(end, color=LIMIT, linestyle=":", linewidth=1.0, label="limit" if number == 0 else None)
+        axes.axhline(end, color=LIMIT_COLOUR, linestyle=":", linewidth=1.0, label="limit" if number == 0 else None)

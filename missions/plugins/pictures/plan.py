@@ -1,6 +1,6 @@
 """The plan of a world as SVG: the room with its measures, what stands in it, who is there and where they walk.
 
-x goes to the right and y up, as on the robot's own map; one metre is ``METRE`` units of the drawing.
+x goes to the right and y up, as on the robot's own map; one metre is ``UNITS_PER_METRE`` units of the drawing.
 """
 
 from collections.abc import Sequence
@@ -10,14 +10,14 @@ from math import ceil, cos, degrees, sin
 from xml.etree import ElementTree as ET
 
 from drivers.api import BASE_RADIUS
-from drivers.sim.block import Block
-from drivers.sim.looks import LOOKS
-from drivers.sim.people import BODY, Place, Presence
+from drivers.sim.block import UprightBox
+from drivers.sim.looks import APPEARANCES
+from drivers.sim.people import BODY_RADIUS, FloorPosition, Presence
 from drivers.sim.room import Colour
-from drivers.sim.things import Ball, Box, Rover
-from drivers.sim.world import World
+from drivers.sim.things import Rover, WorldBall, WorldBox
+from drivers.sim.world import SimulatedWorld
 
-METRE = 100
+UNITS_PER_METRE = 100
 """Units of the drawing to a metre."""
 
 _STYLE = """
@@ -52,7 +52,7 @@ _DEFINITIONS = """<defs>
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class PlanFrame:
     """How large the drawing of a world is, where in it the robot starts, and where it looks then (degrees)."""
 
     width: float
@@ -62,32 +62,32 @@ class Frame:
     heading: float
 
 
-def frame_of(world: World) -> Frame:
+def plan_frame(world: SimulatedWorld) -> PlanFrame:
     """Return the size of the plan of ``world``, and the place and heading of the robot's start on it."""
-    drawn = _Plan(world, 0.0)
+    drawn = _PlanDrawing(world, 0.0)
     start = world.start
-    return Frame(drawn.wide, drawn.high, *drawn.spot((start.x, start.y)), degrees(start.heading))
+    return PlanFrame(drawn.width, drawn.height, *drawn.to_drawing((start.x, start.y)), degrees(start.heading))
 
 
-def plan(name: str, world: World, summary: str = "", time: float = 0.0) -> str:
+def plan_svg(name: str, world: SimulatedWorld, summary: str = "", time: float = 0.0) -> str:
     """Return an SVG document that shows ``world`` as it is at ``time`` seconds."""
-    return _Plan(world, time).document(name, summary)
+    return _PlanDrawing(world, time).document(name, summary)
 
 
-class _Plan:
+class _PlanDrawing:
     """One plan that is being drawn. Places are in metres."""
 
-    def __init__(self, world: World, time: float) -> None:
+    def __init__(self, world: SimulatedWorld, time: float) -> None:
         self._world = world
         self._time = time
         room = world.room
         self._left, self._top, self._bottom = 90, 100, 90  # units around the room: measures, title, scale
-        self.wide = room.length * METRE + 2 * self._left
-        self.high = room.width * METRE + self._top + self._bottom
+        self.width = room.length * UNITS_PER_METRE + 2 * self._left
+        self.height = room.width * UNITS_PER_METRE + self._top + self._bottom
         size = {
-            "viewBox": f"0 0 {self.wide:g} {self.high:g}",
-            "width": f"{self.wide:g}",
-            "height": f"{self.high:g}",
+            "viewBox": f"0 0 {self.width:g} {self.height:g}",
+            "width": f"{self.width:g}",
+            "height": f"{self.height:g}",
         }
         self._svg = ET.Element("svg", {"xmlns": "http://www.w3.org/2000/svg", **size})
 
@@ -103,7 +103,7 @@ class _Plan:
         for thing in sorted((*self._world.furniture, *self._world.things), key=lambda it: it.solid().top):
             self._thing(thing)
         if self._world.dock is not None:
-            self._line(*self._world.dock.way, "docking")
+            self._line(*self._world.dock.approach_line, "docking")
         for rover in self._world.robots:
             self._rover(rover)
         for presence in self._world.people_at(self._time):
@@ -116,7 +116,7 @@ class _Plan:
     def _room(self) -> None:
         room = self._world.room
         (x_low, x_high), (y_low, y_high) = room.extent()
-        corners = Block(*room.centre, room.length, room.width).corners()
+        corners = UprightBox(*room.centre, room.length, room.width).corners()
         self._polygon(corners, "floor")
         for x in range(ceil(x_low + 0.01), ceil(x_high)):
             self._line((x, y_low), (x, y_high), "grid")
@@ -124,41 +124,41 @@ class _Plan:
             self._line((x_low, y), (x_high, y), "grid")
         self._polygon(corners, "outside")
         for edge in self._world.edges:
-            self._polygon(Block(edge.x, edge.y, edge.length, edge.width).corners(), "hole")
+            self._polygon(UprightBox(edge.x, edge.y, edge.length, edge.width).corners(), "hole")
             self._text("edge", (edge.x, edge.y), "on light")
         for wall in self._world.walls:
             self._polygon(wall.solid().corners(), "wall")
 
-    def _thing(self, thing: Box | Ball) -> None:
+    def _thing(self, thing: WorldBox | WorldBall) -> None:
         solid = thing.solid()
-        if isinstance(solid, Block):
+        if isinstance(solid, UprightBox):
             self._polygon(solid.corners(), "thing", thing.colour)
             lowest = min(y for _, y in solid.corners())
         else:
             self._disc((solid.x, solid.y), solid.radius, "thing", thing.colour)
             lowest = solid.y - solid.radius
         half = len(thing.name) * 0.045  # metres of its name, about
-        if solid.nearest(solid.x + half, solid.y) == solid.nearest(solid.x - half, solid.y) == (0.0, 0.0):
+        if solid.nearest_offset(solid.x + half, solid.y) == solid.nearest_offset(solid.x - half, solid.y) == (0.0, 0.0):
             self._text(thing.name, (solid.x, solid.y), "on" if sum(thing.colour) > 330 else "on light")
         else:
             self._text(thing.name, (solid.x, lowest - 0.12))
 
     def _rover(self, rover: Rover) -> None:
         solid = rover.solid(self._time)
-        self._path(rover.walk.stops)
+        self._path(rover.walk.waypoints)
         self._polygon(solid.corners(), "thing", rover.colour)
         self._nose((solid.x, solid.y), solid.heading, solid.length / 2)
-        self._text(f"{rover.name}, marker {rover.marker}", (solid.x, solid.y + solid.reach + 0.1))
+        self._text(f"{rover.name}, marker {rover.marker}", (solid.x, solid.y + solid.bounding_radius + 0.1))
 
     def _person(self, presence: Presence) -> None:
-        look, here = LOOKS[presence.person.look], (presence.x, presence.y)
+        look, here = APPEARANCES[presence.person.look], (presence.x, presence.y)
         start = self._world.start
         way = presence.direction(start.x, start.y)
-        self._path(presence.person.walk.stops)
-        self._disc(here, BODY, "thing", look.shirt)
+        self._path(presence.person.walk.waypoints)
+        self._disc(here, BODY_RADIUS, "thing", look.shirt)
         self._disc((here[0] + 0.13 * cos(way), here[1] + 0.13 * sin(way)), 0.05, "", look.skin)
         self._disc(here, 0.12, "", look.skin if look.hair == "bald" else look.hair_colour)
-        self._text(presence.person.name, (here[0], here[1] + BODY + 0.12))
+        self._text(presence.person.name, (here[0], here[1] + BODY_RADIUS + 0.12))
 
     def _start(self) -> None:
         start = self._world.start
@@ -173,7 +173,7 @@ class _Plan:
         self._line((x_low, low), (x_high, low), "line both")
         self._text(f"{x_high - x_low:g} m", ((x_low + x_high) / 2, low), "measure")
         self._line((left, y_low), (left, y_high), "line both")
-        x, y = self.spot((left, (y_low + y_high) / 2))
+        x, y = self.to_drawing((left, (y_low + y_high) / 2))
         turned = {"class": "measure", "transform": f"rotate(-90 {x:g} {y:g})"}
         self._add("text", x=x, y=y + 5, **turned).text = f"{y_high - y_low:g} m"
         for x_end, y_end in ((x_low, y_low), (x_high, y_high)):
@@ -185,42 +185,42 @@ class _Plan:
 
     # --- shapes, in metres --------------------------------------------------------------------------------------------
 
-    def spot(self, place: Place) -> tuple[float, float]:
+    def to_drawing(self, place: FloorPosition) -> tuple[float, float]:
         """Return where a place is in the drawing."""
         (x_low, _), (_, y_high) = self._world.room.extent()
-        return self._left + (place[0] - x_low) * METRE, self._top + (y_high - place[1]) * METRE
+        return self._left + (place[0] - x_low) * UNITS_PER_METRE, self._top + (y_high - place[1]) * UNITS_PER_METRE
 
     def _add(self, tag: str, **attributes: object) -> ET.Element:
         shown = {key: f"{value:.5g}" if isinstance(value, float) else str(value) for key, value in attributes.items()}
         return ET.SubElement(self._svg, tag, shown)
 
-    def _polygon(self, corners: Sequence[Place], kind: str, colour: Colour | None = None) -> None:
-        points = " ".join(f"{x:.1f},{y:.1f}" for x, y in map(self.spot, corners))
+    def _polygon(self, corners: Sequence[FloorPosition], kind: str, colour: Colour | None = None) -> None:
+        points = " ".join(f"{x:.1f},{y:.1f}" for x, y in map(self.to_drawing, corners))
         fill = {} if colour is None else {"fill": _hex(colour)}
         self._add("polygon", points=points, **{"class": kind}, **fill)
 
-    def _disc(self, place: Place, radius: float, kind: str, colour: Colour | None = None) -> None:
-        x, y = self.spot(place)
+    def _disc(self, place: FloorPosition, radius: float, kind: str, colour: Colour | None = None) -> None:
+        x, y = self.to_drawing(place)
         fill = {} if colour is None else {"fill": _hex(colour)}
-        self._add("circle", cx=x, cy=y, r=radius * METRE, **{"class": kind}, **fill)
+        self._add("circle", cx=x, cy=y, r=radius * UNITS_PER_METRE, **{"class": kind}, **fill)
 
-    def _line(self, start: Place, end: Place, kind: str) -> None:
-        (x1, y1), (x2, y2) = self.spot(start), self.spot(end)
+    def _line(self, start: FloorPosition, end: FloorPosition, kind: str) -> None:
+        (x1, y1), (x2, y2) = self.to_drawing(start), self.to_drawing(end)
         self._add("line", x1=x1, y1=y1, x2=x2, y2=y2, **{"class": kind})
 
-    def _nose(self, place: Place, heading: float, length: float) -> None:
+    def _nose(self, place: FloorPosition, heading: float, length: float) -> None:
         self._line(place, (place[0] + length * cos(heading), place[1] + length * sin(heading)), "nose")
 
-    def _path(self, stops: Sequence[Place]) -> None:
+    def _path(self, stops: Sequence[FloorPosition]) -> None:
         """Draw a walk, an arrow at the end of each leg; one that is walked both ways, once."""
-        drawn: set[tuple[Place, Place]] = set()
+        drawn: set[tuple[FloorPosition, FloorPosition]] = set()
         for start, end in pairwise(stops):
             if not {(start, end), (end, start)} & drawn:
                 self._line(start, end, "path")
             drawn.add((start, end))
 
-    def _text(self, text: str, middle: Place, kind: str = "") -> None:
-        x, y = self.spot(middle)
+    def _text(self, text: str, middle: FloorPosition, kind: str = "") -> None:
+        x, y = self.to_drawing(middle)
         self._add("text", x=x, y=y + 5, **{"class": kind}).text = text
 
 

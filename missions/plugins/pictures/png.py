@@ -7,29 +7,29 @@ from math import sqrt
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-NO_PLOTS = "a picture needs Matplotlib\n  try: pip install 'missiontree[plots]'"
+PLOTS_MISSING = "a picture needs Matplotlib\n  try: pip install 'missiontree[plots]'"
 """The error message for plots without the extra."""
 
-ZOOM = 2.0
+DEFAULT_ZOOM = 2.0
 """Pixels of a PNG to a unit of the SVG."""
 
-MOST_PIXELS = 40_000_000
+MAX_PIXELS = 40_000_000
 """A larger picture is drawn smaller: drawing takes seconds, and many programs do not open more."""
 
 FONTS = ("DejaVuSans.ttf", "DejaVuSans-Bold.ttf")
 
 
-def png(svg: str, *, zoom: float = ZOOM) -> bytes:
+def png(svg: str, *, zoom: float = DEFAULT_ZOOM) -> bytes:
     """Return ``svg`` as a PNG, ``zoom`` times as large. Raises ImportError without the extra ``plots``."""
     from matplotlib import get_data_path  # noqa: PLC0415 - an extra, and slow to import
     from resvg_py import svg_to_bytes  # noqa: PLC0415 - an extra
 
     folder = Path(get_data_path()) / "fonts" / "ttf"
     fonts = [str(folder / name) for name in FONTS]
-    return svg_to_bytes(svg_string=svg, zoom=min(zoom, most_zoom(svg)), skip_system_fonts=True, font_files=fonts)
+    return svg_to_bytes(svg_string=svg, zoom=min(zoom, max_zoom(svg)), skip_system_fonts=True, font_files=fonts)
 
 
-def most_zoom(svg: str) -> float:
+def max_zoom(svg: str) -> float:
     """Return how many times as large a picture can be drawn."""
     root = ET.fromstring(svg)  # noqa: S314 - our own picture
-    return sqrt(MOST_PIXELS / (float(root.attrib["width"]) * float(root.attrib["height"])))
+    return sqrt(MAX_PIXELS / (float(root.attrib["width"]) * float(root.attrib["height"])))

@@ -9,28 +9,28 @@ from typing import Literal
 from xml.etree import ElementTree as ET
 
 from missions.language.nodes import MISSION
-from missions.plugins.pictures.compare import CHANGES, Change, Comparison
+from missions.plugins.pictures.compare import CHANGES, Change, TreeComparison
 from missions.plugins.pictures.layout import (
-    BADGE_PAD,
-    BAND,
+    BADGE_PADDING,
+    BAND_WIDTH,
     GAP,
     INSET,
-    PAGE,
-    PAIR_PAGE,
-    SMALL,
-    Layout,
-    Line,
-    Link,
-    Placed,
+    PAGE_WIDTH,
+    PAIR_PAGE_WIDTH,
+    SMALL_FONT_SIZE,
+    CardLink,
+    CardText,
+    PlacedCard,
+    TreeLayout,
     case_width,
-    cut,
     is_live,
     lay_out,
     lay_out_pair,
-    width,
+    text_width,
+    truncate,
 )
-from missions.trees.draw import ACTION, CONDITION
-from missions.trees.drawing import SIGNS, Box, Drawing, Status
+from missions.trees.draw import ACTION_SYMBOL, CONDITION_SYMBOL
+from missions.trees.drawing import SIGNS, Status, TreeBox, TreeDrawing
 
 # How drawn trees look: colours that the colour-blind tell apart (after Okabe and Ito), each with a border of its own.
 #
@@ -100,14 +100,14 @@ text { fill: #e5e9ee } .page { fill: #12161b } .summary { fill: #a3aeba } .momen
 # An SVG document that is being drawn, in whole pixels: rectangles, lines and texts of a class each.
 
 
-class Canvas:
+class SvgCanvas:
     """A document, or a group within one, to which shapes are added; what is added later lies on top."""
 
     def __init__(self, element: ET.Element) -> None:
         self._element = element
 
     @classmethod
-    def blank(cls, name: str, wide: int, high: int) -> "Canvas":
+    def new_page(cls, name: str, wide: int, high: int) -> "SvgCanvas":
         """Return an empty page; ``name`` is what a program reads out, or shows in its title."""
         size = {"viewBox": f"0 0 {wide} {high}", "width": str(wide), "height": str(high)}
         canvas = cls(ET.Element("svg", {"xmlns": "http://www.w3.org/2000/svg", "role": "img", **size}))
@@ -121,14 +121,14 @@ class Canvas:
         ET.indent(self._element)
         return ET.tostring(self._element, encoding="unicode") + "\n"
 
-    def group(self, kind: str, x: int = 0, y: int = 0) -> "Canvas":
+    def group(self, kind: str, x: int = 0, y: int = 0) -> "SvgCanvas":
         """Return a group whose places count from ``x``, ``y``."""
         group = self._add("g")
         if kind:
             group.set("class", kind)
         if x or y:
             group.set("transform", f"translate({x} {y})")
-        return Canvas(group)
+        return SvgCanvas(group)
 
     def tooltip(self, text: str) -> None:
         """Say what this is, to those who point at it."""
@@ -141,16 +141,16 @@ class Canvas:
             written.set("class", kind)
             written.text = _clean(text)
 
-    def rect(self, kind: str, x: int, y: int, wide: int, high: int, *, turn: int = 8) -> None:
+    def rect(self, kind: str, x: int, y: int, wide: int, high: int, *, radius: int = 8) -> None:
         """Draw a rectangle with corners of the radius ``turn``."""
-        size = {"width": str(wide), "height": str(high), "rx": str(turn)}
+        size = {"width": str(wide), "height": str(high), "rx": str(radius)}
         self._add("rect", x=str(x), y=str(y), **size).set("class", kind)
 
-    def way(self, kind: str, path: str) -> None:
+    def path(self, kind: str, path: str) -> None:
         """Draw a path, in the words of SVG."""
         self._add("path", d=path).set("class", kind)
 
-    def dot(self, kind: str, x: int, y: int, radius: int) -> None:
+    def disc(self, kind: str, x: int, y: int, radius: int) -> None:
         """Draw a disc."""
         self._add("circle", cx=str(x), cy=str(y), r=str(radius)).set("class", kind)
 
@@ -163,20 +163,20 @@ def _clean(text: str) -> str:
     return "".join(letter if letter in "\t\n" or letter.isprintable() else "\ufffd" for letter in text)
 
 
-MARGIN, HEADER, LEGEND, MOMENT = 28, 88, 50, 140
+MARGIN, HEADER, LEGEND, MOMENT_WIDTH = 28, 88, 50, 140
 """Pixels around the tree, above it for the title, below it for the legend, and beside the title for the moment."""
 
 TITLE_SIZE, SUMMARY_SIZE = 22, 13
 """The sizes of the fonts of the header."""
 
-TURN, LINKED = 8, 20
+CORNER_RADIUS, LINK_OFFSET = 8, 20
 """The radius of the corners of links, and how far below a card's upper edge they begin and end."""
 
 Kind = Literal["composite", "condition", "action", "mission"]
-KINDS: Mapping[Kind, str] = {"composite": "", "condition": CONDITION, "action": ACTION, "mission": "▣"}
+KINDS: Mapping[Kind, str] = {"composite": "", "condition": CONDITION_SYMBOL, "action": ACTION_SYMBOL, "mission": "▣"}
 """The four sorts of node, and their signs; each composite has its own."""
 
-_WEIGHT: Mapping[Status, int] = {
+_LINK_ORDER: Mapping[Status, int] = {
     "idle": 0,
     "skipped": 1,
     "success": 2,
@@ -187,13 +187,13 @@ _WEIGHT: Mapping[Status, int] = {
 """Which links lie on top where several share a way."""
 
 
-def svg(drawing: Drawing) -> str:
+def svg(drawing: TreeDrawing) -> str:
     """Return the picture of a tree: with statuses, where it shows a moment of a run."""
     layout, live = lay_out(drawing), is_live(drawing)
-    wide = _wide(drawing, layout, PAGE)
-    canvas = Canvas.blank(drawing.mission, wide + 2 * MARGIN, HEADER + layout.height + LEGEND)
+    wide = _page_width(drawing, layout, PAGE_WIDTH)
+    canvas = SvgCanvas.new_page(drawing.mission, wide + 2 * MARGIN, HEADER + layout.height + LEGEND)
     _header(canvas, drawing, MARGIN, wide)
-    _Tree(canvas.group("tree", MARGIN, HEADER), live, {}).draw(layout)
+    _TreeDrawing(canvas.group("tree", MARGIN, HEADER), live, {}).draw(layout)
     statuses = {box.status for box in drawing.root.walk()}
     kinds = {kind_of(box) for box in drawing.root.walk()}
     samples = [("card", it, sign) for it, sign in SIGNS.items() if it in statuses]
@@ -202,15 +202,18 @@ def svg(drawing: Drawing) -> str:
     return canvas.document()
 
 
-def svg_pair(comparison: Comparison) -> str:
+def svg_pair(comparison: TreeComparison) -> str:
     """Return the picture of two missions side by side, what belongs together at one height, and what differs marked."""
     left, right = lay_out_pair(comparison)
-    left_wide, right_wide = _wide(comparison.left, left, PAIR_PAGE), _wide(comparison.right, right, PAIR_PAGE)
+    left_wide, right_wide = (
+        _page_width(comparison.left, left, PAIR_PAGE_WIDTH),
+        _page_width(comparison.right, right, PAIR_PAGE_WIDTH),
+    )
     middle = left_wide + 2 * MARGIN
     height = HEADER + max(left.height, right.height)
     name = f"{comparison.left.mission} and {comparison.right.mission}: {comparison.summary}"
-    canvas = Canvas.blank(name, middle + right_wide + 2 * MARGIN, height + LEGEND)
-    canvas.way("rule", f"M{middle} {MARGIN}V{height}")
+    canvas = SvgCanvas.new_page(name, middle + right_wide + 2 * MARGIN, height + LEGEND)
+    canvas.path("rule", f"M{middle} {MARGIN}V{height}")
     pairs = list(comparison.root.walk())
     of_left = {pair.left.key: pair.change for pair in pairs if pair.left is not None}
     of_right = {pair.right.key: pair.change for pair in pairs if pair.right is not None}
@@ -219,105 +222,105 @@ def svg_pair(comparison: Comparison) -> str:
         (comparison.right, right, middle + MARGIN, right_wide, of_right),
     ):
         _header(canvas, drawing, x, wide)
-        _Tree(canvas.group("tree", x, HEADER), is_live(drawing), changes).draw(layout)
+        _TreeDrawing(canvas.group("tree", x, HEADER), is_live(drawing), changes).draw(layout)
     _legend(canvas, height, [("card", it, sign) for it, sign in CHANGES.items() if comparison.count(it)])
     return canvas.document()
 
 
-def kind_of(box: Box) -> Kind:
+def kind_of(box: TreeBox) -> Kind:
     """Return to which of the four sorts of node a box belongs."""
-    leaves: Mapping[str, Kind] = {CONDITION: "condition", ACTION: "action"}
+    leaves: Mapping[str, Kind] = {CONDITION_SYMBOL: "condition", ACTION_SYMBOL: "action"}
     return "mission" if box.kind == MISSION else leaves.get(box.symbol, "composite")
 
 
-def _wide(drawing: Drawing, layout: Layout, most: int) -> int:
+def _page_width(drawing: TreeDrawing, layout: TreeLayout, max_width: int) -> int:
     """Return how wide a tree is with its header, which may be no wider than ``most``."""
-    title = ceil(width(drawing.mission, TITLE_SIZE, bold=True)) + MOMENT
-    return max(layout.width, title, min(ceil(width(drawing.summary, SUMMARY_SIZE)), most))
+    title = ceil(text_width(drawing.mission, TITLE_SIZE, bold=True)) + MOMENT_WIDTH
+    return max(layout.width, title, min(ceil(text_width(drawing.summary, SUMMARY_SIZE)), max_width))
 
 
-def _header(canvas: Canvas, drawing: Drawing, x: int, wide: int) -> None:
+def _header(canvas: SvgCanvas, drawing: TreeDrawing, x: int, wide: int) -> None:
     """Write what the mission is called, what it is for, and which moment of it this is."""
     canvas.text("title", drawing.mission, x, MARGIN + 18)
-    canvas.text("summary", cut(drawing.summary, SUMMARY_SIZE, wide), x, MARGIN + 40)
+    canvas.text("summary", truncate(drawing.summary, SUMMARY_SIZE, wide), x, MARGIN + 40)
     if drawing.time is not None:
-        beside = x + ceil(width(drawing.mission, TITLE_SIZE, bold=True)) + 14
+        beside = x + ceil(text_width(drawing.mission, TITLE_SIZE, bold=True)) + 14
         canvas.text("moment", f"at {drawing.time:.2f} s", beside, MARGIN + 18)
 
 
-def _legend(canvas: Canvas, y: int, samples: Sequence[tuple[str, str, str]]) -> None:
+def _legend(canvas: SvgCanvas, y: int, samples: Sequence[tuple[str, str, str]]) -> None:
     """Draw a sample of each class that occurs, with its sign and its word."""
     x, y = MARGIN, y + LEGEND - 20
     for sort, word, sign in samples:
-        canvas.rect(f"{sort} {word}", x, y - 12, 24, 16, turn=4)
+        canvas.rect(f"{sort} {word}", x, y - 12, 24, 16, radius=4)
         canvas.text("symbol" if sort == "band" else f"sign sample {word}", sign, x + 12, y + 1)
         canvas.text("within", word, x + 31, y)
-        x += 31 + ceil(width(word, SMALL)) + 22
+        x += 31 + ceil(text_width(word, SMALL_FONT_SIZE)) + 22
 
 
-class _Tree:
+class _TreeDrawing:
     """One tree that is being drawn; ``changes`` say by key what differs from the tree beside it."""
 
-    def __init__(self, canvas: Canvas, live: bool, changes: Mapping[str, Change]) -> None:
+    def __init__(self, canvas: SvgCanvas, live: bool, changes: Mapping[str, Change]) -> None:
         self._canvas = canvas
         self._live = live
         self._changes = changes
 
-    def draw(self, layout: Layout) -> None:
+    def draw(self, layout: TreeLayout) -> None:
         """Draw panels, links, and the cards upon them."""
         for panel in layout.panels:
             self._canvas.rect("panel", panel.x, panel.y, panel.width, panel.height)
             self._canvas.text("within", panel.label, panel.x + INSET, panel.y + 17)
-        for link in sorted(layout.links, key=lambda link: _WEIGHT[link.child.box.outer]):
+        for link in sorted(layout.links, key=lambda link: _LINK_ORDER[link.child.box.outer_status]):
             self._link(link)
-        for each in layout.placed:
+        for each in layout.cards:
             self._card(each)
 
-    def _link(self, link: Link) -> None:
+    def _link(self, link: CardLink) -> None:
         """Draw the way from a node to its child: it leaves at the right, or at the foot, and forks before the child."""
         parent, child = link.parent, link.child
-        x, y = parent.x + parent.width, parent.y + LINKED
-        end_x, end_y = child.x, child.y + LINKED
-        into = f"V{end_y - TURN}q0 {TURN} {TURN} {TURN}H{end_x}"
+        x, y = parent.x + parent.width, parent.y + LINK_OFFSET
+        end_x, end_y = child.x, child.y + LINK_OFFSET
+        into = f"V{end_y - CORNER_RADIUS}q0 {CORNER_RADIUS} {CORNER_RADIUS} {CORNER_RADIUS}H{end_x}"
         if link.below:
-            way = f"M{parent.x + BAND // 2} {parent.y + parent.height}{into}"
+            way = f"M{parent.x + BAND_WIDTH // 2} {parent.y + parent.height}{into}"
         elif end_y == y:
             way = f"M{x} {y}H{end_x}"
         else:
-            way = f"M{x} {y}h{GAP // 2 - TURN}q{TURN} 0 {TURN} {TURN}{into}"
-        self._canvas.way(f"link {child.box.outer}" if self._live else "link", way)
+            way = f"M{x} {y}h{GAP // 2 - CORNER_RADIUS}q{CORNER_RADIUS} 0 {CORNER_RADIUS} {CORNER_RADIUS}{into}"
+        self._canvas.path(f"link {child.box.outer_status}" if self._live else "link", way)
         self._canvas.text("case", child.box.case, end_x - case_width(child.box) + 2, end_y - 5)
 
-    def _card(self, placed: Placed) -> None:
+    def _card(self, placed: PlacedCard) -> None:
         box, x, y, wide, high = placed.box, placed.x, placed.y, placed.width, placed.height
         change = self._changes.get(box.key)
         node = self._canvas.group(f"node {change or ''}".rstrip())
-        node.tooltip("\n".join(_known(box)))
+        node.tooltip("\n".join(_tooltip_lines(box)))
         look = f"{box.status if self._live else ''} {'' if change in (None, 'same') else change}".strip()
         if box.folded:
             node.rect("card", x + 5, y + 5, wide, high)
         node.rect("shadow", x, y + 2, wide, high)
         node.rect(f"card {look}".rstrip(), x, y, wide, high)
-        node.way(f"band {box.status if self._live else kind_of(box)}", _band(x, y, high))
+        node.path(f"band {box.status if self._live else kind_of(box)}", _band_path(x, y, high))
         if look == "failure":
-            node.rect("inner", x + 3, y + 3, wide - 6, high - 6, turn=5)
+            node.rect("inner", x + 3, y + 3, wide - 6, high - 6, radius=5)
         for line in placed.lines:
-            _write(node, line, x + line.x, y + line.y, box.status)
+            _write_text(node, line, x + line.x, y + line.y, box.status)
         if change is not None and change != "same":
             sign = CHANGES[change]
-            node.dot(f"mark {change}", x, y, 9)
-            node.text("marked", sign, x - round(width(sign, 12, bold=True) / 2), y + 4)
+            node.disc(f"mark {change}", x, y, 9)
+            node.text("marked", sign, x - round(text_width(sign, 12, bold=True) / 2), y + 4)
 
 
-def _write(node: Canvas, line: Line, x: int, y: int, status: Status) -> None:
+def _write_text(node: SvgCanvas, line: CardText, x: int, y: int, status: Status) -> None:
     """Write one text of a card; a modifier stands on a pill, and a symbol in the middle of its place."""
     if line.part == "badge":
-        node.rect(f"pill {line.status}", x - BADGE_PAD, y - 13, line.width + 2 * BADGE_PAD, 18, turn=9)
+        node.rect(f"pill {line.status}", x - BADGE_PADDING, y - 13, line.width + 2 * BADGE_PADDING, 18, radius=9)
     middle = x + line.width // 2 if line.part == "symbol" else x
     node.text(f"sign {status}" if line.part == "sign" else line.part, line.text, middle, y)
 
 
-def _known(box: Box) -> Iterator[str]:
+def _tooltip_lines(box: TreeBox) -> Iterator[str]:
     """Yield all that is known of a node, of which a card may show less."""
     yield f"{box.title} ({box.file}, line {box.line})"
     yield from (f"{name}: {text}" for name, text in box.arguments.items())
@@ -329,7 +332,7 @@ def _known(box: Box) -> Iterator[str]:
         yield f"{box.status}: {box.reason}".removesuffix(": ")
 
 
-def _band(x: int, y: int, high: int) -> str:
+def _band_path(x: int, y: int, high: int) -> str:
     """Return the outline of the left end of a card, on which its symbol stands."""
-    flat, down = BAND - TURN, high - 2 * TURN
-    return f"M{x + BAND} {y}h-{flat}q-{TURN} 0 -{TURN} {TURN}v{down}q0 {TURN} {TURN} {TURN}h{flat}z"
+    flat, down = BAND_WIDTH - CORNER_RADIUS, high - 2 * CORNER_RADIUS
+    return f"M{x + BAND_WIDTH} {y}h-{flat}q-{CORNER_RADIUS} 0 -{CORNER_RADIUS} {CORNER_RADIUS}v{down}q0 {CORNER_RADIUS} {CORNER_RADIUS} {CORNER_RADIUS}h{flat}z"

@@ -4,11 +4,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from config.things import ActConfig, BoxConfig, PersonConfig, RoverConfig, ThingConfig
-from config.units import written
+from config.units import quantity_text
 from config.world import BatteryConfig, PhysicsConfig, WorldConfig
 
 
-def lines_about(world: WorldConfig) -> Iterator[str]:
+def describe_world(world: WorldConfig) -> Iterator[str]:
     """Yield what a world file describes, a line for each thing."""
     yield f"{world.name}: {world.summary}" if world.summary else world.name
     room = f"{_metres(world.length)} by {_metres(world.width)}, {_metres(world.height)} high"
@@ -19,19 +19,19 @@ def lines_about(world: WorldConfig) -> Iterator[str]:
     )
     yield _line("start", f"{_place(world.start.x, world.start.y)}, {_degrees(world.start.heading)}")
     yield _line("light", _light(world))
-    yield _line("camera", f"noise of {world.noise:g} grey levels" + _lost(world.dropouts, "pictures"))
+    yield _line("camera", f"noise of {world.noise:g} grey levels" + _loss_text(world.dropouts, "pictures"))
     if replace(world.physics, battery=None) != PhysicsConfig():
         yield _line("physics", _physics(world.physics))
     if world.physics.battery is not None:
         yield _line("battery", _battery(world.physics.battery))
-    yield from _standing(world)
+    yield from _object_lines(world)
     for person in world.people:
         yield _line("person", _person(person))
         for act in person.acts:
             yield _line("", _act(act))
 
 
-def _standing(world: WorldConfig) -> Iterator[str]:
+def _object_lines(world: WorldConfig) -> Iterator[str]:
     """Yield what stands about, and where the floor ends."""
     for wall in world.walls:
         yield _line(
@@ -47,7 +47,7 @@ def _standing(world: WorldConfig) -> Iterator[str]:
         yield _line("robot", f"{rover.name} with marker {rover.marker} at {_place(rover.x, rover.y)}{_walk(rover)}")
     if world.dock is not None:
         dock = world.dock
-        yield _line("dock", f"at {_place(dock.x, dock.y)}, facing {written(dock.heading, 'angle')}")
+        yield _line("dock", f"at {_place(dock.x, dock.y)}, facing {quantity_text(dock.heading, 'angle')}")
 
 
 def _line(label: str, text: str) -> str:
@@ -55,11 +55,11 @@ def _line(label: str, text: str) -> str:
 
 
 def _metres(value: float) -> str:
-    return written(value, "length")
+    return quantity_text(value, "length")
 
 
 def _degrees(angle: float) -> str:
-    return f"looking {written(angle, 'angle')}"
+    return f"looking {quantity_text(angle, 'angle')}"
 
 
 def _place(x: float, y: float) -> str:
@@ -68,30 +68,30 @@ def _place(x: float, y: float) -> str:
 
 def _light(world: WorldConfig) -> str:
     if not world.light_changes:
-        return written(world.light, "share")
+        return quantity_text(world.light, "share")
     return ", ".join(
-        f"{written(change.light, 'share')} from {written(change.at, 'duration')}"
-        + (f" (within {written(change.over, 'duration')})" if change.over else "")
+        f"{quantity_text(change.light, 'share')} from {quantity_text(change.at, 'duration')}"
+        + (f" (within {quantity_text(change.over, 'duration')})" if change.over else "")
         for change in world.light_changes
     )
 
 
-def _lost(share: float, what: str) -> str:
-    return f", {written(share, 'share')} of the {what} lost" if share else ""
+def _loss_text(share: float, what: str) -> str:
+    return f", {quantity_text(share, 'share')} of the {what} lost" if share else ""
 
 
 def _physics(physics: PhysicsConfig) -> str:
     return (
-        f"wheels slip {written(physics.slip, 'share')}, lag {written(physics.lag, 'duration')}, "
-        f"gyro noise {written(physics.gyro_noise, 'turn rate')}{_lost(physics.dropouts, 'reports')}"
+        f"wheels slip {quantity_text(physics.slip, 'share')}, lag {quantity_text(physics.lag, 'duration')}, "
+        f"gyro noise {quantity_text(physics.gyro_noise, 'turn rate')}{_loss_text(physics.dropouts, 'reports')}"
     )
 
 
 def _battery(battery: BatteryConfig) -> str:
     if not battery.drain:
-        return f"{written(battery.level, 'share')}, and does not empty"
+        return f"{quantity_text(battery.level, 'share')}, and does not empty"
     pace = "" if battery.drain == 1.0 else f", empties and fills {battery.drain:g} times as fast as a real one"
-    return f"{written(battery.level, 'share')}{pace}"
+    return f"{quantity_text(battery.level, 'share')}{pace}"
 
 
 def _thing(thing: BoxConfig | ThingConfig) -> str:
@@ -103,16 +103,16 @@ def _thing(thing: BoxConfig | ThingConfig) -> str:
     return f"{thing.name} ({shape}) at {_place(thing.x, thing.y)}{above}"
 
 
-def _walk(who: PersonConfig | RoverConfig) -> str:
-    if not who.path:
+def _walk(walker: PersonConfig | RoverConfig) -> str:
+    if not walker.path:
         return ""
-    stops = ", ".join(_place(*stop) for stop in who.path)
-    after = f", from {written(who.start, 'duration')} on" if who.start else ""
-    return f"; goes to {stops}{' and back' if who.loop else ''} at {written(who.speed, 'speed')}{after}"
+    stops = ", ".join(_place(*stop) for stop in walker.path)
+    after = f", from {quantity_text(walker.start, 'duration')} on" if walker.start else ""
+    return f"; goes to {stops}{' and back' if walker.loop else ''} at {quantity_text(walker.speed, 'speed')}{after}"
 
 
 def _person(person: PersonConfig) -> str:
-    facing = person.facing if isinstance(person.facing, str) else written(person.facing, "angle")
+    facing = person.facing if isinstance(person.facing, str) else quantity_text(person.facing, "angle")
     turned = "" if facing == "camera" else f", facing {facing}"
     return f"{person.name} ({person.look}) at {_place(person.x, person.y)}{turned}{_walk(person)}"
 
@@ -121,11 +121,11 @@ def _act(act: ActConfig) -> str:
     does = [f'says "{act.say}"'] if act.say else []
     does += ["nods"] if act.nod else []
     if act.turn is not None:
-        turn = act.turn if isinstance(act.turn, str) else f"to {written(act.turn, 'angle')}"
+        turn = act.turn if isinstance(act.turn, str) else f"to {quantity_text(act.turn, 'angle')}"
         does.append({"camera": "turns to the camera", "away": "turns away"}.get(str(turn), f"turns {turn}"))
     does += ["leaves"] if act.leave else []
     when = (
-        f"after {written(act.at, 'duration')}"
+        f"after {quantity_text(act.at, 'duration')}"
         if act.at is not None
         else f'on hearing "{act.hears}"'
         if act.hears

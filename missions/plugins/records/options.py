@@ -11,7 +11,7 @@ from missions.request import RunOptions, RunRequest
 
 GROUP = "The record"
 
-SWITCH = "MISSION_RECORD"
+RECORD_ENVIRONMENT_VARIABLE = "MISSION_RECORD"
 """A variable of the environment, before the user's default: ``no``, ``yes``, or ``all``, simulated runs too."""
 
 
@@ -44,11 +44,11 @@ class RecordOptions(RunOptions):
     )
     overwrite: bool = option("Replace the record that is there.", default=False, group=GROUP)
 
-    def wanted(self, request: RunRequest) -> bool:
+    def is_wanted(self, request: RunRequest) -> bool:
         """Whether the run is recorded: by an option, or by default."""
         if self == RecordOptions(no_record=True):
             return False
-        return super().wanted(request) or recorded_by_default(simulated=request.simulation is not None)
+        return super().is_wanted(request) or is_recorded_by_default(simulated=request.simulation is not None)
 
     def check(self, request: RunRequest) -> None:
         """Raise ValueError for options that could only be ignored."""
@@ -57,11 +57,11 @@ class RecordOptions(RunOptions):
             raise ValueError("--record keeps it, --no-record does not: one of them")
 
 
-def recorded_by_default(*, simulated: bool = False) -> bool:
+def is_recorded_by_default(*, simulated: bool = False) -> bool:
     """Return whether runs are recorded by default: not if the user declines, or the extra `records` is missing.
 
     Raises InvalidFileError for the user's defaults.
     """
-    said = os.environ.get(SWITCH, "").lower()
+    said = os.environ.get(RECORD_ENVIRONMENT_VARIABLE, "").lower()
     wished = said not in ("no", "0", "off") if said else load_defaults().record
     return wished and (said == "all" or not simulated) and find_spec("mcap") is not None

@@ -12,19 +12,19 @@ from typing import Any
 
 import click
 
-from config.fleet import refusal
-from config.library import find
+from config.fleet import refusal_reason
+from config.library import find_file
 from config.reading import save_file
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
 from missions.cli.commands import LazyGroup, shared_option
 from missions.cli.names import ROBOT, WORLD
-from missions.cli.numbers import InUnit, Whole
-from missions.cli.outputs import writing
+from missions.cli.numbers import QuantityInUnit, WholeNumber
+from missions.cli.outputs import report_write_errors
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import load_robot
 
-LISTEN = 1.0
+DISCOVERY_TIME = 1.0
 """Seconds in which nodes make themselves known."""
 
 
@@ -40,7 +40,7 @@ def command() -> None:
 def options(function: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the options that say where to look."""
     for option in (
-        shared_option("--domain", type=Whole(0, 232), help="The domain; else as the robot file says."),
+        shared_option("--domain", type=WholeNumber(0, 232), help="The domain; else as the robot file says."),
         shared_option("--router", metavar="ADDRESS", help="Where the router is, instead of the robot's."),
         shared_option("--robot", type=ROBOT, default="turtlebot4", show_default=True, help="A name or a file."),
     ):
@@ -49,27 +49,29 @@ def options(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @contextmanager
-def looking(robot: str, router: str | None, domain: int | None) -> Iterator[Any]:
+def open_node(robot: str, router: str | None, domain: int | None) -> Iterator[Any]:
     """Open a session, and close it; yield the node, once others have made themselves known. Raises NotConnected."""
-    from drivers.ros2.make import domain_of  # noqa: PLC0415 - an extra
-    from drivers.ros2.node import Node  # noqa: PLC0415
-    from drivers.ros2.session import access_of, open_session  # noqa: PLC0415
+    from drivers.ros2.make import ros_domain  # noqa: PLC0415 - an extra
+    from drivers.ros2.node import Ros2Node  # noqa: PLC0415
+    from drivers.ros2.session import open_session, zenoh_access  # noqa: PLC0415
 
-    config = load_robot(find("robots", robot))
+    config = load_robot(find_file("robots", robot))
     if "ros2" not in config.sections:
         raise click.UsageError(f"{config.name} is no robot of ROS 2: mission ros2 topics --robot turtlebot4")
     keys = config.sections["ros2"].keys
-    session = open_session("ros2", access_of(keys, router or ""), patience=2.0)
+    session = open_session("ros2", zenoh_access(keys, router or ""), timeout=2.0)
     try:
-        node = Node(session, SystemClock(), domain=domain_of(keys) if domain is None else domain, name="mission_ros2")
-        _wait(LISTEN)
+        node = Ros2Node(
+            session, SystemClock(), domain=ros_domain(keys) if domain is None else domain, name="mission_ros2"
+        )
+        _wait(DISCOVERY_TIME)
         yield node
         node.close()
     finally:
         session.close()  # type: ignore[no-untyped-call]
 
 
-def _line(text: str) -> None:
+def _print_line(text: str) -> None:
     """Print a line with names of others, which must not make several of it; all else is cleaned as it is printed."""
     click.echo(text.replace("\r", "\\r").replace("\n", "\\n"))
 
@@ -85,7 +87,7 @@ def topics(robot: str, router: str | None, domain: int | None, every: bool) -> i
     """List the topics, with their types, and how many send and listen."""
     from drivers.ros2 import wire  # noqa: PLC0415 - an extra
 
-    with looking(robot, router, domain) as node:
+    with open_node(robot, router, domain) as node:
         found: dict[tuple[str, str], list[str]] = {}
         for each in node.entities():
             if each.role != wire.NODE and (every or each.role in {wire.PUBLISHER, wire.SUBSCRIBER}):
@@ -93,7 +95,7 @@ def topics(robot: str, router: str | None, domain: int | None, every: bool) -> i
         for (name, kind), roles in sorted(found.items()):
             words = {wire.PUBLISHER: "sends", wire.SUBSCRIBER: "listens", wire.SERVER: "serves", wire.CLIENT: "asks"}
             told = ", ".join(f"{roles.count(role)} {words[role]}" for role in words if role in roles)
-            _line(f"{name}  {kind}  ({told})")
+            _print_line(f"{name}  {kind}  ({told})")
         if not found:
             click.echo("no topics: is the domain right, and are nodes started with rmw_zenoh?", err=True)
     return SUCCESS if found else FAILURE
@@ -105,44 +107,44 @@ def graph(robot: str, router: str | None, domain: int | None) -> int:
     """List the nodes, each with what it sends, hears, offers and asks."""
     from drivers.ros2 import wire  # noqa: PLC0415 - an extra
 
-    with looking(robot, router, domain) as node:
+    with open_node(robot, router, domain) as node:
         nodes: dict[tuple[str, str, str], list[Any]] = {}
         for each in node.entities():
             nodes.setdefault((each.namespace, each.node, each.zid), []).append(each)
         words = {wire.PUBLISHER: "sends", wire.SUBSCRIBER: "hears", wire.SERVER: "offers", wire.CLIENT: "asks"}
         for (namespace, name, _), entities in sorted(nodes.items()):
-            _line("/".join((namespace.rstrip("/"), name)))
+            _print_line("/".join((namespace.rstrip("/"), name)))
             for each in sorted(entities, key=lambda it: (it.role, it.name)):
                 if each.role != wire.NODE:
-                    _line(f"  {words.get(each.role, each.role):7} {each.name}  {each.kind}")
+                    _print_line(f"  {words.get(each.role, each.role):7} {each.name}  {each.kind}")
     return SUCCESS if nodes else FAILURE
 
 
 @command.command(epilog="Example: mission ros2 echo /odom --seconds 2")
 @click.argument("topic")
 @options
-@click.option("--seconds", type=InUnit("s", 0.1), default=5.0, show_default=True, help="For so long.")
+@click.option("--seconds", type=QuantityInUnit("s", 0.1), default=5.0, show_default=True, help="For so long.")
 def echo(topic: str, robot: str, router: str | None, domain: int | None, seconds: float) -> int:
     """Print the messages of a topic, each as a line of JSON."""
-    from drivers.ros2.types import Malformed, types  # noqa: PLC0415 - an extra
+    from drivers.ros2.types import MalformedMessage, types  # noqa: PLC0415 - an extra
 
     heard: list[tuple[str, bytes]] = []
-    with looking(robot, router, domain) as node:
+    with open_node(robot, router, domain) as node:
         name = topic if topic.startswith("/") else f"/{topic}"
         kinds = {each.kind for each in node.entities("MP", name)}
-        known = {kind for kind in kinds if types().knows(kind)}
+        known = {kind for kind in kinds if types().is_known(kind)}
         if not known:
             what = f"{name}: its type {', '.join(kinds)} is not known" if kinds else f"nobody sends {name}"
             raise NotConnected(what, hint="`mission ros2 topics` lists what there is")
         node.subscribe(name, known, lambda kind, payload: heard.append((kind, payload)))
         end, clock = seconds, SystemClock()
-        while clock.now() < end:
+        while clock.read_value() < end:
             _wait(min(0.1, seconds))
             told, heard[:] = heard[:], []
             for kind, payload in told:
                 try:
-                    click.echo(json.dumps(types().values(types().decode(kind, payload))))
-                except Malformed as error:
+                    click.echo(json.dumps(types().to_plain(types().decode(kind, payload))))
+                except MalformedMessage as error:
                     click.echo(f"{error}", err=True)
     return SUCCESS
 
@@ -150,7 +152,7 @@ def echo(topic: str, robot: str, router: str | None, domain: int | None, seconds
 @command.command(epilog="Example: mission ros2 capture robot.jsonl --seconds 10")
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
 @options
-@click.option("--seconds", type=InUnit("s", 0.1), default=5.0, show_default=True, help="For so long.")
+@click.option("--seconds", type=QuantityInUnit("s", 0.1), default=5.0, show_default=True, help="For so long.")
 def capture(file: Path, robot: str, router: str | None, domain: int | None, seconds: float) -> int:
     """Write what a robot says to a file: its tokens, and its messages as they came. No pictures, no names of sessions.
 
@@ -160,7 +162,7 @@ def capture(file: Path, robot: str, router: str | None, domain: int | None, seco
     from drivers.ros2.types import types  # noqa: PLC0415
 
     lines: list[str] = []
-    with looking(robot, router, domain) as node:
+    with open_node(robot, router, domain) as node:
         sessions: dict[str, str] = {}
         for each in node.entities():
             scrubbed = sessions.setdefault(each.zid, f"{len(sessions) + 1:032x}")
@@ -170,16 +172,18 @@ def capture(file: Path, robot: str, router: str | None, domain: int | None, seco
         def keep(name: str) -> Callable[[str, bytes], None]:
             def heard(kind: str, payload: bytes) -> None:
                 data = base64.b64encode(payload).decode()
-                lines.append(json.dumps({"t": round(clock.now(), 4), "topic": name, "type": kind, "payload": data}))
+                lines.append(
+                    json.dumps({"t": round(clock.read_value(), 4), "topic": name, "type": kind, "payload": data})
+                )
 
             return heard
 
-        wanted = {(each.name, each.kind) for each in node.entities(wire.PUBLISHER) if types().knows(each.kind)}
+        wanted = {(each.name, each.kind) for each in node.entities(wire.PUBLISHER) if types().is_known(each.kind)}
         for name, kind in wanted:
             if not kind.endswith(("Image", "CameraInfo")):
                 node.subscribe(name, [kind], keep(name))
         _wait(seconds)
-    with writing(file, "-o"):
+    with report_write_errors(file, "-o"):
         save_file(file, "\n".join(lines) + "\n")
     click.echo(f"{file}: {len(lines)} lines")
     return SUCCESS
@@ -196,12 +200,12 @@ def serve(robot: str, router: str | None, domain: int | None, simulate: str | No
     """
     from missions.plugins.ros2.offering import MissionServer  # noqa: PLC0415
 
-    _check_open(robot, router)
+    _require_secure_router(robot, router)
     ending = Event()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: ending.set())
-    with looking(robot, router, domain) as node:
-        server = MissionServer(node, options_of_runs(robot, router, domain, simulate, world))
+    with open_node(robot, router, domain) as node:
+        server = MissionServer(node, run_arguments(robot, router, domain, simulate, world))
         click.echo("offers /run_mission")
         try:
             while not ending.wait(0.2):
@@ -211,7 +215,7 @@ def serve(robot: str, router: str | None, domain: int | None, simulate: str | No
     return SUCCESS
 
 
-def options_of_runs(
+def run_arguments(
     robot: str, router: str | None, domain: int | None, simulate: str | None, world: str | None
 ) -> list[str]:
     """Return the options of the runs that nodes of ROS 2 start: where they are told, and which nodes are theirs."""
@@ -220,17 +224,17 @@ def options_of_runs(
     return [word for option, value in chosen if value is not None for word in (option, value)] + ["--ros2"]
 
 
-def _check_open(robot: str, router: str | None) -> None:
+def _require_secure_router(robot: str, router: str | None) -> None:
     """Refuse to have missions run by who comes over a network without keys. Raises click.UsageError."""
-    from drivers.ros2.session import access_of  # noqa: PLC0415 - an extra
+    from drivers.ros2.session import zenoh_access  # noqa: PLC0415 - an extra
 
-    config = load_robot(find("robots", robot))
+    config = load_robot(find_file("robots", robot))
     if "ros2" not in config.sections:
         return  # which is told by who looks for its nodes
-    access = access_of(config.sections["ros2"].keys, router or "")
+    access = zenoh_access(config.sections["ros2"].keys, router or "")
     certified = bool(access.ca and ((access.certificate and access.private_key) or access.user))
     for endpoint in (*access.endpoints, *access.listen):
-        if why := refusal(endpoint, certified=certified):
+        if why := refusal_reason(endpoint, certified=certified):
             raise click.UsageError(
                 f"{why}, and who reaches it could start missions\n  try: router: tls/HOST:PORT in the ros2 section, "
                 "with `ca`, and `certificate` and `private_key`, or `user` and `password_file` (docs/ros2.md); "

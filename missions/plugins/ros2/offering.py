@@ -9,15 +9,15 @@ from collections.abc import Callable, Sequence
 from threading import Lock, Thread
 from typing import TYPE_CHECKING
 
-from drivers.ros2.actions import ABORTED, CANCELLED, CANCELLING, SUCCEEDED, ActionServer, Goal
-from missions.library.shipped import is_there
+from drivers.ros2.actions import ABORTED, CANCELLED, CANCELLING, SUCCEEDED, ActionGoal, ActionServer
+from missions.library.shipped import is_known_mission
 
 if TYPE_CHECKING:
-    from drivers.ros2.node import Node
+    from drivers.ros2.node import Ros2Node
 
 RUN_MISSION = "missiontree_msgs/action/RunMission"
 
-ACTION = "/run_mission"
+ACTION_NAME = "/run_mission"
 
 
 class MissionServer:
@@ -28,14 +28,16 @@ class MissionServer:
     when this process ends, however that comes about.
     """
 
-    def __init__(self, node: "Node", options: Sequence[str], *, knows: Callable[[str], bool] = is_there) -> None:
-        self._options, self._knows = list(options), knows
+    def __init__(
+        self, node: "Ros2Node", options: Sequence[str], *, is_known: Callable[[str], bool] = is_known_mission
+    ) -> None:
+        self._options, self._is_known = list(options), is_known
         self._lock = Lock()
         self._running: subprocess.Popen[str] | None = None
-        self._goal: Goal | None = None  # whose run that is
+        self._goal: ActionGoal | None = None  # whose run that is
         self._threads: list[Thread] = []
         self._closing = False
-        ActionServer(node, ACTION, RUN_MISSION, self._begin, self._cancel)
+        ActionServer(node, ACTION_NAME, RUN_MISSION, self._begin, self._cancel)
 
     def close(self) -> None:
         """Stop what runs, and wait for its end."""
@@ -45,10 +47,10 @@ class MissionServer:
         for thread in self._threads:
             thread.join()
 
-    def _begin(self, goal: Goal) -> bool:
+    def _begin(self, goal: ActionGoal) -> bool:
         """Start a mission; refuse it while another runs, for a name of none, and for params that are none."""
-        name, words = str(goal.values.mission), _params(str(goal.values.parameters))
-        if words is None or not self._knows(name):
+        name, words = str(goal.values.mission), _parse_params(str(goal.values.parameters))
+        if words is None or not self._is_known(name):
             return False
         with self._lock:
             if self._running is not None or self._closing:
@@ -86,28 +88,28 @@ class MissionServer:
             os.close(reading)
         return running, writing
 
-    def _cancel(self, goal: Goal) -> None:
+    def _cancel(self, goal: ActionGoal) -> None:
         with self._lock:
             running = self._running if self._goal is goal else None  # its own may have ended, and another have begun
         _stop(running)
 
-    def _watch(self, goal: Goal, running: "subprocess.Popen[str]", leash: int) -> None:
+    def _watch(self, goal: ActionGoal, running: "subprocess.Popen[str]", leash: int) -> None:
         try:
             with running:
                 try:
-                    out, last = _heard(goal, running)
+                    out, last = _relay_output(goal, running)
                 finally:
                     os.close(leash)  # whatever went wrong here, the run ends
         finally:
             with self._lock:
                 self._running = self._goal = None
-        status, reason = _said(out, last)
+        status, reason = _parse_result(out, last)
         cancelled = goal.status == CANCELLING
         ended = SUCCEEDED if running.returncode == 0 else CANCELLED if cancelled else ABORTED
         goal.end(ended, {"status": "cancelled" if cancelled and running.returncode else status, "reason": reason})
 
 
-def _params(given: str) -> list[str] | None:
+def _parse_params(given: str) -> list[str] | None:
     """Return the params of a JSON object, each as NAME=VALUE; None where it is none, or is not to be printed."""
     try:
         told = json.loads(given or "{}").items()
@@ -117,13 +119,13 @@ def _params(given: str) -> list[str] | None:
     return words if all(word.isprintable() for word in words) else None
 
 
-def _heard(goal: Goal, running: "subprocess.Popen[str]") -> tuple[str, str]:
+def _relay_output(goal: ActionGoal, running: "subprocess.Popen[str]") -> tuple[str, str]:
     """Tell a goal what its run says, to its end; return what it wrote to stdout, and the last that it said."""
     last = ""
     for line in running.stderr or ():
         if line.strip():
             last = line.strip()
-            goal.tell({"running": last})
+            goal.send_feedback({"running": last})
     return (running.stdout.read() if running.stdout is not None else ""), last
 
 
@@ -132,7 +134,7 @@ def _stop(running: "subprocess.Popen[str] | None") -> None:
         running.send_signal(signal.SIGINT)
 
 
-def _said(out: str, last: str) -> tuple[str, str]:
+def _parse_result(out: str, last: str) -> tuple[str, str]:
     """Return how a run ended, and why, by its line of JSON."""
     try:
         told = json.loads(out.strip().splitlines()[-1])

@@ -7,10 +7,10 @@ from typing import Any
 import click
 
 from config.editing import rewrite
-from config.library import find
-from config.places import NAME, PlaceKeys, written_places
+from config.library import find_file
+from config.places import PLACE_NAME, PlaceKeys, places_text
 from config.robot import RobotConfig
-from config.units import in_dimension
+from config.units import si_value
 from drivers.errors import NotConnected
 from missions.cli.commands import LazyGroup, shared_option
 from missions.cli.names import ROBOT
@@ -18,13 +18,13 @@ from missions.cli.root import SUCCESS
 from missions.library.drivers import load_robot
 from missions.library.folders import places_file, places_of
 
-PATIENCE = 5.0
+POSE_TIMEOUT = 5.0
 """Seconds in which the robot says where it is."""
 
-BODIES = ("base_link", "base_footprint")
+BODY_FRAMES = ("base_link", "base_footprint")
 """What the robot itself is called among its frames."""
 
-Frame = tuple[float, float, float]
+FramePose = tuple[float, float, float]
 
 
 @click.group("ros2 place", cls=LazyGroup, epilog="Example: mission ros2 place add kitchen --robot turtlebot4")
@@ -32,26 +32,26 @@ def place() -> None:
     """Name places of a robot's map, for `navigate`."""
 
 
-def _robot(name: str) -> RobotConfig:
-    return load_robot(find("robots", name))
+def _load_robot(name: str) -> RobotConfig:
+    return load_robot(find_file("robots", name))
 
 
-ON = shared_option("--robot", type=ROBOT, default="turtlebot4", show_default=True, help="A name or a file.")
+robot_option = shared_option("--robot", type=ROBOT, default="turtlebot4", show_default=True, help="A name or a file.")
 
 
 @place.command(epilog="Example: mission ros2 place add kitchen --at '1.2 m, 0.4 m, 90 deg'")
 @click.argument("name")
-@ON
+@robot_option
 @click.option("--router", metavar="ADDRESS", help="Where the router is, instead of the robot's.")
 @click.option("--at", metavar="'X, Y, HEADING'", help="There, instead of where the robot stands now.")
 def add(name: str, robot: str, router: str | None, at: str | None) -> int:
     """Name the place where the robot stands now, by what it says of its map (/tf)."""
-    config = _robot(robot)
+    config = _load_robot(robot)
     if "ros2" not in config.sections:
         raise click.UsageError(f"{config.name} is no robot of ROS 2, and knows no map: --robot turtlebot4")
-    if not NAME.fullmatch(name):
+    if not PLACE_NAME.fullmatch(name):
         raise click.UsageError(f"{name!a}: give letters, digits, '-', '_' and spaces between them, 40 at most")
-    x, y, heading = _typed(at) if at is not None else _here(config, robot, router)
+    x, y, heading = _parse_pose(at) if at is not None else _current_pose(config, robot, router)
     if not all(map(isfinite, (x, y, heading))):
         raise click.UsageError(f"{name}: {x:g}, {y:g}, {heading:g} is nowhere: give --at '1.2 m, 0.4 m, 90 deg'")
     places = {**places_of(config), name: PlaceKeys(x=x, y=y, heading=heading)}
@@ -61,23 +61,23 @@ def add(name: str, robot: str, router: str | None, at: str | None) -> int:
 
 
 @place.command("list", epilog="Example: mission ros2 place list")
-@ON
+@robot_option
 def list_places(robot: str) -> int:
     """List the places."""
-    config = _robot(robot)
+    config = _load_robot(robot)
     places = places_of(config)
     click.echo(
-        written_places(places).rstrip() if places else f"no places yet: mission ros2 place add NAME --robot {robot}"
+        places_text(places).rstrip() if places else f"no places yet: mission ros2 place add NAME --robot {robot}"
     )
     return SUCCESS
 
 
 @place.command(epilog="Example: mission ros2 place remove kitchen")
 @click.argument("name")
-@ON
+@robot_option
 def remove(name: str, robot: str) -> int:
     """Forget a place."""
-    config = _robot(robot)
+    config = _load_robot(robot)
     places = dict(places_of(config))
     if name not in places:
         raise click.UsageError(f"there is no place '{name}': there are {', '.join(sorted(places)) or 'none'}")
@@ -91,90 +91,90 @@ def _write(config: RobotConfig, places: Any) -> None:
     file = places_file(config)
     file.parent.mkdir(parents=True, exist_ok=True)
     file.touch()
-    rewrite(file, written_places(places))
+    rewrite(file, places_text(places))
 
 
-def _typed(text: str) -> Frame:
+def _parse_pose(text: str) -> FramePose:
     parts = [part.strip() for part in text.split(",")]
     if len(parts) != 3:
         raise click.BadParameter(f"'{text}': give x, y and heading, such as '1.2 m, 0.4 m, 90 deg'")
     try:
-        x, y = (in_dimension(part, "length") for part in parts[:2])
-        return x, y, in_dimension(parts[2], "angle")
+        x, y = (si_value(part, "length") for part in parts[:2])
+        return x, y, si_value(parts[2], "angle")
     except ValueError as error:
         raise click.BadParameter(f"'{text}': {error}") from error
 
 
-def _here(config: RobotConfig, robot: str, router: str | None) -> Frame:
+def _current_pose(config: RobotConfig, robot: str, router: str | None) -> FramePose:
     """Return where the robot stands on its map. Raises NotConnected."""
     from drivers.ros2.graph import TF  # noqa: PLC0415 - an extra
-    from drivers.ros2.types import Malformed, types  # noqa: PLC0415
-    from missions.plugins.ros2.command import looking  # noqa: PLC0415
+    from drivers.ros2.types import MalformedMessage, types  # noqa: PLC0415
+    from missions.plugins.ros2.command import open_node  # noqa: PLC0415
 
     namespace = config.sections["ros2"].keys.namespace
-    frames = Frames(namespace)
+    frames = FrameTree(namespace)
 
     def heard(kind: str, payload: bytes) -> None:
         try:
             told = types().decode(kind, payload)
-        except Malformed as error:
-            frames.wrong = str(error)
+        except MalformedMessage as error:
+            frames.fault = str(error)
             return
         for each in told.transforms:
-            frames.take(each.header.frame_id, each.child_frame_id, each.transform)
+            frames.add_transform(each.header.frame_id, each.child_frame_id, each.transform)
 
-    with looking(robot, router, None) as node:
+    with open_node(robot, router, None) as node:
         for topic in ("/tf", f"{namespace}/tf", "/tf_static", f"{namespace}/tf_static"):
             node.subscribe(topic, [TF], heard)
-        for _ in range(round(PATIENCE / 0.1)):
-            if (found := frames.here()) is not None:
+        for _ in range(round(POSE_TIMEOUT / 0.1)):
+            if (found := frames.body_pose()) is not None:
                 return found
             Event().wait(0.1)  # of a command that only looks
-    what = f"{config.name} does not say on /tf where it is: {frames.lacking} is missing"
-    what += f"; malformed: {frames.wrong}" if frames.wrong else ""
+    what = f"{config.name} does not say on /tf where it is: {frames.missing_frame} is missing"
+    what += f"; malformed: {frames.fault}" if frames.fault else ""
     raise NotConnected(what, hint="give --at")
 
 
-class Frames:
+class FrameTree:
     """The frames of a robot by what /tf says of them; those of its ``namespace`` go without it."""
 
     def __init__(self, namespace: str) -> None:
         self._namespace = f"{namespace.strip('/')}/"
-        self._above: dict[str, tuple[str, Frame]] = {}
-        self.wrong = ""
+        self._above: dict[str, tuple[str, FramePose]] = {}
+        self.fault = ""
         """The fault of the newest message that could not be used."""
 
-    def take(self, frame: str, child: str, told: Any) -> None:
+    def add_transform(self, frame: str, child: str, told: Any) -> None:
         """Take where ``child`` is in ``frame``, as a Transform; one that was never set is none."""
-        from drivers.ros2.base import FAR, yaw  # noqa: PLC0415 - an extra
+        from drivers.ros2.base import MAX_PLAUSIBLE_VALUE, yaw  # noqa: PLC0415 - an extra
 
         above, below = (each.lstrip("/").removeprefix(self._namespace) for each in (frame, child))
         place = told.translation.x, told.translation.y
         try:
-            if not all(abs(each) < FAR for each in place):
+            if not all(abs(each) < MAX_PLAUSIBLE_VALUE for each in place):
                 raise ValueError(f"its place is {place[0]:g}, {place[1]:g}")
             self._above[below] = above, (*place, yaw(told.rotation))
         except ValueError as error:
-            self.wrong = f"{below} in {above}: {error}"
+            self.fault = f"{below} in {above}: {error}"
 
-    def here(self) -> Frame | None:
+    def body_pose(self) -> FramePose | None:
         """Return where the robot is on its map; None while no frames lead there."""
-        return next((found for each in BODIES if (found := self._on_map(each)) is not None), None)
+        return next((found for each in BODY_FRAMES if (found := self._pose_on_map(each)) is not None), None)
 
     @property
-    def lacking(self) -> str:
+    def missing_frame(self) -> str:
         """Which frame does not lead to the map."""
-        return "odom to base_link" if self._on_map("odom") is not None else "map to odom (is it localised?)"
+        return "odom to base_link" if self._pose_on_map("odom") is not None else "map to odom (is it localised?)"
 
-    def _on_map(self, frame: str) -> Frame | None:
+    def _pose_on_map(self, frame: str) -> FramePose | None:
         place, known = (0.0, 0.0, 0.0), dict(self._above)
         while frame in known:
             frame, at = known.pop(frame)  # each once: they may go round
-            place = placed(at, place)
+            place = compose(at, place)
         return place if frame == "map" else None
 
 
-def placed(outer: Frame, inner: Frame) -> Frame:
+def compose(outer: FramePose, inner: FramePose) -> FramePose:
     """Return where ``inner`` is, in what ``outer`` is in."""
     x, y, turn = outer
     return (

@@ -7,21 +7,21 @@ import click
 
 from config.reading import save_file
 from missions.cli.declared import behaviours_option
-from missions.cli.options import own_files
-from missions.cli.outputs import writing
-from missions.library.drivers import Table
-from missions.library.vocabulary import vocabulary
-from missions.plugins.schema.files import KINDS, file_schema
-from missions.plugins.schema.mission import known_things, mission_schema
+from missions.cli.options import folder_behaviour_files
+from missions.cli.outputs import report_write_errors
+from missions.library.drivers import DriverTable
+from missions.library.vocabulary import load_leaves
+from missions.plugins.schema.files import FILE_KINDS, file_schema
+from missions.plugins.schema.mission import mission_schema, shipped_things
 from missions.plugins.schema.robots import robot_reference
 from missions.trees import drawing
 
-TREE = "tree"
+TREE_KIND = "tree"
 """The schema of the JSON of a drawn tree, which is no file of a kind."""
 
 
 @click.command(epilog="Example: mission schema -o mission.schema.json")
-@click.argument("kind", type=click.Choice(["missions", *KINDS, TREE]), default="missions")
+@click.argument("kind", type=click.Choice(["missions", *FILE_KINDS, TREE_KIND]), default="missions")
 @click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write it there.")
 @click.option("--reference", is_flag=True, help="Of robots: every key of every driver that there is, as Markdown.")
 @behaviours_option
@@ -37,14 +37,14 @@ def command(kind: str, output: Path | None, files: tuple[Path, ...], *, referenc
     if reference:
         if kind != "robots":
             raise click.UsageError("--reference is for robots: mission schema robots --reference")
-        _write(robot_reference(Table()), output)
+        _write(robot_reference(DriverTable()), output)
         return
-    if kind == TREE:
+    if kind == TREE_KIND:
         schema = drawing.schema()
     elif kind != "missions":
         schema = file_schema(kind)
     else:
-        schema = mission_schema(vocabulary(own_files(files), files), known_things())
+        schema = mission_schema(load_leaves(folder_behaviour_files(files), files), shipped_things())
     _write(json.dumps(schema, indent=1, ensure_ascii=False), output)
 
 
@@ -53,6 +53,6 @@ def _write(text: str, output: Path | None) -> None:
     if output is None:
         click.echo(text)
         return
-    with writing(output, "-o"):
+    with report_write_errors(output, "-o"):
         save_file(output, f"{text}\n")
     click.echo(f"wrote {output}", err=True)

@@ -2,40 +2,40 @@
 
 from dataclasses import is_dataclass
 
-from config.marked import plain
-from config.units import EXAMPLES, article, written
-from drivers.api.keys import PERCENT, Key, declared
-from missions.plugins.schema.values import HOLE, SCALAR, Schema, quantity
+from config.marked import plain_value
+from config.units import EXAMPLES, quantity_text, with_article
+from drivers.api.keys import PERCENT, Key, declared_keys
+from missions.plugins.schema.values import HOLE, SCALAR, Schema, quantity_schema
 
 
 def keys_schema(cls: type) -> Schema:
     """Return the schema of a section with the keys of a class."""
-    found = declared(cls)
+    found = declared_keys(cls)
     rest = next((key for key in found if key.form == "rest"), None)
     return {
         "type": "object",
-        "properties": {key.word: described(key) for key in found if key is not rest},
-        "additionalProperties": False if rest is None else _quantity(rest) if rest.dimension else True,
+        "properties": {key.word: key_schema(key) for key in found if key is not rest},
+        "additionalProperties": False if rest is None else _quantity_schema(rest) if rest.dimension else True,
         "required": [key.word for key in found if key.required],
     }
 
 
-def described(key: Key) -> Schema:
+def key_schema(key: Key) -> Schema:
     """Return what a key takes, with its help, and its default."""
-    schema = _value(key)
-    told = " ".join(part for part in (key.help, default_told(key)) if part)
+    schema = _value_schema(key)
+    told = " ".join(part for part in (key.help, default_text(key)) if part)
     return {"description": told, **schema} if told else schema
 
 
-def default_told(key: Key) -> str:
+def default_text(key: Key) -> str:
     """Say what holds without a key; nothing where that is nothing."""
     if key.required:
         return "It must be given."
-    shown = shown_default(key)
+    shown = format_default(key)
     return f"Without it: {shown}." if shown else ""
 
 
-def shown_default(key: Key) -> str:
+def format_default(key: Key) -> str:
     """Return the default of a key as a file would have it; empty where there is none, or where it is a section's."""
     value = key.default
     if value is None or value in ("", ()) or key.form in ("section", "list", "named", "rest") or is_dataclass(value):
@@ -43,25 +43,25 @@ def shown_default(key: Key) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, tuple):
-        return f"[{', '.join(_measured(key, each) for each in value)}]"
-    return _measured(key, value) if isinstance(value, float) else str(value)
+        return f"[{', '.join(_format_quantity(key, each) for each in value)}]"
+    return _format_quantity(key, value) if isinstance(value, float) else str(value)
 
 
-def bounds_told(key: Key) -> str:
+def bounds_text(key: Key) -> str:
     """Say between which bounds the values of a key are; nothing where there are none."""
-    low, high = (None if bound is None else _measured(key, bound) for bound in (key.low, key.high))
+    low, high = (None if bound is None else _format_quantity(key, bound) for bound in (key.low, key.high))
     if low is not None and high is not None:
         return f"{low} to {high}"
     return f"at least {low}" if low is not None else f"at most {high}" if high is not None else ""
 
 
-def takes(key: Key) -> str:
+def value_text(key: Key) -> str:
     """Say in words what a key takes."""
-    unit = _unit(key)
+    unit = _unit_text(key)
     if key.form == "either":
-        return "; or ".join(map(takes, key.options))
+        return "; or ".join(map(value_text, key.options))
     if key.inner is not None:
-        several = _several(key.inner)
+        several = _plural_text(key.inner)
         return f"{several}, each under a name" if key.form == "named" else f"a list of {several}"
     return {
         "text": "a text",
@@ -81,45 +81,49 @@ def takes(key: Key) -> str:
 _AXES = {2: "[x, y]", 3: "[x, y, z]"}
 
 
-def _unit(key: Key) -> str:
-    return "a share" if key.dimension == PERCENT else article(key.dimension) if key.dimension else ""
+def _unit_text(key: Key) -> str:
+    return "a share" if key.dimension == PERCENT else with_article(key.dimension) if key.dimension else ""
 
 
-def _several(key: Key) -> str:
+def _plural_text(key: Key) -> str:
     """Say in words what stands under names."""
     plural = {"text": "texts", "section": "sections", "integer": "whole numbers", "any": "values"}
-    return f"lists of {_several(key.inner)}" if key.form == "list" and key.inner else plural.get(key.form, takes(key))
+    return (
+        f"lists of {_plural_text(key.inner)}"
+        if key.form == "list" and key.inner
+        else plural.get(key.form, value_text(key))
+    )
 
 
-def _measured(key: Key, value: float) -> str:
+def _format_quantity(key: Key, value: float) -> str:
     if key.dimension == PERCENT:
         return f"{value:g} %"
-    return written(value, key.dimension) if key.dimension else f"{value:g}"
+    return quantity_text(value, key.dimension) if key.dimension else f"{value:g}"
 
 
-def _value(key: Key) -> Schema:
+def _value_schema(key: Key) -> Schema:
     match key.form:
         case "section":
             return keys_schema(key.of or object)
         case "list" if key.inner is not None:
-            return {"type": "array", "items": _value(key.inner), "minItems": int(key.required)}
+            return {"type": "array", "items": _value_schema(key.inner), "minItems": int(key.required)}
         case "named" if key.inner is not None:
-            return {"type": "object", "additionalProperties": _value(key.inner)}
+            return {"type": "object", "additionalProperties": _value_schema(key.inner)}
         case "either":
-            return {"anyOf": [_value(each) for each in key.options]}
+            return {"anyOf": [_value_schema(each) for each in key.options]}
         case "span" | "vector":
             least, most = min(key.sizes), max(key.sizes)
-            return {"type": "array", "items": _quantity(key), "minItems": least, "maxItems": most}
+            return {"type": "array", "items": _quantity_schema(key), "minItems": least, "maxItems": most}
         case "quantity":
-            return {"anyOf": [_choice(key), _quantity(key)]} if key.among else _quantity(key)
-    return _plain(key)
+            return {"anyOf": [_choice_schema(key), _quantity_schema(key)]} if key.among else _quantity_schema(key)
+    return _plain_schema(key)
 
 
-def _plain(key: Key) -> Schema:
+def _plain_schema(key: Key) -> Schema:
     """Return what a value without a unit looks like."""
     match key.form:
         case "choice":
-            return _choice(key)
+            return _choice_schema(key)
         case "any":
             return {}
         case "flag":
@@ -130,14 +134,16 @@ def _plain(key: Key) -> Schema:
     return {"type": SCALAR, "errorMessage": "needs a text"} | ({} if key.blank else {"pattern": r"\S"})
 
 
-def _choice(key: Key) -> Schema:
+def _choice_schema(key: Key) -> Schema:
     """Return the words of a key, also as YAML takes them: as numbers, true and false."""
-    others = [value for word in key.among if not isinstance(value := plain(word), str)]
+    others = [value for word in key.among if not isinstance(value := plain_value(word), str)]
     return {"enum": [*key.among, *others]}
 
 
-def _quantity(key: Key) -> Schema:
+def _quantity_schema(key: Key) -> Schema:
     """Return what a quantity of a key looks like."""
     dimension = "share" if key.dimension == PERCENT else key.dimension
-    schema = quantity(dimension, bounds_told(key), negative=key.low is None or key.low < 0, zero=not (key.low or 0) > 0)
+    schema = quantity_schema(
+        dimension, bounds_text(key), negative=key.low is None or key.low < 0, zero=not (key.low or 0) > 0
+    )
     return {**schema, "pattern": schema["pattern"].removesuffix(f"|{HOLE}"), "examples": [EXAMPLES[dimension]]}

@@ -8,14 +8,14 @@ from pathlib import Path
 from behaviours.leaf import Leaf
 from config.controller import load_controller
 from config.gesture import load_gait, load_gesture
-from config.library import KEYS, shipped
+from config.library import KIND_KEYS, shipped_files
 from config.marked import Mapping, Scalar, compose, read_source
-from missions.language.body import FORMS, IF_INTERRUPTED, PROPERTIES
+from missions.language.body import IF_INTERRUPTED, PROPERTIES, PROPERTY_FORMS
 from missions.language.nodes import MISSION
-from missions.language.param_types import LIST, TYPES
+from missions.language.param_types import LIST_TYPE, PARAM_TYPES
 from missions.library.catalogue import sentence
 from missions.library.shipped import shipped_missions
-from missions.plugins.schema.nodes import NODE, RESULTS, definitions
+from missions.plugins.schema.nodes import NODE, RESULTS, node_definitions
 from missions.plugins.schema.values import HOLE, NAME, SCALAR, Schema, Things
 
 _LOADERS: Named[str, Callable[[Path], object]] = {
@@ -25,7 +25,7 @@ _LOADERS: Named[str, Callable[[Path], object]] = {
 }
 
 
-OTHERS = (*(key for key in KEYS if key != "mission"), "move")
+OTHER_KIND_KEYS = (*(key for key in KIND_KEYS if key != "mission"), "move")
 """The keys by which files of other kinds are known."""
 
 
@@ -36,10 +36,10 @@ def mission_schema(leaves: Named[str, type[Leaf]], things: Things) -> Schema:
         "description": "A mission of MissionTree: what a robot should do, as a behaviour tree.",
         "type": "object",
         # A pattern of file names such as *.yaml takes in tests, robots and worlds too: those have schemas of their own.
-        "if": {"not": {"required": ["mission"]}, "anyOf": [{"required": [key]} for key in OTHERS]},
+        "if": {"not": {"required": ["mission"]}, "anyOf": [{"required": [key]} for key in OTHER_KIND_KEYS]},
         "else": _body(),
-        "defaultSnippets": [_WHOLE],
-        "definitions": definitions(leaves, things),
+        "defaultSnippets": [_NEW_MISSION_SNIPPET],
+        "definitions": node_definitions(leaves, things),
     }
 
 
@@ -72,10 +72,10 @@ def _body() -> Schema:
     }
 
 
-def known_things() -> dict[str, dict[str, str]]:
+def shipped_things() -> dict[str, dict[str, str]]:
     """Return the names of the gestures, moves, gaits, controllers and missions that ship, with their summaries."""
     found = {
-        kind: {name: str(getattr(load(path), "summary", "")) for name, path in shipped(f"{kind}s").items()}
+        kind: {name: str(getattr(load(path), "summary", "")) for name, path in shipped_files(f"{kind}s").items()}
         for kind, load in _LOADERS.items()
     }
     return {**found, "move": found["gesture"], MISSION: _missions()}
@@ -109,8 +109,11 @@ def _param() -> Schema:
         "type": [*plain["type"], "object"],
         "properties": {
             "default": {"description": "Its value where the caller gives none.", **plain},
-            "type": {"description": "What it is; told by its default where there is one.", "enum": list(TYPES)},
-            "of": {"description": "What the members of a list are.", "enum": [each for each in TYPES if each != LIST]},
+            "type": {"description": "What it is; told by its default where there is one.", "enum": list(PARAM_TYPES)},
+            "of": {
+                "description": "What the members of a list are.",
+                "enum": [each for each in PARAM_TYPES if each != LIST_TYPE],
+            },
             "choices": {"description": "The words to choose from.", **members, "minItems": 1},
             "help": {"description": "What it is for.", "type": SCALAR},
             "low": {"description": "The lowest value it may have.", **bound},
@@ -136,12 +139,12 @@ def _properties() -> Schema:
             "additionalProperties": False,
             "minProperties": 1,
             "maxProperties": 1,
-            "defaultSnippets": [{"label": form, "bodyText": form} for form in FORMS],
+            "defaultSnippets": [{"label": form, "bodyText": form} for form in PROPERTY_FORMS],
         },
     }
 
 
-_WHOLE: Schema = {
+_NEW_MISSION_SNIPPET: Schema = {
     "label": "a new mission",
     "description": "A name, a summary, and a tree with a first behaviour.",
     "body": {

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 
 from behaviours.leaf import Leaf
 from missions.language.counts import COUNTS
-from missions.language.modifiers import NEITHER
-from missions.language.nodes import COMPOSITES, FOR_EACH, MISSION, MODIFIERS, OTHERS, SWITCHES
-from missions.language.steps import ONLY_BESIDE
+from missions.language.modifiers import YES_NO_WORDS
+from missions.language.nodes import COMPOSITES, FOR_EACH, MISSION, MODIFIERS, OTHER_PARENTS, SWITCHES
+from missions.language.steps import OWNER_OF_KEY
 from missions.library.catalogue import sentence, summary
 from missions.plugins.schema.values import (
     EXPRESSION,
@@ -15,10 +15,10 @@ from missions.plugins.schema.values import (
     SCALAR,
     Schema,
     Things,
+    is_complete_alone,
     leaf_value,
-    named,
-    needs_nothing,
-    quantity,
+    name_schema,
+    quantity_schema,
 )
 
 NODE = {"$ref": "#/definitions/node"}
@@ -31,9 +31,9 @@ CHILDREN: Schema = {
 RESULTS: Schema = {"type": "object", "propertyNames": NAME, "additionalProperties": EXPRESSION}
 
 
-def definitions(leaves: Mapping[str, type[Leaf]], things: Things) -> Schema:
+def node_definitions(leaves: Mapping[str, type[Leaf]], things: Things) -> Schema:
     """Return the schema of a ``node``, and those of all ``behaviours`` by their words."""
-    behaviours = {word: leaf_value(leaf, things) for word, leaf in leaves.items()} | _composites(things)
+    behaviours = {word: leaf_value(leaf, things) for word, leaf in leaves.items()} | _composite_schemas(things)
     return {"node": _node(leaves, list(behaviours)), "behaviours": behaviours}
 
 
@@ -44,8 +44,10 @@ def _node(leaves: Mapping[str, type[Leaf]], words: Sequence[str]) -> Schema:
     """
     behaviours = {word: {"$ref": f"#/definitions/behaviours/{word}"} for word in words}
     silent = {word: {"allOf": [value], "doNotSuggest": True} for word, value in behaviours.items()}
-    beside = {word: _setting(modifier.takes, modifier.help) for word, modifier in MODIFIERS.items()} | _beside()
-    storing = [word for word, leaf in leaves.items() if leaf.stores] + [MISSION]
+    beside = {
+        word: _setting_schema(modifier.takes, modifier.help) for word, modifier in MODIFIERS.items()
+    } | _beside_schemas()
+    storing = [word for word, leaf in leaves.items() if leaf.output_doc] + [MISSION]
     no_behaviour: Schema = {
         "if": {"type": "object", "propertyNames": {"enum": list(beside)}},
         "then": {"type": "string", "errorMessage": "a behaviour is missing here"},
@@ -57,25 +59,25 @@ def _node(leaves: Mapping[str, type[Leaf]], words: Sequence[str]) -> Schema:
             "properties": {**silent, **beside},
             "additionalProperties": False,
             "dependencies": {
-                **_one_behaviour(words),
-                "as": _one_of(storing, f"'as' stands beside what finds something out: {', '.join(storing)}"),
-                **{word: [only] for word, only in ONLY_BESIDE.items()},
+                **_forbid_second_behaviour(words),
+                "as": _require_one_of(storing, f"'as' stands beside what finds something out: {', '.join(storing)}"),
+                **{word: [only] for word, only in OWNER_OF_KEY.items()},
             },
         },
         "else": {
             "properties": {**behaviours, **beside},
             "additionalProperties": False,
             "if": {"type": "string"},
-            "then": _word(leaves),
+            "then": _word_schema(leaves),
             "else": no_behaviour,
             "defaultSnippets": _SNIPPETS,
         },
     }
 
 
-def _word(leaves: Mapping[str, type[Leaf]]) -> Schema:
+def _word_schema(leaves: Mapping[str, type[Leaf]]) -> Schema:
     """Return what may be a node by its word alone."""
-    alone = {word: leaf for word, leaf in leaves.items() if needs_nothing(leaf)}
+    alone = {word: leaf for word, leaf in leaves.items() if is_complete_alone(leaf)}
     return {
         "enum": list(alone),
         "markdownEnumDescriptions": [summary(leaf) for leaf in alone.values()],
@@ -83,7 +85,7 @@ def _word(leaves: Mapping[str, type[Leaf]]) -> Schema:
     }
 
 
-def _composites(things: Things) -> dict[str, Schema]:
+def _composite_schemas(things: Things) -> dict[str, Schema]:
     """Return what stands behind each composite, and behind ``mission``."""
     lists = {
         word: {"description": f"A list of behaviours: {kind.help}.", **CHILDREN} for word, kind in COMPOSITES.items()
@@ -104,7 +106,7 @@ def _composites(things: Things) -> dict[str, Schema]:
         "additionalProperties": False,
     }
     text = "Runs another mission as one node: its name in the library, or a path from this file's folder."
-    mission = {"description": text, **named(MISSION, things[MISSION], computed=False)}
+    mission = {"description": text, **name_schema(MISSION, things[MISSION], computed=False)}
     switches = {
         word: {"description": f"{sentence(kind.help)} Fails where no case is.", **switch}
         for word, kind in SWITCHES.items()
@@ -113,10 +115,10 @@ def _composites(things: Things) -> dict[str, Schema]:
 
 
 def _for_each() -> Schema:
-    """Return what stands behind ``for_each``."""
+    """Return what stands behind ``follow_for_each``."""
     members = {"type": "array", "items": {"type": SCALAR}}
     return {
-        "description": sentence(OTHERS[FOR_EACH].help),
+        "description": sentence(OTHER_PARENTS[FOR_EACH].help),
         "type": "object",
         "properties": {
             "in": {
@@ -133,7 +135,7 @@ def _for_each() -> Schema:
     }
 
 
-def _beside() -> dict[str, Schema]:
+def _beside_schemas() -> dict[str, Schema]:
     return {
         "name": {"description": "What people see in pictures of the tree.", "type": SCALAR, "pattern": r"\S"},
         "as": {"description": "The variable that keeps what this behaviour has found.", **NAME},
@@ -147,18 +149,18 @@ def _beside() -> dict[str, Schema]:
             },
         },
         "returns": {"description": "What the mission that is run hands back: a variable and an expression.", **RESULTS},
-        **{word: _setting(takes, text) for word, (takes, text) in COUNTS.items()},
+        **{word: _setting_schema(takes, text) for word, (takes, text) in COUNTS.items()},
     }
 
 
-def _setting(takes: str, text: str) -> Schema:
+def _setting_schema(takes: str, text: str) -> Schema:
     """Return what a modifier takes, or what else stands beside a behaviour, from the words that say so."""
     found: Schema = {"description": f"{sentence(text)} Takes {takes}."}
     match takes:
         case "an expression":
             return found | EXPRESSION
         case "a duration":
-            return found | quantity("duration", "longer than 0 s", zero=False) | {"examples": ["2 s"]}
+            return found | quantity_schema("duration", "longer than 0 s", zero=False) | {"examples": ["2 s"]}
         case "a count or forever" | "a count or all":
             word = takes.removeprefix("a count or ")
             message = f"needs a count of 1 or more, or {word}"
@@ -171,13 +173,13 @@ def _setting(takes: str, text: str) -> Schema:
                 "examples": [3, word],
             }
         case "true or an expression":
-            limits = {"not": {"enum": [False, *NEITHER]}, "errorMessage": "needs true, or an expression"}
+            limits = {"not": {"enum": [False, *YES_NO_WORDS]}, "errorMessage": "needs true, or an expression"}
             return found | EXPRESSION | {"type": ["boolean", "string"]} | limits
         case words:
             return found | {"enum": [True if word == "true" else word for word in words.split(" or ")]}
 
 
-def _one_behaviour(words: Sequence[str]) -> dict[str, Schema]:
+def _forbid_second_behaviour(words: Sequence[str]) -> dict[str, Schema]:
     """Forbid, beside each behaviour, all those that come after it in the list: so each pair is an error once."""
     return {
         word: {
@@ -188,7 +190,7 @@ def _one_behaviour(words: Sequence[str]) -> dict[str, Schema]:
     }
 
 
-def _one_of(words: Sequence[str], message: str) -> Schema:
+def _require_one_of(words: Sequence[str], message: str) -> Schema:
     """Ask for one of these keys in the node."""
     some = {"anyOf": [{"required": [word]} for word in words]}
     return {"if": {"not": some}, "then": {"type": "string", "errorMessage": message}}

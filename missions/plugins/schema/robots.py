@@ -3,26 +3,29 @@
 from collections.abc import Collection, Iterable
 
 from drivers.api.driver import BrokenDriver, Driver
-from drivers.api.keys import Key, declared
-from drivers.api.kinds import KINDS, Kind
-from missions.library.drivers import Table
-from missions.plugins.schema.keys import bounds_told, keys_schema, shown_default, takes
+from drivers.api.keys import Key, declared_keys
+from drivers.api.kinds import KINDS, PartKind
+from missions.library.drivers import DriverTable
+from missions.plugins.schema.keys import bounds_text, format_default, keys_schema, value_text
 from missions.plugins.schema.values import Schema
 
 # The keys of files as tables in Markdown, from the classes that declare them.
 
-HEAD = ("key", "takes", "bounds", "default", "what it does")
+COLUMNS = ("key", "takes", "bounds", "default", "what it does")
 
 
-def robot_reference(table: Table, among: Collection[tuple[str, str]] | None = None) -> str:
+def robot_reference(table: DriverTable, among: Collection[tuple[str, str]] | None = None) -> str:
     """Return the keys of every driver of a table, by kind of part; or of those ``among`` (kind, name)."""
     parts = []
     for kind in KINDS.values():
         drivers: dict[type, list[Driver]] = {}
-        for of, name, driver in table.all():
+        for of, name, driver in table.iter_drivers():
             if of == kind.name and not isinstance(driver, BrokenDriver) and (among is None or (of, name) in among):
                 drivers.setdefault(driver.keys, []).append(driver)
-        parts += [f"## {kind.name}", kind.about + (f" `driver` may be left out: `{kind.usual}`." if kind.usual else "")]
+        parts += [
+            f"## {kind.name}",
+            kind.about + (f" `driver` may be left out: `{kind.default_driver}`." if kind.default_driver else ""),
+        ]
         for cls, those in drivers.items():
             parts += ["\n".join(f"- `driver: {each.name}`: {each.about}" for each in those), keys_table(cls)]
     return "\n\n".join(parts)
@@ -33,14 +36,14 @@ def keys_table(cls: type, apart: Collection[type] = ()) -> str:
 
     Those of sections ``apart`` do not.
     """
-    return table(HEAD, _rows(cls, "", apart))
+    return markdown_table(COLUMNS, _rows(cls, "", apart))
 
 
 def _rows(of: type, within: str, apart: Collection[type]) -> Iterable[tuple[str, ...]]:
-    for key in declared(of):
+    for key in declared_keys(of):
         word = "*NAME*" if key.form == "rest" else key.word
-        default = "must be given" if key.required else code(shown) if (shown := shown_default(key)) else ""
-        yield code(within + word), takes(key), bounds_told(key), default, key.help
+        default = "must be given" if key.required else markdown_code(shown) if (shown := format_default(key)) else ""
+        yield markdown_code(within + word), value_text(key), bounds_text(key), default, key.help
         for path, cls in _sections(key, key.word):
             yield from () if cls in apart else _rows(cls, f"{within}{path}.", apart)
 
@@ -55,27 +58,27 @@ def _sections(key: Key, path: str) -> Iterable[tuple[str, type]]:
         yield from _sections(key.inner, f"{path}.{'NAME' if key.form == 'named' else 'N'}")
 
 
-def table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+def markdown_table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
     """Return a table in Markdown."""
     lines = [head, tuple("---" for _ in head), *rows]
     return "\n".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in line)} |" for line in lines)
 
 
-def code(text: str) -> str:
+def markdown_code(text: str) -> str:
     """Set ``text`` as code."""
     return f"`{text}`"
 
 
-def part_schemas(table: Table) -> dict[str, Schema]:
+def part_schemas(table: DriverTable) -> dict[str, Schema]:
     """Return what the section of each kind of part may hold; a driver that cannot be used is left out."""
     found: dict[str, list[Driver]] = {kind: [] for kind in KINDS}
-    for kind, _, driver in table.all():
+    for kind, _, driver in table.iter_drivers():
         if not isinstance(driver, BrokenDriver):
             found[kind].append(driver)
-    return {kind: _section(KINDS[kind], drivers) for kind, drivers in found.items()}
+    return {kind: _section_schema(KINDS[kind], drivers) for kind, drivers in found.items()}
 
 
-def of_kind(kind: Kind, section: Schema) -> Schema:
+def further_part_schema(kind: PartKind, section: Schema) -> Schema:
     """Return what the section of one more part of a kind may hold: what a ``section`` of it may, and its ``kind``."""
     word: Schema = {"description": "Of which kind of part this is one more.", "const": kind.name}
     choices = [
@@ -90,24 +93,27 @@ def _with_word(schema: Schema, word: Schema) -> Schema:
     return {**schema, "properties": {"kind": word, **schema["properties"]}}
 
 
-def _section(kind: Kind, drivers: list[Driver]) -> Schema:
+def _section_schema(kind: PartKind, drivers: list[Driver]) -> Schema:
     """Return what a section may hold: the keys of the driver that it names, or of the usual one."""
     names = [driver.name for driver in drivers]
-    told = "What drives it." + (f" Without it: {kind.usual}." if kind.usual else " It must be given.")
+    told = "What drives it." + (f" Without it: {kind.default_driver}." if kind.default_driver else " It must be given.")
     word: Schema = {"description": told, "enum": names}
     whole = {driver.name: _with_driver(keys_schema(driver.keys), word) for driver in drivers}
     if len(drivers) == 1:
         (only,) = whole.values()
-        required = [] if kind.usual else ["driver"]
+        required = [] if kind.default_driver else ["driver"]
         return {"description": kind.about, **only, "required": [*required, *only["required"]]}
     choices = [
         {
-            "if": {"properties": {"driver": {"const": name}}, "required": [] if name == kind.usual else ["driver"]},
+            "if": {
+                "properties": {"driver": {"const": name}},
+                "required": [] if name == kind.default_driver else ["driver"],
+            },
             "then": schema,
         }
         for name, schema in whole.items()
     ]
-    required = [] if kind.usual else ["driver"]
+    required = [] if kind.default_driver else ["driver"]
     return {"description": kind.about, "type": "object", "properties": {"driver": word}, "required": required} | {
         "allOf": choices
     }

@@ -11,11 +11,19 @@ from dataclasses import replace
 from typing import Any
 
 from behaviours.leaf import Argument, Leaf
-from config.units import EXAMPLES, UNITS, article
-from missions.language.arguments import OUTCOMES, SWITCHED
-from missions.language.kinds import RESERVED, STATE, WORDS
+from config.units import EXAMPLES, UNITS, with_article
+from missions.language.arguments import OUTCOMES, SWITCH_WORDS
+from missions.language.kinds import CONSTANTS, RESERVED_WORDS, STATE_KINDS
 from missions.language.operators import FUNCTIONS
-from missions.library.catalogue import bounds, details, example, plain_default, sentence, summary, terms
+from missions.library.catalogue import (
+    bounds_text,
+    default_data,
+    details,
+    example_value,
+    requirements_text,
+    sentence,
+    summary,
+)
 
 Schema = dict[str, Any]
 
@@ -27,13 +35,13 @@ SCALAR = ["string", "number", "boolean"]
 
 _UNSIGNED = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _ABOVE_ZERO = r"(?=[0-9.]*[1-9])"
-_TAKEN = sorted({*RESERVED, *STATE, *WORDS, *FUNCTIONS})
+_RESERVED_NAMES = sorted({*RESERVED_WORDS, *STATE_KINDS, *CONSTANTS, *FUNCTIONS})
 
 # A word as Python has it, with letters of any alphabet: no ASCII sign but the underscore, no digit in front.
 _SIGNS = r"\s!-/:-@\[-\^`{-~"
 NAME: Schema = {
     "type": "string",
-    "pattern": rf"^(?!(?:{'|'.join(_TAKEN)})$)[^{_SIGNS}0-9][^{_SIGNS}]*$",
+    "pattern": rf"^(?!(?:{'|'.join(_RESERVED_NAMES)})$)[^{_SIGNS}0-9][^{_SIGNS}]*$",
     "errorMessage": "needs a plain word such as last_seen, that means nothing else in expressions",
 }
 """The name that a mission gives to a param or a variable."""
@@ -48,7 +56,7 @@ PHRASES: Schema = {
 }
 """What is listened for."""
 
-_OWN: Mapping[str, Schema] = {
+_SPECIAL_KINDS: Mapping[str, Schema] = {
     "phrases": PHRASES,
     "face": {"type": ["string", "null"], "pattern": HOLE, "errorMessage": "needs a face, such as ${person}"},
 }
@@ -62,56 +70,56 @@ EXPRESSION: Schema = {
 }
 
 
-def quantity(dimension: str, limits: str = "", *, negative: bool = False, zero: bool = True) -> Schema:
+def quantity_schema(dimension: str, limits: str = "", *, negative: bool = False, zero: bool = True) -> Schema:
     """Return what a quantity looks like. ``limits`` are for the message; the pattern knows of its sign and of zero."""
     number = ("[-+]?" if negative else r"\+?") + ("" if zero else _ABOVE_ZERO) + _UNSIGNED
     units = UNITS[dimension]
-    message = f"needs {article(dimension)} such as '{EXAMPLES[dimension]}' (units: {', '.join(units)})"
+    message = f"needs {with_article(dimension)} such as '{EXAMPLES[dimension]}' (units: {', '.join(units)})"
     return {
         "type": "string",
-        "pattern": rf"^\s*{number}\s*(?:{'|'.join(map(_escaped, units))})\s*$|{HOLE}",
+        "pattern": rf"^\s*{number}\s*(?:{'|'.join(map(_escape_pattern, units))})\s*$|{HOLE}",
         "errorMessage": message + (f", {limits}" if limits else ""),
     }
 
 
-def named(what: str, names: Mapping[str, str], *, computed: bool = True) -> Schema:
+def name_schema(kind: str, names: Mapping[str, str], *, computed: bool = True) -> Schema:
     """Return what the name of a thing looks like: one of ``names``, each with its summary, or the path of a file."""
-    known = "|".join(_escaped(name) for name in names)
+    known = "|".join(_escape_pattern(name) for name in names)
     return {
         "type": "string",
         "pattern": f"^(?:{known})$|[./]" + (f"|{HOLE}" if computed else ""),
-        "errorMessage": f"needs {article(what)}, or the path of its file; known are: {', '.join(names)}",
+        "errorMessage": f"needs {with_article(kind)}, or the path of its file; known are: {', '.join(names)}",
         "defaultSnippets": [{"label": name, "body": name, "description": text} for name, text in names.items()],
     }
 
 
-def described(argument: Argument, things: Things) -> Schema:
+def argument_schema(argument: Argument, things: Things) -> Schema:
     """Return what an argument takes, with its help, and its default or an example."""
-    text = f"{sentence(argument.help)} {sentence(terms(argument))}"
-    found = {"description": text, **written(argument, things)}
+    text = f"{sentence(argument.help)} {sentence(requirements_text(argument))}"
+    found = {"description": text, **value_schema(argument, things)}
     if not argument.required:
-        default = plain_default(argument)
+        default = default_data(argument)
         return {**found, "default": default} if _is_json(default) else found
-    return found if "defaultSnippets" in found else {**found, "examples": [example(argument)]}
+    return found if "defaultSnippets" in found else {**found, "examples": [example_value(argument)]}
 
 
-def written(argument: Argument, things: Things) -> Schema:
+def value_schema(argument: Argument, things: Things) -> Schema:
     """Return what an argument takes."""
     kind = argument.kind
     if argument.by_joint:
         return {
             "type": ["object", "string"],
-            "additionalProperties": written(replace(argument, by_joint=False), things),
+            "additionalProperties": value_schema(replace(argument, by_joint=False), things),
             "minProperties": 1,
             "pattern": HOLE,
             "errorMessage": "needs joints, each with its value, such as {elbow: ...}",
         }
-    if kind in _OWN:
-        return _OWN[kind]
+    if kind in _SPECIAL_KINDS:
+        return _SPECIAL_KINDS[kind]
     if kind in UNITS:
-        one = quantity(kind, bounds(argument), negative=argument.low < 0, zero=argument.low <= 0)
+        one = quantity_schema(kind, bounds_text(argument), negative=argument.low < 0, zero=argument.low <= 0)
     else:
-        one = named(kind, things[kind]) if kind in things else _plain(argument)
+        one = name_schema(kind, things[kind]) if kind in things else _plain_schema(argument)
     if not argument.span:
         return one
     return {
@@ -123,9 +131,9 @@ def written(argument: Argument, things: Things) -> Schema:
     }
 
 
-def _plain(argument: Argument) -> Schema:
+def _plain_schema(argument: Argument) -> Schema:
     """Return what a value without a unit looks like."""
-    limits = bounds(argument)
+    limits = bounds_text(argument)
     within = {"minimum": argument.low, "maximum": argument.high}
     limited = {word: bound for word, bound in within.items() if math.isfinite(bound)}
     match argument.kind:
@@ -139,14 +147,14 @@ def _plain(argument: Argument) -> Schema:
             message = f"needs {what}" + (f", {limits}" if limits else "")
             return {"type": [number, "string"], "pattern": HOLE, **limited, "errorMessage": message}
         case "flag":
-            pattern = f"^(?:{'|'.join(SWITCHED)})$|{HOLE}"
+            pattern = f"^(?:{'|'.join(SWITCH_WORDS)})$|{HOLE}"
             return {"type": ["boolean", "string"], "pattern": pattern, "errorMessage": "needs true or false"}
         case "choice":
             words = argument.choices
-            known = "|".join(map(_escaped, words))
+            known = "|".join(map(_escape_pattern, words))
             told = {"pattern": f"^(?:{known})$|{HOLE}", "errorMessage": f"needs one of {', '.join(words)}"}
             # What YAML 1.1 calls a boolean is a word here.
-            return {"type": ["string", "boolean"] if SWITCHED.keys() & set(words) else "string", **told}
+            return {"type": ["string", "boolean"] if SWITCH_WORDS.keys() & set(words) else "string", **told}
         case "new move" | "file":
             return {"type": SCALAR, "pattern": r"\S", "errorMessage": "needs a name, or the path of a file"}
         case "joint":
@@ -171,7 +179,7 @@ def _is_json(value: object) -> bool:
     return isinstance(value, str | list | bool) or (isinstance(value, int | float) and math.isfinite(value))
 
 
-def _escaped(text: str) -> str:
+def _escape_pattern(text: str) -> str:
     """Quote what has a meaning in patterns; re.escape quotes more than JavaScript allows."""
     return re.sub(r"[.*+?^${}()|\[\]\\/]", r"\\\g<0>", text)
 
@@ -186,19 +194,19 @@ def leaf_value(leaf: type[Leaf], things: Things) -> Schema:
     """Return what may stand behind a leaf's word: nothing, its principal argument, or a mapping of named ones."""
     found: Schema = {
         "description": summary(leaf),
-        "markdownDescription": explained(leaf),
+        "markdownDescription": leaf_markdown(leaf),
         "if": {"type": "object"},
-        "then": _named_arguments(leaf, things),
-        "else": _alone(leaf, things),
+        "then": _arguments_schema(leaf, things),
+        "else": _value_alone_schema(leaf, things),
     }
-    snippets = _values(leaf, things)
+    snippets = _completions(leaf, things)
     return {**found, "defaultSnippets": snippets} if snippets else found
 
 
-def explained(leaf: type[Leaf]) -> str:
+def leaf_markdown(leaf: type[Leaf]) -> str:
     """Return a leaf's entry in the catalogue, as Markdown for an editor."""
     lines = [
-        f"`{each.name}`: {each.help}\n  ({terms(each)}{'; may stand alone' if each.principal else ''})"
+        f"`{each.name}`: {each.help}\n  ({requirements_text(each)}{'; may stand alone' if each.principal else ''})"
         for each in leaf.arguments.values()
     ]
     parts = [summary(leaf), details(leaf), "\n".join(f"- {line}" for line in lines)]
@@ -206,53 +214,53 @@ def explained(leaf: type[Leaf]) -> str:
         parts.append(f"Drives: {', '.join(sorted(leaf.drives))}.")
     if leaf.needs:
         parts.append(f"Needs: {', '.join(sorted(leaf.needs))}.")
-    if leaf.stores:
-        parts.append(f"`as` keeps {leaf.stores}.")
+    if leaf.output_doc:
+        parts.append(f"`as` keeps {leaf.output_doc}.")
     return "\n\n".join(part for part in parts if part)
 
 
-def needs_nothing(leaf: type[Leaf]) -> bool:
+def is_complete_alone(leaf: type[Leaf]) -> bool:
     """True for a leaf whose word may stand alone."""
     return not leaf.open_ended and not any(argument.required for argument in leaf.arguments.values())
 
 
-def _principal(leaf: type[Leaf]) -> Argument | None:
+def _principal_argument(leaf: type[Leaf]) -> Argument | None:
     return next((argument for argument in leaf.arguments.values() if argument.principal), None)
 
 
-def _named_arguments(leaf: type[Leaf], things: Things) -> Schema:
+def _arguments_schema(leaf: type[Leaf], things: Things) -> Schema:
     if leaf.open_ended:
         return {"propertyNames": NAME, "minProperties": 1}
     return {
-        "properties": {argument.name: described(argument, things) for argument in leaf.arguments.values()},
+        "properties": {argument.name: argument_schema(argument, things) for argument in leaf.arguments.values()},
         "required": [argument.name for argument in leaf.arguments.values() if argument.required],
         "additionalProperties": False,
     }
 
 
-def _alone(leaf: type[Leaf], things: Things) -> Schema:
+def _value_alone_schema(leaf: type[Leaf], things: Things) -> Schema:
     """Return what a leaf takes without the name of an argument."""
-    principal = _principal(leaf)
+    principal = _principal_argument(leaf)
     if leaf.open_ended:
         return {"type": "object", "errorMessage": "needs names and values, such as {count: 1}"}
     if principal is None:
         message = f"needs its arguments by name: {', '.join(leaf.arguments)}" if leaf.arguments else "takes no argument"
-        return {"type": "null" if needs_nothing(leaf) else "object", "errorMessage": message}
-    one = written(principal, things)
+        return {"type": "null" if is_complete_alone(leaf) else "object", "errorMessage": message}
+    one = value_schema(principal, things)
     one.pop("defaultSnippets", None)  # they stand with the leaf's word, where editors look for them
-    return {"if": {"not": {"type": "null"}}, "then": one} if needs_nothing(leaf) else one
+    return {"if": {"not": {"type": "null"}}, "then": one} if is_complete_alone(leaf) else one
 
 
-def _values(leaf: type[Leaf], things: Things) -> list[Schema]:
+def _completions(leaf: type[Leaf], things: Things) -> list[Schema]:
     """Return values to complete a leaf's word with; none for one that may stand alone."""
-    principal = _principal(leaf)
+    principal = _principal_argument(leaf)
     if leaf.open_ended:
         return [{"label": "names and values", "body": {"count": 1}}]
-    if needs_nothing(leaf):
+    if is_complete_alone(leaf):
         return []
     if principal is None:
-        required = {argument.name: example(argument) for argument in leaf.arguments.values() if argument.required}
+        required = {argument.name: example_value(argument) for argument in leaf.arguments.values() if argument.required}
         return [{"label": ", ".join(required), "body": required}]
     if principal.kind in things:
-        return list(named(principal.kind, things[principal.kind])["defaultSnippets"])
-    return [{"label": str(example(principal)), "body": example(principal)}]
+        return list(name_schema(principal.kind, things[principal.kind])["defaultSnippets"])
+    return [{"label": str(example_value(principal)), "body": example_value(principal)}]

@@ -8,69 +8,69 @@ from pathlib import Path
 import click
 
 from config.editing import NotEditableError, require_own, rewrite, with_value
-from config.faults import InvalidFileError, Source
+from config.faults import InvalidFileError, SourceText
 from config.marked import read_source
 from config.robot import RobotConfig
-from config.units import in_dimension, written
+from config.units import quantity_text, si_value
 from drivers.api.senses import CameraKeys, DistortionKeys
-from drivers.camera.pictures import pictures
-from drivers.camera.source import Kind, kind_of
+from drivers.camera.pictures import iter_pictures
+from drivers.camera.source import SourceKind, source_kind
 from drivers.errors import BadRequest
 from drivers.finding.video import CSI_HINT, list_devices
 from drivers.transport.programs import explain_denied
-from missions.cli.numbers import InUnit
+from missions.cli.numbers import QuantityInUnit
 from missions.cli.root import FAILURE, SUCCESS
-from missions.library.drivers import robot_of
-from missions.plugins.setup.through import through
-from perception.calibration import Board, Calibration, Views, calibrate
+from missions.library.drivers import parse_robot
+from missions.plugins.setup.through import camera_frames
+from perception.calibration import BoardViews, Chessboard, LensCalibration, calibrate
 
 # What calibration has found of a camera's lens, as the camera section of a robot file says it, and kept there.
 
 COEFFICIENTS = tuple(field.name for field in fields(DistortionKeys))
 """The coefficients by which a lens bends a picture, in the order that OpenCV has."""
 
-AGAIN = "mission robot camera calibrate SOURCE --board 9x6 --square '25 mm' --keep FILE"
+RETRY_COMMAND = "mission robot camera calibrate SOURCE --board 9x6 --square '25 mm' --keep FILE"
 
 
 def lens_entries(field_of_view: float, centre: tuple[float, float], distortion: Sequence[float]) -> dict[str, str]:
     """Return the keys of the camera section with their values, as they are written."""
     bent = ", ".join(f"{name}: {value:.5f}" for name, value in zip(COEFFICIENTS, distortion, strict=True))
     return {
-        "field_of_view": written(field_of_view, "angle"),
-        "centre_x": written(centre[0], "share"),
-        "centre_y": written(centre[1], "share"),
+        "field_of_view": quantity_text(field_of_view, "angle"),
+        "centre_x": quantity_text(centre[0], "share"),
+        "centre_y": quantity_text(centre[1], "share"),
         "distortion": f"{{{bent}}}",
     }
 
 
-def lens_size(path: Path) -> tuple[int, int]:
+def picture_size(path: Path) -> tuple[int, int]:
     """Return the width and height of the pictures for which a robot file is to keep a lens.
 
     Raises NotEditableError for a file in which no lens will be kept: better before the board is held up.
     Raises InvalidFileError for what is no robot file.
     """
-    require_own(path, AGAIN)
-    camera = _camera(robot_of(read_source(path)))
+    require_own(path, RETRY_COMMAND)
+    camera = _camera(parse_robot(read_source(path)))
     return camera.width, camera.height
 
 
-def keep_lens(path: Path, entries: dict[str, str]) -> None:
+def write_lens(path: Path, entries: dict[str, str]) -> None:
     """Write ``lens_entries`` into a robot file, and nothing else.
 
     Raises NotEditableError where that cannot be, InvalidFileError for a file that is no robot's, OSError.
     """
-    lens_size(path)
+    picture_size(path)
     source = read_source(path)
-    old = robot_of(source)
+    old = parse_robot(source)
     text = source.text
     for key, value in entries.items():
         if key == "distortion" and _camera(old).distortion is not None:
             for pair in value.strip("{}").split(", "):
                 name, number = pair.split(": ")
-                text = with_value(Source(source.name, text), ("camera", key, name), number)
+                text = with_value(SourceText(source.name, text), ("camera", key, name), number)
         else:
-            text = with_value(Source(source.name, text), ("camera", key), value)
-    if not _differs_by_the_lens(old, Source(source.name, text), entries):
+            text = with_value(SourceText(source.name, text), ("camera", key), value)
+    if not _changes_only_lens(old, SourceText(source.name, text), entries):
         what = "; ".join(f"{key}: {value}" for key, value in entries.items())
         raise NotEditableError(f"{path}: it is written in a way that cannot be changed here; write {what}")
     rewrite(path, text)
@@ -82,14 +82,16 @@ def _camera(robot: RobotConfig) -> CameraKeys:
     return robot.camera
 
 
-def _differs_by_the_lens(old: RobotConfig, source: Source, entries: dict[str, str]) -> bool:
+def _changes_only_lens(old: RobotConfig, source: SourceText, entries: dict[str, str]) -> bool:
     """Say whether the new text means the same robot with the lens of ``entries``: an anchor may stand for more."""
     try:
-        new = robot_of(source)
+        new = parse_robot(source)
     except InvalidFileError:  # the anchor was lost
         return False
     was, is_now = _camera(old), _camera(new)
-    told = lens_entries(is_now.field_of_view, is_now.centre, is_now.bent or (0.0,) * len(COEFFICIENTS))
+    told = lens_entries(
+        is_now.field_of_view, is_now.centre, is_now.distortion_coefficients or (0.0,) * len(COEFFICIENTS)
+    )
     rest = replace(
         is_now,
         field_of_view=was.field_of_view,
@@ -100,10 +102,10 @@ def _differs_by_the_lens(old: RobotConfig, source: Source, entries: dict[str, st
     return told == entries and new.with_keys("camera", rest) == old
 
 
-PLENTY = 20
+MAX_VIEWS = 20
 """Different views of the board after which a live camera has seen enough."""
 
-COARSE = 1.0
+MAX_PIXEL_ERROR = 1.0
 """Pixels by which a board may miss a good lens."""
 
 
@@ -133,29 +135,31 @@ def list_command() -> int:
     return SUCCESS if devices else FAILURE
 
 
-def _board(ctx: click.Context, option: click.Parameter, value: str) -> tuple[int, int]:
+def _parse_board(ctx: click.Context, option: click.Parameter, value: str) -> tuple[int, int]:
     found = re.fullmatch(r"([0-9]{1,5})\s*x\s*([0-9]{1,5})", value.strip())
     if found is None:
         raise click.BadParameter(f"'{value}' is not ACROSSxDOWN inner corners, such as 9x6", ctx=ctx, param=option)
     return int(found[1]), int(found[2])
 
 
-def _length(ctx: click.Context, option: click.Parameter, value: str) -> float:
+def _parse_length(ctx: click.Context, option: click.Parameter, value: str) -> float:
     try:
-        return in_dimension(value, "length")
+        return si_value(value, "length")
     except ValueError as error:
         raise click.BadParameter(f"{error}", ctx=ctx, param=option) from error
 
 
 @camera.command(name="calibrate", epilog="Example: mission robot camera calibrate 0 --board 9x6 --square '25 mm'")
 @click.argument("source", metavar="SOURCE")
-@click.option("--board", required=True, metavar="9x6", callback=_board, help="Its inner corners, where squares meet.")
-@click.option("--square", required=True, metavar='"25 mm"', callback=_length, help="The side of a square.")
+@click.option(
+    "--board", required=True, metavar="9x6", callback=_parse_board, help="Its inner corners, where squares meet."
+)
+@click.option("--square", required=True, metavar='"25 mm"', callback=_parse_length, help="The side of a square.")
 @click.option("--keep", type=click.Path(path_type=Path, dir_okay=False, exists=True), metavar="FILE", help="Write it "
               "into your robot file.")  # fmt: skip
 @click.option(
     "--seconds",
-    type=InUnit("s", 0.1),
+    type=QuantityInUnit("s", 0.1),
     default=120.0,
     show_default=True,
     help="How long to look through a live camera at most.",
@@ -167,9 +171,9 @@ def calibrate_command(source: str, board: tuple[int, int], square: float, keep: 
     camera: near and far, in all corners, and tilted to every side.
     """
     try:
-        size = None if keep is None else lens_size(keep)
-        views = Views(Board(*board, square))
-        _gather(views, source, seconds, size)
+        size = None if keep is None else picture_size(keep)
+        views = BoardViews(Chessboard(*board, square))
+        _collect_views(views, source, seconds, size)
     except (BadRequest, NotEditableError) as error:
         hint = error.hint if isinstance(error, BadRequest) else ""
         raise click.UsageError(f"{error}" + (f"\n  try: {hint}" if hint else "")) from error
@@ -183,39 +187,43 @@ def calibrate_command(source: str, board: tuple[int, int], square: float, keep: 
             "  try: tilt the board to every side and fill all corners of the picture; is --board right?", err=True
         )
         return FAILURE
-    return _told(found, views, keep)
+    return _report_calibration(found, views, keep)
 
 
-def _gather(views: Views, source: str, seconds: float, size: tuple[int, int] | None) -> None:
+def _collect_views(views: BoardViews, source: str, seconds: float, size: tuple[int, int] | None) -> None:
     """Show the source's pictures to ``views``, and say how many taught something; a device's in that ``size``."""
-    live = kind_of(source) in {Kind.DEVICE, Kind.URL}
-    seen = (image for _, image in through(source, seconds, size)) if live else (each[2] for each in pictures([source]))
+    live = source_kind(source) in {SourceKind.DEVICE, SourceKind.URL}
+    seen = (
+        (image for _, image in camera_frames(source, seconds, size))
+        if live
+        else (each[2] for each in iter_pictures([source]))
+    )
     for image in seen:
         if views.add(image):
-            click.echo(f"view {len(views.corners)}" + (f" of {PLENTY}" if live else ""), err=True)
-        if len(views.corners) >= PLENTY:
+            click.echo(f"view {len(views.corners)}" + (f" of {MAX_VIEWS}" if live else ""), err=True)
+        if len(views.corners) >= MAX_VIEWS:
             return
 
 
-def _told(found: Calibration, views: Views, keep: Path | None) -> int:
+def _report_calibration(calibration: LensCalibration, views: BoardViews, keep: Path | None) -> int:
     """Print the lens as a robot file has it, and keep it where that was asked."""
     width, height = views.size
     click.echo(
-        f"# {found.views} views of {width}x{height} pixels, {found.nearest:.2f} to {found.farthest:.2f} m away; "
-        f"the corners miss by {found.error:.2f} px"
+        f"# {calibration.views} views of {width}x{height} pixels, {calibration.nearest:.2f} to {calibration.farthest:.2f} m away; "
+        f"the corners miss by {calibration.error:.2f} px"
     )
-    entries = lens_entries(found.field_of_view, found.centre, found.distortion)
+    entries = lens_entries(calibration.field_of_view, calibration.centre, calibration.distortion)
     click.echo("camera:")
     for key, value in entries.items():
         click.echo(f"  {key}: {value}")
-    if found.error > COARSE:
-        click.echo(f"{found.error:.1f} px is much\n  try: a flat board, held still, in good light", err=True)
+    if calibration.error > MAX_PIXEL_ERROR:
+        click.echo(f"{calibration.error:.1f} px is much\n  try: a flat board, held still, in good light", err=True)
         return FAILURE
     if keep is None:
         click.echo("\nTo keep it: --keep FILE, your robot file", err=True)
         return SUCCESS
     try:
-        keep_lens(keep, entries)
+        write_lens(keep, entries)
     except NotEditableError as error:
         raise click.UsageError(f"{error}") from error
     click.echo(f"kept in {keep}", err=True)

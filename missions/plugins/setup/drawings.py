@@ -6,13 +6,13 @@ from pathlib import Path
 import click
 import cv2
 
-from config.reading import PRIVATE, save_file
+from config.reading import PRIVATE_MODE, save_file
 from drivers.api import Image
-from drivers.camera.source import Kind, kind_of
-from missions.cli.outputs import writing
+from drivers.camera.source import SourceKind, source_kind
+from missions.cli.outputs import report_write_errors
 
 
-class Drawings:
+class AnnotatedPictures:
     """Pictures with what was seen drawn in, in a folder; never over what was looked at, nor one over another."""
 
     def __init__(self, folder: Path, inputs: tuple[str, ...]) -> None:
@@ -27,15 +27,17 @@ class Drawings:
     def write(self, path: Path, number: int, image: Image) -> None:
         """Write one picture: frame ``number`` of the file at ``path``."""
         stem = self._stem(path)
-        target = self._folder / (f"{stem}.png" if kind_of(path) is Kind.PICTURE else f"{stem}_{number:05d}.png")
+        target = self._folder / (
+            f"{stem}.png" if source_kind(path) is SourceKind.PICTURE else f"{stem}_{number:05d}.png"
+        )
         looked_at = (path, *self._inputs)
         if target.exists() and any(target.samefile(each) for each in looked_at if each.exists()):
             raise click.UsageError(f"--annotate: {target} is one of the pictures themselves; choose another folder")
         done, packed = cv2.imencode(".png", image)
         if not done:
             raise click.ClickException(f"{target}: cannot be written")
-        with writing(target, "--annotate"):
-            save_file(target, packed.tobytes(), PRIVATE)
+        with report_write_errors(target, "--annotate"):
+            save_file(target, packed.tobytes(), PRIVATE_MODE)
 
     def _stem(self, path: Path) -> str:
         """Return a name of its own for each file that is looked at: "astro", then "astro-2"."""

@@ -9,49 +9,49 @@ from threading import Event
 
 import click
 
-from config.library import find
+from config.library import find_file
 from config.robot import Section
 from drivers.api import SOUND_RATE, DeviceStatus
-from drivers.api.driver import Site
+from drivers.api.driver import DriverContext
 from drivers.api.kinds import KINDS
-from drivers.api.senses import MOST_SURE, MicrophoneKeys
+from drivers.api.senses import MAX_THRESHOLD, MicrophoneKeys
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NoReply, NotConnected
-from drivers.microphone.wav import WavMicrophone, load
-from missions.assembly.assembled import CONNECT_TIME
-from missions.assembly.hearing import Hearing, hearing
-from missions.assembly.together import made_by
+from drivers.microphone.wav import WavMicrophone, load_wav
+from missions.assembly.assembled import CONNECT_TIMEOUT
+from missions.assembly.hearing import MicrophoneEars, make_ears
+from missions.assembly.together import resolve_maker
 from missions.cli.declared import behaviours_option, params_option
 from missions.cli.names import MISSION, ROBOT
-from missions.cli.numbers import Real
-from missions.cli.options import leaves_for
-from missions.cli.printable import show_over
+from missions.cli.numbers import RealNumber
+from missions.cli.options import leaf_loader
+from missions.cli.printable import overwrite_line
 from missions.cli.root import SUCCESS
-from missions.language.phrases import phrases_of
-from missions.library.drivers import Table, load_robot
-from missions.library.pronouncing import confusable_for
+from missions.language.phrases import all_phrases
+from missions.library.drivers import DriverTable, load_robot
+from missions.library.pronouncing import find_confusable_phrases
 from missions.library.shipped import load_mission
 from perception.api import Words
-from perception.hearing.engines import MODELLED, Sphinx
-from perception.hearing.grammar import Grammar, fault_of
+from perception.hearing.engines import MODEL_ENGINES, SphinxEngine
+from perception.hearing.grammar import PhraseGrammar, phrase_error
 
-PAUSE = 0.05
+POLL_INTERVAL = 0.05
 """Seconds between two looks at what was heard."""
 
-QUIET, BAR = -70.0, 40
+MIN_LEVEL, BAR_WIDTH = -70.0, 40
 """The level in dBFS at which the bar is empty, and the signs that it has at 0 dBFS."""
 
-STEP, REST = 2.0, 2.0
+STEP_TIME, TRAILING_SILENCE = 2.0, 2.0
 """Seconds of a recording that are heard at a time; of silence behind it, in which the last words end."""
 
 RECOGNITION_TIMEOUT = 20.0
 """Seconds that the recogniser may take to start, or for what was said."""
 
 
-def _sure(ctx: click.Context, option: click.Parameter, value: float | None) -> float | None:
+def _check_threshold(ctx: click.Context, option: click.Parameter, value: float | None) -> float | None:
     """Refuse a threshold that no robot file may have; so also what is no number."""
-    if value is not None and not -MOST_SURE <= value <= MOST_SURE:
-        raise click.BadParameter(f"must be between {-MOST_SURE:g} and {MOST_SURE:g}", ctx=ctx, param=option)
+    if value is not None and not -MAX_THRESHOLD <= value <= MAX_THRESHOLD:
+        raise click.BadParameter(f"must be between {-MAX_THRESHOLD:g} and {MAX_THRESHOLD:g}", ctx=ctx, param=option)
     return value
 
 
@@ -61,7 +61,10 @@ def _sure(ctx: click.Context, option: click.Parameter, value: float | None) -> f
 @click.option("--robot", type=ROBOT, help="Whose microphone and pronunciations; else the system's microphone.")
 @click.option("--wav", type=click.Path(path_type=Path, dir_okay=False), help="Listen to a recording instead.")
 @click.option(
-    "--threshold", type=Real(), callback=_sure, help="How sure is sure enough, instead of what the robot file says."
+    "--threshold",
+    type=RealNumber(),
+    callback=_check_threshold,
+    help="How sure is sure enough, instead of what the robot file says.",
 )
 @params_option
 @behaviours_option
@@ -79,13 +82,13 @@ def command(
     Listens for the phrases of MISSION, or for those in --for. What is refused is shown with the nearest phrase. 0 is
     as likely said as not. Ctrl-C ends it.
     """
-    wanted = _wanted(mission, phrases, params, files)
-    section = _section(robot)
+    wanted = _find_phrases(mission, phrases, params, files)
+    section = _microphone_section(robot)
     config: MicrophoneKeys = section.keys
     if threshold is not None:
         config = replace(config, threshold=threshold)
     click.echo(f"listening for: {', '.join(wanted)}")
-    for one, other in confusable_for(config, Grammar.of(wanted).phrases):
+    for one, other in find_confusable_phrases(config, PhraseGrammar.from_texts(wanted).phrases):
         click.echo(f"mission: '{one}' and '{other}' are easily confused\n  try: another or a longer phrase", err=True)
     if wav is None:
         _listen(replace(section, keys=config), wanted)
@@ -94,14 +97,16 @@ def command(
     return SUCCESS
 
 
-def _wanted(
+def _find_phrases(
     mission: str | None, phrases: str | None, params: Mapping[str, str], files: Sequence[Path]
 ) -> Sequence[str]:
     """Return what to listen for. A mission needs all its params, as when it runs: phrases may be made of them."""
     if (mission is None) == (phrases is None):
         raise click.UsageError('say what to listen for: a mission, or --for "yes, no"')
     if mission is not None:
-        found = phrases_of(load_mission(mission, params=params, complete=True, leaves=leaves_for(files)(mission)).tree)
+        found = all_phrases(
+            load_mission(mission, params=params, complete=True, leaves=leaf_loader(files)(mission)).tree
+        )
         if not found:
             raise click.UsageError(f"mission '{mission}' does not listen for anything")
         return found
@@ -109,17 +114,17 @@ def _wanted(
         raise click.UsageError("--param and --behaviours are for a mission, not for what is said in --for")
     texts = [text.strip() for text in (phrases or "").split(",")]
     for text in texts:
-        if fault := fault_of(text):
+        if fault := phrase_error(text):
             raise click.BadParameter(f"'{text}': {fault}", param_hint="--for")
     return texts
 
 
-def _section(robot: str | None) -> Section:
+def _microphone_section(robot: str | None) -> Section:
     """Return the microphone of a robot, or the usual one. Raises click.UsageError for a robot without."""
     if robot is None:
         kind = KINDS["microphone"]
-        return Section(Table().find(kind.name, kind.usual), MicrophoneKeys())
-    section = load_robot(find("robots", robot)).sections.get("microphone")
+        return Section(DriverTable().find(kind.name, kind.default_driver), MicrophoneKeys())
+    section = load_robot(find_file("robots", robot)).sections.get("microphone")
     if section is None:
         raise click.UsageError(f"robot '{robot}' has no microphone: `microphone: {{}}` in its file gives it one")
     return section
@@ -129,60 +134,64 @@ def _listen(section: Section, phrases: Sequence[str]) -> None:
     """Show the level of the microphone, and what is heard, until Ctrl-C."""
     clock, pause = SystemClock(), Event()
     config: MicrophoneKeys = section.keys
-    source = made_by(section.driver.make, section, "make")(config, Site(clock))
-    ears = hearing(config, source, phrases, clock, report=_complain)
+    source = resolve_maker(section.driver.make, section, "make")(config, DriverContext(clock))
+    ears = make_ears(config, source, phrases, clock, report=_print_fault)
     with closing(ears):
         ears.open()
         while not (health := ears.health()).online:
-            if clock.now() > CONNECT_TIME:
+            if clock.read_value() > CONNECT_TIMEOUT:
                 raise NotConnected(health.detail, hint=health.hint)
-            pause.wait(PAUSE)
+            pause.wait(POLL_INTERVAL)
         shown = 0
         while True:
-            for words in _newer(ears, shown):
+            for words in _new_words(ears, shown):
                 shown = words.id
-                show_over("")
-                click.echo(_told(words, config.threshold))
-            show_over(_bar(ears.level()))
-            pause.wait(PAUSE)
+                overwrite_line("")
+                click.echo(_result_line(words, config.threshold))
+            overwrite_line(_level_bar(ears.level()))
+            pause.wait(POLL_INTERVAL)
 
 
 def _play(config: MicrophoneKeys, phrases: Sequence[str], wav: Path) -> None:
     """Show what is heard in a recording, as fast as it is understood."""
     clock = ManualClock()
-    seconds = len(load("microphone", wav)) / SOUND_RATE + REST
+    seconds = len(load_wav("microphone", wav)) / SOUND_RATE + TRAILING_SILENCE
     source = WavMicrophone(wav, clock)
-    ears = hearing(config, source, phrases, clock, report=_complain)
-    hint = MODELLED.get(config.recogniser, Sphinx).hint
+    ears = make_ears(config, source, phrases, clock, report=_print_fault)
+    hint = MODEL_ENGINES.get(config.recogniser, SphinxEngine).hint
     with closing(ears):
         ears.open()
-        _wait(lambda: ears.listener.ready, ears, hint)
+        _wait_until(lambda: ears.listener.is_ready, ears, hint)
         shown = 0
-        for _ in range(ceil(seconds / STEP)):
-            clock.advance(STEP)
-            _wait(lambda: (ears.listened() or 0.0) > clock.now() - STEP and not ears.listener.pending, ears, hint)
-            for words in _newer(ears, shown):
+        for _ in range(ceil(seconds / STEP_TIME)):
+            clock.advance(STEP_TIME)
+            _wait_until(
+                lambda: (ears.listened() or 0.0) > clock.read_value() - STEP_TIME and not ears.listener.is_pending,
+                ears,
+                hint,
+            )
+            for words in _new_words(ears, shown):
                 shown = words.id
-                click.echo(_told(words, config.threshold))
+                click.echo(_result_line(words, config.threshold))
 
 
-def _wait(holds: Callable[[], bool], ears: Hearing, hint: str) -> None:
+def _wait_until(condition: Callable[[], bool], ears: MicrophoneEars, hint: str) -> None:
     """Wait until it holds, in real time. Raises NoReply with what the ears say when it takes too long."""
     clock, pause = SystemClock(), Event()
-    while not holds():
-        if clock.now() > RECOGNITION_TIMEOUT:
+    while not condition():
+        if clock.read_value() > RECOGNITION_TIMEOUT:
             silent = f"microphone: the recogniser has said nothing for {RECOGNITION_TIMEOUT:g} s"
             raise NoReply(ears.health().detail or silent, hint=hint)
-        pause.wait(PAUSE / 10)
+        pause.wait(POLL_INTERVAL / 10)
 
 
-def _newer(ears: Hearing, shown: int) -> Iterator[Words]:
+def _new_words(ears: MicrophoneEars, shown: int) -> Iterator[Words]:
     """Yield what was heard since, in order."""
     heard = sorted((*ears.words(), *ears.refused()), key=lambda words: words.id)
     return (words for words in heard if words.id > shown)
 
 
-def _told(words: Words, threshold: float) -> str:
+def _result_line(words: Words, threshold: float) -> str:
     """Return a line about something that was said."""
     if not words.phrase:
         return f"{words.start:7.1f} s  refused   like none of them"
@@ -190,13 +199,13 @@ def _told(words: Words, threshold: float) -> str:
     return f"{words.start:7.1f} s  {verdict}  {words.phrase}  (score {words.score:+.1f})"
 
 
-def _bar(level: float) -> str:
+def _level_bar(level: float) -> str:
     """Return a level in dBFS as a bar."""
-    signs = round(BAR * min(max(1 - level / QUIET, 0.0), 1.0))
+    signs = round(BAR_WIDTH * min(max(1 - level / MIN_LEVEL, 0.0), 1.0))
     return f"{level:6.1f} dB  {'#' * signs}"
 
 
-def _complain(notice: DeviceStatus) -> None:
+def _print_fault(notice: DeviceStatus) -> None:
     """Tell what goes wrong."""
     if notice.kind == "fault":
-        click.echo(f"mission: {notice.what}" + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)
+        click.echo(f"mission: {notice.message}" + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)

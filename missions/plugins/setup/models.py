@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from missions.assembly.models import MODELS, FetchError, fetch, folder, is_there
+from missions.assembly.models import MODELS, FetchError, fetch, is_fetched, models_folder
 from missions.cli.root import FAILURE, SUCCESS
 
 
@@ -13,20 +13,20 @@ from missions.cli.root import FAILURE, SUCCESS
 def models(ctx: click.Context) -> None:
     """List trained models that can be fetched, and fetch them. Nothing that is shipped needs one."""
     if ctx.invoked_subcommand is None:
-        list_models()
+        print_models()
 
 
 @models.command(name="list", epilog="Example: mission robot models list")
 def list_command() -> None:
     """List the models, and which are there."""
-    list_models()
+    print_models()
 
 
-def list_models() -> None:
+def print_models() -> None:
     """Print a line on each model."""
-    where = folder()
+    where = models_folder()
     for _, model in sorted(MODELS.items()):
-        state = f"in {where / model.file}" if is_there(model, where) else f"mission robot models fetch {model.name}"
+        state = f"in {where / model.file}" if is_fetched(model, where) else f"mission robot models fetch {model.name}"
         click.echo(f"{model.name:<8} {model.size / 1e6:.2f} MB  {model.summary}\n{'':<8} {state}")
 
 
@@ -36,8 +36,8 @@ def list_models() -> None:
 @click.option("--into", "where", type=click.Path(path_type=Path), metavar="FOLDER", help="Where to; else user data.")
 def fetch_command(name: str, url: str | None, where: Path | None) -> int:
     """Download a model, check its SHA-256, and keep it."""
-    model, where = MODELS[name], where or folder()
-    if is_there(model, where):
+    model, where = MODELS[name], where or models_folder()
+    if is_fetched(model, where):
         click.echo(f"{where / model.file} is there already")
         return SUCCESS
     try:

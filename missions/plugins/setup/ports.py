@@ -11,22 +11,21 @@ import click
 
 from config.defaults import load_defaults
 from config.faults import InvalidFileError
-from config.library import MINE, UnknownNameError
-from config.library import find as find_file
+from config.library import OWN_ROBOT, UnknownNameError, find_file
 from config.robot import Section
 from drivers.api.driver import Finding
 from drivers.clock import SystemClock
-from drivers.finding.asking import Heard, drivers_that_probe
-from drivers.finding.machine import Machine
-from drivers.finding.serial_ports import SerialPort, Trouble
-from drivers.finding.survey import Desk, Plug, asker, survey
+from drivers.finding.asking import PortScan, probing_drivers
+from drivers.finding.machine import HostMachine
+from drivers.finding.serial_ports import DeviceProblem, SerialPortInfo
+from drivers.finding.survey import HardwareScan, ScannedPort, make_prober, scan_hardware
 from missions.cli.keys import interruptible
 from missions.cli.names import ROBOT
 from missions.cli.root import FAILURE, SUCCESS
-from missions.library.drivers import Table, load_robot
+from missions.library.drivers import DriverTable, load_robot
 from missions.plugins.setup.checkup import check_part
 
-LOOK_EVERY = 0.3
+POLL_INTERVAL = 0.3
 """Seconds between two looks while somebody plugs."""
 
 Pause = Callable[[], object]
@@ -59,32 +58,38 @@ def command(
     that another program has open is left alone. Exit code 1 where something is in the way. For a robot of ROS 2 it is
     said whether its nodes speak by rmw_zenoh or by a bridge from DDS.
     """
-    machine = Machine(root)
-    ros2 = _section_of_ros2(robot, own=root == Path("/"))
+    machine = HostMachine(root)
+    ros2 = _find_ros2_section(robot, own=root == Path("/"))
 
     def pause() -> None:
-        Event().wait(LOOK_EVERY)
+        Event().wait(POLL_INTERVAL)
 
     if find:
-        return find_out(machine, pause)
-    ask = None if no_ask else asker(machine, drivers_that_probe(Table().all()), SystemClock(), consented=consented)
+        return identify_device(machine, pause)
+    ask = (
+        None
+        if no_ask
+        else make_prober(
+            machine, probing_drivers(DriverTable().iter_drivers()), SystemClock(), consented_ports=consented
+        )
+    )
     with interruptible():
-        desk = survey(machine, ask)
+        desk = scan_hardware(machine, ask)
         for consent in consented:
-            if not any(consent in _names(plug.port) for plug in desk.plugs):
+            if not any(consent in _names(plug.port) for plug in desk.ports):
                 raise click.UsageError(f"--ask {consent}: no such serial port; `mission ports --no-ask` lists them")
         nodes = [] if ros2 is None or no_ask else list(check_part(ros2, machine, SystemClock()))
         if as_json:
             click.echo(json.dumps(as_data(desk) | {"ros2": [asdict(each) for each in nodes]}))
         else:
-            click.echo("\n".join([*lines(desk), *_lines_of_ros2(nodes)]))
+            click.echo("\n".join([*scan_lines(desk), *_ros2_lines(nodes)]))
         if watch:
-            watch_desk(machine, desk, lambda: survey(machine, ask), pause, as_json=as_json)
+            watch_devices(machine, desk, lambda: scan_hardware(machine, ask), pause, as_json=as_json)
     ailing = any(each.verdict == "wrong" for each in nodes)
-    return FAILURE if ailing or any(in_the_way(desk)) else SUCCESS
+    return FAILURE if ailing or any(find_problems(desk)) else SUCCESS
 
 
-def _section_of_ros2(robot: str | None, *, own: bool) -> Section | None:
+def _find_ros2_section(robot: str | None, *, own: bool) -> Section | None:
     """Return the ros2 section of the robot that is named, else of this computer's ``own``; None where it has none.
 
     Raises InvalidFileError and UnknownNameError for one that is named.
@@ -93,159 +98,161 @@ def _section_of_ros2(robot: str | None, *, own: bool) -> Section | None:
         return load_robot(find_file("robots", robot)).sections.get("ros2")
     with suppress(InvalidFileError, UnknownNameError):
         if own and load_defaults().robot:
-            return load_robot(find_file("robots", MINE)).sections.get("ros2")
+            return load_robot(find_file("robots", OWN_ROBOT)).sections.get("ros2")
     return None
 
 
-def _lines_of_ros2(found: list[Finding]) -> Iterator[str]:
+def _ros2_lines(found: list[Finding]) -> Iterator[str]:
     """Yield how the nodes of a robot of ROS 2 speak, in words."""
     for each in found:
-        yield f"ROS 2 {each.about}  {each.what}"
-        if each.cure:
-            yield f"  try: {each.cure}"
+        yield f"ROS 2 {each.about}  {each.message}"
+        if each.fix:
+            yield f"  try: {each.fix}"
 
 
-def lines(desk: Desk) -> Iterator[str]:
+def scan_lines(scan: HardwareScan) -> Iterator[str]:
     """Yield what is plugged in, in words."""
-    for plug in desk.plugs:
+    for plug in scan.ports:
         yield from port_lines(plug)
-    for usb, trouble in desk.lost:
+    for usb, trouble in scan.portless_adapters:
         yield f"{usb.title}, {usb.ids}, in socket {usb.socket}"
-        yield from _trouble(trouble)
-    if not desk.plugs and not desk.lost:
+        yield from _problem_lines(trouble)
+    if not scan.ports and not scan.portless_adapters:
         yield "no serial port: no adapter is plugged in, as far as this system tells"
         yield "  try: lsusb  (is it there at all?); another cable: some carry power alone"
-    for camera in desk.cameras:
+    for camera in scan.cameras:
         sizes = " ".join(f"{width}x{height}" for width, height in camera.sizes)
         yield f"{camera.path}  camera: {camera.name}  {sizes}".rstrip()
-        yield from _trouble(camera.trouble)
-    for card in desk.sounds:
+        yield from _problem_lines(camera.trouble)
+    for card in scan.sound_cards:
         what = " and ".join(["microphone"] * card.hears + ["loudspeaker"] * card.speaks) or "sound card"
         yield f"card {card.number}  {what}: {card.name}"
-    for pad in desk.pads:
+    for pad in scan.game_pads:
         yield f"{pad.path}  game pad: {pad.name}"
-        yield from _trouble(pad.trouble)
-    for what, there in (("camera", desk.cameras), ("sound card", desk.sounds), ("game pad", desk.pads)):
+        yield from _problem_lines(pad.trouble)
+    for what, there in (("camera", scan.cameras), ("sound card", scan.sound_cards), ("game pad", scan.game_pads)):
         if not there:
             yield f"no {what}"
 
 
-def port_lines(plug: Plug) -> Iterator[str]:
+def port_lines(plug: ScannedPort) -> Iterator[str]:
     """Yield what is known of a serial port, in words."""
-    port, heard = plug.port, plug.heard
+    port, heard = plug.port, plug.scan
     yield f"{port.path}  {port.title}"
     if port.call != port.path:
         yield f"  call it {port.call}"
-    if heard is not None and heard.found is not None:
-        yield f"  {heard.found.title}: {heard.found.answer.about}"
-    for trouble in _told(plug):
-        yield from _trouble(trouble)
+    if heard is not None and heard.device is not None:
+        yield f"  {heard.device.title}: {heard.device.result.about}"
+    for trouble in _port_problems(plug):
+        yield from _problem_lines(trouble)
 
 
-def as_data(desk: Desk) -> dict[str, object]:
+def as_data(scan: HardwareScan) -> dict[str, object]:
     """Return the same for programs."""
     return {
-        "ports": [_port_data(plug) for plug in desk.plugs],
-        "lost": [{**asdict(usb), **asdict(trouble)} for usb, trouble in desk.lost],
-        "cameras": [asdict(camera) for camera in desk.cameras],
-        "sound": [asdict(card) for card in desk.sounds],
-        "pads": [asdict(pad) for pad in desk.pads],
+        "ports": [_port_data(plug) for plug in scan.ports],
+        "lost": [{**asdict(usb), **asdict(trouble)} for usb, trouble in scan.portless_adapters],
+        "cameras": [asdict(camera) for camera in scan.cameras],
+        "sound": [asdict(card) for card in scan.sound_cards],
+        "pads": [asdict(pad) for pad in scan.game_pads],
     }
 
 
-def find_out(machine: Machine, pause: Pause) -> int:
+def identify_device(machine: HostMachine, pause: Pause) -> int:
     """Say which device it is that somebody unplugs and plugs in again; ``pause`` waits a moment."""
     with interruptible():
-        before = survey(machine)
+        before = scan_hardware(machine)
         if not before.paths:
             click.echo("nothing is plugged in that could be unplugged", err=True)
             return FAILURE
         click.echo(f"{len(before.paths)} devices; now unplug the one that you look for", err=True)
-        while not (gone := before.paths - (after := survey(machine)).paths):
+        while not (gone := before.paths - (after := scan_hardware(machine)).paths):
             pause()
             before = after if after.paths > before.paths else before
         click.echo(f"it was {', '.join(sorted(gone))}; now plug it in again", err=True)
-        while not (back := (again := survey(machine)).paths - after.paths):
+        while not (back := (again := scan_hardware(machine)).paths - after.paths):
             pause()
-    for plug in again.plugs:
+    for plug in again.ports:
         if plug.port.path in back:
             click.echo("\n".join(port_lines(plug)))
             click.echo(f"in a robot file:  port: {plug.port.call}")
     for camera in again.cameras:
         if camera.path in back:
             click.echo(f"{camera.path}  camera: {camera.name}\nin a robot file:  source: {camera.path}")
-    for pad in again.pads:
+    for pad in again.game_pads:
         if pad.path in back:
             click.echo(f"{pad.path}  game pad: {pad.name}")
     return SUCCESS
 
 
-def watch_desk(machine: Machine, desk: Desk, look: Callable[[], Desk], pause: Pause, *, as_json: bool = False) -> None:
+def watch_devices(
+    machine: HostMachine, scan: HardwareScan, rescan: Callable[[], HardwareScan], pause: Pause, *, as_json: bool = False
+) -> None:
     """Say what comes and goes, until Ctrl-C; ``look`` is asked where something has, ``pause`` waits a moment."""
     try:
         while True:
             pause()
-            if survey(machine).paths == desk.paths:
+            if scan_hardware(machine).paths == scan.paths:
                 continue
-            before, desk = desk, look()
+            before, scan = scan, rescan()
             if as_json:
-                click.echo(json.dumps(as_data(desk)))
+                click.echo(json.dumps(as_data(scan)))
                 continue
-            for path in sorted(before.paths - desk.paths):
+            for path in sorted(before.paths - scan.paths):
                 click.echo(f"- {path}")
-            for line in changed_lines(desk, desk.paths - before.paths):
+            for line in device_lines(scan, scan.paths - before.paths):
                 click.echo(f"+ {line}")
     except KeyboardInterrupt:
         return
 
 
-def changed_lines(desk: Desk, paths: frozenset[str]) -> Iterator[str]:
+def device_lines(scan: HardwareScan, paths: frozenset[str]) -> Iterator[str]:
     """Yield what is known of some devices of a desk."""
-    for plug in desk.plugs:
+    for plug in scan.ports:
         if plug.port.path in paths:
             yield from port_lines(plug)
-    yield from (f"{path}  {name}" for path, name in desk.named if path in paths)
+    yield from (f"{path}  {name}" for path, name in scan.device_names if path in paths)
 
 
-def _names(port: SerialPort) -> set[str]:
+def _names(port: SerialPortInfo) -> set[str]:
     return {port.path, port.call, *port.names}
 
 
-def _told(plug: Plug) -> list[Trouble]:
+def _port_problems(plug: ScannedPort) -> list[DeviceProblem]:
     """Return what is wrong with a port, or why it was left alone."""
-    heard = plug.heard or Heard()
-    said = [trouble for trouble in (plug.port.shut or heard.unasked, heard.trouble) if trouble is not None]
+    heard = plug.scan or PortScan()
+    said = [trouble for trouble in (plug.port.shut or heard.skip_reason, heard.trouble) if trouble is not None]
     return [*said, *plug.port.troubles]
 
 
-def in_the_way(desk: Desk) -> Iterator[Trouble]:
+def find_problems(scan: HardwareScan) -> Iterator[DeviceProblem]:
     """Yield all that is wrong; that a port was left alone is not."""
-    for plug in desk.plugs:
-        consent = None if plug.heard is None else plug.heard.unasked
-        yield from (trouble for trouble in _told(plug) if trouble is not consent or trouble is plug.port.shut)
-    yield from (trouble for _, trouble in desk.lost)
-    others = [*(camera.trouble for camera in desk.cameras), *(pad.trouble for pad in desk.pads)]
+    for plug in scan.ports:
+        consent = None if plug.scan is None else plug.scan.skip_reason
+        yield from (trouble for trouble in _port_problems(plug) if trouble is not consent or trouble is plug.port.shut)
+    yield from (trouble for _, trouble in scan.portless_adapters)
+    others = [*(camera.trouble for camera in scan.cameras), *(pad.trouble for pad in scan.game_pads)]
     yield from (trouble for trouble in others if trouble is not None)
 
 
-def _trouble(trouble: Trouble | None) -> Iterator[str]:
-    if trouble is not None:
-        yield f"  {trouble.what}"
-        if trouble.cure:
-            yield f"    try: {trouble.cure}"
+def _problem_lines(problem: DeviceProblem | None) -> Iterator[str]:
+    if problem is not None:
+        yield f"  {problem.message}"
+        if problem.fix:
+            yield f"    try: {problem.fix}"
 
 
-def _port_data(plug: Plug) -> dict[str, object]:
-    heard = plug.heard or Heard()
-    found = heard.found
+def _port_data(plug: ScannedPort) -> dict[str, object]:
+    heard = plug.scan or PortScan()
+    found = heard.device
     told: dict[str, object] = (
         {}
         if found is None
         else {
             "driver": found.title,
-            "about": found.answer.about,
-            "keys": dict(found.answer.keys),
-            "units": [asdict(unit) for unit in found.answer.units],
+            "about": found.result.about,
+            "keys": dict(found.result.keys),
+            "units": [asdict(unit) for unit in found.result.units],
         }
     )
-    return {**asdict(plug.port), "troubles": [asdict(each) for each in _told(plug)], "answers": told or None}
+    return {**asdict(plug.port), "troubles": [asdict(each) for each in _port_problems(plug)], "answers": told or None}

@@ -11,52 +11,52 @@ from pathlib import Path
 import click
 
 from config.colours import COLOURS
-from config.library import find
+from config.library import find_file
 from config.robot import RobotConfig
 from drivers.api.senses import CameraKeys
-from drivers.api.turn import UPRIGHT, Turn
+from drivers.api.turn import UPRIGHT, ImageOrientation
 from drivers.camera.declared import OPENCV
-from drivers.camera.pictures import pictures
-from drivers.camera.source import Kind, kind_of, shown
+from drivers.camera.pictures import iter_pictures
+from drivers.camera.source import SourceKind, display_name, source_kind
 from drivers.errors import BadRequest
-from drivers.pictures.capture import turned
+from drivers.pictures.capture import turn_image
 from missions.assembly.gallery import gallery
 from missions.assembly.models import face_detector
 from missions.cli.keys import interruptible
 from missions.cli.names import ROBOT
-from missions.cli.numbers import InUnit
-from missions.cli.outputs import wrote
+from missions.cli.numbers import QuantityInUnit
+from missions.cli.outputs import written_message
 from missions.cli.root import SUCCESS
 from missions.library.drivers import load_robot
-from missions.library.things import wanted
-from missions.plugins.pictures.movie import CODECS, Movie, check_place
-from missions.plugins.records.replay.frames import steady
+from missions.library.things import find_object
+from missions.plugins.pictures.movie import CODECS, Movie, check_output
+from missions.plugins.records.replay.frames import resample_frames
 from missions.plugins.setup.camera_page.served import CameraPage
-from missions.plugins.setup.drawings import Drawings
-from missions.plugins.setup.through import tell, through, through_own
+from missions.plugins.setup.drawings import AnnotatedPictures
+from missions.plugins.setup.through import camera_frames, print_camera_status, robot_camera_frames
 from perception.annotate import annotate
-from perception.api import Box, Detection, Image, Marker, Scene, Thing, Wanted
-from perception.change import measure
-from perception.faults import BadModel
+from perception.api import Box, Detection, Image, Marker, Scene, Thing, ThingSpec
+from perception.change import measure_scene
+from perception.faults import ModelFileError
 from perception.finder import FaceFinder
 from perception.geometry import Pinhole
-from perception.identity import Recogniser
+from perception.identity import FaceRecogniser
 from perception.markers import MarkerSense
 from perception.pupils import EyeFinder
 from perception.spots import ThingSense
-from perception.tracks import MARKER_FAMILIES, MarkerKind
+from perception.tracks import MARKER_FAMILIES, MarkerSet
 
 # Looking at pictures and films frame by frame, as a robot's eyes would, without a robot.
 
-IDEAL = CameraKeys(source="", field_of_view=radians(60), width=640, height=480, position=(0.0, 0.0, 0.0))
+DEFAULT_CAMERA = CameraKeys(source="", field_of_view=radians(60), width=640, height=480, position=(0.0, 0.0, 0.0))
 """The camera of pictures of which nobody says what has taken them."""
 
-PERIOD = 0.04
+FRAME_INTERVAL = 0.04
 """Seconds that count as passing from frame to frame."""
 
 
 @dataclass(frozen=True, slots=True)
-class Still:
+class StillFrame:
     """A frame: a picture, and its time in seconds."""
 
     image: Image
@@ -74,7 +74,7 @@ class SeenFace:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class FrameContents:
     """All that one frame shows."""
 
     faces: tuple[SeenFace, ...]
@@ -83,7 +83,7 @@ class Seen:
     scene: Scene
 
 
-class Looker:
+class FrameAnalyser:
     """Looks at one frame after another: at a picture for itself, at a film from frame to frame.
 
     ``camera`` is the lens and the detector; ``people`` knows whose the faces are.
@@ -92,70 +92,70 @@ class Looker:
     def __init__(
         self,
         camera: CameraKeys,
-        things: Sequence[Wanted] = (),
+        things: Sequence[ThingSpec] = (),
         markers: str | None = None,
-        people: Recogniser | None = None,
+        people: FaceRecogniser | None = None,
     ) -> None:
         self._camera = camera
-        self._wanted = tuple(things)
+        self._objects = tuple(things)
         self._family = markers
         self._people = people
         self._detector = face_detector(camera)
         self._eyes = EyeFinder()
-        self._film: Path | None = None
-        self._begin()
+        self._film_path: Path | None = None
+        self._reset()
 
-    def look(self, path: Path, number: int, image: Image) -> Seen:
+    def analyse(self, path: Path, number: int, image: Image) -> FrameContents:
         """Return what frame ``number`` of the file at ``path`` shows. Raises ValueError for a detector's bad file."""
         height, width = image.shape[:2]
         lens = self._lens(width, height)
-        still = kind_of(path) is Kind.PICTURE
-        if still or path != self._film or number == 0:
-            self._begin()
-        self._film = None if still else path
+        still = source_kind(path) is SourceKind.PICTURE
+        if still or path != self._film_path or number == 0:
+            self._reset()
+        self._film_path = None if still else path
         found: Sequence[Detection] = (
             self._detector.detect(image)
             if still
-            else [sighting.detection for sighting in self._finder.find(image) if sighting.believed]
+            else [sighting.detection for sighting in self._finder.find(image) if sighting.is_believed]
         )
         faces = tuple(self._face(image, each.box, lens) for each in found)
         things: tuple[Thing, ...] = ()
         markers: tuple[Marker, ...] = ()
         for look in (0, 1) if still else (1,):  # what is followed counts once it was seen twice: a picture twice over
-            frame = Still(image, (number + look) * PERIOD)
+            frame = StillFrame(image, (number + look) * FRAME_INTERVAL)
             things = self._things.sense(frame, lens, None)
             markers = () if self._markers is None else self._markers.sense(frame, lens, None)
-        return Seen(faces, things, markers, measure(image, stamp=number * PERIOD))
+        return FrameContents(faces, things, markers, measure_scene(image, stamp=number * FRAME_INTERVAL))
 
     def _face(self, image: Image, box: Box, lens: Pinhole) -> SeenFace:
-        look = None if self._people is None else self._people.look(image, box)
+        look = None if self._people is None else self._people.match(image, box)
         name = "" if look is None else look.verdict
-        return SeenFace(box, self._eyes.find(image, box), lens.distance(box), name)
+        return SeenFace(box, self._eyes.find(image, box), lens.face_distance(box), name)
 
-    def _begin(self) -> None:
+    def _reset(self) -> None:
         """Forget what was followed: another file begins."""
         self._finder = FaceFinder(self._detector)
-        self._things = ThingSense(self._wanted, COLOURS)
-        self._markers = None if self._family is None else MarkerSense(MarkerKind(self._family))
+        self._things = ThingSense(self._objects, COLOURS)
+        self._markers = None if self._family is None else MarkerSense(MarkerSet(self._family))
 
     def _lens(self, width: int, height: int) -> Pinhole:
         camera, upright = self._camera, self._camera.upright()
-        view = camera.turn.view(camera.field_of_view, width, height)
-        return Pinhole(width, height, view, upright.centre, upright.bent)
+        view = camera.orientation.field_of_view(camera.field_of_view, width, height)
+        return Pinhole(width, height, view, upright.centre, upright.distortion_coefficients)
 
 
-Shot = tuple[str, int, float, Image]
+FrameShot = tuple[str, int, float, Image]
 """Where a picture is from, its number there and its time, and the picture."""
 
-RATE = 12.5
+FILM_RATE = 12.5
 """Pictures a second of a film."""
 
-EYES = ("", ", one eye", ", both eyes")
+EYE_TEXTS = ("", ", one eye", ", both eyes")
 
 
-def _objects(ctx: click.Context, option: click.Parameter, values: tuple[str, ...]) -> tuple[Wanted, ...]:
+def _parse_objects(ctx: click.Context, option: click.Parameter, values: tuple[str, ...]) -> tuple[ThingSpec, ...]:
     try:
-        return tuple(wanted(value) for value in values)
+        return tuple(find_object(value) for value in values)
     except LookupError as error:
         raise click.BadParameter(str(error.args[0]), ctx=ctx, param=option) from error
 
@@ -163,7 +163,11 @@ def _objects(ctx: click.Context, option: click.Parameter, values: tuple[str, ...
 @click.command(epilog="Example: mission see 0 --things 'red ball' --annotate seen.webm")
 @click.argument("files", type=click.Path(), nargs=-1, metavar="[FILES|CAMERA]...")
 @click.option(
-    "--things", multiple=True, metavar='"red ball"', callback=_objects, help="Look for an object too. Repeat for more."
+    "--things",
+    multiple=True,
+    metavar='"red ball"',
+    callback=_parse_objects,
+    help="Look for an object too. Repeat for more.",
 )
 @click.option(
     "--markers",
@@ -183,12 +187,15 @@ def _objects(ctx: click.Context, option: click.Parameter, values: tuple[str, ...
 @click.option("--annotate", "folder", type=click.Path(path_type=Path), metavar="OUT",
               help="Draw it all: into the folder OUT, or a film (OUT.webm).")  # fmt: skip
 @click.option(
-    "--seconds", type=InUnit("s", 0.1), metavar="N", help="Look through a camera for so long; else until Ctrl-C."
+    "--seconds",
+    type=QuantityInUnit("s", 0.1),
+    metavar="N",
+    help="Look through a camera for so long; else until Ctrl-C.",
 )
 @click.option("--view/--no-view", default=None, help="Serve a page that shows it live; the default on a terminal.")
 def command(
     files: tuple[str, ...],
-    things: tuple[Wanted, ...],
+    things: tuple[ThingSpec, ...],
     markers: str | None,
     people: bool,
     robot: str | None,
@@ -206,7 +213,7 @@ def command(
     it sees, for browsers of this computer. While a mission runs, its camera is taken: the page of `mission studio`
     shows it.
     """
-    config = None if robot is None else load_robot(find("robots", robot))
+    config = None if robot is None else load_robot(find_file("robots", robot))
     camera = None if config is None else config.camera
     if robot is not None and camera is None:
         raise click.UsageError(f"{robot} has no camera")
@@ -214,48 +221,57 @@ def command(
         raise click.UsageError("which pictures, or which camera?\n  try: mission see 0")
     own = None if files or config is None or config.sections["camera"].driver == OPENCV else config
     files = files or (str(camera.source) if camera and own is None else "camera",)
-    live = own is not None or (len(files) == 1 and kind_of(files[0]) in {Kind.DEVICE, Kind.URL})
+    live = own is not None or (len(files) == 1 and source_kind(files[0]) in {SourceKind.DEVICE, SourceKind.URL})
     if view and not live:
         raise click.UsageError("--view is for a camera\n  try: mission see 0 --view")
-    lens = _mounted(camera or IDEAL, rotate, flip)
-    looker = Looker(lens, things, markers, gallery(lens, tell) if people else None)
+    lens = _with_turn(camera or DEFAULT_CAMERA, rotate, flip)
+    looker = FrameAnalyser(lens, things, markers, gallery(lens, print_camera_status) if people else None)
     try:
         if live:
             device = files[0] if own is None else own.with_keys("camera", lens)
-            shots = _live(device, None if camera is None else (camera.width, camera.height), lens.turn, seconds or inf)
+            shots = _live_shots(
+                device, None if camera is None else (camera.width, camera.height), lens.orientation, seconds or inf
+            )
         else:  # what a robot has filmed is upright
-            shots = _stills(files, UPRIGHT if rotate is None and flip is None else lens.turn)
+            shots = _file_shots(files, UPRIGHT if rotate is None and flip is None else lens.orientation)
         asked = sys.stdout.isatty() and not as_json if view is None else view
-        with interruptible(), _served() if live and asked else nullcontext() as page:
-            written = _draw(_looked(shots, looker, page, as_json=as_json, live=live), folder, files)
+        with interruptible(), _serve_page() if live and asked else nullcontext() as page:
+            written = _write_annotated(_analyse_shots(shots, looker, page, as_json=as_json, live=live), folder, files)
     except BadRequest as error:
         raise click.UsageError(f"{error}" + (f"\n  try: {error.hint}" if error.hint else "")) from error
-    except (FileNotFoundError, BadModel) as error:  # of a detector
+    except (FileNotFoundError, ModelFileError) as error:  # of a detector
         raise click.UsageError(f"{error}") from error
     if folder is not None:
-        click.echo(wrote(folder, what=f"{written} pictures to "), err=as_json)
+        click.echo(written_message(folder, subject=f"{written} pictures to "), err=as_json)
     return SUCCESS
 
 
-def _stills(files: tuple[str, ...], turn: Turn) -> Iterator[Shot]:
-    return ((str(path), number, number * PERIOD, turned(image, turn)) for path, number, image in pictures(files))
+def _file_shots(files: tuple[str, ...], turn: ImageOrientation) -> Iterator[FrameShot]:
+    return (
+        (str(path), number, number * FRAME_INTERVAL, turn_image(image, turn))
+        for path, number, image in iter_pictures(files)
+    )
 
 
-def _mounted(camera: CameraKeys, rotate: str | None, flip: str | None) -> CameraKeys:
+def _with_turn(camera: CameraKeys, rotate: str | None, flip: str | None) -> CameraKeys:
     """Return the keys of a camera with the turn of the options, where they are given."""
     angle = camera.rotate if rotate is None else radians(float(rotate))
     return replace(camera, rotate=angle, flip=flip or camera.flip)
 
 
-def _live(source: str | RobotConfig, size: tuple[int, int] | None, turn: Turn, seconds: float) -> Iterator[Shot]:
+def _live_shots(
+    source: str | RobotConfig, size: tuple[int, int] | None, turn: ImageOrientation, seconds: float
+) -> Iterator[FrameShot]:
     """Yield what a source shows, or the camera of a robot that has none of OpenCV's sources."""
     if not isinstance(source, str):
-        return ((source.name, number, *seen) for number, seen in enumerate(through_own(source, seconds)))
-    return ((shown(source), number, *seen) for number, seen in enumerate(through(source, seconds, size, turn)))
+        return ((source.name, number, *seen) for number, seen in enumerate(robot_camera_frames(source, seconds)))
+    return (
+        (display_name(source), number, *seen) for number, seen in enumerate(camera_frames(source, seconds, size, turn))
+    )
 
 
 @contextmanager
-def _served() -> Iterator[CameraPage]:
+def _serve_page() -> Iterator[CameraPage]:
     """Serve a page, and say where."""
     with closing(CameraPage()) as page:
         page.open()
@@ -263,9 +279,9 @@ def _served() -> Iterator[CameraPage]:
         yield page
 
 
-def _looked(
-    shots: Iterable[Shot], looker: Looker, page: CameraPage | None, *, as_json: bool, live: bool
-) -> Iterator[tuple[Shot, Seen]]:
+def _analyse_shots(
+    shots: Iterable[FrameShot], analyser: FrameAnalyser, page: CameraPage | None, *, as_json: bool, live: bool
+) -> Iterator[tuple[FrameShot, FrameContents]]:
     """Look at pictures as they come, and say what each shows; of a camera, one a second in words. Ctrl-C ends that.
 
     A ``page`` shows each while somebody looks at it.
@@ -274,59 +290,63 @@ def _looked(
     with suppress(KeyboardInterrupt) if live else nullcontext():
         for shot in shots:
             name, number, stamp, image = shot
-            seen = looker.look(Path(name), number, image)
+            seen = analyser.analyse(Path(name), number, image)
             if as_json or not live or stamp >= due:
                 due = stamp + 1.0
                 click.echo(
-                    json.dumps(_data(name, number, seen)) if as_json else f"{name} frame {number}: {_words(seen)}"
+                    json.dumps(_frame_data(name, number, seen))
+                    if as_json
+                    else f"{name} frame {number}: {_frame_text(seen)}"
                 )
-            if page is not None and page.watched:
-                page.show(annotate(image, _marks(seen)), _words(seen))
+            if page is not None and page.has_viewers:
+                page.show(annotate(image, _labelled_boxes(seen)), _frame_text(seen))
             yield shot, seen
 
 
-def _draw(looked: Iterable[tuple[Shot, Seen]], out: Path | None, files: tuple[str, ...]) -> int:
+def _write_annotated(
+    analysed: Iterable[tuple[FrameShot, FrameContents]], out: Path | None, files: tuple[str, ...]
+) -> int:
     """Write what was seen into ``out``, where there is one; return how many pictures that made."""
     if out is None:
-        return sum(1 for _ in looked)
+        return sum(1 for _ in analysed)
     if out.suffix in CODECS:
-        check_place(out, "--annotate")
-        marked = ((stamp, annotate(image, _marks(seen))) for (_, _, stamp, image), seen in looked)
-        with Movie(out, rate=RATE, option="--annotate") as movie:
-            for picture in steady(marked, RATE):
+        check_output(out, "--annotate")
+        marked = ((stamp, annotate(image, _labelled_boxes(seen))) for (_, _, stamp, image), seen in analysed)
+        with Movie(out, rate=FILM_RATE, option="--annotate") as movie:
+            for picture in resample_frames(marked, FILM_RATE):
                 movie.write(picture)
-        if movie.trouble:
-            raise click.ClickException(movie.trouble)
+        if movie.error:
+            raise click.ClickException(movie.error)
         return movie.pictures
-    drawn, count = Drawings(out, files), 0
-    for count, ((name, number, _, image), seen) in enumerate(looked, 1):  # noqa: B007 - they are counted
-        drawn.write(Path(name), number, annotate(image, _marks(seen)))
+    drawn, count = AnnotatedPictures(out, files), 0
+    for count, ((name, number, _, image), seen) in enumerate(analysed, 1):  # noqa: B007 - they are counted
+        drawn.write(Path(name), number, annotate(image, _labelled_boxes(seen)))
     return count
 
 
-def _data(name: str, number: int, seen: Seen) -> dict[str, object]:
+def _frame_data(name: str, number: int, contents: FrameContents) -> dict[str, object]:
     """Return what a frame shows for JSON."""
     return {
         "file": name,
         "frame": number,
-        "faces": [_numbers(face.box) for face in seen.faces],
-        "names": [face.name for face in seen.faces],
-        "eyes": [[_numbers(eye) for eye in face.eyes] for face in seen.faces],
+        "faces": [_box_numbers(face.box) for face in contents.faces],
+        "names": [face.name for face in contents.faces],
+        "eyes": [[_box_numbers(eye) for eye in face.eyes] for face in contents.faces],
         "things": [
-            {"name": each.name, "shape": each.shape, "box": _numbers(each.box), "distance": _metres(each.distance)}
-            for each in seen.things
+            {"name": each.name, "shape": each.shape, "box": _box_numbers(each.box), "distance": _metres(each.distance)}
+            for each in contents.things
         ],
         "markers": [
-            {"number": each.number, "box": _numbers(each.box), "distance": _metres(each.distance),
+            {"number": each.number, "box": _box_numbers(each.box), "distance": _metres(each.distance),
              "heading": round(each.heading, 3)}
-            for each in seen.markers
+            for each in contents.markers
         ],
-        "brightness": round(seen.scene.brightness, 1),
-        "contrast": round(seen.scene.contrast, 1),
+        "brightness": round(contents.scene.brightness, 1),
+        "contrast": round(contents.scene.contrast, 1),
     }  # fmt: skip
 
 
-def _numbers(box: Box) -> list[int]:
+def _box_numbers(box: Box) -> list[int]:
     return [round(value) for value in (box.x, box.y, box.width, box.height)]
 
 
@@ -334,37 +354,40 @@ def _metres(distance: float) -> float | None:
     return round(distance, 2) if isfinite(distance) else None
 
 
-def _words(seen: Seen) -> str:
+def _frame_text(contents: FrameContents) -> str:
     """Say what a frame shows."""
-    count = len(seen.faces)
+    count = len(contents.faces)
     faces = f"{count} face{'s' if count > 1 else ''}" if count else "no face"
-    places = [f"{_named(face)}{_size(face.box)}{EYES[len(face.eyes)]}" for face in seen.faces]
-    others = [f"{each.name} {_size(each.box)}{_away(each)}" for each in seen.things]
-    others += [f"marker {each.number} {_size(each.box)}{_away(each)}, {_turned(each)}" for each in seen.markers]
-    scene = f"brightness {seen.scene.brightness:.0f}, contrast {seen.scene.contrast:.0f}"
+    places = [f"{_name_text(face)}{_box_text(face.box)}{EYE_TEXTS[len(face.eyes)]}" for face in contents.faces]
+    others = [f"{each.name} {_box_text(each.box)}{_distance_text(each)}" for each in contents.things]
+    others += [
+        f"marker {each.number} {_box_text(each.box)}{_distance_text(each)}, {_heading_text(each)}"
+        for each in contents.markers
+    ]
+    scene = f"brightness {contents.scene.brightness:.0f}, contrast {contents.scene.contrast:.0f}"
     return "; ".join([faces + (": " + places[0] if places else ""), *places[1:], *others, scene])
 
 
-def _named(face: SeenFace) -> str:
+def _name_text(face: SeenFace) -> str:
     return f"{face.name}, " if face.name else ""
 
 
-def _size(box: Box) -> str:
+def _box_text(box: Box) -> str:
     return f"{box.width:.0f} x {box.height:.0f} at ({box.x:.0f}, {box.y:.0f})"
 
 
-def _away(what: Thing | Marker | SeenFace) -> str:
-    return f", {what.distance:.1f} m" if isfinite(what.distance) else ""
+def _distance_text(percept: Thing | Marker | SeenFace) -> str:
+    return f", {percept.distance:.1f} m" if isfinite(percept.distance) else ""
 
 
-def _turned(marker: Marker) -> str:
+def _heading_text(marker: Marker) -> str:
     return f"turned {degrees(marker.heading):+.0f} deg"
 
 
-def _marks(seen: Seen) -> Iterator[tuple[Box, str]]:
+def _labelled_boxes(contents: FrameContents) -> Iterator[tuple[Box, str]]:
     """Yield what is drawn: boxes with their labels."""
-    for face in seen.faces:
-        yield face.box, f"{face.name or 'face'}{_away(face)}"
+    for face in contents.faces:
+        yield face.box, f"{face.name or 'face'}{_distance_text(face)}"
         yield from ((eye, "") for eye in face.eyes)
-    yield from ((each.box, f"{each.name}{_away(each)}") for each in seen.things)
-    yield from ((each.box, f"{each.number}{_away(each)}") for each in seen.markers)
+    yield from ((each.box, f"{each.name}{_distance_text(each)}") for each in contents.things)
+    yield from ((each.box, f"{each.number}{_distance_text(each)}") for each in contents.markers)

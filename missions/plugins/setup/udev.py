@@ -4,7 +4,7 @@ from importlib.resources import files
 
 import click
 
-INSTALL = """to install them:
+INSTALL_HINT = """to install them:
   mission robot udev | sudo tee /etc/udev/rules.d/99-missiontree.rules
   sudo udevadm control --reload
 then plug the devices in again: `ls -l /dev/kobuki /dev/rplidar` shows the names"""
@@ -14,4 +14,4 @@ then plug the devices in again: `ls -l /dev/kobuki /dev/rplidar` shows the names
 def udev() -> None:
     """Print the udev rules for a TurtleBot: names, rights and speed of its serial ports; and how to install them."""
     click.echo((files("drivers") / "99-missiontree.rules").read_text(encoding="utf-8"), nl=False)
-    click.echo(INSTALL, err=True)
+    click.echo(INSTALL_HINT, err=True)

@@ -18,32 +18,32 @@ from missions.library.folders import state_folder
 
 # Tokens that outlive the studio, where the user wishes that: a file that only the owner reads.
 
-NAMES = ("operator", "viewer")
-SHORTEST = 24
+ROLE_NAMES = ("operator", "viewer")
+MIN_TOKEN_LENGTH = 24
 """Letters of a token, at least: 18 bytes of chance."""
 
 
-def kept_in() -> Path:
+def token_file() -> Path:
     """Return the file in which they are kept."""
     return state_folder() / "studio.tokens"
 
 
-def kept_tokens(path: Path | None = None) -> tuple[str, str]:
+def load_tokens(path: Path | None = None) -> tuple[str, str]:
     """Return the operator's and the viewer's token of last time, or new ones that are kept now. Raises OSError."""
-    path = kept_in() if path is None else path
+    path = token_file() if path is None else path
     with suppress(FileNotFoundError, ValueError, TypeError, KeyError):
         found = parse_object(read_regular_text(path))
-        operator, viewer = (str(found[name]) for name in NAMES)
-        if min(len(operator), len(viewer)) >= SHORTEST and path.stat().st_mode & 0o077 == 0:
+        operator, viewer = (str(found[name]) for name in ROLE_NAMES)
+        if min(len(operator), len(viewer)) >= MIN_TOKEN_LENGTH and path.stat().st_mode & 0o077 == 0:
             return operator, viewer
     operator, viewer = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
-    keep_tokens(operator, viewer, path)
+    save_tokens(operator, viewer, path)
     return operator, viewer
 
 
-def keep_tokens(operator: str, viewer: str, path: Path | None = None) -> None:
+def save_tokens(operator: str, viewer: str, path: Path | None = None) -> None:
     """Keep tokens for the next time, in the place of those that are kept. Raises OSError."""
-    path = kept_in() if path is None else path
+    path = token_file() if path is None else path
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     path.unlink(missing_ok=True)
     number = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
@@ -51,13 +51,13 @@ def keep_tokens(operator: str, viewer: str, path: Path | None = None) -> None:
         json.dump({"operator": operator, "viewer": viewer}, file)
 
 
-TRIES, WINDOW = 10, 60.0
+MAX_WRONG_TOKENS, WRONG_TOKEN_WINDOW = 10, 60.0
 """Wrong tokens of one address within so many seconds, after which it is told to wait. A right one is always taken."""
 
-MOST_SIGN_INS, MOST_ADDRESSES = 500, 1000
+MAX_SIGN_INS, MAX_ADDRESSES = 500, 1000
 """Sign-ins of each role that hold at once, and addresses that are kept in mind; the oldest go."""
 
-ONCE_TIME = 120.0
+ONCE_TOKEN_LIFETIME = 120.0
 """Seconds for which the token that lets in once holds."""
 
 
@@ -82,68 +82,68 @@ class SignIn:
 
 
 @dataclass(slots=True)
-class Access:
+class StudioAccess:
     """Knows tokens and sign-ins for as long as the process lives, or until they are renewed.
 
-    ``keep`` stores new tokens beyond the end of the studio; ``epoch`` counts how often they were renewed.
+    ``save`` stores new tokens beyond the end of the studio; ``epoch`` counts how often they were renewed.
     """
 
     operator: str = field(default_factory=lambda: secrets.token_urlsafe(24))
     viewer: str = field(default_factory=lambda: secrets.token_urlsafe(24))
     clock: Clock = field(default_factory=SystemClock)
-    keep: Callable[[str, str], None] | None = None
+    save: Callable[[str, str], None] | None = None
     epoch: int = 0
-    _once: bytes = b""
+    _once_digest: bytes = b""
     _once_until: float = 0.0
     _sign_ins: dict[bytes, SignIn] = field(default_factory=dict)
-    _wrong: dict[str, deque[float]] = field(default_factory=dict)
+    _wrong_times: dict[str, deque[float]] = field(default_factory=dict)
 
     def by_token(self, token: str, address: str) -> Role | None:
         """Return the role of a token; None for a wrong one, which counts against ``address``."""
-        if self._once and hmac.compare_digest(_digest(token), self._once):
-            self._once = b""
-            if self.clock.now() < self._once_until:
+        if self._once_digest and hmac.compare_digest(_digest(token), self._once_digest):
+            self._once_digest = b""
+            if self.clock.read_value() < self._once_until:
                 return "operator"
         role: Role | None = None
         for known, whose in ((self.viewer, "viewer"), (self.operator, "operator")):
             if hmac.compare_digest(token.encode("utf-8", "replace"), known.encode()):  # each, whichever it is
                 role = "operator" if whose == "operator" else "viewer"
         if role is None:
-            self._note(address)
+            self._count_wrong(address)
         return role
 
-    def once(self) -> str:
-        """Return a token that signs an operator in once, within ``ONCE_TIME``."""
+    def make_once_token(self) -> str:
+        """Return a token that signs an operator in once, within ``ONCE_TOKEN_LIFETIME``."""
         token = secrets.token_urlsafe(24)
-        self._once, self._once_until = _digest(token), self.clock.now() + ONCE_TIME
+        self._once_digest, self._once_until = _digest(token), self.clock.read_value() + ONCE_TOKEN_LIFETIME
         return token
 
     @property
     def is_once_open(self) -> bool:
         """Whether the token that lets in once has not been used."""
-        return bool(self._once)
+        return bool(self._once_digest)
 
     def renew(self) -> None:
         """Replace both tokens and drop all sign-ins. Raises OSError if the new tokens cannot be stored."""
         self.operator, self.viewer = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
-        self._once, self.epoch = b"", self.epoch + 1
+        self._once_digest, self.epoch = b"", self.epoch + 1
         self._sign_ins.clear()
-        if self.keep is not None:
-            self.keep(self.operator, self.viewer)
+        if self.save is not None:
+            self.save(self.operator, self.viewer)
 
     def has_many_wrong(self, address: str) -> bool:
         """Return whether too many wrong tokens came from an address lately."""
-        tries = self._wrong.get(address)
-        now = self.clock.now()
-        while tries and now - tries[0] > WINDOW:
+        tries = self._wrong_times.get(address)
+        now = self.clock.read_value()
+        while tries and now - tries[0] > WRONG_TOKEN_WINDOW:
             tries.popleft()
-        return tries is not None and len(tries) >= TRIES
+        return tries is not None and len(tries) >= MAX_WRONG_TOKENS
 
     def sign_in(self, role: Role) -> tuple[str, SignIn]:
         """Return the cookie of a new sign-in, and the sign-in; the oldest ones of the same role go."""
         value, found = secrets.token_urlsafe(24), SignIn(role)
         same = [digest for digest, each in self._sign_ins.items() if each.role == role]
-        for digest in same[: max(0, len(same) + 1 - MOST_SIGN_INS)]:
+        for digest in same[: max(0, len(same) + 1 - MAX_SIGN_INS)]:
             del self._sign_ins[digest]
         self._sign_ins[_digest(value)] = found
         return value, found
@@ -152,10 +152,10 @@ class Access:
         """Return the sign-in of a cookie, found by its digest: the time taken tells nothing about its value."""
         return self._sign_ins.get(_digest(value))
 
-    def _note(self, address: str) -> None:
-        while len(self._wrong) >= MOST_ADDRESSES and address not in self._wrong:
-            del self._wrong[next(iter(self._wrong))]
-        self._wrong.setdefault(address, deque(maxlen=TRIES)).append(self.clock.now())
+    def _count_wrong(self, address: str) -> None:
+        while len(self._wrong_times) >= MAX_ADDRESSES and address not in self._wrong_times:
+            del self._wrong_times[next(iter(self._wrong_times))]
+        self._wrong_times.setdefault(address, deque(maxlen=MAX_WRONG_TOKENS)).append(self.clock.read_value())
 
 
 def _digest(value: str) -> bytes:

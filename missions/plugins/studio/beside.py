@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager, contextmanager
 from missions.cli.session import RunSession
 from missions.plugins.studio.options import StudioOptions
 
-FAREWELL = 5.0
+END_TIMEOUT = 5.0
 """Seconds that the studio has to end; then it is killed, which stops no run."""
 
 
@@ -30,7 +30,7 @@ def serving_studio() -> Iterator[None]:
     finally:
         os.close(writing)
         try:
-            studio.wait(FAREWELL)
+            studio.wait(END_TIMEOUT)
         except subprocess.TimeoutExpired:
             studio.kill()
             studio.wait()

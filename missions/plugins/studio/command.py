@@ -13,14 +13,14 @@ from ssl import SSLError
 import click
 
 from drivers.transport.programs import end_command, tcp_holders
-from missions.cli.numbers import Whole
+from missions.cli.numbers import WholeNumber
 from missions.cli.root import SUCCESS
 from missions.plugins.records import ring
-from missions.plugins.records.options import recorded_by_default
+from missions.plugins.records.options import is_recorded_by_default
 
-PORT = 8642
+DEFAULT_PORT = 8642
 
-PORTS_TRIED = 20
+MAX_PORTS_TRIED = 20
 """Ports from the usual one on that are tried where none is named."""
 
 
@@ -31,8 +31,8 @@ MIN_DESCRIPTORS = 128
 @click.command(epilog="Example: mission studio --open")
 @click.option(
     "--port",
-    type=Whole(min=0, max=65535),
-    help=f"Where, 0 for any free port; {PORT} by default, or the next free one.",
+    type=WholeNumber(min=0, max=65535),
+    help=f"Where, 0 for any free port; {DEFAULT_PORT} by default, or the next free one.",
 )
 @click.option(
     "--host",
@@ -53,7 +53,9 @@ MIN_DESCRIPTORS = 128
     type=click.Path(exists=True, file_okay=False, resolve_path=True, path_type=Path),
     metavar="FOLDER",
     expose_value=False,
-    callback=lambda _context, _option, folder: folder and os.environ.update({ring.SHOWN: str(folder)}),
+    callback=lambda _context, _option, folder: (
+        folder and os.environ.update({ring.STUDIO_RECORDS_VARIABLE: str(folder)})
+    ),
     help="The records that it shows; else those that are kept by default, as runs that it starts are in any case.",
 )
 @click.option(
@@ -63,7 +65,7 @@ MIN_DESCRIPTORS = 128
     help="TLS: a PEM file.",
 )
 @click.option("--key", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="FILE", help="Its key.")
-@click.option("--leash", type=Whole(), hidden=True, help="The end of a pipe: the studio ends with it.")
+@click.option("--leash", type=WholeNumber(), hidden=True, help="The end of a pipe: the studio ends with it.")
 @click.option("--keep-tokens", is_flag=True, help="The tokens of last time, so that links and bookmarks go on to work.")
 def command(
     port: int | None,
@@ -83,19 +85,19 @@ def command(
     """
     try:
         from missions.plugins.studio import access as tokens  # noqa: PLC0415
-        from missions.plugins.studio.access import Access  # noqa: PLC0415 - the extra may be missing
+        from missions.plugins.studio.access import StudioAccess  # noqa: PLC0415 - the extra may be missing
         from missions.plugins.studio.opening import page_opener  # noqa: PLC0415
-        from missions.plugins.studio.serving import Place, serve  # noqa: PLC0415
+        from missions.plugins.studio.serving import StudioAddress, serve  # noqa: PLC0415
     except ImportError as error:
         raise click.UsageError(f"the studio needs {error.name}\n  try: pip install 'missiontree[studio]'") from error
     if key is not None and certificate is None:
         raise click.UsageError("--key goes with --certificate FILE")
     _check_descriptors()
-    access = Access(*tokens.kept_tokens(), keep=tokens.keep_tokens) if keep_tokens else Access()
+    access = StudioAccess(*tokens.load_tokens(), save=tokens.save_tokens) if keep_tokens else StudioAccess()
     listener = _listen(host, port)
     with closing(listener):
-        kept = recorded_by_default() if record is None else record
-        place = Place(host, listener.getsockname()[1], names, certificate, key, kept, access, leash)
+        kept = is_recorded_by_default() if record is None else record
+        place = StudioAddress(host, listener.getsockname()[1], names, certificate, key, kept, access, leash)
 
         def begun() -> None:
             link = place.link(access.operator)
@@ -133,26 +135,29 @@ def _check_descriptors() -> None:
 
 def _listen(host: str, port: int | None) -> socket.socket:
     """Return the socket at a port; without one, at the usual port or the next free one. Raises ClickException."""
-    from missions.plugins.studio.serving import Place, listening  # noqa: PLC0415
+    from missions.plugins.studio.serving import StudioAddress, open_listener  # noqa: PLC0415
 
-    tried = range(PORT, PORT + PORTS_TRIED) if port is None else [port]
+    tried = range(DEFAULT_PORT, DEFAULT_PORT + MAX_PORTS_TRIED) if port is None else [port]
     for each in tried:
         try:
-            found = listening(Place(host, each))
+            found = open_listener(StudioAddress(host, each))
         except OSError as error:
             if error.errno != EADDRINUSE:
                 hint = "another --port" if each and error.errno != EADDRNOTAVAIL else "another --host"
                 raise click.ClickException(f"{host} port {each}: {error.strerror or error}\n  try: {hint}") from error
         else:
-            if each not in (PORT, port):
-                click.echo(f"port {PORT} is in use{_held_by(PORT)[0]}: this studio is at port {each}", err=True)
+            if each not in (DEFAULT_PORT, port):
+                click.echo(
+                    f"port {DEFAULT_PORT} is in use{_port_holders(DEFAULT_PORT)[0]}: this studio is at port {each}",
+                    err=True,
+                )
             return found
-    who, ends = _held_by(tried[0])
+    who, ends = _port_holders(tried[0])
     cure = f"mission studio --port 0  (any free port){ends}"
     raise click.ClickException(f"{host} port {tried[0]}: in use{who}\n  try: {cure}")
 
 
-def _held_by(port: int) -> tuple[str, str]:
+def _port_holders(port: int) -> tuple[str, str]:
     """Return who has a port, and how to end that; empty texts where the user may not know."""
     holders = tcp_holders(port)
     ends = end_command(holders, "")

@@ -29,20 +29,20 @@ class SpareDescriptors:
     """Holds descriptors, and lends their numbers while something important is done. For one thread."""
 
     def __init__(self, count: int = RESERVED_DESCRIPTORS) -> None:
-        self._count, self._lent = count, 0
+        self._count, self._lend_count = count, 0
         self._held: list[int] = []
         self._fill()
 
     @contextmanager
-    def lent(self) -> Iterator[None]:
+    def lend(self) -> Iterator[None]:
         """Have them free while this is entered; from several places at once, until the last one leaves."""
-        self._lent += 1
+        self._lend_count += 1
         self.close()
         try:
             yield
         finally:
-            self._lent -= 1
-            if not self._lent:
+            self._lend_count -= 1
+            if not self._lend_count:
                 self._fill()
 
     def close(self) -> None:
@@ -58,22 +58,22 @@ class SpareDescriptors:
             return  # there are not so many now: those that there are, and more after the next stop
 
 
-MOST_CONNECTIONS = 200
+MAX_CONNECTIONS = 200
 """Connections at once, if there are descriptors for them."""
 
-MOST_OF_ADDRESS = 128
+MAX_CONNECTIONS_PER_ADDRESS = 128
 """Connections of one address that have not signed in."""
 
 MIN_CONNECTIONS = 8
 """Connections that there may be however few descriptors there are."""
 
-HANDSHAKE_TIME, CLOSING_TIME = 5.0, 1.0
+HANDSHAKE_TIMEOUT, CLOSING_TIMEOUT = 5.0, 1.0
 """Seconds for the handshake of TLS, and for its end."""
 
-ENTRY_TIME = 10.0
+SIGN_IN_TIMEOUT = 10.0
 """Seconds from ``accept`` until a connection has to have signed in."""
 
-LOOK_INTERVAL = 1.0
+LATE_CHECK_INTERVAL = 1.0
 """Seconds from one look for connections that are late to the next."""
 
 COUNT_INTERVAL = 0.1
@@ -83,7 +83,7 @@ RETRY_INTERVAL = 0.1
 """Seconds for which nothing is accepted where the process has no descriptor left."""
 
 
-class Standing(IntEnum):
+class AuthLevel(IntEnum):
     """What a connection has shown: nothing, the cookie of a browser, or also a proof (or a token)."""
 
     STRANGER = 0
@@ -92,60 +92,60 @@ class Standing(IntEnum):
 
 
 @dataclass(slots=True, eq=False)
-class Visit:
-    """A connection that was accepted at ``since`` (s). ``transport`` is None before TLS is done.
+class ClientConnection:
+    """A connection that was accepted at ``accepted_at`` (s). ``transport`` is None before TLS is done.
 
     ``network`` is its address, of IPv6 the first 64 bits.
     """
 
-    connection: socket.socket
+    raw_socket: socket.socket
     network: str
-    standing: Standing = Standing.STRANGER
+    auth_level: AuthLevel = AuthLevel.STRANGER
     transport: asyncio.Transport | None = None
-    since: float = 0.0
+    accepted_at: float = 0.0
 
     @property
     def is_open(self) -> bool:
         """Whether it still has its descriptor."""
-        return self.connection.fileno() >= 0
+        return self.raw_socket.fileno() >= 0
 
-    def hang_up(self) -> None:
+    def close(self) -> None:
         """End it, in whatever state it is; its descriptor is closed in the next turn of the loop."""
         if self.transport is not None:
             self.transport.abort()
         elif self.is_open:
             with suppress(OSError):  # the other side has ended it
-                self.connection.shutdown(socket.SHUT_RDWR)
+                self.raw_socket.shutdown(socket.SHUT_RDWR)
 
 
-ProtocolFactory = Callable[[Visit], asyncio.Protocol]
+ProtocolFactory = Callable[[ClientConnection], asyncio.Protocol]
 
 
 @dataclass(slots=True)
-class Doors:
-    """Accepts connections, with TLS where ``secure`` says how, and gives each a protocol. For one event loop."""
+class ConnectionAcceptor:
+    """Accepts connections, with TLS where ``ssl_context`` says how, and gives each a protocol. For one event loop."""
 
     protocol: ProtocolFactory
-    secure: SSLContext | None = None
+    ssl_context: SSLContext | None = None
     clock: Clock = field(default_factory=SystemClock)
-    visits: list[Visit] = field(default_factory=list)
+    connections: list[ClientConnection] = field(default_factory=list)
     _tasks: set[asyncio.Task[None]] = field(default_factory=set)
-    _others: int = 0
+    _other_descriptors: int = 0
     _count_at: float = float("-inf")
 
     def open(self, listener: socket.socket) -> None:
         """Accept the connections of a socket that listens."""
         listener.setblocking(False)
-        self._begin(self._accept(listener))
-        self._begin(self._look())
+        self._start_task(self._accept(listener))
+        self._start_task(self._check_late())
 
     def close(self) -> None:
         """Accept nothing more, and end the handshakes that go on."""
         for task in self._tasks:
             task.cancel()
-        for visit in self.visits:
+        for visit in self.connections:
             if visit.transport is None:
-                visit.hang_up()
+                visit.close()
 
     async def wait_closed(self) -> None:
         """Wait until all that was going on here has ended."""
@@ -159,76 +159,78 @@ class Doors:
             except ConnectionError:
                 continue  # it had gone before
             except OSError:  # no descriptor, or no memory
-                self._end_one(self.visits)
+                self._evict_one(self.connections)
                 await asyncio.sleep(RETRY_INTERVAL)
                 continue
-            visit = Visit(connection, network_of(address))
+            visit = ClientConnection(connection, network_of(address))
             if self.admit(visit):
-                self._begin(self._serve(visit))
+                self._start_task(self._serve(visit))
             else:
                 connection.close()
             await asyncio.sleep(0)  # one in a turn: those that are there are heard first
 
-    async def _look(self) -> None:
+    async def _check_late(self) -> None:
         while True:
-            await asyncio.sleep(LOOK_INTERVAL)
-            self.end_late()
+            await asyncio.sleep(LATE_CHECK_INTERVAL)
+            self.close_late()
 
-    def end_late(self) -> None:
+    def close_late(self) -> None:
         """Hang up on those whose time to sign in is over."""
-        for visit in self.visits:
-            if visit.standing is Standing.STRANGER and self.clock.now() - visit.since > ENTRY_TIME:
-                visit.hang_up()
+        for visit in self.connections:
+            if visit.auth_level is AuthLevel.STRANGER and self.clock.read_value() - visit.accepted_at > SIGN_IN_TIMEOUT:
+                visit.close()
 
-    def admit(self, visit: Visit) -> bool:
+    def admit(self, visit: ClientConnection) -> bool:
         """Count a connection, for which another one may have to go; return whether there is room."""
-        self.visits = [each for each in self.visits if each.is_open]
-        same = [each for each in self.visits if each.network == visit.network and each.standing < Standing.SIGNED_IN]
-        if len(same) >= MOST_OF_ADDRESS:
-            self._end_one(same)
-        elif len(self.visits) >= self._room() and not self._end_one(self.visits):
+        self.connections = [each for each in self.connections if each.is_open]
+        same = [
+            each for each in self.connections if each.network == visit.network and each.auth_level < AuthLevel.SIGNED_IN
+        ]
+        if len(same) >= MAX_CONNECTIONS_PER_ADDRESS:
+            self._evict_one(same)
+        elif len(self.connections) >= self._capacity() and not self._evict_one(self.connections):
             return False
-        visit.since = self.clock.now()
-        self.visits.append(visit)
+        visit.accepted_at = self.clock.read_value()
+        self.connections.append(visit)
         return True
 
-    def _end_one(self, among: list[Visit]) -> bool:
+    def _evict_one(self, among: list[ClientConnection]) -> bool:
         """Hang up on the oldest of those that have shown least, of the address with most of them."""
-        lowest = min((each.standing for each in among), default=Standing.SIGNED_IN)
-        if lowest is Standing.SIGNED_IN:
+        lowest = min((each.auth_level for each in among), default=AuthLevel.SIGNED_IN)
+        if lowest is AuthLevel.SIGNED_IN:
             return False
-        candidates = [each for each in among if each.standing is lowest]
+        candidates = [each for each in among if each.auth_level is lowest]
         [(busiest, _)] = Counter(each.network for each in candidates).most_common(1)
         ended = next(each for each in candidates if each.network == busiest)
-        ended.hang_up()
-        self.visits = [each for each in self.visits if each is not ended]
+        ended.close()
+        self.connections = [each for each in self.connections if each is not ended]
         return True
 
-    def _room(self) -> int:
+    def _capacity(self) -> int:
         """Return for how many connections there are descriptors, without those in reserve."""
-        now = self.clock.now()
+        now = self.clock.read_value()
         if now >= self._count_at:
             self._count_at = now + COUNT_INTERVAL
-            self._others = _open_descriptors() - len(self.visits)
+            self._other_descriptors = _open_descriptors() - len(self.connections)
         limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
         if limit == resource.RLIM_INFINITY:
-            return MOST_CONNECTIONS
-        return max(MIN_CONNECTIONS, min(MOST_CONNECTIONS, limit - RESERVED_DESCRIPTORS - self._others))
+            return MAX_CONNECTIONS
+        return max(MIN_CONNECTIONS, min(MAX_CONNECTIONS, limit - RESERVED_DESCRIPTORS - self._other_descriptors))
 
-    async def _serve(self, visit: Visit) -> None:
+    async def _serve(self, visit: ClientConnection) -> None:
         """Do the handshake, and hand the connection over to its protocol."""
         timeouts: dict[str, Any] = {}
-        if self.secure is not None:
-            timeouts = {"ssl_handshake_timeout": HANDSHAKE_TIME, "ssl_shutdown_timeout": CLOSING_TIME}
+        if self.ssl_context is not None:
+            timeouts = {"ssl_handshake_timeout": HANDSHAKE_TIMEOUT, "ssl_shutdown_timeout": CLOSING_TIMEOUT}
         loop = asyncio.get_running_loop()
         try:
             await loop.connect_accepted_socket(
-                lambda: self.protocol(visit), visit.connection, ssl=self.secure, **timeouts
+                lambda: self.protocol(visit), visit.raw_socket, ssl=self.ssl_context, **timeouts
             )
         except OSError:  # as of TLS, and of its timeout
-            visit.connection.close()
+            visit.raw_socket.close()
 
-    def _begin(self, work: Any) -> None:
+    def _start_task(self, work: Any) -> None:
         task: asyncio.Task[None] = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)

@@ -4,25 +4,27 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 
 from config.faults import did_you_mean
-from missions.control.commands import BadMessage, Command
-from missions.plugins.studio.wishes import Failsafe
-from missions.plugins.testing.failsafe.ride import CHOICES, ROBOT, Setting, stepped_through
-from missions.plugins.testing.failsafe.words import steps
+from missions.control.commands import BadMessage, ClientCommand
+from missions.plugins.studio.wishes import FailsafeQuery
+from missions.plugins.testing.failsafe.ride import CHOICES, ROBOT, FailsafeSetting, run_scenario
+from missions.plugins.testing.failsafe.words import distinct_moments
 
 Json = dict[str, object]
 
 
-def failsafe(command: Command) -> Json:
-    """Answer `failsafe`. Raises BadMessage for a word that is no choice."""
-    wanted = command if isinstance(command, Failsafe) else Failsafe()
+def answer_failsafe(command: ClientCommand) -> Json:
+    """Answer `answer_failsafe`. Raises BadMessage for a word that is no choice."""
+    wanted = command if isinstance(command, FailsafeQuery) else FailsafeQuery()
     chosen = {name: getattr(wanted, name) or words[0] for name, words in CHOICES.items()}
     for name, word in chosen.items():
         if word not in CHOICES[name]:
             hint = did_you_mean(word, CHOICES[name]) or f"one of: {', '.join(CHOICES[name])}"
             raise BadMessage("bad_field", f"'{name}' cannot be {word[:60]!r}", hint)
-    moments = [{**asdict(each), "words": words} for each, words in steps(stepped_through(Setting(**chosen)))]
+    moments = [
+        {**asdict(each), "words": words} for each, words in distinct_moments(run_scenario(FailsafeSetting(**chosen)))
+    ]
     return {"robot": ROBOT, "choices": CHOICES, "chosen": chosen, "moments": moments}
 
 
-DOES: Mapping[str, Callable[[Command], Json]] = {"failsafe": failsafe}
+HANDLERS: Mapping[str, Callable[[ClientCommand], Json]] = {"failsafe": answer_failsafe}
 """What does each command."""

@@ -12,56 +12,58 @@ from config.reading import parse_object
 from drivers.clock import Clock, SystemClock
 from missions.control.commands import BadMessage
 from missions.control.notes import stamp_stop
-from missions.control.searching import Found, Search, may_live, search
-from missions.control.stopping import GONE, stop_one
+from missions.control.searching import FoundProcess, SearchResult, may_be_alive, search_runs
+from missions.control.stopping import GONE_ERRORS, stop_one
 from missions.plugins.studio.doors import SpareDescriptors
-from missions.plugins.studio.watching import Link, OnLine, Watching
+from missions.plugins.studio.watching import AsyncRunLink, OnLine, RunFeed
 
-PERIOD = 0.25
+SEARCH_INTERVAL = 0.25
 """Seconds from one look for new runs to the next."""
 
-ENDING = 0.7
+COMMAND_END_TIMEOUT = 0.7
 """Seconds for which the answer to a stop waits for commands to end."""
 
-MOST_ASKED = 32
+MAX_STOP_THREADS = 32
 """Runs without a connection, and commands, that are stopped at the same time."""
 
 RETRY_INTERVAL = 2.0
 """Seconds after which a run that was not reached is tried again."""
 
-UNKNOWN = "unknown"
+UNKNOWN_RUN = "unknown"
 """What stands for a run where it is not known whether there is one."""
 
-PRESSES = 3
+MAX_PENDING_PRESSES = 3
 """Presses that wait for one run, and are told it each by itself; all further ones are one more stop."""
 
 
-class Hub:
+class RunHub:
     """Keeps a connection to each run while it is entered, so that a stop has nothing to wait for.
 
     ``changed`` is called whenever a run has come, has gone, is stopped or released; it must return at once.
     """
 
-    def __init__(self, changed: Callable[[], None], *, clock: Clock | None = None) -> None:
-        self._changed, self._clock = changed, clock or SystemClock()
-        self._links: dict[str, Link] = {}
-        self._watched: dict[str, Watching] = {}
+    def __init__(self, on_change: Callable[[], None], *, clock: Clock | None = None) -> None:
+        self._on_change, self._clock = on_change, clock or SystemClock()
+        self._links: dict[str, AsyncRunLink] = {}
+        self._feeds: dict[str, RunFeed] = {}
         # By key, since two containers may have runs of one name: the run, why it is not reached, when that was tried.
-        self._troubles: dict[object, tuple[str, str, float]] = {}
+        self._unreached: dict[object, tuple[str, str, float]] = {}
         self._doubts: list[str] = []
         self._tasks: set[asyncio.Task[None]] = set()
-        self._looking = asyncio.Lock()
-        self._next_look: asyncio.Task[None] | None = None
-        self._next_search: asyncio.Task[Search] | None = None
+        self._search_lock = asyncio.Lock()
+        self._next_refresh: asyncio.Task[None] | None = None
+        self._next_search: asyncio.Task[SearchResult] | None = None
         self._next_stamp: asyncio.Future[str] | None = None
-        self._following: dict[Link, tuple[asyncio.Task[Mapping[str, object]], list[str]]] = {}
-        self._asking: dict[object, asyncio.Future[Mapping[str, object]]] = {}
+        self._next_stops: dict[AsyncRunLink, tuple[asyncio.Task[Mapping[str, object]], list[str]]] = {}
+        self._stopping: dict[object, asyncio.Future[Mapping[str, object]]] = {}
         self._spare = SpareDescriptors(0)
-        self._pool = ThreadPoolExecutor(MOST_ASKED, "stop")  # of its own: runs that hang keep no other work waiting
+        self._pool = ThreadPoolExecutor(
+            MAX_STOP_THREADS, "stop"
+        )  # of its own: runs that hang keep no other work waiting
 
     async def __aenter__(self) -> Self:
         self._spare = SpareDescriptors()
-        self._begin(self._look_on())
+        self._start_task(self._search_repeatedly())
         return self
 
     async def __aexit__(self, *_: object) -> None:
@@ -69,7 +71,7 @@ class Hub:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
         await asyncio.gather(*(each.close() for each in self._links.values()))
-        await asyncio.gather(*(each.close() for each in self._watched.values()))
+        await asyncio.gather(*(each.close() for each in self._feeds.values()))
         self._spare.close()
         self._pool.shutdown(wait=False)
 
@@ -80,49 +82,49 @@ class Hub:
         told: dict[str, Mapping[str, object]] = {
             str(each["run"]): {name: value for name, value in each.items() if name != "say"} for each in found
         }
-        for run, why, _ in self._troubles.values():
-            name = free_name(run, told)
+        for run, why, _ in self._unreached.values():
+            name = unique_name(run, told)
             told[name] = {"run": name, "trouble": why}
-        return [*told.values(), *({"run": UNKNOWN, "trouble": why} for why in self._doubts)]
+        return [*told.values(), *({"run": UNKNOWN_RUN, "trouble": why} for why in self._doubts)]
 
-    async def look(self) -> None:
+    async def search(self) -> None:
         """Look for runs that have come. Those who ask while another look goes on share the next one."""
-        if self._next_look is None:
-            self._next_look = asyncio.ensure_future(self._look_next())
-        await asyncio.shield(self._next_look)
+        if self._next_refresh is None:
+            self._next_refresh = asyncio.ensure_future(self._run_search())
+        await asyncio.shield(self._next_refresh)
 
-    async def _look_next(self) -> None:
-        async with self._looking:
-            self._next_look = None
-            found = await asyncio.to_thread(partial(search, thorough=False))
-            before = self._troubles, self._doubts, [*self._links]
-            new = [each for each in found.found if not each.is_command and not _is_linked(each, self._links)]
+    async def _run_search(self) -> None:
+        async with self._search_lock:
+            self._next_refresh = None
+            found = await asyncio.to_thread(partial(search_runs, thorough=False))
+            before = self._unreached, self._doubts, [*self._links]
+            new = [each for each in found.processes if not each.is_command and not _is_linked(each, self._links)]
             why = await asyncio.gather(*(self._open(each) for each in new))
             troubles = zip(new, why, strict=True)
-            self._troubles = {each.key: (each.run, *trouble) for each, trouble in troubles if trouble[0]}
-            self._doubts = [each.words for each in found.doubts]
-            if before != (self._troubles, self._doubts, [*self._links]):
-                self._changed()
+            self._unreached = {each.key: (each.run, *trouble) for each, trouble in troubles if trouble[0]}
+            self._doubts = [each.message for each in found.warnings]
+            if before != (self._unreached, self._doubts, [*self._links]):
+                self._on_change()
 
-    async def _open(self, found: Found) -> tuple[str, float]:
+    async def _open(self, found: FoundProcess) -> tuple[str, float]:
         """Connect to a run; return why that was not possible, empty where it was, and when it was tried."""
-        _, why, tried = self._troubles.get(found.key, ("", "", -inf))
-        if self._clock.now() - tried < RETRY_INTERVAL:
+        _, why, tried = self._unreached.get(found.key, ("", "", -inf))
+        if self._clock.read_value() - tried < RETRY_INTERVAL:
             return why, tried
-        why, is_gone, now = "it has no socket", True, self._clock.now()
+        why, is_gone, now = "it has no socket", True, self._clock.read_value()
         for where in found.addresses:
             try:
-                link = await Link.open(where)
+                link = await AsyncRunLink.open(where)
             except (OSError, ValueError) as error:
                 why = "it does not answer" if isinstance(error, TimeoutError) else str(error)
-                is_gone = is_gone and isinstance(error, GONE)
+                is_gone = is_gone and isinstance(error, GONE_ERRORS)
             else:
-                link.on_line = partial(self._heard, link)
-                run = free_name(found.run, self._links)
+                link.on_line = partial(self._on_line, link)
+                run = unique_name(found.run, self._links)
                 self._links[run] = link
-                self._begin(self._attend(run, link))
+                self._start_task(self._wait_closed(run, link))
                 return "", now
-        if is_gone and not await asyncio.to_thread(may_live, found):
+        if is_gone and not await asyncio.to_thread(may_be_alive, found):
             return "", now  # it was killed, or has ended meanwhile
         return why, now
 
@@ -130,34 +132,34 @@ class Hub:
         """Stop a run, or all for no name; return what was latched, by run. Raises BadMessage for one not there.
 
         Who stops all ends the commands that hold a robot and have no control socket, too: teleop, and those of heads.
-        A run that is not reached gets SIGTERM. What could not be looked at is told as the trouble of `UNKNOWN`.
+        A run that is not reached gets SIGTERM. What could not be looked at is told as the trouble of `UNKNOWN_RUN`.
         """
         if run in self._links:
-            return await self._stop_these({run: self._links[run]}, by, press)
-        with self._spare.lent():
+            return await self._stop_connected({run: self._links[run]}, by, press)
+        with self._spare.lend():
             links = dict(self._links)
-            stopping = asyncio.ensure_future(self._stop_these({} if run else links, by, press))
-            unstamped = "" if run else await self._stamped()
-            found = await self._searched()
+            stopping = asyncio.ensure_future(self._stop_connected({} if run else links, by, press))
+            unstamped = "" if run else await self._stamp_shared()
+            found = await self._search_shared()
             # A connection that was made since is not among those that are asked.
-            others = [each for each in found.found if not _is_linked(each, links)]
-            others = [each for each in others if not run or _is_called(each, run)]
+            others = [each for each in found.processes if not _is_linked(each, links)]
+            others = [each for each in others if not run or _has_name(each, run)]
             if run and not others:
-                await self.look()
-                self.known(run)
-            asked = await self._ask_these(others, by)
+                await self.search()
+                self.about_run(run)
+            asked = await self._stop_unconnected(others, by)
             told = await stopping
             if lost := {name: links[name] for name in told if "trouble" in told[name] and links[name].closed.is_set()}:
-                told |= await self._ask_lost(lost, by)
+                told |= await self._stop_disconnected(lost, by)
             for each, result in asked:
-                told[free_name(run or each.run, told)] = result
-        if found.doubts and not run:
-            told[UNKNOWN] = {"trouble": "\n".join(each.words for each in found.doubts)}
+                told[unique_name(run or each.run, told)] = result
+        if found.warnings and not run:
+            told[UNKNOWN_RUN] = {"trouble": "\n".join(each.message for each in found.warnings)}
         elif unstamped and not told:
-            told[UNKNOWN] = {"trouble": unstamped}
+            told[UNKNOWN_RUN] = {"trouble": unstamped}
         return told
 
-    async def _stamped(self) -> str:
+    async def _stamp_shared(self) -> str:
         """Note the time of a stop, as ``stamp_stop``. Those who ask in the same moment share it, and then a search."""
         if self._next_stamp is None:
             self._next_stamp = asyncio.ensure_future(self._stamp_next())
@@ -167,49 +169,51 @@ class Hub:
         self._next_stamp = None
         return await asyncio.to_thread(stamp_stop)
 
-    async def _searched(self) -> Search:
+    async def _search_shared(self) -> SearchResult:
         """Return what is there now. Those who ask in the same moment share a search."""
         if self._next_search is None:
             self._next_search = asyncio.ensure_future(self._search_next())
         return await asyncio.shield(self._next_search)
 
-    async def _search_next(self) -> Search:
+    async def _search_next(self) -> SearchResult:
         self._next_search = None
-        return await asyncio.to_thread(search)
+        return await asyncio.to_thread(search_runs)
 
-    async def _ask_lost(self, lost: Mapping[str, Link], by: str) -> dict[str, Mapping[str, object]]:
+    async def _stop_disconnected(self, lost: Mapping[str, AsyncRunLink], by: str) -> dict[str, Mapping[str, object]]:
         """Ask runs again whose connection has ended while they were stopped; those that have ended are at rest."""
-        found = await self._searched()
-        asked = await self._ask_these([each for each in found.found if _is_linked(each, lost)], by)
+        found = await self._search_shared()
+        asked = await self._stop_unconnected([each for each in found.processes if _is_linked(each, lost)], by)
         told = dict[str, Mapping[str, object]]()
         for run, link in lost.items():
             results = [result for each, result in asked if _is_linked(each, {run: link})]
             if results:
                 told[run] = next((each for each in results if "trouble" in each), results[0])
-            elif not found.doubts and link.has_ended():
+            elif not found.warnings and link.has_ended():
                 told[run] = {"ended": f"{run}: has ended"}
         return told
 
-    async def _stop_these(self, links: Mapping[str, Link], by: str, press: str) -> dict[str, Mapping[str, object]]:
+    async def _stop_connected(
+        self, links: Mapping[str, AsyncRunLink], by: str, press: str
+    ) -> dict[str, Mapping[str, object]]:
         told = await asyncio.gather(*(self._stop(link, by, press) for link in links.values()))
         return dict(zip(links, told, strict=True))
 
-    async def _stop(self, link: Link, by: str, press: str) -> Mapping[str, object]:
+    async def _stop(self, link: AsyncRunLink, by: str, press: str) -> Mapping[str, object]:
         """Stop one run. Who asks while a stop is on its way shares the next one: so that many do not clog the link.
 
         Another press is another stop all the same: else it would go with the release of the one that it shares.
         """
-        if link not in self._following:
+        if link not in self._next_stops:
             presses = [press]
-            self._following[link] = asyncio.ensure_future(self._stop_next(link, by, presses)), presses
-        following, presses = self._following[link]
+            self._next_stops[link] = asyncio.ensure_future(self._stop_next(link, by, presses)), presses
+        following, presses = self._next_stops[link]
         if press not in presses:
-            presses.append(press if len(presses) < PRESSES else "")
+            presses.append(press if len(presses) < MAX_PENDING_PRESSES else "")
         return await asyncio.shield(following)
 
-    async def _stop_next(self, link: Link, by: str, presses: list[str]) -> Mapping[str, object]:
+    async def _stop_next(self, link: AsyncRunLink, by: str, presses: list[str]) -> Mapping[str, object]:
         async with link.stopping:
-            del self._following[link]
+            del self._next_stops[link]
             told: Mapping[str, object] = {}
             for press in dict.fromkeys(presses):
                 told = await link.stop(by, press)
@@ -217,23 +221,25 @@ class Hub:
                     break
             return told
 
-    async def _ask_these(self, others: Sequence[Found], by: str) -> list[tuple[Found, Mapping[str, object]]]:
+    async def _stop_unconnected(
+        self, others: Sequence[FoundProcess], by: str
+    ) -> list[tuple[FoundProcess, Mapping[str, object]]]:
         """Stop the runs and commands without a connection, each once for all callers; return the result of each."""
         asking = {}
         for each in others:
-            if (key := each.key) not in self._asking:
+            if (key := each.key) not in self._stopping:
                 asking_one = asyncio.get_running_loop().run_in_executor(self._pool, stop_one, each, by)
-                self._asking[key] = task = asyncio.ensure_future(asking_one)
-                task.add_done_callback(partial(self._asked, key))
-            asking[each] = self._asking[key]
+                self._stopping[key] = task = asyncio.ensure_future(asking_one)
+                task.add_done_callback(partial(self._forget_stop, key))
+            asking[each] = self._stopping[key]
         if asking:
-            await asyncio.wait(asking.values(), timeout=ENDING)
-        return [(each, result) for each, task in asking.items() if (result := _came_of(each, task))]
+            await asyncio.wait(asking.values(), timeout=COMMAND_END_TIMEOUT)
+        return [(each, result) for each, task in asking.items() if (result := _stop_result(each, task))]
 
-    def _asked(self, key: object, _: asyncio.Future[Mapping[str, object]]) -> None:
-        del self._asking[key]
+    def _forget_stop(self, key: object, _: asyncio.Future[Mapping[str, object]]) -> None:
+        del self._stopping[key]
 
-    def known(self, run: str) -> Mapping[str, object]:
+    def about_run(self, run: str) -> Mapping[str, object]:
         """Return what is known of a run. Raises BadMessage for one that is not there."""
         if run not in self._links:
             known = ", ".join(self._links) or "none"
@@ -242,71 +248,71 @@ class Hub:
 
     async def ask(self, run: str, command: Mapping[str, object]) -> Mapping[str, Any]:
         """Return the result of a command that a run answers. Raises BadMessage for one not there, or silent."""
-        self.known(run)
+        self.about_run(run)
         try:
-            answer = await self._links[run].ask(command)
+            answer = await self._links[run].request(command)
         except OSError as error:  # a TimeoutError is one
             raise BadMessage("no_answer", f"run {run} does not answer: {error}") from error
         return answer.get("result") or {}
 
-    def watching(self, run: str) -> Watching:
+    def feed_of(self, run: str) -> RunFeed:
         """Return what is watched of a run. Raises BadMessage for one that is not there."""
-        self.known(run)
-        return self._watched.setdefault(run, Watching(run, self._links[run].again))
+        self.about_run(run)
+        return self._feeds.setdefault(run, RunFeed(run, self._links[run].open_another))
 
-    async def connect(self, run: str, on_line: OnLine) -> Link:
+    async def connect(self, run: str, on_line: OnLine) -> AsyncRunLink:
         """Return another connection to a run. Raises OSError, ValueError; BadMessage for one that is not there."""
-        self.known(run)
-        return await self._links[run].again(on_line)
+        self.about_run(run)
+        return await self._links[run].open_another(on_line)
 
-    async def _look_on(self) -> None:
+    async def _search_repeatedly(self) -> None:
         while True:
             try:
-                await self.look()
+                await self.search()
             except Exception as error:  # whatever it is, it is told, and the next look may do better
                 self._doubts = [f"the studio cannot look for runs: {type(error).__name__}: {error}"]
-                self._changed()
-            await asyncio.sleep(PERIOD)
+                self._on_change()
+            await asyncio.sleep(SEARCH_INTERVAL)
 
-    async def _heard(self, link: Link, line: bytes) -> None:
+    async def _on_line(self, link: AsyncRunLink, line: bytes) -> None:
         """A run tells of itself: it was stopped, or released."""
         if line.startswith(b'{"say":"run"'):
             link.about = parse_object(line)
-            self._changed()
+            self._on_change()
 
-    async def _attend(self, run: str, link: Link) -> None:
+    async def _wait_closed(self, run: str, link: AsyncRunLink) -> None:
         await link.closed.wait()
         if self._links.get(run) is link:
             del self._links[run]
-            self._watched.pop(run, None)
-        self._changed()
+            self._feeds.pop(run, None)
+        self._on_change()
 
-    def _begin(self, work: Awaitable[None]) -> None:
+    def _start_task(self, work: Awaitable[None]) -> None:
         task = asyncio.ensure_future(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
 
-def free_name(run: str, taken: Container[str]) -> str:
+def unique_name(run: str, taken: Container[str]) -> str:
     """Return the name of a run, with "@" and a number where another run has the name: two containers may share it."""
     names = (f"{run}{more}" for more in chain([""], (f"@{number}" for number in count(2))))
     return next(name for name in names if name not in taken)
 
 
-def _is_called(found: Found, run: str) -> bool:
-    """Return whether a run has this name, without the number of ``free_name``."""
+def _has_name(found: FoundProcess, run: str) -> bool:
+    """Return whether a run has this name, without the number of ``unique_name``."""
     return found.run == run.partition("@")[0]
 
 
-def _is_linked(found: Found, links: Mapping[str, Link]) -> bool:
+def _is_linked(found: FoundProcess, links: Mapping[str, AsyncRunLink]) -> bool:
     """Return whether one of the connections is to a run."""
-    return any(_is_called(found, run) and link.is_to(found) for run, link in links.items())
+    return any(_has_name(found, run) and link.is_connected_to(found) for run, link in links.items())
 
 
-def _came_of(found: Found, task: asyncio.Future[Mapping[str, object]]) -> Mapping[str, object]:
+def _stop_result(found: FoundProcess, task: asyncio.Future[Mapping[str, object]]) -> Mapping[str, object]:
     """Return the result of a stop without a connection; nothing if the process had ended before."""
     if not task.done():
         why = f"it has not {'ended' if found.is_command else 'answered'} yet"
-        return {"trouble": f"{found.words}: {why}\n  try: {found.way_to_end()}"}
+        return {"trouble": f"{found.description}: {why}\n  try: {found.end_hint()}"}
     error = task.exception()
-    return task.result() if error is None else {"trouble": f"{found.words}: {type(error).__name__}: {error}"}
+    return task.result() if error is None else {"trouble": f"{found.description}: {type(error).__name__}: {error}"}

@@ -5,69 +5,69 @@ from collections.abc import Callable, Mapping, Sequence
 from math import cos, sin
 from typing import Any
 
-from missions.control.commands import Command
-from missions.control.outlet import MOST_POINTS
-from missions.control.pictures import found_in
+from missions.control.commands import ClientCommand
+from missions.control.outlet import MAX_SCAN_POINTS
+from missions.control.pictures import percepts_in
 from missions.executive.events import VariableSet
-from missions.executive.telling import percept_of
-from missions.plugins.records.recording.faults import message_in, understanding
-from missions.plugins.records.recording.listing import Opened
-from missions.plugins.records.recording.tagged_values import from_json, view_in
-from missions.plugins.records.replay.frames import SAME
-from missions.plugins.studio.looking_back import messages, path_of, place_in
-from missions.plugins.studio.wishes import Moment
+from missions.executive.telling import percept_event
+from missions.plugins.records.recording.faults import parse_message, reject_malformed
+from missions.plugins.records.recording.listing import ChunkedRecord
+from missions.plugins.records.recording.tagged_values import decode_view, from_json
+from missions.plugins.records.replay.frames import STAMP_TOLERANCE
+from missions.plugins.studio.looking_back import messages, path_of, pose_in
+from missions.plugins.studio.wishes import MomentQuery
 from missions.trees.drawing import ACTIVE
-from missions.trees.words import variable_in_words
+from missions.trees.words import variable_text
 
 Json = dict[str, object]
 
-CHANGES = ("/nodes", "/feedback", "/variables", "/state/base")
+CHANGE_TOPICS = ("/nodes", "/feedback", "/variables", "/state/base")
 """Topics of which each message counts."""
 
-NEWEST = ("/percepts", "/state/head", "/state/arm", "/state/devices", "/scan")
+LATEST_TOPICS = ("/percepts", "/state/head", "/state/arm", "/state/devices", "/scan")
 """Topics of which the newest message counts alone."""
 
-FIGURES: Mapping[str, Mapping[str, str]] = {
+PART_FIGURES: Mapping[str, Mapping[str, str]] = {
     "base": {**{name: name for name in ("x", "y", "heading", "speed", "turn")}, "battery": "battery_percent"},
     "head": {"pan": "pan", "tilt": "tilt"},
 }
 """The figures of parts, and by which names they stand in messages."""
 
 
-def moment(command: Command) -> Json:
-    """Answer `moment`."""
-    if not isinstance(command, Moment):
+def answer_moment(command: ClientCommand) -> Json:
+    """Answer `answer_moment`."""
+    if not isinstance(command, MomentQuery):
         raise TypeError(command.word)
-    opened, time = Opened(path_of(command.name)), command.t
-    spans = list(opened.before(time))
-    piece = opened.piece(spans[-1][0], spans[0][1]) if spans else opened.piece(0, 0)
+    opened, time = ChunkedRecord(path_of(command.name)), command.t
+    spans = list(opened.chunks_before(time))
+    piece = opened.excerpt(spans[-1][0], spans[0][1]) if spans else opened.excerpt(0, 0)
     changed: dict[str, list[object]] = {}
     variables: Json = {}
     places: list[list[float]] = []
     newest: dict[str, bytes] = {}
-    with understanding(piece.path):
-        for topic, _, data in messages(piece, frozenset({*CHANGES, *NEWEST}), time):
+    with reject_malformed(piece.path):
+        for topic, _, data in messages(piece, frozenset({*CHANGE_TOPICS, *LATEST_TOPICS}), time):
             newest[topic] = data
-            if topic not in CHANGES:
+            if topic not in CHANGE_TOPICS:
                 continue
-            told = message_in(data)
+            told = parse_message(data)
             if topic == "/state/base":
-                places = place_in(told) or places
+                places = pose_in(told) or places
             elif topic == "/variables":
                 event = from_json(told, VariableSet)
-                value = None if event.value is None else variable_in_words(event)
+                value = None if event.value is None else variable_text(event)
                 variables[f"{event.scope} {event.name}".lstrip()] = value
             elif topic == "/nodes":
                 changed[told["node"]] = [told["status"], told["reason"], told["t"]]
             elif changed.get(told["node"], [""])[0] in ACTIVE:
                 changed[told["node"]][1] = told["reason"]
-        now: dict[str, Any] = {topic: message_in(data) for topic, data in newest.items()}
+        now: dict[str, Any] = {topic: parse_message(data) for topic, data in newest.items()}
         percept = now.get("/percepts")
         return {
             "t": time,
             "changed": changed,
             "variables": variables,
-            "percept": percept and percept_of(view_in(percept), percept["t"]).as_dict(),
+            "percept": percept and percept_event(decode_view(percept), percept["t"]).as_dict(),
             "pose": places[0][1:] if places else None,
             "parts": _parts(now),
             "joints": _joints(now),
@@ -76,7 +76,7 @@ def moment(command: Command) -> Json:
         }
 
 
-DOES: Mapping[str, Callable[[Command], Json]] = {"moment": moment}
+HANDLERS: Mapping[str, Callable[[ClientCommand], Json]] = {"moment": answer_moment}
 """What does the command."""
 
 
@@ -84,9 +84,9 @@ def _parts(now: Mapping[str, Any]) -> list[Json]:
     """Return how the parts were, as a state tells it."""
     devices = now.get("/state/devices", {"devices": {}})["devices"]
     found: list[Json] = []
-    for part in dict.fromkeys((*devices, *(part for part in FIGURES if f"/state/{part}" in now))):
+    for part in dict.fromkeys((*devices, *(part for part in PART_FIGURES if f"/state/{part}" in now))):
         health, state = devices.get(part, {}), now.get(f"/state/{part}", {})
-        values = {name: state.get(told) for name, told in FIGURES.get(part, {}).items()}
+        values = {name: state.get(told) for name, told in PART_FIGURES.get(part, {}).items()}
         detail = health.get("detail", "")
         told = {
             "part": part,
@@ -108,27 +108,27 @@ def _scan(told: Mapping[str, Any]) -> list[list[float]]:
     """Return what the range finder saw, as points around where it stands on the robot."""
     ranges, start = told["ranges"], told["start_angle"]
     step = (told["end_angle"] - start) / max(1, len(ranges) - 1)
-    seen = [(ranges[at], start + at * step) for at in range(0, len(ranges), max(1, len(ranges) // MOST_POINTS))]
+    seen = [(ranges[at], start + at * step) for at in range(0, len(ranges), max(1, len(ranges) // MAX_SCAN_POINTS))]
     return [[round(far * cos(bearing), 3), round(far * sin(bearing), 3)] for far, bearing in seen if far > 0]
 
 
-def _picture(opened: Opened, time: float, spans: Sequence[tuple[int, int]]) -> Json | None:
+def _picture(opened: ChunkedRecord, time: float, spans: Sequence[tuple[int, int]]) -> Json | None:
     """Return the newest picture up to a time, with what was found in it."""
     for first, last in spans:
-        piece = opened.piece(first, last)
-        frames = [(stamp, jpeg) for stamp, jpeg in piece.frames() if stamp <= time + SAME]
+        piece = opened.excerpt(first, last)
+        frames = [(stamp, jpeg) for stamp, jpeg in piece.frames() if stamp <= time + STAMP_TOLERANCE]
         if frames:
             stamp, jpeg = frames[-1]
             views = (view for _, view in piece.views() if view.looked is not None)
-            view = next((view for view in views if abs((view.looked or 0.0) - stamp) <= SAME), None)
-            found = [] if view is None else found_in(view)
-            width, height = _size(jpeg)
+            view = next((view for view in views if abs((view.looked or 0.0) - stamp) <= STAMP_TOLERANCE), None)
+            found = [] if view is None else percepts_in(view)
+            width, height = _jpeg_size(jpeg)
             coded = base64.b64encode(jpeg).decode()
             return {"t": stamp, "width": width, "height": height, "jpeg": coded, "found": found}
     return None
 
 
-def _size(jpeg: bytes) -> tuple[int, int]:
+def _jpeg_size(jpeg: bytes) -> tuple[int, int]:
     """Return the width and height of a JPEG; nothing for what is none."""
     at = 2
     while at + 9 < len(jpeg) and jpeg[at] == 0xFF:

@@ -8,12 +8,12 @@ from html import escape
 from pathlib import Path
 from threading import Event, Thread
 
-from missions.control.places import Place
-from missions.control.sockets import is_there
+from missions.control.places import RunFolder
+from missions.control.sockets import process_exists
 from missions.library.folders import runtime_folder
-from missions.plugins.studio.access import ONCE_TIME, Access
+from missions.plugins.studio.access import ONCE_TOKEN_LIFETIME, StudioAccess
 
-HINT_TIME = 8.0
+HINT_DELAY = 8.0
 """Seconds after which a browser that has not come may be one that does not read the file."""
 
 POLL_INTERVAL = 0.1
@@ -37,7 +37,7 @@ class PageOpener:
     ``link`` makes the link of a token, ``report`` tells the user something.
     """
 
-    def __init__(self, access: Access, link: Callable[[str], str], report: Callable[[str], object]) -> None:
+    def __init__(self, access: StudioAccess, link: Callable[[str], str], report: Callable[[str], object]) -> None:
         self._access, self._link, self._report = access, link, report
         self._ended = Event()
         self._waiting: Thread | None = None
@@ -45,7 +45,7 @@ class PageOpener:
     def open(self) -> None:
         """Write the file, and start the browser; returns at once. Without a place for the file, tell the user."""
         try:
-            path = _written(self._link(self._access.once()))
+            path = _write_redirect(self._link(self._access.make_once_token()))
         except OSError as error:
             self._report(f"the browser cannot be opened: {error}\n  try: open the first link above yourself")
             return
@@ -67,7 +67,7 @@ class PageOpener:
         self._report("there is no browser here\n  try: open the first link above yourself")
 
     def _wait(self, path: Path) -> None:
-        hint_after, looks = int(HINT_TIME / POLL_INTERVAL), int(ONCE_TIME / POLL_INTERVAL)
+        hint_after, looks = int(HINT_DELAY / POLL_INTERVAL), int(ONCE_TOKEN_LIFETIME / POLL_INTERVAL)
         for look in range(looks):
             if not self._access.is_once_open or self._ended.wait(POLL_INTERVAL):
                 break
@@ -78,7 +78,9 @@ class PageOpener:
 
 
 @contextmanager
-def page_opener(access: Access, link: Callable[[str], str], report: Callable[[str], object]) -> Iterator[PageOpener]:
+def page_opener(
+    access: StudioAccess, link: Callable[[str], str], report: Callable[[str], object]
+) -> Iterator[PageOpener]:
     """Give one while this is entered; its file is gone then."""
     opener = PageOpener(access, link, report)
     try:
@@ -87,12 +89,12 @@ def page_opener(access: Access, link: Callable[[str], str], report: Callable[[st
         opener.close()
 
 
-def _written(link: str) -> Path:
+def _write_redirect(link: str) -> Path:
     """Write the file that leads to a link, for this user alone; remove those of studios that were killed."""
-    folder = Place(runtime_folder() / "open").prepare()
+    folder = RunFolder(runtime_folder() / "open").prepare()
     for left in folder.glob("*.html"):
         with suppress(ValueError, OSError):
-            if not is_there(int(left.stem)):
+            if not process_exists(int(left.stem)):
                 left.unlink()
     path = folder / f"{os.getpid()}.html"
     path.unlink(missing_ok=True)

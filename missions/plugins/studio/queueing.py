@@ -11,39 +11,39 @@ from dataclasses import asdict, replace
 from re import search
 from typing import IO
 
-from config.notices import named
-from missions.control.commands import BadMessage, Command
-from missions.control.searching import is_listed
+from config.notices import public_text
+from missions.control.commands import BadMessage, ClientCommand
+from missions.control.searching import has_control_socket
 from missions.library.folders import state_folder
-from missions.plugins.records.options import SWITCH
+from missions.plugins.records.options import RECORD_ENVIRONMENT_VARIABLE
 from missions.plugins.studio.library import check_name
-from missions.plugins.studio.wishes import AddTask, ApproveTask, CancelTask, MoveTask, Start, Tasks
+from missions.plugins.studio.wishes import AddTask, ApproveTask, CancelTask, MoveTask, StartRun, TasksQuery
 from missions.plugins.tasks.channels import channels_of
 from missions.plugins.tasks.lock import is_locked, server_lock
-from missions.plugins.tasks.queue import Queue, local_zone, wall_clock
-from missions.plugins.tasks.schema import in_words, open_db, queue_file
+from missions.plugins.tasks.queue import TaskQueue, local_zone, wall_clock
+from missions.plugins.tasks.schema import open_db, queue_errors, queue_file
 
 # Starting a run: `mission run` in a process of its own, which goes on whatever becomes of the studio.
 
-BEGIN_TIME = 60.0
+START_TIMEOUT = 60.0
 """Seconds that a run has to open its control socket."""
 
-PERIOD = 0.05
+POLL_INTERVAL = 0.05
 """Seconds from one look whether it has to the next."""
 
-RAN = (0, 1)
+RUN_EXIT_CODES = (0, 1)
 """Exit codes of a run that has been made, and that was so short that nobody has seen its control socket."""
 
-END_TIME = 3.0
+LAST_OUTPUT_TIMEOUT = 3.0
 """Seconds for which the last words are waited for of a run that is not to be reached any more."""
 
-KEPT = 32
+MAX_KEPT_RUNS = 32
 """Runs that have ended whose last words are kept."""
 
-RUN = (sys.executable, "-m", "missions", "run")
+RUN_COMMAND = (sys.executable, "-m", "missions", "run")
 
 
-def words_of(command: Start | AddTask) -> Iterator[str]:
+def command_arguments(command: StartRun | AddTask) -> Iterator[str]:
     """Yield what of a command both `mission run` and `mission task add` understand. Raises BadMessage where not sure.
 
     Each value is joined to its option, so that none is taken for an option itself; the mission comes behind ``--``.
@@ -60,10 +60,10 @@ def words_of(command: Start | AddTask) -> Iterator[str]:
         yield f"--param={name}={value}"
 
 
-class Launcher:
+class RunLauncher:
     """Starts runs, which are recorded where that is wished and ``record``."""
 
-    def __init__(self, *, record: bool, command: Sequence[str] = RUN) -> None:
+    def __init__(self, *, record: bool, command: Sequence[str] = RUN_COMMAND) -> None:
         self._record, self._command = record, command
         self._children: dict[subprocess.Popen[bytes], IO[bytes]] = {}  # and what each says
         self._ended: dict[str, str] = {}
@@ -74,57 +74,57 @@ class Launcher:
         """Begin none of the runs that were asked for until now, and end those that cannot be stopped otherwise yet."""
         self.stops += 1
 
-    async def start(self, wanted: Start, stops: int | None = None) -> Mapping[str, object]:
+    async def start(self, request: StartRun, stops: int | None = None) -> Mapping[str, object]:
         """Start a run and answer `start` once its control socket is there. Raises BadMessage with its own words.
 
         ``stops`` is how often all had been stopped when it was asked for.
         """
         stops = self.stops if stops is None else stops
-        words = [*words_of(wanted), f"--seed={wanted.seed}"]
-        if wanted.speed is not None:
-            words.append(f"--speed={wanted.speed:g}")
-        recorded = "all" if wanted.record and self._record else "no"
-        self._check_unstopped(stops)
+        words = [*command_arguments(request), f"--seed={request.seed}"]
+        if request.speed is not None:
+            words.append(f"--speed={request.speed:g}")
+        recorded = "all" if request.record and self._record else "no"
+        self._check_not_stopped(stops)
         self._reap()
         try:
-            process, said = await asyncio.to_thread(self._popen, [*words, "--", wanted.mission], recorded)
+            process, said = await asyncio.to_thread(self._popen, [*words, "--", request.mission], recorded)
         except OSError as error:  # of processes, or of room for what it says
             raise BadMessage("cannot_start", f"the run has not begun: {error}", "df -h /tmp; ulimit -u") from error
         run = str(process.pid)
-        for _ in range(int(BEGIN_TIME / PERIOD)):
-            self._check_unstopped(stops, process)
+        for _ in range(int(START_TIMEOUT / POLL_INTERVAL)):
+            self._check_not_stopped(stops, process)
             code = process.poll()  # once: a short run may end between two looks
-            if code in RAN or is_listed(run):
-                told = (self._ended.get(run) or _last(said)).splitlines()
+            if code in RUN_EXIT_CODES or has_control_socket(run):
+                told = (self._ended.get(run) or _last_output(said)).splitlines()
                 return {"run": run, "message": "\n".join(line for line in told if line.startswith("mission: "))}
             if code is not None:
-                raise BadMessage("cannot_start", await self.last_words(run))
-            await asyncio.sleep(PERIOD)
+                raise BadMessage("cannot_start", await self.last_output(run))
+            await asyncio.sleep(POLL_INTERVAL)
         process.terminate()
-        raise BadMessage("cannot_start", f"the run has not begun within {BEGIN_TIME:g} s: {_last(said)}")
+        raise BadMessage("cannot_start", f"the run has not begun within {START_TIMEOUT:g} s: {_last_output(said)}")
 
-    def _check_unstopped(self, stops: int, process: "subprocess.Popen[bytes] | None" = None) -> None:
+    def _check_not_stopped(self, stops: int, process: "subprocess.Popen[bytes] | None" = None) -> None:
         if self.stops != stops:
             if process is not None:
                 process.terminate()
             raise BadMessage("cannot_start", "everything was stopped before it had begun", "start it again")
 
-    async def last_words(self, run: str) -> str:
+    async def last_output(self, run: str) -> str:
         """Return the last that a run said which was started here and has ended, or ends; nothing of another one."""
-        for _ in range(int(END_TIME / PERIOD)):
+        for _ in range(int(LAST_OUTPUT_TIMEOUT / POLL_INTERVAL)):
             self._reap()
             if run not in {str(child.pid) for child in [*self._children]}:
                 break
-            await asyncio.sleep(PERIOD)
+            await asyncio.sleep(POLL_INTERVAL)
         return self._ended.get(run, "")
 
     def _reap(self) -> None:
         for child, said in [*self._children.items()]:
             if child.poll() is not None:
                 del self._children[child]
-                self._ended[str(child.pid)] = _last(said) or "the run has ended, and said nothing"
+                self._ended[str(child.pid)] = _last_output(said) or "the run has ended, and said nothing"
                 said.close()
-        while len(self._ended) > KEPT:
+        while len(self._ended) > MAX_KEPT_RUNS:
             del self._ended[next(iter(self._ended))]
 
     @property
@@ -138,13 +138,13 @@ class Launcher:
         said = tempfile.TemporaryFile()  # noqa: SIM115 - closed once the run has ended
         process = subprocess.Popen(  # noqa: S603 - ourselves
             [*self._command, *words], stdin=subprocess.DEVNULL, stdout=said, stderr=said, start_new_session=True,
-            env={**os.environ, SWITCH: recorded},
+            env={**os.environ, RECORD_ENVIRONMENT_VARIABLE: recorded},
         )  # fmt: skip
         self._children[process] = said
         return process, said
 
 
-def _last(said: IO[bytes]) -> str:
+def _last_output(said: IO[bytes]) -> str:
     """Return the last that a run has written."""
     size = os.fstat(said.fileno()).st_size
     return os.pread(said.fileno(), 4000, max(0, size - 4000)).decode(errors="replace").strip()
@@ -152,67 +152,69 @@ def _last(said: IO[bytes]) -> str:
 
 Json = dict[str, object]
 
-PATIENCE = 30.0
+TASK_TIMEOUT = 30.0
 """Seconds that `mission task` may take."""
 
 
-def tasks(command: Command) -> Json:
-    """Answer `tasks`."""
-    ended = isinstance(command, Tasks) and command.ended
+def answer_tasks(command: ClientCommand) -> Json:
+    """Answer `answer_tasks`."""
+    ended = isinstance(command, TasksQuery) and command.ended
     path, now = queue_file(state_folder()), wall_clock()
     if not path.exists():
         return {"tasks": [], "served": False}
-    with in_words(path), closing(open_db(path)) as connection:
-        queue = Queue(connection, channels_of, local_zone())
-        found = [replace(task, due=queue.expected(task, now)) for task in queue.tasks(ended=ended)]
-    told = [asdict(task) | {"channels": [named(each) for each in task.channels]} for task in found]
+    with queue_errors(path), closing(open_db(path)) as connection:
+        queue = TaskQueue(connection, channels_of, local_zone())
+        found = [replace(task, due=queue.expected_time(task, now)) for task in queue.tasks(ended=ended)]
+    told = [asdict(task) | {"channels": [public_text(each) for each in task.channels]} for task in found]
     return {"tasks": told, "served": is_locked(server_lock(state_folder()))}
 
 
-def add_task(command: Command) -> Json:
-    """Answer `add_task`: by `mission task add`, which checks the mission for its robot as every other time."""
+def answer_add_task(command: ClientCommand) -> Json:
+    """Answer `answer_add_task`: by `mission task add`, which checks the mission for its robot as every other time."""
     if not isinstance(command, AddTask):
         raise TypeError(command.word)
-    check_wanted(command)
-    words = list(words_of(command))
+    check_names(command)
+    words = list(command_arguments(command))
     words += [f"--{name}={value}" for name, value in (("at", command.at), ("every", command.every)) if value]
     words += [f"--priority={command.priority}", f"--retry={command.retry}"]
     words += ["--needs-approval"] * command.needs_approval
-    said = _task("add", *words, "--", command.mission)
+    said = _run_task_command("add", *words, "--", command.mission)
     found = search(r"task (\d+)", said)
     return {"task": int(found[1]) if found else None, "message": said}
 
 
-def cancel_task(command: Command) -> Json:
-    """Answer `cancel_task`."""
-    return {"message": _task("remove", str(command.task if isinstance(command, CancelTask) else 0))}
+def answer_cancel_task(command: ClientCommand) -> Json:
+    """Answer `answer_cancel_task`."""
+    return {"message": _run_task_command("remove", str(command.task if isinstance(command, CancelTask) else 0))}
 
 
-def approve_task(command: Command) -> Json:
-    """Answer `approve_task`."""
+def answer_approve_task(command: ClientCommand) -> Json:
+    """Answer `answer_approve_task`."""
     return {
-        "message": _task("approve", f"--by={command.by}", str(command.task)) if isinstance(command, ApproveTask) else {}
+        "message": _run_task_command("approve", f"--by={command.by}", str(command.task))
+        if isinstance(command, ApproveTask)
+        else {}
     }
 
 
-def move_task(command: Command) -> Json:
-    """Answer `move_task`."""
+def answer_move_task(command: ClientCommand) -> Json:
+    """Answer `answer_move_task`."""
     if not isinstance(command, MoveTask):
         raise TypeError(command.word)
-    return {"message": _task("move", f"--priority={command.priority}", "--", str(command.task))}
+    return {"message": _run_task_command("move", f"--priority={command.priority}", "--", str(command.task))}
 
 
-DOES: Mapping[str, Callable[[Command], Json]] = {
-    "tasks": tasks,
-    "add_task": add_task,
-    "approve_task": approve_task,
-    "cancel_task": cancel_task,
-    "move_task": move_task,
+HANDLERS: Mapping[str, Callable[[ClientCommand], Json]] = {
+    "tasks": answer_tasks,
+    "add_task": answer_add_task,
+    "approve_task": answer_approve_task,
+    "cancel_task": answer_cancel_task,
+    "move_task": answer_move_task,
 }
 """What does each command."""
 
 
-def check_wanted(command: AddTask | Start) -> None:
+def check_names(command: AddTask | StartRun) -> None:
     """Raise BadMessage for a mission, robot or world that is none of those that there are."""
     check_name("missions", command.mission)
     if command.robot:
@@ -221,11 +223,11 @@ def check_wanted(command: AddTask | Start) -> None:
         check_name("worlds", command.world)
 
 
-def _task(*words: str) -> str:
+def _run_task_command(*words: str) -> str:
     """Run `mission task`, and return what it says. Raises BadMessage with its own words where it refuses."""
     done = subprocess.run(  # noqa: S603 - ourselves
         [sys.executable, "-m", "missions", "task", *words],
-        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PATIENCE, check=False,
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=TASK_TIMEOUT, check=False,
     )  # fmt: skip
     if done.returncode:
         raise BadMessage("bad_task", done.stderr.strip()[-4000:] or f"it ended with exit code {done.returncode}")

@@ -14,32 +14,32 @@ from typing import Any, TypeVar
 from config.editing import NotEditableError
 from config.faults import InvalidFileError
 from config.library import UnknownNameError
-from missions.control.commands import BadMessage, Command
-from missions.library.tuning import keep
+from missions.control.commands import BadMessage, ClientCommand
+from missions.library.tuning import save_values
 from missions.plugins.records.recording.faults import InvalidRecordError
 from missions.plugins.studio import failsafe, library, looking_back, moments, queueing
-from missions.plugins.studio.wishes import Start
+from missions.plugins.studio.wishes import StartRun
 from missions.plugins.tasks.task import TaskError
 
-WORKERS = 2
+MAX_WORKERS = 2
 """Processes: while one reads a long record, another answers."""
 
-PATIENCE = 60.0
+WORK_TIMEOUT = 60.0
 """Seconds that a piece of work may take."""
 
-NICE = 5
+NICENESS = 5
 """How far a reader stands back behind the runs."""
 
-DOES: Mapping[str, Callable[[Command], dict[str, object]]] = {
-    **library.DOES,
-    **looking_back.DOES,
-    **moments.DOES,
-    **queueing.DOES,
-    **failsafe.DOES,
+HANDLERS: Mapping[str, Callable[[ClientCommand], dict[str, object]]] = {
+    **library.HANDLERS,
+    **looking_back.HANDLERS,
+    **moments.HANDLERS,
+    **queueing.HANDLERS,
+    **failsafe.HANDLERS,
 }
 """What does each command that no run answers."""
 
-ERRORS: Mapping[type[Exception], str] = {
+ERROR_NAMES: Mapping[type[Exception], str] = {
     InvalidFileError: "bad_file",
     NotEditableError: "bad_file",
     UnknownNameError: "bad_file",
@@ -53,53 +53,53 @@ Given = TypeVar("Given")
 Found = TypeVar("Found")
 
 
-class Reader:
+class FileReader:
     """Does what commands ask for that only read files, or that change the queue of tasks."""
 
     def __init__(self) -> None:
-        self._pool = _pool()
+        self._pool = _make_pool()
 
-    async def do(self, command: Command) -> Mapping[str, object]:
+    async def do(self, command: ClientCommand) -> Mapping[str, object]:
         """Return what is answered. Raises BadMessage with the name of what went wrong."""
-        return await self._work(read, command)
+        return await self._work(run_command, command)
 
-    async def check(self, command: Start) -> None:
+    async def check(self, command: StartRun) -> None:
         """Raise BadMessage for a mission, robot or world that is none of those that there are."""
-        await self._work(checked, command)
+        await self._work(check_start, command)
 
     async def keep(self, tuning: Mapping[str, Any]) -> Mapping[str, object]:
         """Write what was tuned in a run into its robot file; return what is answered. Raises BadMessage."""
-        return await self._work(kept, tuning)
+        return await self._work(keep_tuning, tuning)
 
     async def report(self, name: str) -> str:
         """Return the report of a record, as a page. Raises BadMessage."""
-        return await self._work(reported, name)
+        return await self._work(make_report, name)
 
-    async def _work(self, work: Callable[[Given], Found], given: Given) -> Found:
+    async def _work(self, work: Callable[[Given], Found], argument: Given) -> Found:
         pool = self._pool
         try:
-            async with asyncio.timeout(PATIENCE):
-                return await asyncio.get_running_loop().run_in_executor(pool, work, given)
+            async with asyncio.timeout(WORK_TIMEOUT):
+                return await asyncio.get_running_loop().run_in_executor(pool, work, argument)
         except BrokenProcessPool as error:
             if self._pool is pool:
-                self._pool = _pool()
+                self._pool = _make_pool()
             raise BadMessage("fault", "what reads files has died; ask again") from error
         except TimeoutError as error:
             if self._pool is pool:  # what hangs on would take the place of all that comes
-                self._pool = _pool()
-                await asyncio.to_thread(_end, pool)
-            raise BadMessage("fault", f"it took more than {PATIENCE:g} s") from error
+                self._pool = _make_pool()
+                await asyncio.to_thread(_end_pool, pool)
+            raise BadMessage("fault", f"it took more than {WORK_TIMEOUT:g} s") from error
 
     def close(self) -> None:
         """End the processes, whatever they do."""
-        _end(self._pool)
+        _end_pool(self._pool)
 
 
-def _pool() -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(WORKERS, mp_context=get_context("spawn"), initializer=_begin)
+def _make_pool() -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(MAX_WORKERS, mp_context=get_context("spawn"), initializer=_prepare_worker)
 
 
-def _end(pool: ProcessPoolExecutor) -> None:
+def _end_pool(pool: ProcessPoolExecutor) -> None:
     processes = list(getattr(pool, "_processes", None) or {})
     pool.shutdown(wait=False, cancel_futures=True)
     for number in processes:
@@ -108,9 +108,9 @@ def _end(pool: ProcessPoolExecutor) -> None:
     pool.shutdown(wait=True)
 
 
-def _begin() -> None:
+def _prepare_worker() -> None:
     """Stand back behind the runs, and end with the studio, however that ends."""
-    os.nice(NICE)
+    os.nice(NICENESS)
 
     def end() -> None:
         studio = parent_process()
@@ -121,37 +121,37 @@ def _begin() -> None:
     Thread(target=end, name="end with the studio", daemon=True).start()
 
 
-def read(command: Command) -> dict[str, object]:
+def run_command(command: ClientCommand) -> dict[str, object]:
     """Do a command, in a reader's process. Raises BadMessage."""
-    with _by_name():
-        return DOES[command.word](command)
+    with _named_errors():
+        return HANDLERS[command.word](command)
 
 
-def reported(name: str) -> str:
+def make_report(name: str) -> str:
     """Return the report of a record, in a reader's process. Raises BadMessage."""
-    with _by_name():
-        return looking_back.report(name)
+    with _named_errors():
+        return looking_back.render_report(name)
 
 
-def kept(tuning: Mapping[str, Any]) -> dict[str, object]:
+def keep_tuning(tuning: Mapping[str, Any]) -> dict[str, object]:
     """Write what was tuned into the robot file, in a reader's process. Raises BadMessage."""
     values = {each["name"]: each["value"] for each in tuning["knobs"] if each["tuned"]}
-    with _by_name():
-        changes = keep(Path(tuning["file"]), values, "mission run MISSION --robot FILE")
+    with _named_errors():
+        changes = save_values(Path(tuning["file"]), values, "mission run MISSION --robot FILE")
     return {"file": tuning["file"], "changes": changes}
 
 
 @contextmanager
-def _by_name() -> Iterator[None]:
+def _named_errors() -> Iterator[None]:
     """Name the errors of others as answers do."""
     try:
         yield
-    except tuple(ERRORS) as error:
-        name = next(name for kind, name in ERRORS.items() if isinstance(error, kind))
+    except tuple(ERROR_NAMES) as error:
+        name = next(name for kind, name in ERROR_NAMES.items() if isinstance(error, kind))
         hint = getattr(error, "hint", "")
         raise BadMessage(name, str(error)[:4000], hint if isinstance(hint, str) else "") from None
 
 
-def checked(command: Start) -> None:
+def check_start(command: StartRun) -> None:
     """Check what a run is to be started with. Raises BadMessage."""
-    queueing.check_wanted(command)
+    queueing.check_names(command)

@@ -24,22 +24,22 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from missions.control.commands import MAX_REFUSED_BYTES, BadMessage
 from missions.library.folders import state_folder
-from missions.plugins.records.ring import records_in, shown_folder
-from missions.plugins.studio.access import Access
-from missions.plugins.studio.audit import Audit
-from missions.plugins.studio.doors import Doors, Visit
-from missions.plugins.studio.gate import KINDS, Gate
-from missions.plugins.studio.queueing import Launcher
-from missions.plugins.studio.reader import Reader
-from missions.plugins.studio.session import Session
-from missions.plugins.studio.studio import PAGE, Studio, edition
+from missions.plugins.records.ring import list_records, studio_records_folder
+from missions.plugins.studio.access import StudioAccess
+from missions.plugins.studio.audit import AuditLog
+from missions.plugins.studio.doors import ClientConnection, ConnectionAcceptor
+from missions.plugins.studio.gate import MEDIA_TYPES, AuthGate
+from missions.plugins.studio.queueing import RunLauncher
+from missions.plugins.studio.reader import FileReader
+from missions.plugins.studio.session import ClientSession
+from missions.plugins.studio.studio import PAGE_FOLDER, Studio, page_edition
 
 # The routes of the studio, behind its gate: the page, the websocket, and records, as files and as reports.
 
-MOST_CLIENTS = 96
+MAX_CLIENTS = 96
 """Websockets at once; a page has three."""
 
-TRY_LATER = 1013
+CLOSE_TRY_LATER = 1013
 """The code by which a websocket is closed for which there is no room."""
 
 VERSION_MARK = 'name="version" content=""'
@@ -49,10 +49,10 @@ REPORT_POLICY = "sandbox allow-scripts; frame-ancestors 'none'"
 """What a report may do: it runs its own script, which its own policy names, as a page of nobody's. The studio, its
 cookie and its websocket are those of another site to it, whatever the record has in it."""
 
-Opened = Callable[[], Studio]
+MakeStudio = Callable[[], Studio]
 
 
-def application(make: Opened, access: Access, *, hosts: Collection[str]) -> ASGIApp:
+def application(make: MakeStudio, access: StudioAccess, *, hosts: Collection[str]) -> ASGIApp:
     """Return the studio as an ASGI application. ``make`` is called once its loop runs."""
 
     @asynccontextmanager
@@ -64,67 +64,69 @@ def application(make: Opened, access: Access, *, hosts: Collection[str]) -> ASGI
         finally:
             studio.fleet.close()
 
-    return Gate(Starlette(routes=routes(), lifespan=lifespan), access, hosts)
+    return AuthGate(Starlette(routes=routes(), lifespan=lifespan), access, hosts)
 
 
 def routes() -> list[BaseRoute]:
     """Return all routes."""
     return [
-        WebSocketRoute("/ws", websocket),
-        Route("/", page),
-        Route("/records/{name}", fetched),
-        Route("/reports/{name}", reported),
-        Route("/{name}", asset),
+        WebSocketRoute("/ws", serve_websocket),
+        Route("/", serve_page),
+        Route("/records/{name}", serve_record),
+        Route("/reports/{name}", serve_report),
+        Route("/{name}", serve_asset),
     ]
 
 
-async def websocket(socket: WebSocket) -> None:
+async def serve_websocket(socket: WebSocket) -> None:
     """Serve a client."""
     studio: Studio = socket.app.state.studio
-    if studio.count >= MOST_CLIENTS:
-        await socket.close(TRY_LATER)
+    if studio.client_count >= MAX_CLIENTS:
+        await socket.close(CLOSE_TRY_LATER)
         return
     role, sign_in = socket.scope["role"], socket.scope.get("sign_in")
-    await Session(socket, role, studio.name(role), studio, sign_in=sign_in).run()
+    await ClientSession(socket, role, studio.next_client_name(role), studio, sign_in=sign_in).run()
 
 
-async def page(request: Request) -> Response:
+async def serve_page(request: Request) -> Response:
     """Serve the page itself, with its version put in."""
     del request
     try:
-        text = (PAGE / "index.html").read_text(encoding="utf-8")
+        text = (PAGE_FOLDER / "index.html").read_text(encoding="utf-8")
     except OSError as error:
         raise HTTPException(503, "the page is not installed: install MissionTree anew") from error
-    return HTMLResponse(text.replace(VERSION_MARK, f'name="version" content="{edition()}"'), headers=_again())
+    return HTMLResponse(
+        text.replace(VERSION_MARK, f'name="version" content="{page_edition()}"'), headers=_revalidate_header()
+    )
 
 
-async def asset(request: Request) -> Response:
+async def serve_asset(request: Request) -> Response:
     """Serve a file of the page."""
     name = request.path_params["name"]
     if name == "index.html":
-        return await page(request)
-    path = next((each for each in PAGE.iterdir() if each.name == name), None)
-    if path is None or path.suffix not in KINDS or not path.is_file():
+        return await serve_page(request)
+    path = next((each for each in PAGE_FOLDER.iterdir() if each.name == name), None)
+    if path is None or path.suffix not in MEDIA_TYPES or not path.is_file():
         raise HTTPException(404)
-    return FileResponse(path, media_type=KINDS[path.suffix], headers=_again())
+    return FileResponse(path, media_type=MEDIA_TYPES[path.suffix], headers=_revalidate_header())
 
 
-async def fetched(request: Request) -> Response:
+async def serve_record(request: Request) -> Response:
     """Serve a record, as a file to be kept."""
     found = _record(request)
-    _tell(request, "download", "ok")
+    _log_download(request, "download", "ok")
     return FileResponse(found, media_type="application/octet-stream", filename=found.name)
 
 
-async def reported(request: Request) -> Response:
+async def serve_report(request: Request) -> Response:
     """Serve the report of a record, as `mission record report` writes it."""
     studio: Studio = request.app.state.studio
     try:
         text = await studio.report(_record(request).name)
     except BadMessage as error:
-        _tell(request, "report", error.error)
+        _log_download(request, "report", error.error)
         return PlainTextResponse(f"{error}\n" + (f"  try: {error.hint}\n" if error.hint else ""), 422)
-    _tell(request, "report", "ok")
+    _log_download(request, "report", "ok")
     return HTMLResponse(text, headers={"Content-Security-Policy": REPORT_POLICY})
 
 
@@ -133,43 +135,45 @@ def _record(request: Request) -> Path:
     if request.scope["role"] != "operator":
         raise HTTPException(403)
     try:
-        found = next((path for path in records_in(shown_folder()) if path.name == request.path_params["name"]), None)
+        found = next(
+            (path for path in list_records(studio_records_folder()) if path.name == request.path_params["name"]), None
+        )
     except OSError as error:
-        raise HTTPException(503, f"{shown_folder()}: {error.strerror}") from error
+        raise HTTPException(503, f"{studio_records_folder()}: {error.strerror}") from error
     if found is None:
         raise HTTPException(404)
     return found
 
 
-def _tell(request: Request, word: str, outcome: str) -> None:
+def _log_download(request: Request, word: str, outcome: str) -> None:
     """Write into the log which record has left the studio."""
     role, name = request.scope["role"], request.path_params["name"]
     request.app.state.studio.audit.tell(role, role, {"do": word, "name": name}, outcome)
 
 
-def _again() -> dict[str, str]:
+def _revalidate_header() -> dict[str, str]:
     """Return the header by which a browser asks each time whether there is another page."""
     return {"Cache-Control": "no-cache"}
 
 
-REQUEST_TIME = 5.0
+REQUEST_TIMEOUT = 5.0
 """Seconds that a browser has to ask, however slowly it goes on."""
 
-BACKLOG = 1024
+MAX_PENDING_ACCEPTS = 1024
 """Connections that wait to be accepted: who finds no room there comes a second later, or is too late."""
 
-PING = 5.0
+PING_INTERVAL = 5.0
 """Seconds from one question whether a client is there to the next, and that it has to answer."""
 
-SEND_BUFFER = 1 << 17
+SEND_BUFFER_BYTES = 1 << 17
 """Bytes that the kernel keeps for a client: what waits there is old when it is read."""
 
-HEADERS = 16 * 1024
+MAX_HEADER_BYTES = 16 * 1024
 """Bytes of the headers of a request, at most."""
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class StudioAddress:
     """Where the studio is served. ``names`` are those by which it may be asked for, ``certificate`` and ``key`` PEM.
 
     It ends with the pipe ``leash``, if there is one.
@@ -181,7 +185,7 @@ class Place:
     certificate: Path | None = None
     key: Path | None = None
     record: bool = True
-    access: Access = field(default_factory=Access)
+    access: StudioAccess = field(default_factory=StudioAccess)
     leash: int | None = None
 
     @property
@@ -191,42 +195,42 @@ class Place:
 
     def link(self, token: str, port: int | None = None) -> str:
         """Return the link that signs in who opens it."""
-        host = own_address() if self.host in ("0.0.0.0", "::") else self.host  # noqa: S104 - who asks, for that
+        host = local_address() if self.host in ("0.0.0.0", "::") else self.host  # noqa: S104 - who asks, for that
         named = f"[{host}]" if ":" in host else host
         return f"{self.scheme}://{named}:{port or self.port}/?token={token}"
 
 
-class Guarded(H11Protocol):
+class TimedProtocol(H11Protocol):
     """A connection that is hung up on when it does not ask in time."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Begin."""
         super().connection_made(transport)
         self.app_state["visit"].transport = transport
-        self._watch()
+        self._start_timeout()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget it: of a flood, thousands would be kept until their time is over."""
-        self._limit.cancel()
+        self._timeout.cancel()
         super().connection_lost(exc)
 
     def on_response_complete(self) -> None:
         """Wait for the next request, for no longer than for the first."""
         self.scope = None  # type: ignore[assignment]
-        self._limit.cancel()
+        self._timeout.cancel()
         super().on_response_complete()
-        self._watch()
+        self._start_timeout()
 
-    def _watch(self) -> None:
-        self._limit = self.loop.call_later(REQUEST_TIME, self._look)
+    def _start_timeout(self) -> None:
+        self._timeout = self.loop.call_later(REQUEST_TIMEOUT, self._check_timeout)
 
-    def _look(self) -> None:
+    def _check_timeout(self) -> None:
         if getattr(self, "scope", None) is None and not self.transport.is_closing():
             self.transport.abort()
 
 
-class Server(uvicorn.Server):
-    """uvicorn's server, which a signal ends in good order, and no more. It accepts by ``Doors``."""
+class StudioServer(uvicorn.Server):
+    """uvicorn's server, which a signal ends in good order, and no more. It accepts by ``ConnectionAcceptor``."""
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Begin to accept."""
@@ -234,10 +238,10 @@ class Server(uvicorn.Server):
         if self.lifespan.should_exit:
             sys.exit(STARTUP_FAILURE)
 
-        def protocol(visit: Visit) -> asyncio.Protocol:
-            return Guarded(self.config, self.server_state, {**self.lifespan.state, "visit": visit})
+        def protocol(visit: ClientConnection) -> asyncio.Protocol:
+            return TimedProtocol(self.config, self.server_state, {**self.lifespan.state, "visit": visit})
 
-        doors: Any = Doors(protocol, self.config.ssl)
+        doors: Any = ConnectionAcceptor(protocol, self.config.ssl)
         for each in sockets or ():
             doors.open(each)
         self.servers = [doors]
@@ -260,30 +264,30 @@ class Server(uvicorn.Server):
         self.should_exit = True
 
 
-def listening(place: Place) -> socket.socket:
+def open_listener(address: StudioAddress) -> socket.socket:
     """Return the socket that it is served at. Raises OSError."""
-    family = socket.AF_INET6 if ":" in place.host else socket.AF_INET
+    family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
     found = socket.socket(family)
     try:
         found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        found.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
         found.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # else an answer behind a message waits for 40 ms
-        found.bind((place.host, place.port))
-        found.listen(BACKLOG)  # at once: two sockets that do not listen yet may have the same port
+        found.bind((address.host, address.port))
+        found.listen(MAX_PENDING_ACCEPTS)  # at once: two sockets that do not listen yet may have the same port
     except BaseException:
         found.close()
         raise
     return found
 
 
-def config_of(place: Place, make: Any) -> uvicorn.Config:
+def uvicorn_config(address: StudioAddress, make: Any) -> uvicorn.Config:
     """Return how uvicorn is to serve. Raises ssl.SSLError or OSError for a certificate that is none."""
-    app = application(make, place.access, hosts=place.names)
+    app = application(make, address.access, hosts=address.names)
     secure: dict[str, Any] = {}
-    if place.certificate is not None:
-        secure = {"ssl_certfile": place.certificate, "ssl_keyfile": place.key or place.certificate}
+    if address.certificate is not None:
+        secure = {"ssl_certfile": address.certificate, "ssl_keyfile": address.key or address.certificate}
         ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(
-            place.certificate, place.key or place.certificate
+            address.certificate, address.key or address.certificate
         )
     return uvicorn.Config(
         app,
@@ -291,10 +295,10 @@ def config_of(place: Place, make: Any) -> uvicorn.Config:
         ws="websockets-sansio",
         ws_max_size=MAX_REFUSED_BYTES,
         ws_max_queue=16,
-        ws_ping_interval=PING,
-        ws_ping_timeout=PING,
+        ws_ping_interval=PING_INTERVAL,
+        ws_ping_timeout=PING_INTERVAL,
         ws_per_message_deflate=False,
-        h11_max_incomplete_event_size=HEADERS,
+        h11_max_incomplete_event_size=MAX_HEADER_BYTES,
         proxy_headers=False,  # whoever says where a request comes from may lie
         server_header=False,
         access_log=False,  # the links have tokens in them
@@ -306,22 +310,24 @@ def config_of(place: Place, make: Any) -> uvicorn.Config:
     )
 
 
-def serve(place: Place, sockets: Sequence[socket.socket], begun: Any) -> list[int]:
+def serve(address: StudioAddress, sockets: Sequence[socket.socket], on_started: Any) -> list[int]:
     """Serve until a signal ends it; call ``begun`` once it does. Return the runs that were started and go on."""
-    launcher = Launcher(record=place.record)
-    reader = Reader()
-    server = Server(
-        config_of(place, lambda: Studio(Audit(state_folder() / "studio.log"), launcher, reader, place.access))
+    launcher = RunLauncher(record=address.record)
+    reader = FileReader()
+    server = StudioServer(
+        uvicorn_config(
+            address, lambda: Studio(AuditLog(state_folder() / "studio.log"), launcher, reader, address.access)
+        )
     )
 
     async def work() -> None:
         task = asyncio.create_task(server.serve(list(sockets)))
-        if place.leash is not None:
-            asyncio.get_running_loop().add_reader(place.leash, server.end)
+        if address.leash is not None:
+            asyncio.get_running_loop().add_reader(address.leash, server.end)
         while not server.started and not task.done():
             await asyncio.sleep(0.01)
         if server.started:
-            begun()
+            on_started()
         await task
 
     try:
@@ -331,7 +337,7 @@ def serve(place: Place, sockets: Sequence[socket.socket], begun: Any) -> list[in
     return launcher.running
 
 
-def own_address() -> str:
+def local_address() -> str:
     """Return the address by which others reach this computer; that of the loopback where there is no network."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asked:
         try:

@@ -20,67 +20,76 @@ from weakref import WeakKeyDictionary
 
 from config.defaults import config_folder
 from config.faults import InvalidFileError
-from config.fleet import FILE, load_fleet
-from config.library import shipped
-from missions.codec import encode_word
-from missions.control.commands import KEY, RULES, BadMessage, Command, Role, Stop, Tuned, Watch
-from missions.control.messages import VERSION, Runs, Welcome
+from config.fleet import FLEET_FILE, load_fleet
+from config.library import shipped_files
+from missions.codec import encode_tagged
+from missions.control.commands import (
+    CODEC_RULES,
+    COMMAND_KEY,
+    BadMessage,
+    ClientCommand,
+    ListTuningCommand,
+    Role,
+    StopCommand,
+    WatchCommand,
+)
+from missions.control.messages import PROTOCOL_VERSION, RunsMessage, WelcomeMessage
 from missions.library.people import PeopleError, proper_name
-from missions.plugins.fleet.line import Member
-from missions.plugins.fleet.operator import Operator, operating
-from missions.plugins.fleet.words import Address, Answer
-from missions.plugins.studio.access import Access
-from missions.plugins.studio.audit import UNTOLD, Audit
-from missions.plugins.studio.hub import Hub
-from missions.plugins.studio.queueing import Launcher
-from missions.plugins.studio.reader import Reader
-from missions.plugins.studio.watching import Hearer, Watching
+from missions.plugins.fleet.line import RosterEntry
+from missions.plugins.fleet.operator import Operator, connect_operator
+from missions.plugins.fleet.words import Address, FleetAnswer
+from missions.plugins.studio.access import StudioAccess
+from missions.plugins.studio.audit import UNLOGGED_COMMANDS, AuditLog
+from missions.plugins.studio.hub import RunHub
+from missions.plugins.studio.queueing import RunLauncher
+from missions.plugins.studio.reader import FileReader
+from missions.plugins.studio.watching import FeedClient, RunFeed
 from missions.plugins.studio.wishes import (
     AddPerson,
     ApproveTask,
-    Fleet,
+    FleetQuery,
     KeepTuning,
     ReleaseFleet,
-    Revoke,
+    RevokeLinks,
     ShowPerson,
-    Start,
+    StartRun,
     StopFleet,
 )
 from missions.plugins.tasks.task import TaskError
 
 # Letting the robot know somebody from what the camera of a run sees: by `mission person add`, and by its rules.
 
-COUNT = 6
+PERSON_PICTURE_COUNT = 6
 """Pictures that are taken."""
 
-EVERY = 0.8
+PERSON_PICTURE_INTERVAL = 0.8
 """Seconds from one to the next: time to turn one's head a little."""
 
-PATIENCE = 30.0
+PERSON_TIMEOUT = 30.0
 """Seconds that the pictures may take, and as many that `mission person add` may."""
 
 
 async def add_person(
-    command: AddPerson, shown: Sequence[bytes], watching: Watching | None = None, robot: str = ""
+    command: AddPerson, sent_pictures: Sequence[bytes], feed: RunFeed | None = None, robot: str = ""
 ) -> Mapping[str, object]:
     """Answer `add_person`: with the people of the ``robot``, where it is one of the library, else the user's."""
     try:
         proper_name(command.name)  # what cannot be one is said before anybody poses
     except PeopleError as error:
         raise BadMessage("no_person", str(error), error.hint) from error
-    pictures = shown if watching is None else await _pictures(watching)
+    pictures = sent_pictures if feed is None else await _take_pictures(feed)
     if not pictures:
         raise BadMessage("no_person", "nobody was added: no picture was handed over", "show_person")
     with TemporaryDirectory(prefix="person-") as folder:
         files = [Path(folder, f"{number}.jpg") for number in range(1, len(pictures) + 1)]
         for file, picture in zip(files, pictures, strict=True):
             file.write_bytes(picture)
-        words = ["--robot", robot] if robot in shipped("robots") else []
-        said = await asyncio.to_thread(_add, *words, "--", command.name, *map(str, files))
+        words = ["--robot", robot] if robot in shipped_files("robots") else []
+        said = await asyncio.to_thread(_run_person_add, *words, "--", command.name, *map(str, files))
     return {"message": said}
 
 
-def picture_in(command: ShowPerson) -> bytes:
+def decode_picture(command: ShowPerson) -> bytes:
     """Return the picture that somebody hands over. Raises BadMessage; what is in it `mission person add` finds out."""
     try:
         return base64.b64decode(command.jpeg, validate=True)
@@ -88,38 +97,38 @@ def picture_in(command: ShowPerson) -> bytes:
         raise BadMessage("bad_field", f"'jpeg' is no base64: {error}") from error
 
 
-async def _pictures(watching: Watching) -> list[bytes]:
+async def _take_pictures(watching: RunFeed) -> list[bytes]:
     """Take pictures of who stands before the camera of a run. Raises BadMessage where it shows none."""
-    hearer, taken, last = Hearer(watching), list[bytes](), -EVERY
+    hearer, taken, last = FeedClient(watching), list[bytes](), -PERSON_PICTURE_INTERVAL
     try:
-        async with asyncio.timeout(PATIENCE):
-            await watching.watch(hearer, Watch(state=False, pictures=1 / EVERY))
+        async with asyncio.timeout(PERSON_TIMEOUT):
+            await watching.watch(hearer, WatchCommand(state=False, pictures=1 / PERSON_PICTURE_INTERVAL))
             async for line in hearer.lines():
                 told = json.loads(line)
                 if told["say"] != "picture":
                     continue
-                watching.seen(hearer, told["t"])
-                if told["t"] - last < EVERY:
+                watching.on_seen(hearer, told["t"])
+                if told["t"] - last < PERSON_PICTURE_INTERVAL:
                     continue
                 last = told["t"]
                 taken.append(base64.b64decode(told["jpeg"]))
-                if len(taken) == COUNT:
+                if len(taken) == PERSON_PICTURE_COUNT:
                     return taken
     except TimeoutError:
         pass
     finally:
         watching.leave(hearer)
-    why = f"the camera of run {watching.run} has shown {len(taken)} pictures, and it takes {COUNT}"
+    why = f"the camera of run {watching.run} has shown {len(taken)} pictures, and it takes {PERSON_PICTURE_COUNT}"
     raise BadMessage(
         "no_person", f"nobody was added: {why}", "a mission that uses the camera, such as by_hand/drive_and_look"
     )
 
 
-def _add(*words: str) -> str:
+def _run_person_add(*words: str) -> str:
     """Run `mission person add`, and return what it says. Raises BadMessage with its own words where it refuses."""
     done = subprocess.run(  # noqa: S603 - ourselves
         [sys.executable, "-m", "missions", "person", "add", *words],
-        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PATIENCE, check=False,
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PERSON_TIMEOUT, check=False,
     )  # fmt: skip
     if done.returncode:
         raise BadMessage("no_person", done.stderr.strip()[-4000:] or f"it ended with exit code {done.returncode}")
@@ -133,117 +142,123 @@ T = TypeVar("T")
 Json = Mapping[str, object]
 
 
-class FleetDesk:
+class FleetConnection:
     """Somebody at the fleet of ``fleet.yaml``, from the first time that anybody asks until it is closed.
 
     Without that file there is no fleet: a studio joins none unasked.
     """
 
     def __init__(self) -> None:
-        self._closed, self._lock = ExitStack(), Lock()
+        self._exit_stack, self._lock = ExitStack(), Lock()
         self._operator: Operator | None = None
-        self._closings = 0
-        self._met = False
+        self._close_count = 0
+        self._has_discovered = False
 
-    async def do(self, command: Command, by: str) -> Json:
+    async def run_command(self, command: ClientCommand, by: str) -> Json:
         """Do what is asked of the fleet. Raises BadMessage("no_fleet")."""
         match command:
-            case Fleet():
-                return await self._there(self._list)
+            case FleetQuery():
+                return await self._run_in_thread(self._list)
             case StopFleet():
-                return await self._there(lambda operator: _stopped(*operator.stop(by)))
+                return await self._run_in_thread(lambda operator: _stop_json(*operator.stop(by)))
             case ReleaseFleet():
                 names = [command.robot] if command.robot else []
-                return await self._there(lambda operator: _answers(operator.release(names, by, resume=command.resume)))
+                return await self._run_in_thread(
+                    lambda operator: _answers_json(operator.release(names, by, resume=command.resume))
+                )
         raise BadMessage("unknown_command", f"a fleet does not know '{command.word}'")
 
-    async def _there(self, work: Callable[[Operator], T]) -> T:
+    async def _run_in_thread(self, work: Callable[[Operator], T]) -> T:
         try:
-            return await asyncio.to_thread(lambda: work(self._at()))
+            return await asyncio.to_thread(lambda: work(self._open_operator()))
         except (TaskError, InvalidFileError) as error:
             raise BadMessage("no_fleet", str(error)[:2000], str(getattr(error, "hint", ""))[:500]) from error
 
-    def _at(self) -> Operator:
+    def _open_operator(self) -> Operator:
         """Return who is at the fleet. Opening a session may take its time: nobody waits for another's."""
         with self._lock:
             if self._operator is not None:
                 return self._operator
-            closings = self._closings
-        if not (config_folder() / FILE).is_file():
-            hint = f"echo 'fleet: home' > {config_folder() / FILE}"
-            raise TaskError(f"there is no {FILE}, which says in which fleet this computer is", hint=hint)
+            closings = self._close_count
+        if not (config_folder() / FLEET_FILE).is_file():
+            hint = f"echo 'fleet: home' > {config_folder() / FLEET_FILE}"
+            raise TaskError(f"there is no {FLEET_FILE}, which says in which fleet this computer is", hint=hint)
         with ExitStack() as opened:
-            operator = opened.enter_context(operating(load_fleet()))
+            operator = opened.enter_context(connect_operator(load_fleet()))
             with self._lock:
-                if self._closings != closings:
+                if self._close_count != closings:
                     raise TaskError("the studio has left the fleet")
                 if self._operator is None:  # else another was quicker, and this session is closed again
-                    self._operator, self._closed = operator, opened.pop_all()
+                    self._operator, self._exit_stack = operator, opened.pop_all()
                 return self._operator
 
     def _list(self, operator: Operator) -> Json:
         """Say who is there; waits for that, the first time, while others may stop the fleet."""
-        met, self._met = self._met, True
+        met, self._has_discovered = self._has_discovered, True
         if not met:
-            operator.meet()
-        return _listed(operator)
+            operator.discover()
+        return _fleet_json(operator)
 
     def close(self) -> None:
         """Leave the fleet."""
         with self._lock:
-            self._operator, self._met = None, False
-            self._closings += 1
-            closed, self._closed = self._closed, ExitStack()
+            self._operator, self._has_discovered = None, False
+            self._close_count += 1
+            closed, self._exit_stack = self._exit_stack, ExitStack()
         closed.close()
 
 
-def _listed(operator: Operator) -> Json:
+def _fleet_json(operator: Operator) -> Json:
     members = sorted(operator.members().values(), key=lambda each: each.address)
-    return {"fleet": operator.fleet.fleet, "robots": [_robot(each) for each in members], "missing": operator.missing()}
+    return {
+        "fleet": operator.fleet.fleet,
+        "robots": [_robot_json(each) for each in members],
+        "missing": operator.missing_robots(),
+    }
 
 
-def _robot(member: Member) -> Json:
+def _robot_json(member: RosterEntry) -> Json:
     told = {} if member.state is None else asdict(member.state)
     return {"name": member.address.name, "number": member.address.number, "connection": member.connection, **told} | (
         {"number": member.address.number}
     )
 
 
-def _stopped(answers: Mapping[Address, Answer], silent: list[str]) -> Json:
-    return {**_answers(answers), "silent": silent}
+def _stop_json(answers: Mapping[Address, FleetAnswer], silent: list[str]) -> Json:
+    return {**_answers_json(answers), "silent": silent}
 
 
-def _answers(answers: Mapping[Address, Answer]) -> Json:
-    return {"answers": {str(address): {"ok": answer.ok, "why": answer.why} for address, answer in answers.items()}}
+def _answers_json(answers: Mapping[Address, FleetAnswer]) -> Json:
+    return {"answers": {str(address): {"ok": answer.ok, "why": answer.reason} for address, answer in answers.items()}}
 
 
-PAGE = Path(__file__).with_name("page")
+PAGE_FOLDER = Path(__file__).with_name("page")
 """The folder of the page: what is in it is served, and nothing else."""
 
 
-MOST_PRESSES = 256
+MAX_KEPT_PRESSES = 256
 """Presses of STOP that are remembered: each is written into the log once, by however many ways it comes."""
 
 
-class Client(Protocol):
+class StudioClient(Protocol):
     """Who is connected, and what the others see of that."""
 
     name: str
 
-    def tell(self, runs: Runs) -> None:
+    def send_runs(self, runs: RunsMessage) -> None:
         """Send what runs there are, as soon as that is possible; returns at once. Only the newest counts."""
         ...
 
-    def shut_out(self) -> None:
+    def disconnect(self) -> None:
         """Hear nothing of this client any more, and let go of what it drives; returns at once."""
         ...
 
 
 @cache
-def edition() -> str:
+def page_edition() -> str:
     """Return what tells this page from those of other releases."""
     digest = hashlib.sha256()
-    for path in sorted(PAGE.glob("*")):
+    for path in sorted(PAGE_FOLDER.glob("*")):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:16]
 
@@ -254,28 +269,32 @@ class Studio:
     ``fleet`` is at the fleet of this computer.
     """
 
-    def __init__(self, audit: Audit, launcher: Launcher, reader: Reader, access: Access) -> None:
+    def __init__(self, audit: AuditLog, launcher: RunLauncher, reader: FileReader, access: StudioAccess) -> None:
         self.audit, self._reader, self.access = audit, reader, access
-        self.hub = Hub(self._tell_runs)
+        self.hub = RunHub(self._send_runs)
         self._launcher = launcher
-        self.fleet = FleetDesk()
-        self._clients: set[Client] = set()
-        self._shown: WeakKeyDictionary[Client, deque[bytes]] = WeakKeyDictionary()  # pictures of somebody
-        self._names = 0
-        self._presses: deque[str] = deque(maxlen=MOST_PRESSES)
-        self.versions = {edition(), str(VERSION)}
+        self.fleet = FleetConnection()
+        self._clients: set[StudioClient] = set()
+        self._person_pictures: WeakKeyDictionary[StudioClient, deque[bytes]] = (
+            WeakKeyDictionary()
+        )  # pictures of somebody
+        self._name_count = 0
+        self._presses: deque[str] = deque(maxlen=MAX_KEPT_PRESSES)
+        self.versions = {page_edition(), str(PROTOCOL_VERSION)}
 
-    def name(self, role: Role) -> str:
+    def next_client_name(self, role: Role) -> str:
         """Return what a new client is called."""
-        self._names += 1
-        return f"{role} {self._names}"
+        self._name_count += 1
+        return f"{role} {self._name_count}"
 
-    def welcome(self, role: Role, name: str) -> Welcome:
+    def welcome(self, role: Role, name: str) -> WelcomeMessage:
         """Return what a client hears first."""
-        return Welcome(version=VERSION, page=edition(), role=role, name=name, release=version("missiontree"))
+        return WelcomeMessage(
+            version=PROTOCOL_VERSION, page=page_edition(), role=role, name=name, release=version("missiontree")
+        )
 
     @contextmanager
-    def joined(self, client: Client) -> Iterator[None]:
+    def register(self, client: StudioClient) -> Iterator[None]:
         """Tell a client of the runs while this is entered."""
         self._clients.add(client)
         try:
@@ -284,7 +303,7 @@ class Studio:
             self._clients.discard(client)
 
     @property
-    def count(self) -> int:
+    def client_count(self) -> int:
         """How many clients are connected."""
         return len(self._clients)
 
@@ -294,44 +313,44 @@ class Studio:
             self._launcher.stop()
         return await self.hub.stop(run, by, press)
 
-    def tell(self, by: Client, role: Role, command: Command, outcome: str) -> None:
+    def log_command(self, client: StudioClient, role: Role, command: ClientCommand, outcome: str) -> None:
         """Write into the log who has commanded what, and what came of it."""
-        if command.word in UNTOLD or (isinstance(command, Stop) and command.press in self._presses):
+        if command.word in UNLOGGED_COMMANDS or (isinstance(command, StopCommand) and command.press in self._presses):
             return
-        if isinstance(command, Stop) and command.press:
+        if isinstance(command, StopCommand) and command.press:
             self._presses.append(command.press)
-        told = encode_word(command, KEY, RULES).items()
+        told = encode_tagged(command, COMMAND_KEY, CODEC_RULES).items()
         about = {name: value for name, value in told if name not in ("id", "by", "press") and value != ""}
-        self.audit.tell(by.name, role, about, outcome)
+        self.audit.write(client.name, role, about, outcome)
 
-    async def do(self, command: Command, by: Client) -> Mapping[str, object]:
+    async def run_command(self, command: ClientCommand, client: StudioClient) -> Mapping[str, object]:
         """Do a command that no run answers. Raises BadMessage with the name of what went wrong."""
-        if isinstance(command, Revoke):
-            return self._revoke(by)
-        if isinstance(command, Start):
+        if isinstance(command, RevokeLinks):
+            return self._revoke(client)
+        if isinstance(command, StartRun):
             stops = self._launcher.stops
             await self._reader.check(command)
             begun = await self._launcher.start(command, stops)
-            await self.hub.look()
+            await self.hub.search()
             return begun
         if isinstance(command, ShowPerson):
-            self._shown.setdefault(by, deque(maxlen=COUNT)).append(picture_in(command))
+            self._person_pictures.setdefault(client, deque(maxlen=PERSON_PICTURE_COUNT)).append(decode_picture(command))
             return {}
         if isinstance(command, AddPerson):
-            shown = self._shown.pop(by, ())
+            shown = self._person_pictures.pop(client, ())
             if not command.run:
                 return await add_person(command, [*shown])
-            about = self.hub.known(command.run)
-            return await add_person(command, (), self.hub.watching(command.run), str(about["robot"]))
+            about = self.hub.about_run(command.run)
+            return await add_person(command, (), self.hub.feed_of(command.run), str(about["robot"]))
         if isinstance(command, KeepTuning):
-            return await self._reader.keep(await self.hub.ask(command.run, {KEY: Tuned.word}))
-        if isinstance(command, Fleet | StopFleet | ReleaseFleet):
-            return await self.fleet.do(command, f"{by.name} of a studio")
+            return await self._reader.keep(await self.hub.ask(command.run, {COMMAND_KEY: ListTuningCommand.word}))
+        if isinstance(command, FleetQuery | StopFleet | ReleaseFleet):
+            return await self.fleet.run_command(command, f"{client.name} of a studio")
         if isinstance(command, ApproveTask):
-            command = replace(command, by=by.name)
+            command = replace(command, by=client.name)
         return await self._reader.do(command)
 
-    def _revoke(self, by: Client) -> Mapping[str, object]:
+    def _revoke(self, by: StudioClient) -> Mapping[str, object]:
         """Make both tokens anew, and shut all out but who asks. Raises BadMessage where the kept ones stay."""
         try:
             self.access.renew()
@@ -340,18 +359,18 @@ class Studio:
             raise BadMessage("bad_file", why, "delete their file before the studio is started again") from error
         finally:
             for client in self._clients - {by}:
-                client.shut_out()
+                client.disconnect()
         return {"operator": self.access.operator, "viewer": self.access.viewer}
 
     async def report(self, name: str) -> str:
         """Return the report of a record, as a page. Raises BadMessage for one that cannot be read."""
         return await self._reader.report(name)
 
-    async def last_words(self, run: str) -> str:
+    async def last_output(self, run: str) -> str:
         """Return the last that a run said which was started here and has ended; nothing of another one."""
-        return await self._launcher.last_words(run)
+        return await self._launcher.last_output(run)
 
-    def _tell_runs(self) -> None:
-        told = Runs(runs=self.hub.runs())
+    def _send_runs(self) -> None:
+        told = RunsMessage(runs=self.hub.runs())
         for client in self._clients:
-            client.tell(told)
+            client.send_runs(told)

@@ -11,12 +11,12 @@ from typing import Any, Self
 from config.reading import parse_object
 from drivers.clock import Clock, SystemClock
 from missions.control import sockets
-from missions.control.audience import NOTHING, Waiting
-from missions.control.commands import BadMessage, Watch
-from missions.control.messages import Over, as_json, line_of
+from missions.control.audience import WATCH_NOTHING, ClientQueue
+from missions.control.commands import BadMessage, WatchCommand
+from missions.control.messages import RunOverMessage, encode_json, encode_message
 from missions.control.processes import ProcessIdentity, identity_of
-from missions.control.searching import Found, addresses_of
-from missions.control.sockets import LARGEST, PATIENCE
+from missions.control.searching import FoundProcess, addresses_of
+from missions.control.sockets import MAX_MESSAGE_BYTES, REPLY_TIMEOUT
 from missions.control.stopping import STOP_TRIES
 
 # The studio's connection to a run's control socket: commands go in, and each message is passed on as it comes.
@@ -25,16 +25,16 @@ OnLine = Callable[[bytes], Awaitable[None]]
 """Gets each line of a run; while it waits, the run keeps the rest, and makes one of it."""
 
 
-async def ignore(line: bytes) -> None:
+async def ignore_line(line: bytes) -> None:
     """Do nothing with a line."""
     del line
 
 
-def nothing() -> None:
+def ignore_end() -> None:
     """Do nothing about an end."""
 
 
-class Link:
+class AsyncRunLink:
     """A connection to a run. Made by ``open``; ``about`` is the run's first message. ``closed`` once it has gone.
 
     ``on_closed`` is called then, unless it was by ``close``, after the last line.
@@ -49,27 +49,27 @@ class Link:
     ) -> None:
         self._reader, self._writer, self.on_line, self._on_closed = reader, writer, on_line, on_closed
         self.about: Mapping[str, Any] = {}
-        self.process, self.uid = sockets.peer_of(writer.get_extra_info("socket"))
+        self.process, self.uid = sockets.peer_credentials(writer.get_extra_info("socket"))
         self.where: sockets.Address = ""
         self.identity: ProcessIdentity | None = None
         self.closed = asyncio.Event()
         self.stopping = asyncio.Lock()
         self._numbers = itertools.count(-1, -1)  # below all that clients give
-        self._asked: dict[int, asyncio.Future[Mapping[str, Any]]] = {}
+        self._pending: dict[int, asyncio.Future[Mapping[str, Any]]] = {}
         self._task: asyncio.Task[None] | None = None
 
     @classmethod
     async def open(
-        cls, where: sockets.Address, on_line: OnLine = ignore, on_closed: Callable[[], None] = nothing
+        cls, where: sockets.Address, on_line: OnLine = ignore_line, on_closed: Callable[[], None] = ignore_end
     ) -> Self:
         """Connect to the run at ``where``. Raises OSError; TimeoutError where it does not answer."""
         plain = await asyncio.to_thread(sockets.connect, where)
         plain.setblocking(False)
-        reader, writer = await asyncio.open_unix_connection(sock=plain, limit=LARGEST)
+        reader, writer = await asyncio.open_unix_connection(sock=plain, limit=MAX_MESSAGE_BYTES)
         link = cls(reader, writer, on_line, on_closed)
         try:
             link.where, link.identity = where, identity_of(link.process)
-            async with asyncio.timeout(PATIENCE):
+            async with asyncio.timeout(REPLY_TIMEOUT):
                 link.about = parse_object(await reader.readline() or b"{}")
         except BaseException:
             writer.close()
@@ -77,7 +77,9 @@ class Link:
         link._task = asyncio.create_task(link._read())
         return link
 
-    async def again(self, on_line: OnLine = ignore, on_closed: Callable[[], None] = nothing) -> "Link":
+    async def open_another(
+        self, on_line: OnLine = ignore_line, on_closed: Callable[[], None] = ignore_end
+    ) -> "AsyncRunLink":
         """Return another connection to the same run, also at an address that it has since. Raises OSError, ValueError.
 
         A run of the same name, in another container, is refused.
@@ -86,7 +88,7 @@ class Link:
         error: OSError = ConnectionRefusedError(f"run {run} has no control socket")
         for where in dict.fromkeys([self.where, *await asyncio.to_thread(addresses_of, run)]):
             try:
-                link = await Link.open(where, on_line, on_closed)
+                link = await AsyncRunLink.open(where, on_line, on_closed)
             except OSError as found:
                 error = found
                 continue
@@ -101,26 +103,26 @@ class Link:
         members = "run", "pid", "began", "mission", "robot", "simulated"
         return self.identity, *(self.about.get(name) for name in members)
 
-    def is_to(self, found: Found) -> bool:
+    def is_connected_to(self, found: FoundProcess) -> bool:
         """Return whether this is a connection to what a search has found, also from outside of its container."""
-        is_known = self.identity is not None and self.identity in (found.identity, found.visible)
+        is_known = self.identity is not None and self.identity in (found.identity, found.local_identity)
         return is_known or self.where in found.addresses
 
     def send(self, command: Mapping[str, object]) -> None:
         """Send a command; its answer comes as a line."""
         self._writer.write(json.dumps(command).encode() + b"\n")
 
-    async def ask(self, command: Mapping[str, object], patience: float = PATIENCE) -> Mapping[str, Any]:
+    async def request(self, command: Mapping[str, object], timeout: float = REPLY_TIMEOUT) -> Mapping[str, Any]:
         """Send a command and return its answer. Raises TimeoutError, ConnectionError."""
         number = next(self._numbers)
-        future = self._asked[number] = asyncio.get_running_loop().create_future()
+        future = self._pending[number] = asyncio.get_running_loop().create_future()
         try:
             self.send({**command, "id": number})
-            async with asyncio.timeout(patience):
+            async with asyncio.timeout(timeout):
                 answer: Mapping[str, Any] = await future
                 return answer
         finally:
-            del self._asked[number]
+            del self._pending[number]
 
     @property
     def unread(self) -> int:
@@ -131,7 +133,7 @@ class Link:
         """Stop the run; end it by a signal if it does not answer. Return its result, with `trouble` if in doubt."""
         for _ in range(STOP_TRIES):
             try:
-                answer = await self.ask({"do": "stop", "by": by, "press": press})
+                answer = await self.request({"do": "stop", "by": by, "press": press})
             except TimeoutError:
                 try:
                     self.terminate()
@@ -149,7 +151,7 @@ class Link:
     def has_ended(self) -> bool:
         """Return whether the process at the other end has ended, as far as that is known."""
         try:
-            return self.identity is not None and not self.identity.lives()
+            return self.identity is not None and not self.identity.is_alive()
         except OSError:
             return False
 
@@ -172,9 +174,9 @@ class Link:
     async def _read(self) -> None:
         try:
             while line := await self._reader.readline():
-                if self._asked and line.startswith(b'{"say":"answer","id":-'):
+                if self._pending and line.startswith(b'{"say":"answer","id":-'):
                     answer = parse_object(line)
-                    future = self._asked.get(answer["id"])
+                    future = self._pending.get(answer["id"])
                     if future is not None and not future.done():
                         future.set_result(answer)
                 else:
@@ -183,95 +185,99 @@ class Link:
             pass
         finally:
             self._writer.close()
-            self.on_line = ignore  # a callback that keeps this link would keep it, and its owner, until a collection
+            self.on_line = (
+                ignore_line  # a callback that keeps this link would keep it, and its owner, until a collection
+            )
             self.closed.set()
-            for future in self._asked.values():
+            for future in self._pending.values():
                 if not future.done():
                     future.set_exception(ConnectionError("the run has gone"))
         self._on_closed()
 
 
-PICTURE = re.compile(rb'\{"say":"picture","run":"[^"]*","t":(-?[\d.e+-]+)')
+PICTURE_PATTERN = re.compile(rb'\{"say":"picture","run":"[^"]*","t":(-?[\d.e+-]+)')
 """How a picture begins, which has its time in it: the rest is passed on as it is."""
 
-Connect = Callable[[OnLine, Callable[[], None]], Awaitable[Link]]
+Connect = Callable[[OnLine, Callable[[], None]], Awaitable[AsyncRunLink]]
 """Connects to a run; takes a callback for its lines, and one for its end. Raises OSError, ValueError."""
 
-SCENE_TIME = 10.0
+SCENE_TIMEOUT = 10.0
 """Seconds that a run has to tell all that is so."""
 
 
-class Hearer(Waiting):
-    """A client of the studio who is ``watching`` a run, until it is over for this one."""
+class FeedClient(ClientQueue):
+    """A client of the studio who is ``feed`` a run, until it is over for this one."""
 
-    def __init__(self, watching: "Watching") -> None:
-        super().__init__(watching.run, watching.encoded)
-        self.watching = watching
-        self.over = False
-        self._more = asyncio.Event()
+    def __init__(self, feed: "RunFeed") -> None:
+        super().__init__(feed.run, feed.encode_state)
+        self.feed = feed
+        self.is_over = False
+        self._has_more = asyncio.Event()
 
     def flush(self) -> None:
         """Have it sent when the client takes it."""
-        self._more.set()
+        self._has_more.set()
 
     def end(self) -> None:
         """Nothing more comes."""
-        self.over = True
-        self._more.set()
+        self.is_over = True
+        self._has_more.set()
 
     async def lines(self) -> AsyncIterator[bytes]:
         """Yield what is to be sent, as it comes, to the end."""
         while not self._has_ended():
-            await self._more.wait()
-            self._more.clear()
-            while (line := self.next()) is not None:
+            await self._has_more.wait()
+            self._has_more.clear()
+            while (line := self.next_line()) is not None:
                 yield line
 
     def _has_ended(self) -> bool:
-        return self.over or self.gone
+        return self.is_over or self.is_disconnected
 
 
-class Watching:
+class RunFeed:
     """What clients of the studio watch of a ``run``, over one connection, which is there while somebody watches."""
 
     def __init__(self, run: str, connect: Connect, clock: Clock | None = None) -> None:
         self.run, self._connect, self._clock = run, connect, clock or SystemClock()
-        self._link: Link | None = None
-        self._hearers: list[Hearer] = []
-        self._asking = asyncio.Lock()
-        self._asked = NOTHING
-        self._next: tuple[Hearer, Watch] | None = None  # for whom the next scene is
+        self._link: AsyncRunLink | None = None
+        self._clients: list[FeedClient] = []
+        self._request_lock = asyncio.Lock()
+        self._requested = WATCH_NOTHING
+        self._next_scene: tuple[FeedClient, WatchCommand] | None = None  # for whom the next scene is
         self._line: tuple[object, bytes] = (None, b"")
         self._picture: tuple[float, bytes] | None = None
-        self._over = False
+        self._is_over = False
         self._tasks: set[asyncio.Task[None]] = set()
 
-    def encoded(self, state: Mapping[str, object]) -> bytes:
+    def encode_state(self, state: Mapping[str, object]) -> bytes:
         """Return a state as a line: as it came, where it is told as it came."""
-        return self._line[1] if self._line[0] is state else as_json(state)
+        return self._line[1] if self._line[0] is state else encode_json(state)
 
-    async def watch(self, hearer: Hearer, command: Watch) -> None:
+    async def watch(self, client: FeedClient, command: WatchCommand) -> None:
         """Let a client watch so from now on, beginning with a scene. Raises BadMessage."""
-        async with self._asking:
-            self._next = hearer, command
+        async with self._request_lock:
+            self._next_scene = client, command
             try:
                 if self._link is None:
-                    self._link = await self._connect(self._hear, self._closed)
-                    self._over = False
-                await self._ask(self._link, [*(each.watch for each in self._hearers if each is not hearer), command])
+                    self._link = await self._connect(self._on_line, self._on_closed)
+                    self._is_over = False
+                await self._request(
+                    self._link, [*(each.watch for each in self._clients if each is not client), command]
+                )
             except (OSError, ValueError) as error:  # a TimeoutError is an OSError, and a ConnectionError
                 raise BadMessage("no_answer", f"run {self.run} does not answer: {error}") from error
             finally:
-                self._next = None
+                self._next_scene = None
 
-    def leave(self, hearer: Hearer) -> None:
+    def leave(self, client: FeedClient) -> None:
         """A client watches no more, or has gone; returns at once."""
-        hearer.end()
-        if hearer in self._hearers:
-            self._hearers.remove(hearer)
+        client.end()
+        if client in self._clients:
+            self._clients.remove(client)
             if self._picture is not None:
                 self._acknowledge(self._picture[0])  # it may have been the one that was to do so
-            task = asyncio.ensure_future(self._ask_for_less())
+            task = asyncio.ensure_future(self._reduce_request())
             self._tasks.add(task)
             task.add_done_callback(self._tasks.discard)
 
@@ -281,87 +287,91 @@ class Watching:
             link, self._link, self._picture = self._link, None, None
             await link.close()
 
-    def seen(self, hearer: Hearer, stamp: float) -> None:
+    def on_seen(self, client: FeedClient, stamp: float) -> None:
         """A client has shown a picture: the run may send another one, and this client get the newest."""
-        hearer.seen(stamp)
+        client.on_picture_shown(stamp)
         self._acknowledge(stamp)
         if self._picture is not None:
-            self._offer(hearer, *self._picture)
+            self._offer_picture(client, *self._picture)
 
-    async def _ask_for_less(self) -> None:
-        async with self._asking:
-            watches = [each.watch for each in self._hearers]
+    async def _reduce_request(self) -> None:
+        async with self._request_lock:
+            watches = [each.watch for each in self._clients]
             if not watches:
                 await self.close()
-            elif self._link is not None and together(watches) != self._asked:
+            elif self._link is not None and merge_watches(watches) != self._requested:
                 with suppress(OSError):
-                    await self._ask(self._link, watches)
+                    await self._request(self._link, watches)
 
-    async def _ask(self, link: Link, watches: Sequence[Watch]) -> None:
+    async def _request(self, link: AsyncRunLink, watches: Sequence[WatchCommand]) -> None:
         """Ask the run for what all together watch. A scene comes first, which is for the next one, if there is one."""
-        self._asked = together(watches)
-        members = {name: getattr(self._asked, name) for name in ("state", "events", "pictures")}
-        await link.ask({"do": "watch", **members}, SCENE_TIME)
+        self._requested = merge_watches(watches)
+        members = {name: getattr(self._requested, name) for name in ("state", "events", "pictures")}
+        await link.request({"do": "watch", **members}, SCENE_TIMEOUT)
 
     def _acknowledge(self, stamp: float) -> None:
         if self._link is not None:
             self._link.send({"do": "seen", "t": stamp})
 
-    def _offer(self, hearer: Hearer, stamp: float, line: bytes) -> bool:
+    def _offer_picture(self, client: FeedClient, stamp: float, line: bytes) -> bool:
         """Give a client a picture, if it is to get one; say whether it does."""
-        wants = hearer.wants_picture(self._clock.now())
+        wants = client.is_picture_due(self._clock.read_value())
         if wants:
-            hearer.picture(line, stamp, self._clock.now())
+            client.add_picture(line, stamp, self._clock.read_value())
         return wants
 
-    async def _hear(self, line: bytes) -> None:
+    async def _on_line(self, line: bytes) -> None:
         """Pass on each line of the run to the clients that it concerns."""
-        line = self._renamed(line)
-        if found := PICTURE.match(line):
+        line = self._rename_run(line)
+        if found := PICTURE_PATTERN.match(line):
             self._picture = float(found[1]), line
-            if not [each for each in self._hearers if self._offer(each, *self._picture)]:
+            if not [each for each in self._clients if self._offer_picture(each, *self._picture)]:
                 self._acknowledge(self._picture[0])
         elif line.startswith(b'{"say":"state"'):
             state = parse_object(line)
             self._line = state, line
-            for each in self._hearers:
-                each.news(state)
+            for each in self._clients:
+                each.add_state(state)
         elif line.startswith(b'{"say":"events"'):
             told = parse_object(line)
-            for each in self._hearers:
-                each.events(told["events"], told.get("lost", 0))
-        elif line.startswith(b'{"say":"scene"') and self._next is not None:
-            hearer, command = self._next
-            if hearer not in self._hearers and not hearer.over:
-                self._hearers.append(hearer)
-            hearer.begin(command, line)
+            for each in self._clients:
+                each.add_events(told["events"], told.get("lost", 0))
+        elif line.startswith(b'{"say":"scene"') and self._next_scene is not None:
+            hearer, command = self._next_scene
+            if hearer not in self._clients and not hearer.is_over:
+                self._clients.append(hearer)
+            hearer.start_watch(command, line)
         elif line.startswith(b'{"say":"over"'):
             self._end(line)
 
-    def _renamed(self, line: bytes) -> bytes:
+    def _rename_run(self, line: bytes) -> bytes:
         """Return a line with the studio's name of the run, which is not its own where two runs have the same."""
         own = "" if self._link is None else str(self._link.about.get("run", self.run))
         if own in ("", self.run):
             return line
-        return line.replace(b'"run":' + as_json(own), b'"run":' + as_json(self.run), 1)
+        return line.replace(b'"run":' + encode_json(own), b'"run":' + encode_json(self.run), 1)
 
     def _end(self, line: bytes) -> None:
-        self._over = True
-        for each in self._hearers:
-            each.say(line)
+        self._is_over = True
+        for each in self._clients:
+            each.send_first(line)
 
-    def _closed(self) -> None:
+    def _on_closed(self) -> None:
         """The run has gone: one that could not say so itself is over all the same."""
-        if not self._over:
-            self._end(line_of(Over(run=self.run, result="", reason="the run has gone without a word", seconds=0.0)))
+        if not self._is_over:
+            self._end(
+                encode_message(
+                    RunOverMessage(run=self.run, result="", reason="the run has gone without a word", seconds=0.0)
+                )
+            )
         self._link = self._picture = None
-        while self._hearers:
-            self._hearers.pop().end()
+        while self._clients:
+            self._clients.pop().end()
 
 
-def together(watches: Sequence[Watch]) -> Watch:
+def merge_watches(watches: Sequence[WatchCommand]) -> WatchCommand:
     """Return what comes of several watches."""
-    return Watch(
+    return WatchCommand(
         state=any(each.state for each in watches),
         events=any(each.events for each in watches),
         pictures=max(each.pictures for each in watches),

@@ -6,14 +6,14 @@ from typing import Annotated, ClassVar, Literal
 
 from drivers.api.quick import dataclass
 from missions.codec import Bound, object_schema
-from missions.control.commands import KEY, RULES, RUN_COMMANDS, Command, Role
-from missions.control.messages import MESSAGES, SAY, VERSION
+from missions.control.commands import CODEC_RULES, COMMAND_KEY, RUN_COMMANDS, ClientCommand, Role
+from missions.control.messages import MESSAGE_KEY, MESSAGES, PROTOCOL_VERSION
 from missions.options import options_of
 from missions.request import RunRequest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Hello(Command):
+class Hello(ClientCommand):
     """The first command of a connection; again, it is a ping. A page of another version is told to reload."""
 
     word: ClassVar[str] = "hello"
@@ -26,7 +26,7 @@ RUN_OPTIONS = {each.name: each for each in options_of(RunRequest)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Library(Command):
+class LibraryQuery(ClientCommand):
     """Answer with what there is to run, and on what: `missions`, `robots`, `worlds`, `people`."""
 
     word: ClassVar[str] = "library"
@@ -37,7 +37,7 @@ class Library(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mission(Command):
+class MissionQuery(ClientCommand):
     """Answer with a mission: its summary, its params as a form has them, its drawing, and the parts that it needs."""
 
     word: ClassVar[str] = "mission"
@@ -46,7 +46,7 @@ class Mission(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class World(Command):
+class WorldQuery(ClientCommand):
     """Answer with a world's plan: `svg`, and where in it the robot's odometry begins, and which way."""
 
     word: ClassVar[str] = "world"
@@ -55,7 +55,7 @@ class World(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Failsafe(Command):
+class FailsafeQuery(ClientCommand):
     """Answer with what a base does while something goes wrong: its `moments`, and the `choices` that there are.
 
     The words are those of `choices`; the first where empty.
@@ -71,7 +71,7 @@ class Failsafe(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Start(Command):
+class StartRun(ClientCommand):
     """Run a mission in a process of its own; answered with its `run` once it has begun, or with why it has not."""
 
     word: ClassVar[str] = "start"
@@ -87,7 +87,7 @@ class Start(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ShowPerson(Command):
+class ShowPerson(ClientCommand):
     """Hand over a picture of somebody, for the `add_person` without a `run` that comes next of this client."""
 
     word: ClassVar[str] = "show_person"
@@ -95,7 +95,7 @@ class ShowPerson(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AddPerson(Command):
+class AddPerson(ClientCommand):
     """Let the robot know who stands before the camera of a run, alone, or is in pictures that were handed over.
 
     That goes by the rules of `mission person add`. Ask them first.
@@ -109,7 +109,7 @@ class AddPerson(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class KeepTuning(Command):
+class KeepTuning(ClientCommand):
     """Write what was changed by `tune` in a run into its robot file, of which all else stays as it is."""
 
     word: ClassVar[str] = "keep_tuning"
@@ -117,7 +117,7 @@ class KeepTuning(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Revoke(Command):
+class RevokeLinks(ClientCommand):
     """Make both links anew, and shut out whoever came by the former ones, but for who asks; what they drove stands.
 
     The answer has the new tokens. Who asks has no cookie any more either: it opens the new link.
@@ -127,7 +127,7 @@ class Revoke(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Records(Command):
+class RecordsQuery(ClientCommand):
     """Answer with the `records` that are kept, the newest first."""
 
     word: ClassVar[str] = "records"
@@ -135,7 +135,7 @@ class Records(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Record(Command):
+class RecordQuery(ClientCommand):
     """Answer with a record: its drawing, what each node was when, its log, its failures, and how it ended.
 
     A long one comes in pieces: where the answer has `more`, ask again from there on for the next.
@@ -148,7 +148,7 @@ class Record(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Moment(Command):
+class MomentQuery(ClientCommand):
     """Answer with what was so at a moment of a record: tree, variables, place, parts, joints, scan, and picture."""
 
     word: ClassVar[str] = "moment"
@@ -158,7 +158,7 @@ class Moment(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Compare(Command):
+class CompareRecords(ClientCommand):
     """Answer with what two records of one mission on one robot differ in, as `mission record compare --json` does."""
 
     word: ClassVar[str] = "compare"
@@ -168,7 +168,7 @@ class Compare(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tasks(Command):
+class TasksQuery(ClientCommand):
     """Answer with the `tasks` of the queue, as `mission task list --json` has them, and whether it is `served`."""
 
     word: ClassVar[str] = "tasks"
@@ -177,7 +177,7 @@ class Tasks(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fleet(Command):
+class FleetQuery(ClientCommand):
     """Answer with the `robots` of this computer's fleet, and those that are `missing`: docs/fleet.md."""
 
     word: ClassVar[str] = "fleet"
@@ -185,7 +185,7 @@ class Fleet(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StopFleet(Command):
+class StopFleet(ClientCommand):
     """Stop all robots of the fleet, latched; answered with what each has confirmed, and who is `silent`."""
 
     word: ClassVar[str] = "stop_fleet"
@@ -193,7 +193,7 @@ class StopFleet(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReleaseFleet(Command):
+class ReleaseFleet(ClientCommand):
     """Release that stop of one robot, or of all."""
 
     word: ClassVar[str] = "release_fleet"
@@ -202,7 +202,7 @@ class ReleaseFleet(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AddTask(Command):
+class AddTask(ClientCommand):
     """Add a task to the queue, as `mission task add` does; answered with its number."""
 
     word: ClassVar[str] = "add_task"
@@ -220,7 +220,7 @@ class AddTask(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ApproveTask(Command):
+class ApproveTask(ClientCommand):
     """Let a task begin that needs approval; each of a repetition needs its own."""
 
     word: ClassVar[str] = "approve_task"
@@ -229,7 +229,7 @@ class ApproveTask(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MoveTask(Command):
+class MoveTask(ClientCommand):
     """Give a task that waits another priority: of those that are due, the highest is first."""
 
     word: ClassVar[str] = "move_task"
@@ -238,21 +238,21 @@ class MoveTask(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CancelTask(Command):
+class CancelTask(ClientCommand):
     """Cancel a task and its repetition; one that runs is stopped safely."""
 
     word: ClassVar[str] = "cancel_task"
     task: Annotated[int, "Its number.", Bound(1, 2**53)]
 
 
-COMMANDS: Mapping[str, type[Command]] = {
+COMMANDS: Mapping[str, type[ClientCommand]] = {
     **{
         kind.word: kind
         for kind in (
-            Hello, Library, Mission, World, Failsafe, Start, ShowPerson, AddPerson, KeepTuning, Revoke,
-            Records, Record, Moment, Compare,
-            Tasks, AddTask, ApproveTask, MoveTask, CancelTask,
-            Fleet, StopFleet, ReleaseFleet,
+            Hello, LibraryQuery, MissionQuery, WorldQuery, FailsafeQuery, StartRun, ShowPerson, AddPerson, KeepTuning, RevokeLinks,
+            RecordsQuery, RecordQuery, MomentQuery, CompareRecords,
+            TasksQuery, AddTask, ApproveTask, MoveTask, CancelTask,
+            FleetQuery, StopFleet, ReleaseFleet,
         )
     },
     **RUN_COMMANDS,
@@ -260,23 +260,23 @@ COMMANDS: Mapping[str, type[Command]] = {
 """Every command that the studio takes, by its word: its own, and those that it passes on to a run."""
 
 
-def protocol() -> dict[str, object]:
+def protocol_schema() -> dict[str, object]:
     """Return the JSON Schema of the whole protocol: `commands` and `messages`, by their words."""
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": f"The messages of MissionTree's studio, version {VERSION}",
+        "title": f"The messages of MissionTree's studio, version {PROTOCOL_VERSION}",
         "anyOf": [
             {"$ref": f"#/$defs/{side}/{word}"}
             for side, words in (("commands", COMMANDS), ("messages", MESSAGES))
             for word in words
         ],
         "$defs": {
-            "commands": _schemas(COMMANDS, KEY),
-            "messages": _schemas(MESSAGES, SAY),
+            "commands": _schemas(COMMANDS, COMMAND_KEY),
+            "messages": _schemas(MESSAGES, MESSAGE_KEY),
         },
     }
 
 
 def _schemas(kinds: Mapping[str, type[object]], key: str) -> dict[str, object]:
     """Return the JSON Schemas of messages by their words, which stand under ``key``."""
-    return {word: object_schema(kind, RULES, **{key: {"const": word}}) for word, kind in kinds.items()}
+    return {word: object_schema(kind, CODEC_RULES, **{key: {"const": word}}) for word, kind in kinds.items()}

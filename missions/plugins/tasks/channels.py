@@ -4,13 +4,13 @@ from typing import Protocol
 
 from config.faults import InvalidFileError
 from config.library import UnknownNameError
-from config.notices import TerminalNotice, written
-from missions.library.drivers import robot_named
+from config.notices import TerminalNotice, encode_notice
+from missions.library.drivers import load_named_robot
 
-TERMINAL = written(TerminalNotice())
+TERMINAL = encode_notice(TerminalNotice())
 
 
-class Noticed(Protocol):
+class NotifiedTask(Protocol):
     """A task, as far as its notices go: a ``missions.plugins.tasks.task.Task``."""
 
     @property
@@ -24,14 +24,14 @@ class Noticed(Protocol):
         ...
 
 
-def channels_of(task: Noticed) -> tuple[str, ...]:
+def channels_of(task: NotifiedTask) -> tuple[str, ...]:
     """Return the channels of a task's robot, as the outbox writes them; the terminal where it says nothing.
 
     Where the file cannot be read any more, they are those that the task was added with: that is just what somebody
     should hear of.
     """
     try:
-        notices = robot_named(task.robot).notices
+        notices = load_named_robot(task.robot).notices
     except (InvalidFileError, UnknownNameError):
         return task.channels or (TERMINAL,)
-    return tuple(map(written, notices)) or (TERMINAL,)
+    return tuple(map(encode_notice, notices)) or (TERMINAL,)

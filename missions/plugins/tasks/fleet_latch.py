@@ -8,14 +8,14 @@ from threading import Lock
 
 from config.reading import parse_object, read_regular_text, sync_folder
 
-FILE = "fleet_stop.json"
+LATCH_FILE = "fleet_stop.json"
 
 
 class FleetLatch:
     """Whether a robot was stopped over its fleet, and by whom; kept in ``folder``. From any thread."""
 
     def __init__(self, folder: Path) -> None:
-        self._path, self._lock, self._disk = folder / FILE, Lock(), Lock()
+        self._path, self._lock, self._disk = folder / LATCH_FILE, Lock(), Lock()
         self.by, self.number = "", 0
 
     def load(self) -> None:
@@ -29,7 +29,7 @@ class FleetLatch:
             self.by = f"nobody known: {self._path} cannot be read ({type(error).__name__})"
 
     @property
-    def stopped(self) -> bool:
+    def is_latched(self) -> bool:
         """Whether it is stopped."""
         return bool(self.by)
 
@@ -37,12 +37,12 @@ class FleetLatch:
         """Latch; return the number of this stop, and what keeps it and says, in words, where that was not possible."""
         with self._lock:
             self.by, self.number = by or "somebody", self.number + 1
-            return self.number, self._kept
+            return self.number, self._save_stop
 
-    def _kept(self) -> str:
+    def _save_stop(self) -> str:
         try:
             with self._disk:  # which may take its time: who stops again does not wait for it
-                self._keep(self.by)
+                self._write(self.by)
         except OSError as error:
             return f"; it is not kept over a restart: {error.strerror}"
         return ""
@@ -53,11 +53,11 @@ class FleetLatch:
             if number != self.number or not self.by:
                 return False
             with self._disk:
-                self._keep("")
+                self._write("")
                 self.by = ""  # not before that is on the disk
             return True
 
-    def _keep(self, by: str) -> None:
+    def _write(self, by: str) -> None:
         new = self._path.with_suffix(".new")
         new.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with new.open("w", encoding="utf-8") as file:

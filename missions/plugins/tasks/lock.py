@@ -7,18 +7,18 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Event
 
-from config.reading import read_regular_text, regular
+from config.reading import read_regular_text, regular_opener
 from drivers.clock import Clock, SystemClock
 from missions.plugins.tasks.task import TaskError
 
-MOMENT = 1.0
+LOCK_TIMEOUT = 1.0
 """Seconds to try for a lock: who asks only whether it is held, holds it for a moment."""
 
-PERIOD = 0.02
+RETRY_INTERVAL = 0.02
 """Seconds from one try to the next."""
 
 
-class Taken(TaskError):
+class LockHeldError(TaskError):
     """Another program holds the lock."""
 
 
@@ -33,16 +33,16 @@ def run_lock(folder: Path) -> Path:
 
 
 @contextmanager
-def locked(path: Path, *, patience: float = MOMENT, clock: Clock | None = None) -> Iterator[int]:
+def hold_lock(path: Path, *, timeout: float = LOCK_TIMEOUT, clock: Clock | None = None) -> Iterator[int]:
     """Hold the lock at ``path``, and give its file descriptor; whoever inherits that holds the lock as well.
 
     The kernel gives it up with the last process that has it, however that ends. Raises OSError, or Taken where others
     held it for ``patience`` seconds.
     """
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    number = regular(str(path), os.O_RDWR | os.O_CREAT)
+    number = regular_opener(str(path), os.O_RDWR | os.O_CREAT)
     try:
-        _take(number, path, patience, SystemClock() if clock is None else clock)
+        _acquire(number, path, timeout, SystemClock() if clock is None else clock)
         with suppress(OSError):  # on a full disk nobody reads who it is: it is held all the same
             os.ftruncate(number, 0)
             os.write(number, b"%d\n" % os.getpid())
@@ -51,16 +51,16 @@ def locked(path: Path, *, patience: float = MOMENT, clock: Clock | None = None) 
         os.close(number)
 
 
-def _take(number: int, path: Path, patience: float, clock: Clock) -> None:
+def _acquire(number: int, path: Path, timeout: float, clock: Clock) -> None:
     """Lock an open file, as soon as nobody else does."""
-    until, pause = clock.now() + patience, Event()
+    until, pause = clock.read_value() + timeout, Event()
     while True:
         try:
             fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            if clock.now() >= until:
-                raise Taken(f"{path}: is held by process {holder(path) or 'unknown'}") from error
-            pause.wait(PERIOD)
+            if clock.read_value() >= until:
+                raise LockHeldError(f"{path}: is held by process {lock_holder(path) or 'unknown'}") from error
+            pause.wait(RETRY_INTERVAL)
         else:
             return
 
@@ -68,7 +68,7 @@ def _take(number: int, path: Path, patience: float, clock: Clock) -> None:
 def is_locked(path: Path) -> bool:
     """Say whether some process holds the lock. Raises OSError where that is not known."""
     try:
-        number = regular(str(path), os.O_RDONLY)
+        number = regular_opener(str(path), os.O_RDONLY)
     except FileNotFoundError:
         return False
     try:
@@ -80,7 +80,7 @@ def is_locked(path: Path) -> bool:
     return False
 
 
-def holder(path: Path) -> str:
+def lock_holder(path: Path) -> str:
     """Return the number of the process that took the lock last; it may have passed it on to one of its own."""
     try:
         return read_regular_text(path).strip()

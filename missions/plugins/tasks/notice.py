@@ -8,27 +8,27 @@ from datetime import UTC, datetime
 from typing import Any, Literal, TypeVar, cast, get_origin
 
 from config.reading import parse_json
-from missions.codec import Rules, decode, members
-from missions.plugins.tasks.task import How, NewTask, Policy, State, Task, TaskError
+from missions.codec import Rules, decode, message_fields
+from missions.plugins.tasks.task import How, NewTask, RetryPolicy, State, Task, TaskError
 
 # Why a notice was not taken, and what a channel reads of secrets.
 
 
-class NotTaken(RuntimeError):
+class DeliveryError(RuntimeError):
     """A channel did not take a notice; the message says which, and why."""
 
 
-def secret(name: str, environment: Mapping[str, str]) -> str:
+def read_secret(name: str, environment: Mapping[str, str]) -> str:
     """Return what the environment variable ``name`` holds. Raises NotTaken where it is not set."""
     if name not in environment:
-        raise NotTaken(
+        raise DeliveryError(
             f"the environment variable {name}, which the robot file names, is not set for `mission task serve`"
         )
     return environment[name]
 
 
 Kind = Literal["done", "failed", "cancelled", "given_up", "missed", "interrupted", "retried", "said"]
-"""What became of the task: ``interrupted`` and ``retried`` are tried again; ``said`` is a word of the mission's own."""
+"""What became of the task: ``interrupted`` and ``retried`` are tried again; ``message_notice`` is a word of the mission's own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,35 +54,35 @@ Channel = Callable[[Notice], None]
 """Delivers a notice, or raises an exception that says why it could not; then it is tried again."""
 
 
-def ended(task: Task, how: How, state: State, reason: str, now: float) -> Notice:
+def ended_notice(task: Task, how: How, state: State, reason: str, now: float) -> Notice:
     """Tell that an attempt at ``task`` has ended and in which ``state`` it is now."""
     because, name = f": {reason}" if reason else "", f"{task.name} (task {task.id})"
     match state:
         case "waiting" if how == "interrupted":
-            return _notice(task, "interrupted", f"{name} was interrupted{because}; it is tried again", now)
+            return _make_notice(task, "interrupted", f"{name} was interrupted{because}; it is tried again", now)
         case "waiting":
-            return _notice(task, "retried", f"{name} failed{because}; it is tried again", now)
+            return _make_notice(task, "retried", f"{name} failed{because}; it is tried again", now)
         case "given_up":
-            return _notice(task, "given_up", f"{name} was interrupted, and is given up{because}", now)
+            return _make_notice(task, "given_up", f"{name} was interrupted, and is given up{because}", now)
         case "done":
-            return _notice(task, "done", f"{name} is done", now)
+            return _make_notice(task, "done", f"{name} is done", now)
         case "cancelled":
-            return _notice(task, "cancelled", f"{name} was cancelled", now)
+            return _make_notice(task, "cancelled", f"{name} was cancelled", now)
         case _:
-            return _notice(task, "failed", f"{name} failed{because}", now)
+            return _make_notice(task, "failed", f"{name} failed{because}", now)
 
 
-def missed(task: Task, reason: str, now: float) -> Notice:
+def missed_notice(task: Task, reason: str, now: float) -> Notice:
     """Tell that a task was not begun in time."""
-    return _notice(task, "missed", f"{task.name} (task {task.id}) was missed: {reason}", now)
+    return _make_notice(task, "missed", f"{task.name} (task {task.id}) was missed: {reason}", now)
 
 
-def said(task: Task, number: int, text: str, now: float) -> Notice:
+def message_notice(task: Task, number: int, text: str, now: float) -> Notice:
     """Tell what a mission itself wants to be told, as the ``number``-th thing of this attempt."""
-    return _notice(task, "said", text, now, f"-{number}")
+    return _make_notice(task, "said", text, now, f"-{number}")
 
 
-def _notice(task: Task, kind: Kind, text: str, now: float, more: str = "") -> Notice:
+def _make_notice(task: Task, kind: Kind, text: str, now: float, more: str = "") -> Notice:
     # Numbers begin anew with a new queue; when a task was added tells the two apart.
     key = f"{task.id}-{task.added:.0f}-{task.attempts}-{kind}{more}"
     return Notice(key, task.id, task.mission, kind, text, datetime.fromtimestamp(now, UTC).isoformat())
@@ -91,7 +91,7 @@ def _notice(task: Task, kind: Kind, text: str, now: float, more: str = "") -> No
 # Notices on the terminal of the server.
 
 
-class Terminal:
+class TerminalChannel:
     """Prints a line for each notice."""
 
     def __init__(self, print_line: Callable[[str], None]) -> None:
@@ -132,16 +132,20 @@ def from_row(kind: type[T], row: sqlite3.Row, **more: object) -> T:
     """Return the value that a row is, with ``more`` members. Raises sqlite3.DatabaseError unless it was written so."""
     columns, wanted = {**row, **more}, cast("Any", kind)
     try:
-        values = {each.name: _read(each.kind, columns[each.name]) for each in members(wanted) if each.name in columns}
+        values = {
+            each.name: _column_value(each.kind, columns[each.name])
+            for each in message_fields(wanted)
+            if each.name in columns
+        }
         if kind is Task:
-            values["policy"] = {each.name: columns[each.name] for each in members(Policy)}
+            values["policy"] = {each.name: columns[each.name] for each in message_fields(RetryPolicy)}
         return decode(kind, values, RULES)
     except (LookupError, ValueError, TypeError) as error:
         name = kind.__name__.lower()
         raise sqlite3.DatabaseError(f"{name} {row['id']} is not as it was written: {error}") from error
 
 
-def _read(kind: Any, value: Any) -> Any:
+def _column_value(kind: Any, value: Any) -> Any:
     """Return a column as JSON has it."""
     if isinstance(value, bytes):
         raise TypeError("bytes, where a text or a number was")
@@ -150,6 +154,6 @@ def _read(kind: Any, value: Any) -> Any:
     return parse_json(value) if is_dataclass(kind) or get_origin(kind) in (tuple, Mapping) else value
 
 
-def as_new(task: Task) -> NewTask:
+def to_new_task(task: Task) -> NewTask:
     """Return what a task was as it was added."""
     return NewTask(**{name: getattr(task, name) for name in NewTask.__dataclass_fields__})

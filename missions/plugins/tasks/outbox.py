@@ -6,7 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 from math import inf
 
-from config.notices import named
+from config.notices import public_text
 from missions.plugins.tasks.notice import Notice, from_row
 
 WAITING = "delivered IS NULL AND next < 9e999"
@@ -14,7 +14,7 @@ WAITING = "delivered IS NULL AND next < 9e999"
 
 
 @dataclass(frozen=True, slots=True)
-class Letter:
+class QueuedNotice:
     """A notice for one channel; ``tries`` have failed, the last of them with ``last_error``. Times are Unix's.
 
     One that is ``given_up`` is not tried any more.
@@ -41,7 +41,7 @@ class Outbox:
         rows = self._connection.execute(f"SELECT DISTINCT channel FROM outbox WHERE {WAITING}")  # noqa: S608 - ours
         return [row["channel"] for row in rows]
 
-    def first(self, channel: str, besides: Collection[int] = (), *, fresh: bool = False) -> Letter | None:
+    def first(self, channel: str, excluded: Collection[int] = (), *, fresh: bool = False) -> QueuedNotice | None:
         """Return what is to be delivered next to a ``channel``, in the order in which things happened.
 
         ``besides`` are the ids of those that are not meant; with ``fresh``, those that were tried less come first.
@@ -50,14 +50,14 @@ class Outbox:
             f"SELECT * FROM outbox WHERE {WAITING} AND channel = ? "  # noqa: S608 - ours
             f"AND id NOT IN (SELECT value FROM json_each(?)) ORDER BY {'tries, id' if fresh else 'id'} LIMIT 1"
         )
-        row = self._connection.execute(sql, (channel, json.dumps(list(besides)))).fetchone()
-        return None if row is None else _letter(row)
+        row = self._connection.execute(sql, (channel, json.dumps(list(excluded)))).fetchone()
+        return None if row is None else _queued_notice(row)
 
-    def delivered(self, letter: Letter, now: float) -> None:
+    def mark_delivered(self, letter: QueuedNotice, now: float) -> None:
         """Keep in mind that a channel has taken a notice."""
         self._connection.execute("UPDATE outbox SET delivered = ? WHERE id = ?", (now, letter.id))
 
-    def failed(self, letter: Letter, error: str) -> None:
+    def mark_failed(self, letter: QueuedNotice, error: str) -> None:
         """Keep in mind that a channel has not taken a notice, and why."""
         self._connection.execute("UPDATE outbox SET tries = tries + 1, last_error = ? WHERE id = ?", (error, letter.id))
 
@@ -66,16 +66,16 @@ class Outbox:
         sql = f"UPDATE outbox SET next = ? WHERE {WAITING} AND channel = ? AND added < ?"  # noqa: S608 - ours
         return self._connection.execute(sql, (inf, channel, before)).rowcount
 
-    def of(self, task: int) -> list[Letter]:
+    def notices_of(self, task: int) -> list[QueuedNotice]:
         """Return all notices of a task, in order, for people: their channels are named without secrets."""
         rows = self._connection.execute("SELECT * FROM outbox WHERE task = ? ORDER BY id", (task,))
-        return [replace(_letter(row), channel=named(row["channel"])) for row in rows]
+        return [replace(_queued_notice(row), channel=public_text(row["channel"])) for row in rows]
 
-    def waiting(self) -> int:
+    def pending_count(self) -> int:
         """Return how many notices are still to be delivered."""
         (count,) = self._connection.execute(f"SELECT COUNT(*) FROM outbox WHERE {WAITING}").fetchone()  # noqa: S608
         return int(count)
 
 
-def _letter(row: sqlite3.Row) -> Letter:
-    return from_row(Letter, row, notice=row["body"], given_up=row["next"] == inf)
+def _queued_notice(row: sqlite3.Row) -> QueuedNotice:
+    return from_row(QueuedNotice, row, notice=row["body"], given_up=row["next"] == inf)

@@ -16,12 +16,12 @@ from pathlib import Path
 from zoneinfo import ZoneInfo
 
 from config.faults import did_you_mean
-from config.units import in_dimension, seen, written
+from config.units import quantity_text, quoted_value, si_value
 from drivers.clock import time_of_day
 from missions.plugins.tasks import notice
-from missions.plugins.tasks.notice import Notice, as_new, check_texts, from_row, row_of
-from missions.plugins.tasks.schema import ORDER, use_what_there_is
-from missions.plugins.tasks.task import Attempt, Claim, How, NewTask, Outcome, State, Task, TaskError, next_state
+from missions.plugins.tasks.notice import Notice, check_texts, from_row, row_of, to_new_task
+from missions.plugins.tasks.schema import ORDER, checkpoint_log
+from missions.plugins.tasks.task import Attempt, AttemptOutcome, Claim, How, NewTask, State, Task, TaskError, next_state
 
 # When a task is due: times of day and repetitions as people say them, in the local time of a place.
 #
@@ -31,7 +31,7 @@ from missions.plugins.tasks.task import Attempt, Claim, How, NewTask, Outcome, S
 
 DAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
 
-SHORTEST = 1.0
+MIN_INTERVAL = 1.0
 """Seconds from one repetition to the next, at least."""
 
 MAX_INTERVAL = 366 * 24 * 3600.0
@@ -41,7 +41,7 @@ _DATE_AND_TIME = re.compile(r"([0-9]{4}-[0-9]{2}-[0-9]{2})[ T]+([0-9]{1,2}:[0-9]
 
 
 @dataclass(frozen=True, slots=True)
-class Every:
+class Repetition:
     """A repetition: each ``period`` seconds; or where that is 0, each day, or one ``day`` of the week (0 is Monday).
 
     ``at`` is the time of day then. Its text can be read again.
@@ -62,7 +62,7 @@ def wall_clock() -> float:
     return time_of_day().timestamp()
 
 
-def read_every(text: str, begin: float, zone: tzinfo, at: str = "") -> Every:
+def read_repetition(text: str, begin: float, zone: tzinfo, at: str = "") -> Repetition:
     """Read "30 min", "day", "monday" or "day 18:00"; without a time of day it is that of ``begin``.
 
     Or that of ``at``, as ``read_at`` has read it: ``begin`` may be later, where the clocks leave that time out.
@@ -72,25 +72,25 @@ def read_every(text: str, begin: float, zone: tzinfo, at: str = "") -> Every:
     if word == "day" or word in DAYS:
         wanted = clock.strip() or at.strip()[-5:].strip(" T")
         when = _read_time(wanted) if wanted else datetime.fromtimestamp(begin, zone).time()
-        return Every(day=None if word == "day" else DAYS.index(word), at=when.replace(second=0, microsecond=0))
+        return Repetition(day=None if word == "day" else DAYS.index(word), at=when.replace(second=0, microsecond=0))
     try:
-        period = in_dimension(text, "duration")
+        period = si_value(text, "duration")
     except ValueError as error:
         hint = did_you_mean(word, ("day", *DAYS)) or "such as '30 min', 'day' or 'monday 18:00'"
-        raise ValueError(f"{seen(text)} is no repetition: {hint}") from error
-    if period < SHORTEST:
-        raise ValueError(f"{seen(text)} is too often: at least {written(SHORTEST, 'duration')}")
+        raise ValueError(f"{quoted_value(text)} is no repetition: {hint}") from error
+    if period < MIN_INTERVAL:
+        raise ValueError(f"{quoted_value(text)} is too often: at least {quantity_text(MIN_INTERVAL, 'duration')}")
     if period > MAX_INTERVAL:
-        raise ValueError(f"{seen(text)} is too seldom: at most a year, {MAX_INTERVAL / 3600:g} h")
-    return Every(period=period)
+        raise ValueError(f"{quoted_value(text)} is too seldom: at most a year, {MAX_INTERVAL / 3600:g} h")
+    return Repetition(period=period)
 
 
-def first_time(every: Every, begin: float, zone: tzinfo) -> float:
+def first_time(every: Repetition, begin: float, zone: tzinfo) -> float:
     """Return when a repetition that begins at ``begin`` is due for the first time."""
-    return begin if every.period else _next_day(every, begin, zone, itself=True)
+    return begin if every.period else _next_day(every, begin, zone, inclusive=True)
 
 
-def next_time(every: Every, due: float, now: float, zone: tzinfo) -> float:
+def next_time(every: Repetition, due: float, now: float, zone: tzinfo) -> float:
     """Return when what was ``due`` then is due again: the first time after that and after ``now``.
 
     So what was missed meanwhile is not made up for.
@@ -103,7 +103,7 @@ def next_time(every: Every, due: float, now: float, zone: tzinfo) -> float:
     return found
 
 
-def drawn_in(every: Every, due: float, now: float, zone: tzinfo) -> float:
+def limit_ahead(every: Repetition, due: float, now: float, zone: tzinfo) -> float:
     """Return when a repetition comes that is to come at ``due``: sooner, if the clock was put back meanwhile.
 
     It is never further ahead than the next one of a repetition that begins ``now``.
@@ -118,14 +118,14 @@ def read_at(text: str, now: float, zone: tzinfo) -> float:
     """
     found = _DATE_AND_TIME.fullmatch(text.strip())
     if found is None:
-        return _next_day(Every(at=_read_time(text.strip())), now, zone)
+        return _next_day(Repetition(at=_read_time(text.strip())), now, zone)
     try:
         day = date.fromisoformat(found[1])
     except ValueError as error:
-        raise ValueError(f"{seen(text)} is no date: {error}") from error
-    due = _moment(day, _read_time(found[2]), zone)
+        raise ValueError(f"{quoted_value(text)} is no date: {error}") from error
+    due = _local_timestamp(day, _read_time(found[2]), zone)
     if due <= now:
-        raise ValueError(f"{seen(text)} is over: it is {datetime.fromtimestamp(now, zone):%Y-%m-%d %H:%M} now")
+        raise ValueError(f"{quoted_value(text)} is over: it is {datetime.fromtimestamp(now, zone):%Y-%m-%d %H:%M} now")
     return due
 
 
@@ -144,22 +144,22 @@ def local_zone(environment: Mapping[str, str] = os.environ) -> tzinfo:
 def _read_time(text: str) -> time:
     found = re.fullmatch("([0-9]{1,2}):([0-9]{2})", text)
     if found is None or int(found[1]) > 23 or int(found[2]) > 59:
-        raise ValueError(f"{seen(text)} is no time of day: such as '18:00', or '2026-12-24 18:00'")
+        raise ValueError(f"{quoted_value(text)} is no time of day: such as '18:00', or '2026-12-24 18:00'")
     return time(int(found[1]), int(found[2]))
 
 
-def _next_day(every: Every, after: float, zone: tzinfo, *, itself: bool = False) -> float:
+def _next_day(every: Repetition, after: float, zone: tzinfo, *, inclusive: bool = False) -> float:
     """Return the first time of a daily or weekly repetition that comes ``after``, or is ``itself`` that."""
     day = datetime.fromtimestamp(after, zone).date() - timedelta(days=1)
     while True:
         if every.day in (None, day.weekday()):
-            found = _moment(day, every.at, zone)
-            if found > after or (itself and found == after):
+            found = _local_timestamp(day, every.at, zone)
+            if found > after or (inclusive and found == after):
                 return found
         day += timedelta(days=1)
 
 
-def _moment(day: date, at: time, zone: tzinfo) -> float:
+def _local_timestamp(day: date, at: time, zone: tzinfo) -> float:
     """Return a local time in seconds: the first, where it comes twice; the end of the gap, where it never comes."""
     local = datetime.combine(day, at, zone)
     # In a gap the first reading counts as before the change and the second as after it: they change places.
@@ -176,23 +176,23 @@ def _moment(day: date, at: time, zone: tzinfo) -> float:
     return float(round(late))
 
 
-PAUSE = 30.0
+RETRY_INTERVAL = 30.0
 """Seconds from the end of an attempt to the next: what was not there may be by then. Other tasks go on."""
 
 _READY = "(not_before <= ?1 OR not_before > ?1 + ?2)"
 """Says of a task that its pause is over, or the clock was put back: ?1 is the time, ?2 the pause."""
 
 _MISSED = "(late IS NOT NULL AND attempts = 0 AND ?1 > max(due, added) + late)"
-"""Says of a task that it was missed, as ``_too_late`` does."""
+"""Says of a task that it was missed, as ``_is_too_late`` does."""
 
-DOWN = "the machine or the server went down"
+DOWN_REASON = "the machine or the server went down"
 """Why an attempt was interrupted of which nobody told the end."""
 
 Channels = Callable[[Task], Sequence[str]]
 """Says where the notices of a task go: the channels, as the outbox writes them."""
 
 
-class Queue:
+class TaskQueue:
     """Tasks in a database of ``schema.open_db``; all times are seconds of the wall clock, handed in as ``now``.
 
     ``zone`` is the one that daily repetitions are in. A method that raises has changed nothing.
@@ -219,12 +219,12 @@ class Queue:
     def cancel(self, number: int, now: float) -> State:
         """Cancel a task, and the repetition that it belongs to; return its state now.
 
-        One that waits is cancelled at once. One that runs is stopped by the server that runs it; ``cancelling`` says
+        One that waits is cancelled at once. One that runs is stopped by the server that runs it; ``is_cancelling`` says
         that it is to be. Raises TaskError for one that is not there, or has ended.
         """
         with self._transaction():
             task = self.task(number)
-            if task.ended:
+            if task.has_ended:
                 raise TaskError(f"task {number} has ended already: it is {task.state}", hint="mission task list")
             if task.state == "running":
                 self._execute("UPDATE task SET cancelling = 1 WHERE id = ?", number)
@@ -249,7 +249,7 @@ class Queue:
             task = self.task(number)
             if task.state != "waiting":
                 raise TaskError(f"task {number} does not wait: it is {task.state}", hint="mission task list")
-            if not task.unapproved:
+            if not task.awaits_approval:
                 raise TaskError(f"task {number} needs no approval", hint="mission task list")
             self._execute("UPDATE task SET approved = ?, approved_by = ? WHERE id = ?", now, by, number)
 
@@ -265,12 +265,12 @@ class Queue:
         which = "" if ended else " WHERE state IN ('waiting', 'running')"
         return [from_row(Task, row) for row in self._execute(f"SELECT * FROM task{which} ORDER BY {ORDER}")]  # noqa: S608 - ours
 
-    def expected(self, task: Task, now: float) -> float:
+    def expected_time(self, task: Task, now: float) -> float:
         """Return when a task comes: a repetition that is too far ahead, since the clock was put back, comes nearer."""
         if task.state == "waiting" and task.due > now and task.every and task.id != task.series:
             with suppress(ValueError, OverflowError):  # what somebody has written into the file stays where it is
-                every = read_every(task.every, task.due, self._zone)
-                return min(task.due, self._free(task, every, drawn_in(every, task.due, now, self._zone), now))
+                every = read_repetition(task.every, task.due, self._zone)
+                return min(task.due, self._unused_time(task, every, limit_ahead(every, task.due, now, self._zone), now))
         return task.due
 
     def attempts(self, number: int) -> list[Attempt]:
@@ -285,16 +285,14 @@ class Queue:
 
         Only while nothing runs, and by the one server that there is.
         """
-        self._draw_in(now)
+        self._limit_repetitions(now)
         if self._due(now) is None:  # most of the time, and nothing is written then
             return None
         with self._transaction():
-            while (task := self._due(now)) is not None and _too_late(task, now):
-                reason = (
-                    f"it was due at {_clock(task.since, self._zone)}, and is not begun more than {task.late:g} s later"
-                )
+            while (task := self._due(now)) is not None and _is_too_late(task, now):
+                reason = f"it was due at {_clock_text(task.due_since, self._zone)}, and is not begun more than {task.late:g} s later"
                 self._settle(task, "given_up", reason, now)
-                self._post(task, notice.missed(task, reason, now), now)
+                self._post(task, notice.missed_notice(task, reason, now), now)
             if task is None:
                 return None
             self._execute("UPDATE task SET state = 'running', attempts = attempts + 1 WHERE id = ?", task.id)
@@ -302,18 +300,18 @@ class Queue:
             attempt = self._execute(sql, task.id, task.attempts + 1, now).lastrowid
             return Claim(self.task(task.id), attempt or 0)
 
-    def pauses(self, now: float) -> bool:
+    def has_pausing_task(self, now: float) -> bool:
         """Say whether a task is due that only waits for its next attempt."""
         sql = f"SELECT 1 FROM task WHERE state = 'waiting' AND due <= ?1 AND NOT {_READY} LIMIT 1"  # noqa: S608 - ours
-        return self._execute(sql, now, PAUSE).fetchone() is not None
+        return self._execute(sql, now, RETRY_INTERVAL).fetchone() is not None
 
-    def finish(self, claim: Claim, outcome: Outcome, now: float) -> Task:
+    def finish(self, claim: Claim, outcome: AttemptOutcome, now: float) -> Task:
         """End an attempt and do all that follows from it; return the task as it is then.
 
         Raises TaskError if that was done before.
         """
         with self._transaction():
-            return self._finish(claim.attempt, outcome, now, pause=0.0 if outcome.stopped else PAUSE)
+            return self._finish(claim.attempt, outcome, now, pause=0.0 if outcome.stopped else RETRY_INTERVAL)
 
     def recover(self, now: float) -> list[Task]:
         """End the attempts that nobody told the end of; return their tasks. Only while nothing runs."""
@@ -322,20 +320,20 @@ class Queue:
             errands = "SELECT task FROM errand WHERE told = 0"
             self._execute(f"UPDATE task SET approved = NULL WHERE state = 'waiting' AND id IN ({errands})")  # noqa: S608
             rows = self._execute("SELECT id FROM attempt WHERE ended IS NULL ORDER BY id").fetchall()
-            return [self._finish(row["id"], Outcome("interrupted", DOWN), now, pause=0.0) for row in rows]
+            return [self._finish(row["id"], AttemptOutcome("interrupted", DOWN_REASON), now, pause=0.0) for row in rows]
 
-    def cancelling(self, claim: Claim) -> bool:
+    def is_cancelling(self, claim: Claim) -> bool:
         """Say whether somebody wants the task stopped that is being run."""
         return self.task(claim.task.id).cancelling
 
-    def say(self, claim: Claim, number: int, text: str, now: float) -> None:
+    def post_message(self, claim: Claim, number: int, text: str, now: float) -> None:
         """Post what the mission wants to be told, the ``number``-th thing of this attempt."""
         with self._transaction():
-            self._post(claim.task, notice.said(claim.task, number, text, now), now)
+            self._post(claim.task, notice.message_notice(claim.task, number, text, now), now)
 
     # --- inside a transaction -------------------------------------------------------------------------------------
 
-    def _finish(self, attempt: int, outcome: Outcome, now: float, *, pause: float) -> Task:
+    def _finish(self, attempt: int, outcome: AttemptOutcome, now: float, *, pause: float) -> Task:
         row = self._execute("SELECT task FROM attempt WHERE id = ? AND ended IS NULL", attempt).fetchone()
         if row is None:
             raise TaskError(f"attempt {attempt} has ended already")
@@ -348,30 +346,30 @@ class Queue:
         self._execute(sql, failed, interrupted, now + pause, task.id)
         state = next_state(task, how, stopped=outcome.stopped)
         self._settle(task, state, outcome.reason, now)
-        self._post(task, notice.ended(task, how, state, outcome.reason, now), now)
+        self._post(task, notice.ended_notice(task, how, state, outcome.reason, now), now)
         return self.task(task.id)
 
     def _settle(self, task: Task, state: State, reason: str, now: float) -> None:
         """Give a task its new state; where that is for good, add the next of its repetition, unless it is cancelled."""
         if task.every and state in ("done", "failed", "given_up") and not task.cancelling:
             try:
-                every = read_every(task.every, task.since, self._zone)
-                due = self._free(task, every, next_time(every, task.since, now, self._zone), now)
+                every = read_repetition(task.every, task.due_since, self._zone)
+                due = self._unused_time(task, every, next_time(every, task.due_since, now, self._zone), now)
             except (ValueError, OverflowError) as error:  # what somebody has written into the file
                 reason = f"{reason}{'; ' if reason else ''}it is not repeated: {error}"
             else:
-                self._insert(replace(as_new(task), due=due), task.series, now)
+                self._insert(replace(to_new_task(task), due=due), task.series, now)
         self._execute("UPDATE task SET state = ?, reason = ? WHERE id = ?", state, reason, task.id)
 
-    def _draw_in(self, now: float) -> None:
+    def _limit_repetitions(self, now: float) -> None:
         """Bring repetitions nearer that are too far ahead, since the clock was put back."""
         sql = "SELECT * FROM task WHERE state = 'waiting' AND due > ? AND every <> '' AND id <> series"
         for row in self._execute(sql, now).fetchall():
             task = from_row(Task, row)
-            if (due := self.expected(task, now)) < task.due:
+            if (due := self.expected_time(task, now)) < task.due:
                 self._execute("UPDATE task SET due = ? WHERE id = ? AND state = 'waiting'", due, task.id)
 
-    def _free(self, task: Task, every: Every, due: float, now: float) -> float:
+    def _unused_time(self, task: Task, every: Repetition, due: float, now: float) -> float:
         """Return the first time from ``due`` on that this repetition has not had yet; the clock may be put back."""
         sql = "SELECT 1 FROM task WHERE series = ? AND due = ? AND id <> ?"
         while self._execute(sql, task.series, due, task.id).fetchone() is not None:
@@ -394,7 +392,7 @@ class Queue:
         sql = (
             f"SELECT * FROM task WHERE state = 'waiting' AND due <= ?1 AND {_READY} AND {may} ORDER BY {ORDER} LIMIT 1"  # noqa: S608 - ours
         )
-        row = self._execute(sql, now, PAUSE).fetchone()
+        row = self._execute(sql, now, RETRY_INTERVAL).fetchone()
         return None if row is None else from_row(Task, row)
 
     @contextmanager
@@ -407,17 +405,17 @@ class Queue:
             if self._connection.in_transaction:
                 self._connection.rollback()
             if isinstance(error, sqlite3.OperationalError):
-                use_what_there_is(self._connection)
+                checkpoint_log(self._connection)
             raise
 
     def _execute(self, sql: str, *values: object) -> sqlite3.Cursor:
         return self._connection.execute(sql, values)
 
 
-def _too_late(task: Task, now: float) -> bool:
+def _is_too_late(task: Task, now: float) -> bool:
     """Say whether a task was missed; one that was begun in time and interrupted is not."""
-    return task.late is not None and task.attempts == 0 and now > task.since + task.late
+    return task.late is not None and task.attempts == 0 and now > task.due_since + task.late
 
 
-def _clock(time: float, zone: tzinfo) -> str:
+def _clock_text(time: float, zone: tzinfo) -> str:
     return f"{datetime.fromtimestamp(time, zone):%Y-%m-%d %H:%M}"

@@ -18,19 +18,19 @@ from missions.plugins.tasks.task import TaskError
 
 # What keeps the queue's file from being used, in words: a disk that is full, can only be read, or fails.
 
-ROOM = 128 * 1024
+MIN_FREE_BYTES = 128 * 1024
 """Bytes with which a disk counts as full: SQLite tells of some that are only that the disk does not answer."""
 
-ELSEWHERE = "XDG_STATE_HOME says where the queue is kept"
+STATE_HOME_HINT = "XDG_STATE_HOME says where the queue is kept"
 
 _FULL, _READ_ONLY = frozenset({ENOSPC, EDQUOT}), frozenset({EROFS})
 
 
-class DiskFull(TaskError):
+class DiskFullError(TaskError):
     """There is no room for what the queue should keep."""
 
 
-def trouble(path: Path, error: OSError | sqlite3.OperationalError) -> TaskError:
+def queue_error(path: Path, error: OSError | sqlite3.OperationalError) -> TaskError:
     """Return what is to be said of the queue's file at ``path``, which could not be used, and what to type."""
     code = getattr(error, "sqlite_errorcode", 0) & 0xFF
     number = error.errno if isinstance(error, OSError) else None
@@ -38,22 +38,22 @@ def trouble(path: Path, error: OSError | sqlite3.OperationalError) -> TaskError:
     if isinstance(error, OSError):
         said = error.strerror or said
     if code == sqlite3.SQLITE_FULL or number in _FULL:
-        return _full(path)
+        return _disk_full(path)
     if code == sqlite3.SQLITE_READONLY or number in _READ_ONLY:
         return TaskError(
             f"{path}: can only be read ({said}): so Linux mounts a disk that fails; or it is somebody else's",
             hint=f"findmnt -T {folder}, dmesg | tail, ls -l {folder}",
         )
-    if code in (sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN) and not _room(path.parent):
-        return _full(path)
+    if code in (sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN) and not _has_space(path.parent):
+        return _disk_full(path)
     if code == sqlite3.SQLITE_IOERR or number == EIO:
         return TaskError(f"{path}: its disk does not do what it is told ({said})", hint="dmesg | tail  (does it fail?)")
     if code == sqlite3.SQLITE_BUSY:
         return TaskError(f"{path}: another program writes, and does not end ({said})", hint=f"fuser {quote(str(path))}")
-    return TaskError(f"{path}: {said}", hint=ELSEWHERE)
+    return TaskError(f"{path}: {said}", hint=STATE_HOME_HINT)
 
 
-def use_what_there_is(connection: sqlite3.Connection) -> None:
+def checkpoint_log(connection: sqlite3.Connection) -> None:
     """Take the log of a queue whose disk is full into its file, so that what is written next takes no more room.
 
     Of itself SQLite does so when the log has ``schema.LOG`` pages, and until then has it grow.
@@ -62,33 +62,33 @@ def use_what_there_is(connection: sqlite3.Connection) -> None:
         connection.execute("PRAGMA wal_checkpoint (PASSIVE)").fetchone()
 
 
-def in_a_line(path: Path, error: sqlite3.OperationalError) -> str:
+def describe_retry(path: Path, error: sqlite3.OperationalError) -> str:
     """Return the same for who watches a server, which goes on trying."""
-    told = trouble(path, error)
+    told = queue_error(path, error)
     return f"{told}; trying on\n  try: {told.hint}"
 
 
-def _full(path: Path) -> DiskFull:
+def _disk_full(path: Path) -> DiskFullError:
     said = f"{path}: its disk is full: what the queue has is safe, and nothing more can be kept"
-    return DiskFull(said, hint=f"df -h {quote(str(path.parent))}, and make room there")
+    return DiskFullError(said, hint=f"df -h {quote(str(path.parent))}, and make room there")
 
 
-def _room(folder: Path) -> bool:
+def _has_space(folder: Path) -> bool:
     """Say whether there is room for a little more."""
     try:
         found = os.statvfs(folder)
     except OSError:
         return True  # then it is something else that is wrong
-    return found.f_bavail * found.f_frsize >= ROOM and (found.f_files == 0 or found.f_favail > 0)
+    return found.f_bavail * found.f_frsize >= MIN_FREE_BYTES and (found.f_files == 0 or found.f_favail > 0)
 
 
 LOCK_TIMEOUT = 30.0
 """Seconds to wait for another program that writes."""
 
-LOG = 64
+MAX_LOG_PAGES = 64
 """Pages (of 4 kB) that the log may have: what it has taken of a full disk, the file itself cannot have."""
 
-SMALLEST = 512
+MIN_DATABASE_BYTES = 512
 """Bytes of the smallest database there is."""
 
 ORDER = "priority DESC, max(due, added), id"
@@ -184,16 +184,16 @@ def open_db(path: Path, *, any_thread: bool = False) -> sqlite3.Connection:
     version.
     """
     try:
-        with in_words(path), ExitStack() as undone:
+        with queue_errors(path), ExitStack() as undone:
             path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             if not path.exists():
-                _make(path)
+                _create(path)
             if not path.is_file():
                 raise TaskError(
                     f"{path}: is no file, as a queue is", hint=f"mv {path} {path}.other  (a new queue begins)"
                 )
-            if (size := path.stat().st_size) < SMALLEST:  # SQLite would begin anew
-                raise _damaged(path, f"it was emptied: {size} bytes are left")
+            if (size := path.stat().st_size) < MIN_DATABASE_BYTES:  # SQLite would begin anew
+                raise _damaged_error(path, f"it was emptied: {size} bytes are left")
             connection = sqlite3.connect(
                 path, timeout=LOCK_TIMEOUT, isolation_level=None, check_same_thread=not any_thread
             )
@@ -205,10 +205,10 @@ def open_db(path: Path, *, any_thread: bool = False) -> sqlite3.Connection:
             undone.pop_all()
             return connection
     except OSError as error:
-        raise trouble(path, error) from error
+        raise queue_error(path, error) from error
 
 
-def _make(path: Path) -> None:
+def _create(path: Path) -> None:
     """Make the file with all its tables at once: one that is empty was emptied. Raises TaskError, OSError, sqlite3's.
 
     Whoever else does so at the same time may come first.
@@ -232,19 +232,19 @@ def _make(path: Path) -> None:
 
 
 @contextmanager
-def in_words(path: Path) -> Iterator[None]:
+def queue_errors(path: Path) -> Iterator[None]:
     """Tell of a file that cannot be used, or is damaged, as a TaskError; of what is a fault of ours as it is."""
     try:
         yield
     except sqlite3.OperationalError as error:
-        raise trouble(path, error) from error
+        raise queue_error(path, error) from error
     except sqlite3.DatabaseError as error:
         if type(error) is not sqlite3.DatabaseError:  # one of its kinds, such as a constraint that is broken
             raise
-        raise _damaged(path, str(error)) from error
+        raise _damaged_error(path, str(error)) from error
 
 
-def _damaged(path: Path, why: str) -> TaskError:
+def _damaged_error(path: Path, why: str) -> TaskError:
     return TaskError(
         f"{path}: is damaged, or no queue of tasks: {why}",
         hint=f"mv {path} {path}.broken  (a new queue begins; sqlite3 {path}.broken .recover shows what is left)",
@@ -266,11 +266,11 @@ def prepare(connection: sqlite3.Connection, path: Path, *, new: bool = False) ->
             hint="XDG_STATE_HOME=... says where the queue is kept: a disk of this machine",
         )
     connection.execute("PRAGMA synchronous = FULL")
-    connection.execute(f"PRAGMA wal_autocheckpoint = {LOG}")
+    connection.execute(f"PRAGMA wal_autocheckpoint = {MAX_LOG_PAGES}")
     connection.execute("PRAGMA foreign_keys = ON")
     faults = [str(fault) for (fault,) in connection.execute("PRAGMA quick_check (1)")]
     if faults != ["ok"]:
-        raise _damaged(path, faults[0])
+        raise _damaged_error(path, faults[0])
     if new:
         connection.executescript(f"BEGIN; {TABLES} PRAGMA user_version = {VERSION}; COMMIT;")
 
@@ -293,4 +293,4 @@ def _check_version(connection: sqlite3.Connection, path: Path) -> None:
             hint=f"mv {path} {path}.old  (a new queue begins)",
         )
     if not version or not _has_tables(connection):
-        raise _damaged(path, "it has no tables of a queue")
+        raise _damaged_error(path, "it has no tables of a queue")

@@ -20,7 +20,7 @@ Verdict = Literal["done", "again", "failed", "given_up"]
 PRIORITIES = (-100, 100)
 """The lowest and the highest priority; 0 is that of a task of which nobody says any."""
 
-DEFAULT_INTERRUPTIONS = 3
+DEFAULT_MAX_INTERRUPTIONS = 3
 """Times that a task may be interrupted, unless somebody says otherwise; with the last of them it is given up."""
 
 
@@ -33,7 +33,7 @@ class TaskError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Policy:
+class RetryPolicy:
     """What to do about a task that did not succeed.
 
     An interrupted one is tried again, until it was interrupted ``most`` times; or never. One that failed is tried again
@@ -41,7 +41,7 @@ class Policy:
     """
 
     interrupted: Interrupted = "retry"
-    most: int = DEFAULT_INTERRUPTIONS
+    most: int = DEFAULT_MAX_INTERRUPTIONS
     retries: int = 0
 
     def verdict(self, how: str, failures: int, interruptions: int) -> Verdict:
@@ -72,7 +72,7 @@ class NewTask:
     ``robot`` is empty for the simulated default; ``options`` are more words for `mission run`. ``due`` is 0 for a task
     that is to begin as soon as its turn comes, whatever the clock says. Of those that are due, the one of the highest
     ``priority`` is first. A task that is not begun within ``late`` seconds of when it is due, or was added, is missed;
-    None waits for ever. ``every`` repeats it, as ``times.Every`` is written. One that ``needs_approval`` is not begun
+    None waits for ever. ``every`` repeats it, as ``times.Repetition`` is written. One that ``needs_approval`` is not begun
     before somebody has approved it, and each of its repetitions anew. ``channels`` are where its notices went
     when it was added, as the outbox writes them: the queue fills them in.
     """
@@ -85,7 +85,7 @@ class NewTask:
     priority: int = 0
     late: float | None = None
     every: str = ""
-    policy: Policy = field(default_factory=Policy)
+    policy: RetryPolicy = field(default_factory=RetryPolicy)
     channels: tuple[str, ...] = ()
     needs_approval: bool = False
 
@@ -119,17 +119,17 @@ class Task(NewTask):
     approved_by: str = ""
 
     @property
-    def unapproved(self) -> bool:
+    def awaits_approval(self) -> bool:
         """Whether it waits for somebody to approve it."""
         return self.needs_approval and self.approved is None and self.state == "waiting"
 
     @property
-    def ended(self) -> bool:
+    def has_ended(self) -> bool:
         """True once nothing more will become of it."""
         return self.state not in ("waiting", "running")
 
     @property
-    def since(self) -> float:
+    def due_since(self) -> float:
         """When it was due, or, where it has no time, was added."""
         return max(self.due, self.added)
 
@@ -161,7 +161,7 @@ class Claim:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class AttemptOutcome:
     """How an attempt ended, and why; ``stopped`` where it was interrupted because somebody stopped the server."""
 
     how: How

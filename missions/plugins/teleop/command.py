@@ -11,30 +11,30 @@ from threading import Event
 
 import click
 
-from config.library import DEFAULT_WORLD, find
-from config.units import in_dimension
+from config.library import DEFAULT_WORLD, find_file
+from config.units import si_value
 from config.world import load_world
 from drivers.api import Base, Head, ignore
 from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
 from missions.assembly.assemble import assemble
-from missions.assembly.assembled import CONNECT_TIME
+from missions.assembly.assembled import CONNECT_TIMEOUT
 from missions.assembly.together import Hooks, Overrides
-from missions.cli.keys import Keys, interruptible
-from missions.cli.leash import heeded
+from missions.cli.keys import KeyReader, interruptible
+from missions.cli.leash import watch_outputs
 from missions.cli.names import ROBOT, WORLD
 from missions.cli.origin import robot_file
 from missions.cli.outputs import check_writable
-from missions.cli.printable import show_over
+from missions.cli.printable import overwrite_line
 from missions.cli.root import SUCCESS
-from missions.control.holders import holding
+from missions.control.holders import hold_robot
 from missions.control.pilot import MAX_SHARE, MIN_SHARE, Pilot
 from missions.library.drivers import load_robot
-from missions.plugins.setup.head_bench import HEAD, head_option, keys_of_head
+from missions.plugins.setup.head_bench import DEFAULT_HEAD, head_keys, head_option
 from missions.plugins.teleop import FIRST_PAD, beside, pad
 from missions.plugins.teleop.beside import LineDelay, drive_by_hand
-from missions.plugins.teleop.pad import keep_taught, load_taught, pads_file
-from missions.plugins.teleop.teaching import Teacher
+from missions.plugins.teleop.pad import load_layouts, pads_file, save_layout
+from missions.plugins.teleop.teaching import PadTeacher
 
 # The line between a person's keyboard and this program: whether it may be long, and how late it is.
 
@@ -45,21 +45,21 @@ RELAY_PROGRAMS = ("tmux", "screen", "zellij", "mosh-server")
 REMOTE_PROGRAMS = ("sshd", "dropbear", "telnetd", "in.telnetd", "ttyd", "gotty")
 REMOTE_VARIABLES = ("SSH_CONNECTION", "SSH_TTY")
 
-LAST_ANSWERS = 0.6
+LAST_ANSWERS_TIMEOUT = 0.6
 """Seconds for which answers are waited for in the end: the shell would take those that come later for keys."""
 
 
 @contextmanager
-def line_to(
-    descriptor: int, clock: Clock, *, unknown_is_good: bool = False
+def measure_line(
+    descriptor: int, clock: Clock, *, allow_unknown: bool = False
 ) -> Iterator[tuple[LineDelay, Callable[[Callable[[float], str]], None]]]:
     """Give the delay of the terminal behind ``descriptor``, and a function that waits for its last answers.
 
     ``unknown_is_good`` lets keys drive also where the delay cannot be known.
     """
     programs = [*ancestors(os.getpid())]
-    relay = _relay(programs)
-    remote = bool(relay) or any(map(os.environ.get, REMOTE_VARIABLES)) or _any(programs, REMOTE_PROGRAMS)
+    relay = _find_relay(programs)
+    remote = bool(relay) or any(map(os.environ.get, REMOTE_VARIABLES)) or _has_program(programs, REMOTE_PROGRAMS)
     terminal = os.open(os.ttyname(descriptor), os.O_WRONLY | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
 
     def write(text: str) -> None:
@@ -73,11 +73,11 @@ def line_to(
                 return columns, rows
         return 80, 24
 
-    line = LineDelay(write, clock, size, remote=remote, relay=relay, unknown_is_good=unknown_is_good)
+    line = LineDelay(write, clock, size, remote=remote, relay=relay, allow_unknown=allow_unknown)
 
     def settle(typed: Callable[[float], str]) -> None:
-        until = clock.now() + LAST_ANSWERS
-        while line.waiting and clock.now() < until:
+        until = clock.read_value() + LAST_ANSWERS_TIMEOUT
+        while line.has_open_queries and clock.read_value() < until:
             if typed(0.05) == "end":
                 Event().wait(0.05)  # the terminal has gone, or Ctrl-D was pressed
         with suppress(termios.error):
@@ -101,24 +101,24 @@ def ancestors(process: int, folder: Path = Path("/proc")) -> Iterator[str]:
         yield name
 
 
-def _relay(programs: list[str]) -> str:
+def _find_relay(programs: list[str]) -> str:
     """Return the name of a program that answers for the terminal; empty where there is none."""
     found = next((name for variable, name in RELAYS.items() if os.environ.get(variable)), "")
-    return found or next((each for each in RELAY_PROGRAMS if _any(programs, (each,))), "")
+    return found or next((each for each in RELAY_PROGRAMS if _has_program(programs, (each,))), "")
 
 
-def _any(programs: list[str], names: tuple[str, ...]) -> bool:
+def _has_program(programs: list[str], names: tuple[str, ...]) -> bool:
     return any(program.lower().startswith(names) for program in programs)
 
 
-SHOWN = 0.1
+SHOW_INTERVAL = 0.1
 """Seconds between two changes of that line: a slow line has to keep up with it."""
 
 
-def _share(ctx: click.Context, option: click.Parameter, value: str) -> float:
+def _parse_share(ctx: click.Context, option: click.Parameter, value: str) -> float:
     """Read a share, such as 30 %."""
     try:
-        share = in_dimension(value, "share")
+        share = si_value(value, "share")
     except ValueError as error:
         raise click.BadParameter(str(error), ctx=ctx, param=option) from error
     if not MIN_SHARE <= share <= MAX_SHARE:
@@ -138,7 +138,7 @@ def _share(ctx: click.Context, option: click.Parameter, value: str) -> float:
     default="50%",
     show_default=True,
     metavar="SHARE",
-    callback=_share,
+    callback=_parse_share,
     help="The share of the robot's limits to begin with.",
 )
 @click.option(
@@ -180,7 +180,7 @@ def command(
     Whatever ends it, a line that breaks too, the robot is left at rest.
     """
     if taught is not None:
-        return _teach(taught, SystemClock())
+        return _teach_pad(taught, SystemClock())
     virtual = simulate or robot is None
     if virtual and port is not None:
         raise click.UsageError("--port names a real port, which is used only with --robot NAME and without --simulate")
@@ -189,33 +189,33 @@ def command(
     if node is None and not sys.stdin.isatty():
         raise click.UsageError("the keys need a terminal; or drive with a game pad: --pad")
     wishes = Overrides(
-        world=load_world(find("worlds", world or DEFAULT_WORLD)) if virtual else None,
+        world=load_world(find_file("worlds", world or DEFAULT_WORLD)) if virtual else None,
         ports={} if port is None else {"base": port},
     )
     clock = wishes.clock()
     with ExitStack() as open_things:
         open_things.enter_context(interruptible())
-        open_things.enter_context(heeded((sys.stdout,), lambda _: os.kill(os.getpid(), signal.SIGTERM)))
+        open_things.enter_context(watch_outputs((sys.stdout,), lambda _: os.kill(os.getpid(), signal.SIGTERM)))
         held = None
         if node is not None:
-            held = open_things.enter_context(closing(pad.pad_at(node, clock)))
+            held = open_things.enter_context(closing(pad.make_pad(node, clock)))
             held.open()
-        base, turned = open_things.enter_context(_opened(robot, head, wishes, clock))
-        click.echo(beside.HELP if held is None else pad.HELP)
+        base, turned = open_things.enter_context(_open_robot(robot, head, wishes, clock))
+        click.echo(beside.KEYS_HELP if held is None else pad.PAD_HELP)
         typed: Callable[[float], str] = _pause
         line = None
         if sys.stdin.isatty():
             if sys.stdout.isatty():
                 open_things.callback(click.echo)  # below the line to be seen
             terminal = sys.stdin.fileno()
-            line, settle = open_things.enter_context(line_to(terminal, clock, unknown_is_good=unknown_delay))
-            typed = open_things.enter_context(Keys(terminal, line.answer)).read
+            line, settle = open_things.enter_context(measure_line(terminal, clock, allow_unknown=unknown_delay))
+            typed = open_things.enter_context(KeyReader(terminal, line.on_answer)).read
             open_things.callback(settle, typed)
-        drive_by_hand(Pilot(base, turned, pace=pace), typed, held, clock, _shower(clock), line)
+        drive_by_hand(Pilot(base, turned, speed_share=pace), typed, held, clock, _make_line_display(clock), line)
     return SUCCESS
 
 
-def _teach(node: str, clock: Clock) -> int:
+def _teach_pad(node: str, clock: Clock) -> int:
     """Have a person teach the pad at a node, and keep that. Raises NotConnected and TeachingError."""
     if node == FIRST_PAD:
         found = pad.find_pads()
@@ -223,7 +223,7 @@ def _teach(node: str, clock: Clock) -> int:
             cure = f"mission teleop --teach-pad {found[0]}  (or {', '.join(found[1:])})"
             raise click.UsageError(f"--teach-pad: several game pads are plugged in\n  try: {cure}")
         node = pad.find_pad()
-    load_taught()  # before a person presses anything: with a damaged file, nothing of it could be kept
+    load_layouts()  # before a person presses anything: with a damaged file, nothing of it could be kept
     pads_file().parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     check_writable(pads_file(), "--teach-pad")
     with ExitStack() as open_things:
@@ -233,36 +233,36 @@ def _teach(node: str, clock: Clock) -> int:
         if model is None:
             raise NotConnected(f"pad: {node}: the kernel does not tell which pad it is", hint="ls -l /dev/input/by-id")
         click.echo(f"{model.key}; nothing moves. Let go of all, then do what is asked. Ctrl-C ends, and keeps nothing.")
-        spans, values = raw.axes(model)
-        layout = Teacher(raw, spans, values, clock, click.echo, _pause).teach()
-        path = keep_taught(model.key, layout)
+        spans, values = raw.read_axes(model)
+        layout = PadTeacher(raw, spans, values, clock, click.echo, _pause).teach()
+        path = save_layout(model.key, layout)
         click.echo(f"kept in {path}: all pads of this model and name drive so: mission teleop --pad {node}")
     return SUCCESS
 
 
 @contextmanager
-def _opened(name: str | None, head: str, wishes: Overrides, clock: Clock) -> Iterator[tuple[Base, Head | None]]:
+def _open_robot(name: str | None, head: str, overrides: Overrides, clock: Clock) -> Iterator[tuple[Base, Head | None]]:
     """Open the base of a robot, and its ``head``, if it has one, and wait for the base; in the end close them.
 
-    Raises NotConnected, with what is missing, after ``CONNECT_TIME``.
+    Raises NotConnected, with what is missing, after ``CONNECT_TIMEOUT``.
     """
     config = load_robot(robot_file(name))
     if config.base is None:
         raise click.UsageError(f"{config.name} has no base")
-    if head != HEAD:
-        keys_of_head(config, head)
+    if head != DEFAULT_HEAD:
+        head_keys(config, head)
     audience = Hooks(ignore, ignore, click.echo, ignore, ignore)
-    robot = assemble(config, frozenset({"base", head}), clock, wishes, audience)
+    robot = assemble(config, frozenset({"base", head}), clock, overrides, audience)
     base = robot.robot.base
-    with holding(config.name, simulated=wishes.world is not None):
+    with hold_robot(config.name, simulated=overrides.world is not None):
         try:
             robot.open()
-            begun = clock.now()
+            begun = clock.read_value()
             while not (health := base.health()).online:
-                if clock.now() - begun > CONNECT_TIME:
+                if clock.read_value() - begun > CONNECT_TIMEOUT:
                     raise NotConnected(health.detail, hint=health.hint)
                 _pause(0.02)
-            yield base, robot.robot.of({HEAD: head}).head_part
+            yield base, robot.robot.with_named_parts({DEFAULT_HEAD: head}).head_part
         finally:
             for problem in robot.close():
                 click.echo(problem, err=True)
@@ -274,14 +274,14 @@ def _pause(seconds: float) -> str:
     return ""
 
 
-def _shower(clock: Clock) -> Callable[[str], None]:
+def _make_line_display(clock: Clock) -> Callable[[str], None]:
     """Return what shows a line in the place of the one before, when it is another, and not too often."""
-    shown, at = "", -SHOWN
+    shown, at = "", -SHOW_INTERVAL
 
     def show(line: str) -> None:
         nonlocal shown, at
-        if line != shown and clock.now() - at >= SHOWN and sys.stdout.isatty():
-            shown, at = line, clock.now()
-            show_over(line)
+        if line != shown and clock.read_value() - at >= SHOW_INTERVAL and sys.stdout.isatty():
+            shown, at = line, clock.read_value()
+            overwrite_line(line)
 
     return show

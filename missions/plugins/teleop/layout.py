@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 from drivers.api.quick import dataclass
 from drivers.errors import NotConnected
-from missions.control.pilot import ENABLE, LATCH
+from missions.control.pilot import ENABLE_KEY, LATCH_KEY
 
 # The events of a game pad as Linux tells them (linux/input.h, input-event-codes.h, and its gamepad document). Pure.
 
@@ -34,7 +34,7 @@ STICK_X, STICK_Y, HAT_X, HAT_Y = 0x00, 0x01, 0x10, 0x11
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class PadEvent:
     """One change: of a button (``KEY``: 1 down, 0 up) or of an axis (``ABS``: in the pad's own steps)."""
 
     kind: int
@@ -47,14 +47,14 @@ class Event:
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class AxisRange:
     """What an axis measures at its ends, and where it ``rests`` if that is not the middle."""
 
     least: int
     most: int
     rest: float | None = None
 
-    def share(self, value: int, dead: float = 0.0) -> float:
+    def scale(self, value: int, dead_zone: float = 0.0) -> float:
         """Return where ``value`` is between the ends, as -1..1; the ``dead`` share around its rest counts as 0.
 
         Beyond it the square, so that small movements of the stick are fine ones.
@@ -64,13 +64,13 @@ class Span:
         if half <= 0:
             return 0.0
         out = min(abs(value - middle) / half, 1.0)
-        if out <= dead:
+        if out <= dead_zone:
             return 0.0
-        square = ((out - dead) / (1 - dead)) ** 2
+        square = ((out - dead_zone) / (1 - dead_zone)) ** 2
         return square if value > middle else -square
 
 
-def span_request(axis: int) -> int:
+def range_request(axis: int) -> int:
     """Return the ioctl number EVIOCGABS, which asks the driver for the ``struct input_absinfo`` of an axis."""
     return 2 << 30 | ABSINFO_SIZE << 16 | ord("E") << 8 | 0x40 + axis
 
@@ -89,32 +89,32 @@ ID_REQUEST = 2 << 30 | 8 << 16 | ord("E") << 8 | 0x02
 """The ioctl number EVIOCGID."""
 
 
-def ids_of(data: bytes) -> tuple[int, int]:
+def parse_ids(data: bytes) -> tuple[int, int]:
     """Read vendor and product from a ``struct input_id``."""
     _, vendor, product, _ = _ID.unpack(data)
     return vendor, product
 
 
-def codes_of(bits: bytes) -> frozenset[int]:
+def parse_codes(bits: bytes) -> frozenset[int]:
     """Read which codes there are from the bitmap of ``bits_request``."""
     return frozenset(8 * place + bit for place, byte in enumerate(bits) for bit in range(8) if byte >> bit & 1)
 
 
-def span_of(absinfo: bytes) -> Span:
+def parse_range(absinfo: bytes) -> AxisRange:
     """Read the ends of an axis from its ``struct input_absinfo``."""
     _, least, most, *_ = _ABSINFO.unpack(absinfo)
-    return Span(least, most)
+    return AxisRange(least, most)
 
 
-def value_of(absinfo: bytes) -> int:
+def parse_value(absinfo: bytes) -> int:
     """Read where an axis is from its ``struct input_absinfo``."""
     return int(_ABSINFO.unpack(absinfo)[0])
 
 
-def events_of(data: bytes) -> list[Event]:
+def parse_events(data: bytes) -> list[PadEvent]:
     """Read events; the kernel hands out whole ones only, and what is left over at the end is no event."""
     whole = len(data) - len(data) % _EVENT.size
-    return [Event(*fields[2:]) for fields in _EVENT.iter_unpack(data[:whole])]
+    return [PadEvent(*fields[2:]) for fields in _EVENT.iter_unpack(data[:whole])]
 
 
 def has_button(capabilities: str, button: int) -> bool:
@@ -128,7 +128,7 @@ def has_button(capabilities: str, button: int) -> bool:
     return word < len(words) and bool(int(words[word], 16) >> bit & 1)
 
 
-PRESSED, RELEASED = 0.6, 0.4
+PRESS_SHARE, RELEASE_SHARE = 0.6, 0.4
 """Shares of its way from which on a trigger counts as pressed, and below which it is let go."""
 
 
@@ -145,14 +145,14 @@ class Control:
         """The kind of its events."""
         return KEY if self.rest is None else ABS
 
-    def pressed(self, event: Event, *, before: bool) -> bool | None:
+    def is_pressed_after(self, event: PadEvent, *, before: bool) -> bool | None:
         """Return whether it is pressed after an event, as it was ``before``; None for an event of something else."""
         if (event.kind, event.code) != (self.kind, self.code):
             return None
         if self.rest is None:
             return event.value > 0
         share = (event.value - self.rest) / (self.end - self.rest)
-        return share >= (RELEASED if before else PRESSED)
+        return share >= (RELEASE_SHARE if before else PRESS_SHARE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +174,7 @@ class PadLayout:
     ahead: Stick = Stick(STICK_Y)
     left: Stick = Stick(STICK_X)
 
-    def faults(self) -> Iterator[str]:
+    def find_errors(self) -> Iterator[str]:
         """Yield the contradictions in the layout."""
         controls = [self.hold, self.enable, *self.stops]
         if not self.stops:
@@ -187,18 +187,20 @@ class PadLayout:
         if len(axes) < 2 or any(each.kind == ABS and each.code in axes for each in controls):
             yield "one axis does two things"
 
-    def keys(self) -> Mapping[Control, str]:
+    def control_keys(self) -> Mapping[Control, str]:
         """Return the controls that do what a key does."""
-        return {self.enable: ENABLE, **dict.fromkeys(self.stops, LATCH)}
+        return {self.enable: ENABLE_KEY, **dict.fromkeys(self.stops, LATCH_KEY)}
 
 
-STANDARD = PadLayout(Control(SHOULDER_LEFT), (Control(EAST),), Control(START))
+STANDARD_LAYOUT = PadLayout(Control(SHOULDER_LEFT), (Control(EAST),), Control(START))
 """That of linux/Documentation/input/gamepad.rst."""
 
-D_MODE = PadLayout(Control(0x124), (Control(0x121), Control(0x122)), Control(0x129))
+D_MODE_LAYOUT = PadLayout(Control(0x124), (Control(0x121), Control(0x122)), Control(0x129))
 """Left shoulder 5, Start 10; A and B are 2 and 3 or 3 and 2, as the maker likes it, so both stop."""
 
-UNIDENTIFIED = PadLayout(STANDARD.hold, (*STANDARD.stops, *D_MODE.stops), STANDARD.enable)
+UNIDENTIFIED_LAYOUT = PadLayout(
+    STANDARD_LAYOUT.hold, (*STANDARD_LAYOUT.stops, *D_MODE_LAYOUT.stops), STANDARD_LAYOUT.enable
+)
 """For a node of which the kernel tells nothing: both kinds of stop."""
 
 D_MODELS: Mapping[tuple[int, int], str] = MappingProxyType(
@@ -209,7 +211,7 @@ D_MODELS: Mapping[tuple[int, int], str] = MappingProxyType(
         (0x0079, 0x0006): "DragonRise",
     }
 )
-"""Pads whose buttons are numbered as ``D_MODE`` says; by SDL's game controller database."""
+"""Pads whose buttons are numbered as ``D_MODE_LAYOUT`` says; by SDL's game controller database."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,7 +229,7 @@ class PadModel:
         """Its name among the pads that were taught: a wireless and a wired one of a make differ in it."""
         return f"{self.vendor:04x}:{self.product:04x} {self.name}".strip()
 
-    def has(self, layout: PadLayout) -> bool:
+    def has_controls(self, layout: PadLayout) -> bool:
         """Return whether it has all controls of a layout."""
         buttons = {each.code for each in (layout.hold, layout.enable, *layout.stops) if each.rest is None}
         axes = {each.code for each in (layout.hold, layout.enable, *layout.stops) if each.rest is not None}
@@ -238,19 +240,19 @@ class UnknownPadError(NotConnected):
     """A pad that is there, and whose buttons are not known."""
 
 
-def layout_for(path: str, model: PadModel | None, taught: Mapping[str, PadLayout]) -> PadLayout:
+def find_layout(path: str, model: PadModel | None, saved: Mapping[str, PadLayout]) -> PadLayout:
     """Return the layout of a pad: the one that was taught, else of its model. Raises UnknownPadError."""
     if model is None:
-        return UNIDENTIFIED
-    found = taught.get(model.key)
-    if found is not None and model.has(found):
+        return UNIDENTIFIED_LAYOUT
+    found = saved.get(model.key)
+    if found is not None and model.has_controls(found):
         return found
     # A driver that numbers buttons calls the third and the sixth C and Z, which no pad of two rows has.
     numbered = {C, Z} <= model.buttons
-    if found is None and (model.vendor, model.product) in D_MODELS and model.has(D_MODE):
-        return D_MODE
-    if found is None and not numbered and model.has(STANDARD):
-        return STANDARD
+    if found is None and (model.vendor, model.product) in D_MODELS and model.has_controls(D_MODE_LAYOUT):
+        return D_MODE_LAYOUT
+    if found is None and not numbered and model.has_controls(STANDARD_LAYOUT):
+        return STANDARD_LAYOUT
     if found is not None:
         why = "it lacks buttons or sticks that it was taught with"
     elif numbered or TRIGGER in model.buttons:
@@ -264,47 +266,47 @@ def layout_for(path: str, model: PadModel | None, taught: Mapping[str, PadLayout
 class PadState:
     """The state of a pad of a layout: is ``hold`` pressed, and where is the stick. ``spans`` are those of its axes."""
 
-    def __init__(self, layout: PadLayout, spans: Mapping[int, Span], dead: float) -> None:
+    def __init__(self, layout: PadLayout, ranges: Mapping[int, AxisRange], dead_zone: float) -> None:
         self.layout = layout
-        self._spans, self._dead = dict(spans), dead
-        self._keys = layout.keys()
+        self._ranges, self._dead_zone = dict(ranges), dead_zone
+        self._keys = layout.control_keys()
         self._pressed: set[Control] = set()
         self._values: dict[int, int] = {}  # of the axes that have moved
-        self.held = False  # since it was pressed, without a gap in what is known
+        self.is_held = False  # since it was pressed, without a gap in what is known
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Let go: events were lost, so the state of buttons and stick is not known."""
-        self.held = False
+        self.is_held = False
         self._values.clear()
         self._pressed.clear()
 
-    def take(self, event: Event) -> str:
+    def on_event(self, event: PadEvent) -> str:
         """Take an event; return the key that it stands for, empty for none."""
         found = ""
         if event.kind == ABS:
             self._values[event.code] = event.value
-        held = self.layout.hold.pressed(event, before=self.layout.hold in self._pressed)
+        held = self.layout.hold.is_pressed_after(event, before=self.layout.hold in self._pressed)
         if held is not None:
             if not held:
-                self.held = False
+                self.is_held = False
             elif event.kind == KEY or self.layout.hold not in self._pressed:
-                self.held = True
-            self._note(self.layout.hold, pressed=held)
+                self.is_held = True
+            self._set_pressed(self.layout.hold, pressed=held)
         for control, key in self._keys.items():
             before = control in self._pressed
-            now = control.pressed(event, before=before)
+            now = control.is_pressed_after(event, before=before)
             if now and not before:
                 found = key
             if now is not None:
-                self._note(control, pressed=now)
+                self._set_pressed(control, pressed=now)
         return found
 
-    def share(self, stick: Stick) -> float:
+    def deflection(self, stick: Stick) -> float:
         """Return how far the stick is pushed ahead or to the left, -1..1."""
-        span, value = self._spans.get(stick.code), self._values.get(stick.code)
+        span, value = self._ranges.get(stick.code), self._values.get(stick.code)
         if span is None or value is None:
             return 0.0
-        return stick.sign * Span(span.least, span.most, stick.rest).share(value, self._dead)
+        return stick.sign * AxisRange(span.least, span.most, stick.rest).scale(value, self._dead_zone)
 
-    def _note(self, control: Control, *, pressed: bool) -> None:
+    def _set_pressed(self, control: Control, *, pressed: bool) -> None:
         (self._pressed.add if pressed else self._pressed.discard)(control)

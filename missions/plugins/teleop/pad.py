@@ -12,39 +12,39 @@ from types import MappingProxyType
 from typing import Any
 
 from config.defaults import config_folder
-from config.reading import PRIVATE, read_regular_text, save_file
+from config.reading import PRIVATE_MODE, read_regular_text, save_file
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.transport.ports import explain
-from missions.control.pilot import ENABLE, LATCH, Push
+from drivers.transport.ports import make_port_error
+from missions.control.pilot import ENABLE_KEY, LATCH_KEY, DriveInput
 from missions.plugins.teleop import FIRST_PAD
 from missions.plugins.teleop import layout as events
 from missions.plugins.teleop.layout import (
-    UNIDENTIFIED,
+    UNIDENTIFIED_LAYOUT,
+    AxisRange,
     Control,
-    Event,
+    PadEvent,
     PadLayout,
     PadModel,
     PadState,
-    Span,
     Stick,
     UnknownPadError,
-    layout_for,
+    find_layout,
 )
 
 # The layouts of game pads that were taught: one file of the user's, ``~/.config/missiontree/pads.json``.
 
-FILE = "pads.json"
+PADS_FILE_NAME = "pads.json"
 MAX_CODE, MAX_VALUE = 0x2FF, 2**31
-TEACH = "mission teleop --teach-pad  (again; it replaces this file's entry)"
+TEACH_HINT = "mission teleop --teach-pad  (again; it replaces this file's entry)"
 
 
 def pads_file() -> Path:
     """Return where they are."""
-    return config_folder() / FILE
+    return config_folder() / PADS_FILE_NAME
 
 
-def load_taught(path: Path | None = None) -> dict[str, PadLayout]:
+def load_layouts(path: Path | None = None) -> dict[str, PadLayout]:
     """Return the layouts by ``PadModel.key``; none without the file.
 
     Raises NotConnected for a file that is damaged: a pad with half a layout must not drive.
@@ -52,79 +52,83 @@ def load_taught(path: Path | None = None) -> dict[str, PadLayout]:
     path = pads_file() if path is None else path
     try:
         found = json.loads(read_regular_text(path))
-        layouts = {str(key): _layout(told) for key, told in found.items()}
+        layouts = {str(key): _layout_from_json(told) for key, told in found.items()}
         for key, layout in layouts.items():
-            for fault in layout.faults():
+            for fault in layout.find_errors():
                 raise ValueError(f"{key}: {fault}")
     except FileNotFoundError:
         return {}
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-        raise NotConnected(f"pad: {path}: cannot be used: {error}", hint=f"rm {path}; then {TEACH}") from error
+        raise NotConnected(f"pad: {path}: cannot be used: {error}", hint=f"rm {path}; then {TEACH_HINT}") from error
     return layouts
 
 
-def keep_taught(key: str, layout: PadLayout, path: Path | None = None) -> Path:
+def save_layout(key: str, layout: PadLayout, path: Path | None = None) -> Path:
     """Keep a layout, in the place of an earlier one of this pad; return the file. Raises OSError, NotConnected."""
     path = pads_file() if path is None else path
-    layouts = {**load_taught(path), key: layout}
+    layouts = {**load_layouts(path), key: layout}
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    text = json.dumps({name: _told(each) for name, each in layouts.items()}, indent=2) + "\n"
-    save_file(path, text, PRIVATE)
+    text = json.dumps({name: _layout_to_json(each) for name, each in layouts.items()}, indent=2) + "\n"
+    save_file(path, text, PRIVATE_MODE)
     return path
 
 
-def _told(layout: PadLayout) -> dict[str, object]:
+def _layout_to_json(layout: PadLayout) -> dict[str, object]:
     return {
-        "hold": _control_told(layout.hold),
-        "stops": [_control_told(each) for each in layout.stops],
-        "enable": _control_told(layout.enable),
+        "hold": _control_to_json(layout.hold),
+        "stops": [_control_to_json(each) for each in layout.stops],
+        "enable": _control_to_json(layout.enable),
         "ahead": {"axis": layout.ahead.code, "sign": layout.ahead.sign, "rest": layout.ahead.rest},
         "left": {"axis": layout.left.code, "sign": layout.left.sign, "rest": layout.left.rest},
     }
 
 
-def _control_told(control: Control) -> dict[str, object]:
+def _control_to_json(control: Control) -> dict[str, object]:
     if control.rest is None:
         return {"button": control.code}
     return {"axis": control.code, "rest": control.rest, "end": control.end}
 
 
-def _layout(told: Mapping[str, Any]) -> PadLayout:
-    stops = tuple(_control(each) for each in told["stops"])
+def _layout_from_json(data: Mapping[str, Any]) -> PadLayout:
+    stops = tuple(_control_from_json(each) for each in data["stops"])
     return PadLayout(
-        _control(told["hold"]), stops, _control(told["enable"]), _stick(told["ahead"]), _stick(told["left"])
+        _control_from_json(data["hold"]),
+        stops,
+        _control_from_json(data["enable"]),
+        _stick_from_json(data["ahead"]),
+        _stick_from_json(data["left"]),
     )
 
 
-def _control(told: Mapping[str, Any]) -> Control:
-    if "button" in told:
-        return Control(_whole(told["button"], 0, MAX_CODE))
-    rest, end = (_whole(told[word], -MAX_VALUE, MAX_VALUE) for word in ("rest", "end"))
-    return Control(_whole(told["axis"], 0, MAX_CODE), rest, end)
+def _control_from_json(data: Mapping[str, Any]) -> Control:
+    if "button" in data:
+        return Control(_check_int(data["button"], 0, MAX_CODE))
+    rest, end = (_check_int(data[word], -MAX_VALUE, MAX_VALUE) for word in ("rest", "end"))
+    return Control(_check_int(data["axis"], 0, MAX_CODE), rest, end)
 
 
-def _stick(told: Mapping[str, Any]) -> Stick:
-    sign = _whole(told["sign"], -1, 1)
+def _stick_from_json(data: Mapping[str, Any]) -> Stick:
+    sign = _check_int(data["sign"], -1, 1)
     if sign == 0:
         raise ValueError("a stick with the sign 0")
-    rest = None if told["rest"] is None else _whole(told["rest"], -MAX_VALUE, MAX_VALUE)
-    return Stick(_whole(told["axis"], 0, MAX_CODE), sign, rest)
+    rest = None if data["rest"] is None else _check_int(data["rest"], -MAX_VALUE, MAX_VALUE)
+    return Stick(_check_int(data["axis"], 0, MAX_CODE), sign, rest)
 
 
-def _whole(value: object, low: int, high: int) -> int:
+def _check_int(value: object, low: int, high: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
         raise ValueError(f"{value!r:.40} is not a whole number from {low} to {high}")
     return value
 
 
-DEAD = 0.1
+DEAD_ZONE = 0.1
 """The share of a stick's way around its middle that counts as its middle: none springs back exactly."""
 
-SILENCE = 3.0
+SILENCE_TIMEOUT = 3.0
 """Seconds without a word of the pad after which its hold no longer counts: many receivers do not tell that they have
 lost the pad. A hand that drives moves a stick more often than that."""
 
-HATS: Mapping[tuple[int, int], str] = MappingProxyType(
+HAT_KEYS: Mapping[tuple[int, int], str] = MappingProxyType(
     {
         (events.HAT_X, -1): "left",
         (events.HAT_X, 1): "right",
@@ -134,7 +138,7 @@ HATS: Mapping[tuple[int, int], str] = MappingProxyType(
 )
 """The cross, likewise."""
 
-HELP = """\
+PAD_HELP = """\
 hold the left shoulder button and push the left stick; let go of the button to stop
 the cross turns the head; east (B, circle) stops until Start enables again; in mode D, A stops, too
 the keys of the terminal do the same: space, Enter, and Esc or Ctrl-C to end"""
@@ -152,35 +156,39 @@ class Pad:
         path: str,
         clock: Clock,
         *,
-        span: Callable[[int, int], Span | None] | None = None,
-        model: Callable[[int], PadModel | None] | None = None,
-        taught: Callable[[], Mapping[str, PadLayout]] = load_taught,
+        read_range: Callable[[int, int], AxisRange | None] | None = None,
+        read_model: Callable[[int], PadModel | None] | None = None,
+        load_saved: Callable[[], Mapping[str, PadLayout]] = load_layouts,
     ) -> None:
         self.path = path
         self._clock = clock
-        self._span, self._ask, self._taught = span or ask_span, model or ask_model, taught
+        self._read_range, self._read_model, self._load_saved = (
+            read_range or read_axis_range,
+            read_model or read_pad_model,
+            load_saved,
+        )
         self._descriptor = -1
-        self._state = PadState(UNIDENTIFIED, {}, DEAD)
-        self._heard_at = -inf
+        self._state = PadState(UNIDENTIFIED_LAYOUT, {}, DEAD_ZONE)
+        self._last_event_at = -inf
 
     def open(self) -> None:
         """Open the node. Raises NotConnected with what to try, also for a pad whose buttons are not known."""
         model = self.identify()
         try:
-            layout = layout_for(self.path, model, self._taught())
+            layout = find_layout(self.path, model, self._load_saved())
         except NotConnected:
             self.close()
             raise
-        spans = {axis.code: self._span(self._descriptor, axis.code) for axis in (layout.ahead, layout.left)}
-        self._state = PadState(layout, {code: span for code, span in spans.items() if span is not None}, DEAD)
+        spans = {axis.code: self._read_range(self._descriptor, axis.code) for axis in (layout.ahead, layout.left)}
+        self._state = PadState(layout, {code: span for code, span in spans.items() if span is not None}, DEAD_ZONE)
 
     def identify(self) -> PadModel | None:
         """Open the node alone, and return which pad it is. Raises NotConnected with what to try."""
         try:
             self._descriptor = os.open(self.path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         except OSError as error:
-            raise explain("pad", self.path, error) from error
-        model = self._ask(self._descriptor)
+            raise make_port_error("pad", self.path, error) from error
+        model = self._read_model(self._descriptor)
         if model is None and S_ISCHR(os.fstat(self._descriptor).st_mode):  # js0 speaks another protocol
             self.close()
             raise UnknownPadError(
@@ -189,97 +197,97 @@ class Pad:
             )
         return model
 
-    def axes(self, model: PadModel) -> tuple[dict[int, Span], dict[int, int]]:
+    def read_axes(self, model: PadModel) -> tuple[dict[int, AxisRange], dict[int, int]]:
         """Return the spans of the axes of an identified pad, and their values now."""
-        told = {code: absinfo for code in model.axes if (absinfo := ask_axis(self._descriptor, code))}
+        told = {code: absinfo for code in model.axes if (absinfo := read_absinfo(self._descriptor, code))}
         return (
-            {code: events.span_of(absinfo) for code, absinfo in told.items()},
-            {code: events.value_of(absinfo) for code, absinfo in told.items()},
+            {code: events.parse_range(absinfo) for code, absinfo in told.items()},
+            {code: events.parse_value(absinfo) for code, absinfo in told.items()},
         )
 
     def close(self) -> None:
         """Close the node. Safe more than once."""
         descriptor, self._descriptor = self._descriptor, -1
-        self._state.held = False
+        self._state.is_held = False
         if descriptor >= 0:
             os.close(descriptor)
 
-    def keys(self) -> list[str]:
+    def read_keys(self) -> list[str]:
         """Take what has come, without waiting; return the keys that it stands for. Raises NotConnected: it has gone."""
         found: list[str] = []
-        while news := self.events():
-            self._heard_at = self._clock.now()
-            found += [key for event in news if (key := self._take(event))]
+        while news := self.read_events():
+            self._last_event_at = self._clock.read_value()
+            found += [key for event in news if (key := self._handle_event(event))]
         return found
 
-    def events(self) -> list[Event]:
+    def read_events(self) -> list[PadEvent]:
         """Return the events that have come, without waiting. Raises NotConnected: it has gone."""
         try:
             data = os.read(self._descriptor, 4096)
         except BlockingIOError:
             return []
         except OSError as error:
-            raise self._gone() from error
+            raise self._disconnect() from error
         if not data:
-            raise self._gone()
-        return events.events_of(data)
+            raise self._disconnect()
+        return events.parse_events(data)
 
     def press(self, key: str, now: float) -> None:
         """Whoever stops or enables the base has to press the shoulder button anew before it drives."""
         del now
-        if key in (LATCH, ENABLE):
-            self._state.held = False
+        if key in (LATCH_KEY, ENABLE_KEY):
+            self._state.is_held = False
 
-    def push(self, now: float) -> Push | None:
+    def push(self, now: float) -> DriveInput | None:
         """Return which way the stick is pushed at ``now`` seconds; None unless the shoulder button is held."""
-        if now - self._heard_at > SILENCE:
-            self._state.held = False
-        if not self._state.held:
+        if now - self._last_event_at > SILENCE_TIMEOUT:
+            self._state.is_held = False
+        if not self._state.is_held:
             return None
         layout = self._state.layout
-        return Push(ahead=self._state.share(layout.ahead), left=self._state.share(layout.left))
+        return DriveInput(ahead=self._state.deflection(layout.ahead), left=self._state.deflection(layout.left))
 
-    def _take(self, event: Event) -> str:
+    def _handle_event(self, event: PadEvent) -> str:
         """Note an event; return the key that it stands for, empty for none."""
         if (event.kind, event.code) == (events.SYN, events.SYN_DROPPED):
-            self._state.forget()
+            self._state.clear()
             return ""
-        key = self._state.take(event)
+        key = self._state.on_event(event)
         drives = event.code in (self._state.layout.ahead.code, self._state.layout.left.code)
         if key or drives or event.kind != events.ABS:
             return key
-        return HATS.get((event.code, event.value), "")
+        return HAT_KEYS.get((event.code, event.value), "")
 
-    def _gone(self) -> NotConnected:
-        self._state.held = False
+    def _disconnect(self) -> NotConnected:
+        self._state.is_held = False
         return NotConnected(f"pad: {self.path}: it has gone", hint="plug it in, or switch it on, and start again")
 
 
-def ask_span(descriptor: int, axis: int) -> Span | None:
+def read_axis_range(descriptor: int, axis: int) -> AxisRange | None:
     """Ask the kernel what an axis measures at its ends; None for one that is not there."""
-    absinfo = ask_axis(descriptor, axis)
-    return events.span_of(absinfo) if absinfo else None
+    absinfo = read_absinfo(descriptor, axis)
+    return events.parse_range(absinfo) if absinfo else None
 
 
-def ask_axis(descriptor: int, axis: int) -> bytes:
+def read_absinfo(descriptor: int, axis: int) -> bytes:
     """Ask the kernel for the ``struct input_absinfo`` of an axis; nothing for one that is not there."""
     with suppress(OSError):
-        return fcntl.ioctl(descriptor, events.span_request(axis), bytes(events.ABSINFO_SIZE))
+        return fcntl.ioctl(descriptor, events.range_request(axis), bytes(events.ABSINFO_SIZE))
     return b""
 
 
-def pad_at(node: str, clock: Clock) -> Pad:
+def make_pad(node: str, clock: Clock) -> Pad:
     """Return the pad at a node; the first that is there for ``FIRST_PAD``. Raises NotConnected as ``find_pad``."""
     return Pad(find_pad() if node == FIRST_PAD else node, clock)
 
 
-def ask_model(descriptor: int) -> PadModel | None:
+def read_pad_model(descriptor: int) -> PadModel | None:
     """Ask the kernel which pad it is; None for a node of which it tells nothing."""
     try:
-        vendor, product = events.ids_of(fcntl.ioctl(descriptor, events.ID_REQUEST, bytes(8)))
+        vendor, product = events.parse_ids(fcntl.ioctl(descriptor, events.ID_REQUEST, bytes(8)))
         name = fcntl.ioctl(descriptor, events.name_request(256), bytes(256)).split(b"\0")[0].decode(errors="replace")
         buttons, axes = (
-            events.codes_of(fcntl.ioctl(descriptor, events.bits_request(kind, size), bytes(size)))
+            events.parse_codes(fcntl.ioctl(descriptor, events.bits_request(kind, size), bytes(size)))
             for kind, size in ((events.KEY, 96), (events.ABS, 8))
         )
     except OSError:

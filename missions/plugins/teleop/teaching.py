@@ -11,35 +11,35 @@ from typing import Protocol
 from drivers.api.quick import dataclass
 from drivers.clock import Clock
 from drivers.errors import DriverError
-from missions.control.pilot import ENABLE, LATCH
+from missions.control.pilot import ENABLE_KEY, LATCH_KEY
 from missions.plugins.teleop import layout as events
-from missions.plugins.teleop.layout import PRESSED, Control, Event, PadLayout, PadState, Span, Stick
+from missions.plugins.teleop.layout import PRESS_SHARE, AxisRange, Control, PadEvent, PadLayout, PadState, Stick
 
 ANSWER_TIMEOUT = 30.0
 """Seconds in which a control must be pressed and let go."""
 
-QUIET = 0.3
+RELEASE_TIME = 0.3
 """Seconds without a press or a wide movement after which all is let go."""
 
 MAX_TRIES = 5
 """Wrong answers to one question after which teaching ends."""
 
-NOISE = 0.1
+MAX_AXIS_NOISE = 0.1
 """The share of its span by which an axis at rest trembles at most."""
 
-AT_END = 0.2
+MAX_TRIGGER_REST = 0.2
 """The share of its span from an end within which a trigger rests; a stick rests elsewhere."""
 
-WIDE = 0.25
+MIN_STICK_SHARE = 0.25
 """The share of its span that a stick is pushed at least: from its middle to the end are 0.5."""
 
-LOOK = 0.02
+POLL_INTERVAL = 0.02
 """Seconds between two looks at the pad."""
 
-DEAD = 0.15
+DRY_RUN_DEAD_ZONE = 0.15
 """The share of a stick's way that counts as its rest in the dry run."""
 
-HATS = range(0x10, 0x18)
+HAT_AXES = range(0x10, 0x18)
 """The axes of hats, which rest in their middle."""
 
 
@@ -47,10 +47,10 @@ class TeachingError(DriverError):
     """Teaching ended without a layout."""
 
 
-class PadEvents(Protocol):
+class PadEventSource(Protocol):
     """The part of a pad that teaching needs."""
 
-    def events(self) -> list[Event]:
+    def read_events(self) -> list[PadEvent]:
         """Return the events that have come, without waiting. Raises NotConnected: it has gone."""
         ...
 
@@ -63,7 +63,7 @@ class Movement:
     axes: Mapping[int, tuple[int, int, float]]  # rest, farthest value, share of the span between them
 
 
-class Teacher:
+class PadTeacher:
     """Asks by ``say``, and listens to a ``pad``; ``spans`` and ``values`` are those of its axes as it begins.
 
     ``pause`` waits so many seconds, and raises where the person wants to end.
@@ -71,17 +71,19 @@ class Teacher:
 
     def __init__(
         self,
-        pad: PadEvents,
-        spans: Mapping[int, Span],
+        pad: PadEventSource,
+        ranges: Mapping[int, AxisRange],
         values: Mapping[int, int],
         clock: Clock,
         say: Callable[[str], None],
         pause: Callable[[float], object],
     ) -> None:
         self._pad, self._clock, self._say, self._pause = pad, clock, say, pause
-        self._spans = {code: span for code, span in spans.items() if span.most > span.least}
+        self._ranges = {code: span for code, span in ranges.items() if span.most > span.least}
         # Before its first report the kernel takes an axis to be at 0, which is then its least value.
-        self._values = {code: at for code, at in values.items() if code in self._spans and at > self._spans[code].least}
+        self._values = {
+            code: at for code, at in values.items() if code in self._ranges and at > self._ranges[code].least
+        }
 
     def teach(self) -> PadLayout:
         """Return the layout that was shown and tried. Raises TeachingError, and NotConnected when the pad has gone."""
@@ -93,9 +95,9 @@ class Teacher:
         ahead = self._ask_stick("push the stick that drives straight AHEAD, and let it go", ())
         left = self._ask_stick("push it straight to the LEFT, and let it go", (ahead.code,))
         layout = PadLayout(hold, (stop,), enable, ahead, left)
-        for fault in layout.faults():
+        for fault in layout.find_errors():
             raise TeachingError(f"pad: {fault}", hint="begin again, with other buttons")
-        self._try_dry(layout)
+        self._dry_run(layout)
         return layout
 
     # --- questions ----------------------------------------------------------------------------------------------------
@@ -109,7 +111,7 @@ class Teacher:
             elif (role := _role(found, taken)) is not None:
                 self._say(f"  that is {role} already; another one")
             else:
-                self._say(f"  {describe(found)}")
+                self._say(f"  {describe_control(found)}")
                 return found
         raise TeachingError("pad: too many wrong answers; nothing is kept", hint="mission teleop --teach-pad")
 
@@ -120,7 +122,7 @@ class Teacher:
             if isinstance(found, Control) and _role(found, {wanted: ""}) is not None:
                 return
             self._say(
-                f"  {found if isinstance(found, str) else f'that is {describe(found)}'}; it was {describe(wanted)}"
+                f"  {found if isinstance(found, str) else f'that is {describe_control(found)}'}; it was {describe_control(wanted)}"
             )
         raise TeachingError("pad: the STOP button was not found again; nothing is kept", hint="begin again")
 
@@ -140,12 +142,18 @@ class Teacher:
             return "two buttons at once; one alone"
         if moved.buttons:  # a trigger may be a button and an axis
             return Control(moved.buttons[0])
-        wide = {code: it for code, it in moved.axes.items() if it[2] >= (PRESSED if code not in HATS else WIDE)}
+        wide = {
+            code: it
+            for code, it in moved.axes.items()
+            if it[2] >= (PRESS_SHARE if code not in HAT_AXES else MIN_STICK_SHARE)
+        }
         if len(wide) != 1:
             return "a stick, and not a button" if moved.axes else "nothing that is known"
         ((code, (rest, end, _)),) = wide.items()
-        span = self._spans[code]
-        if code not in HATS and min(rest - span.least, span.most - rest) > AT_END * (span.most - span.least):
+        span = self._ranges[code]
+        if code not in HAT_AXES and min(rest - span.least, span.most - rest) > MAX_TRIGGER_REST * (
+            span.most - span.least
+        ):
             return "a stick, and not a button"
         return Control(code, rest, end)
 
@@ -154,15 +162,17 @@ class Teacher:
         if moved.buttons:
             return "a button, and not a stick"
         ranked = sorted(moved.axes.items(), key=lambda each: -each[1][2])
-        if not ranked or ranked[0][1][2] < WIDE:
+        if not ranked or ranked[0][1][2] < MIN_STICK_SHARE:
             return "it was hardly moved; all the way"
         if len(ranked) > 1 and ranked[1][1][2] > 0.7 * ranked[0][1][2]:
             return "it went askew; straight"
         code, (rest, end, _) = ranked[0]
-        span = self._spans[code]
+        span = self._ranges[code]
         if code in taken:
             return "the same axis as ahead; to the left"
-        if code not in HATS and min(rest - span.least, span.most - rest) <= AT_END * (span.most - span.least):
+        if code not in HAT_AXES and min(rest - span.least, span.most - rest) <= MAX_TRIGGER_REST * (
+            span.most - span.least
+        ):
             return "it goes one way only, as a trigger does; a stick"
         return Stick(code, 1 if end > rest else -1, rest)
 
@@ -170,12 +180,12 @@ class Teacher:
 
     def _movement(self) -> Movement:
         """Wait until something was pressed or moved, and let go. Raises TeachingError after ``ANSWER_TIMEOUT``."""
-        begun = quiet_since = self._clock.now()
+        begun = quiet_since = self._clock.read_value()
         down, pressed = set[int](), list[int]()
         seen = {code: [value] for code, value in self._values.items()}
         settled = dict(self._values)
         while True:
-            for event in self._pad.events():
+            for event in self._pad.read_events():
                 if (event.kind, event.code) == (events.SYN, events.SYN_DROPPED):
                     raise TeachingError("pad: events were lost; nothing is kept", hint="begin again")
                 if event.kind == events.KEY and event.value == 1:
@@ -183,73 +193,73 @@ class Teacher:
                     pressed += [event.code] * (event.code not in pressed)
                 elif event.kind == events.KEY and event.value == 0:
                     down.discard(event.code)
-                elif event.kind == events.ABS and event.code in self._spans:
+                elif event.kind == events.ABS and event.code in self._ranges:
                     seen.setdefault(event.code, []).append(event.value)
                     self._values[event.code] = event.value
-                    if self._share(event.code, event.value, settled.get(event.code, event.value)) <= NOISE:
+                    if self._share(event.code, event.value, settled.get(event.code, event.value)) <= MAX_AXIS_NOISE:
                         continue
                     settled[event.code] = event.value
                 else:
                     continue
-                quiet_since = self._clock.now()
-            now = self._clock.now()
-            moved = [code for code, values in seen.items() if self._way(code, values)[2] >= WIDE]
-            back = all(self._is_back(code, seen[code]) for code in moved)
-            if (pressed or moved) and not down and back and now - quiet_since >= QUIET:
-                return Movement(tuple(pressed), {code: self._way(code, values) for code, values in seen.items()})
+                quiet_since = self._clock.read_value()
+            now = self._clock.read_value()
+            moved = [code for code, values in seen.items() if self._travel(code, values)[2] >= MIN_STICK_SHARE]
+            back = all(self._is_released(code, seen[code]) for code in moved)
+            if (pressed or moved) and not down and back and now - quiet_since >= RELEASE_TIME:
+                return Movement(tuple(pressed), {code: self._travel(code, values) for code, values in seen.items()})
             if now - begun > ANSWER_TIMEOUT:
                 why = "a button stays pressed" if down else "a stick is not let go" if moved else "nothing was pressed"
                 raise TeachingError(f"pad: {why} for {ANSWER_TIMEOUT:g} s; nothing is kept", hint="begin again")
-            self._pause(LOOK)
+            self._pause(POLL_INTERVAL)
 
     def _share(self, code: int, value: int, other: int) -> float:
-        span = self._spans[code]
+        span = self._ranges[code]
         return abs(value - other) / (span.most - span.least)
 
-    def _is_back(self, code: int, values: list[int]) -> bool:
+    def _is_released(self, code: int, values: list[int]) -> bool:
         """Return whether an axis is where it was; a trigger may only now have said where it rests: at an end."""
-        span = self._spans[code]
-        whole = self._share(code, max(values), min(values)) >= 1 - NOISE
-        at_end = min(self._share(code, values[-1], end) for end in (span.least, span.most)) <= NOISE
-        return self._share(code, values[-1], values[0]) <= NOISE or (whole and at_end)
+        span = self._ranges[code]
+        whole = self._share(code, max(values), min(values)) >= 1 - MAX_AXIS_NOISE
+        at_end = min(self._share(code, values[-1], end) for end in (span.least, span.most)) <= MAX_AXIS_NOISE
+        return self._share(code, values[-1], values[0]) <= MAX_AXIS_NOISE or (whole and at_end)
 
-    def _way(self, code: int, values: list[int]) -> tuple[int, int, float]:
+    def _travel(self, code: int, values: list[int]) -> tuple[int, int, float]:
         rest = values[-1]
         end = max(values, key=lambda value: abs(value - rest))
         return rest, end, self._share(code, end, rest)
 
     # --- the dry run --------------------------------------------------------------------------------------------------
 
-    def _try_dry(self, layout: PadLayout) -> None:
+    def _dry_run(self, layout: PadLayout) -> None:
         """Have each control tried with nothing that moves. Raises TeachingError where one does something else."""
-        state = PadState(layout, self._spans, DEAD)
+        state = PadState(layout, self._ranges, DRY_RUN_DEAD_ZONE)
         self._say("now a dry run: nothing moves")
-        self._wait_for(state, "hold HOLD and push AHEAD", lambda _: _leans(state, layout.ahead, layout.left))
-        self._wait_for(state, "still holding, push to the LEFT", lambda _: _leans(state, layout.left, layout.ahead))
-        self._wait_for(state, "let go of HOLD", lambda _: not state.held)
-        self._wait_for(state, "press STOP", lambda key: key == LATCH)
-        self._wait_for(state, "press ENABLE", lambda key: key == ENABLE)
+        self._wait_for(state, "hold HOLD and push AHEAD", lambda _: _is_pushed(state, layout.ahead, layout.left))
+        self._wait_for(state, "still holding, push to the LEFT", lambda _: _is_pushed(state, layout.left, layout.ahead))
+        self._wait_for(state, "let go of HOLD", lambda _: not state.is_held)
+        self._wait_for(state, "press STOP", lambda key: key == LATCH_KEY)
+        self._wait_for(state, "press ENABLE", lambda key: key == ENABLE_KEY)
 
-    def _wait_for(self, state: PadState, question: str, holds: Callable[[str], bool]) -> None:
-        begun, wrong = self._clock.now(), 0
+    def _wait_for(self, state: PadState, question: str, condition: Callable[[str], bool]) -> None:
+        begun, wrong = self._clock.read_value(), 0
         self._say(question)
-        while not holds(""):
-            for event in self._pad.events():
+        while not condition(""):
+            for event in self._pad.read_events():
                 if (event.kind, event.code) == (events.SYN, events.SYN_DROPPED):
-                    state.forget()
-                key = state.take(event)
-                if holds(key):
+                    state.clear()
+                key = state.on_event(event)
+                if condition(key):
                     return
                 if key or (event.kind == events.KEY and event.value == 1 and event.code != state.layout.hold.code):
                     wrong += 1
-                    self._say(f"  that is {'STOP' if key == LATCH else 'ENABLE' if key else 'another button'}")
-            if wrong >= MAX_TRIES or self._clock.now() - begun > ANSWER_TIMEOUT:
+                    self._say(f"  that is {'STOP' if key == LATCH_KEY else 'ENABLE' if key else 'another button'}")
+            if wrong >= MAX_TRIES or self._clock.read_value() - begun > ANSWER_TIMEOUT:
                 raise TeachingError(f"pad: the dry run failed at: {question}; nothing is kept", hint="begin again")
-            self._pause(LOOK)
+            self._pause(POLL_INTERVAL)
 
 
-def _leans(state: PadState, there: Stick, other: Stick) -> bool:
-    return state.held and state.share(there) > 0.3 and abs(state.share(other)) < 0.3
+def _is_pushed(state: PadState, there: Stick, other: Stick) -> bool:
+    return state.is_held and state.deflection(there) > 0.3 and abs(state.deflection(other)) < 0.3
 
 
 def _role(control: Control, taken: Mapping[Control, str]) -> str | None:
@@ -261,6 +271,6 @@ def _role(control: Control, taken: Mapping[Control, str]) -> str | None:
     return None
 
 
-def describe(control: Control) -> str:
+def describe_control(control: Control) -> str:
     """Return a control in words."""
     return f"button {control.code:#x}" if control.rest is None else f"axis {control.code}, to {control.end}"

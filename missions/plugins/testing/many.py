@@ -12,28 +12,28 @@ from typing import TypeVar
 
 import cv2
 
-from missions.plugins.testing.play import Verdict, play
+from missions.plugins.testing.play import CaseVerdict, play
 from missions.plugins.testing.suite import Case
 from missions.plugins.testing.with_parent import end_with_parent
 
 T = TypeVar("T")
 R = TypeVar("R")
 
-GONE = "its process came to an end: a behaviour held a tick for good, or ended it"
+PROCESS_ENDED = "its process came to an end: a behaviour held a tick for good, or ended it"
 
 
-def cores() -> int:
+def core_count() -> int:
     """Return how many processes can really run at a time."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def play_all(cases: Sequence[Case], *, jobs: int) -> Generator[Verdict, None, None]:
-    """Play ``cases`` in up to ``jobs`` processes, and yield each verdict as soon as it is there. See ``do_all``."""
-    return do_all(play, cases, lambda case: Verdict(case, error=GONE), jobs=jobs)
+def play_all(cases: Sequence[Case], *, jobs: int) -> Generator[CaseVerdict, None, None]:
+    """Play ``cases`` in up to ``jobs`` processes, and yield each verdict as soon as it is there. See ``run_parallel``."""
+    return run_parallel(play, cases, lambda case: CaseVerdict(case, error=PROCESS_ENDED), jobs=jobs)
 
 
-def do_all(
-    work: Callable[[T], R], things: Sequence[T], gone: Callable[[T], R], *, jobs: int
+def run_parallel(
+    work: Callable[[T], R], items: Sequence[T], on_lost: Callable[[T], R], *, jobs: int
 ) -> Generator[R, None, None]:
     """Do ``work`` with each of some ``things`` in up to ``jobs`` processes; yield what comes of each when it is there.
 
@@ -42,9 +42,9 @@ def do_all(
     """
     lost: list[T] = []
     others = active_children()
-    with _pool(min(jobs, len(things))) as pool:
-        with _deaf():
-            playing = {pool.submit(work, thing): thing for thing in things}
+    with _make_pool(min(jobs, len(items))) as pool:
+        with _ignore_interrupts():
+            playing = {pool.submit(work, thing): thing for thing in items}
         try:
             for future in as_completed(playing):
                 if isinstance(future.exception(), BrokenProcessPool):
@@ -58,20 +58,20 @@ def do_all(
                     process.kill()  # a run would take any other signal for its own
             raise
     for thing in lost:
-        yield _alone(work, thing, gone)
+        yield _run_alone(work, thing, on_lost)
 
 
-def _alone(work: Callable[[T], R], thing: T, gone: Callable[[T], R]) -> R:
-    with _pool(1) as pool:
-        with _deaf():
+def _run_alone(work: Callable[[T], R], thing: T, on_lost: Callable[[T], R]) -> R:
+    with _make_pool(1) as pool:
+        with _ignore_interrupts():
             playing = pool.submit(work, thing)
         try:
             return playing.result()
         except BrokenProcessPool:
-            return gone(thing)
+            return on_lost(thing)
 
 
-def _pool(jobs: int) -> ProcessPoolExecutor:
+def _make_pool(jobs: int) -> ProcessPoolExecutor:
     # Spawned, not forked: a fork would take over locks of threads that it does not have.
     return ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_prepare)
 
@@ -83,7 +83,7 @@ def _prepare() -> None:
 
 
 @contextmanager
-def _deaf() -> Iterator[None]:
+def _ignore_interrupts() -> Iterator[None]:
     """Have processes that begin meanwhile not hear Ctrl-C: it is for this one, which then ends them."""
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -9,8 +9,8 @@ from typing import Any
 from py_trees.common import Status
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
-from missions.language.expressions import of_kind
-from missions.language.kinds import dimensions_of
+from missions.language.expressions import as_quantity
+from missions.language.kinds import member_dimensions
 from missions.language.nodes import MISSION, MODIFIERS
 from missions.language.plan import Step
 from missions.plugins.testing.phrases import Phrase
@@ -21,7 +21,7 @@ from perception.api import Box, Face
 # A script is a list of turns. One is taken each time that a mock starts, whether it comes to its end or is halted
 # before; the last turn is taken again and again.
 
-TOLD = "told to fail"
+DEFAULT_REASON = "told to fail"
 """The reason of a mock that fails without one."""
 
 VERBS = ("succeeds", "fails", "runs")
@@ -29,7 +29,7 @@ EXAMPLE = "such as 'fails twice, then succeeds'"
 
 
 @dataclass(frozen=True, slots=True)
-class Turn:
+class MockTurn:
     """From a start to its end: runs for ``seconds`` and ``ticks``, then ends.
 
     ``end`` is success or failure, or running for one that does not end by itself (and then both are infinite).
@@ -43,84 +43,86 @@ class Turn:
     reason: str = ""
 
 
-Script = tuple[Turn, ...]
+Script = tuple[MockTurn, ...]
 
 
 def read_script(phrase: Phrase) -> Script:
     """Read a script; whatever is wrong is noted, and the turns before it returned."""
-    turns: list[Turn] = []
-    waited: Turn | None = None  # "runs for 2 s", which is the beginning of the turn that follows
+    turns: list[MockTurn] = []
+    waited: MockTurn | None = None  # "runs for 2 s", which is the beginning of the turn that follows
     while True:
-        turn = _turn(phrase, waited)
+        turn = _read_turn(phrase, waited)
         waited = turn if turn.end == "running" and turn.seconds + turn.ticks < math.inf else None
         if waited is None:
             turns.append(turn)
         if phrase.word != ",":
             break
         phrase.take()
-        if not phrase.took("then"):
-            phrase.wrong("what follows a comma", ("then",))
+        if not phrase.take_if("then"):
+            phrase.reject("what follows a comma", ("then",))
     if waited is not None:
-        phrase.fault("what comes after it has run is missing", "write 'runs for 2 s, then succeeds', or 'runs' alone")
+        phrase.add_fault(
+            "what comes after it has run is missing", "write 'runs for 2 s, then succeeds', or 'runs' alone"
+        )
     if phrase.word == "then":
-        phrase.fault("a comma is missing before 'then'", EXAMPLE)
-    phrase.end()
+        phrase.add_fault("a comma is missing before 'then'", EXAMPLE)
+    phrase.expect_end()
     return tuple(turns)
 
 
-def _turn(phrase: Phrase, waited: Turn | None) -> Turn:
-    verb = phrase.took(*VERBS)
+def _read_turn(phrase: Phrase, waited: MockTurn | None) -> MockTurn:
+    verb = phrase.take_if(*VERBS)
     if not verb:
-        phrase.wrong(f"what a mock does ({EXAMPLE})", VERBS)
+        phrase.reject(f"what a mock does ({EXAMPLE})", VERBS)
     if verb == "runs":
-        return _running(phrase, waited)
-    turn = Turn("success") if verb == "succeeds" else Turn("failure", reason=TOLD)
+        return _read_running(phrase, waited)
+    turn = MockTurn("success") if verb == "succeeds" else MockTurn("failure", reason=DEFAULT_REASON)
     if waited is not None:
         turn = replace(turn, seconds=waited.seconds, ticks=waited.ticks)
-    turn = replace(turn, times=_times(phrase))
-    if waited is None and phrase.took("after"):
-        turn = _for(phrase, turn)
-    if verb == "fails" and phrase.took("because"):
-        turn = replace(turn, reason=phrase.quoted("'because'"))
+    turn = replace(turn, times=_read_times(phrase))
+    if waited is None and phrase.take_if("after"):
+        turn = _read_duration(phrase, turn)
+    if verb == "fails" and phrase.take_if("because"):
+        turn = replace(turn, reason=phrase.take_quoted("'because'"))
     return turn
 
 
-def _running(phrase: Phrase, waited: Turn | None) -> Turn:
+def _read_running(phrase: Phrase, waited: MockTurn | None) -> MockTurn:
     if waited is not None:
-        phrase.fault("it runs already", "write how that ends: 'succeeds' or 'fails'")
-    if phrase.took("for"):
-        return _for(phrase, Turn("running"))
-    return Turn("running", times=_times(phrase), seconds=math.inf, ticks=math.inf)
+        phrase.add_fault("it runs already", "write how that ends: 'succeeds' or 'fails'")
+    if phrase.take_if("for"):
+        return _read_duration(phrase, MockTurn("running"))
+    return MockTurn("running", times=_read_times(phrase), seconds=math.inf, ticks=math.inf)
 
 
-def _for(phrase: Phrase, turn: Turn) -> Turn:
+def _read_duration(phrase: Phrase, turn: MockTurn) -> MockTurn:
     """Read ``3 ticks`` or ``2 s``."""
-    if phrase.after in ("tick", "ticks"):
-        turn = replace(turn, ticks=phrase.count("how many ticks"))
+    if phrase.following_word in ("tick", "ticks"):
+        turn = replace(turn, ticks=phrase.take_count("how many ticks"))
         phrase.take()
         return turn
-    return replace(turn, seconds=phrase.quantity("how long", "duration"))
+    return replace(turn, seconds=phrase.take_quantity("how long", "duration"))
 
 
-def _times(phrase: Phrase) -> int:
+def _read_times(phrase: Phrase) -> int:
     """Read how often, which is once where nothing is said."""
-    if phrase.after == "times":
-        times = phrase.count("how often")
+    if phrase.following_word == "times":
+        times = phrase.take_count("how often")
         phrase.take()
         return times
-    return 2 if phrase.took("once", "twice") == "twice" else 1
+    return 2 if phrase.take_if("once", "twice") == "twice" else 1
 
 
-ANY = frozenset("*?")
+WILDCARDS = frozenset("*?")
 """The signs of a pattern."""
 
-RESULT_OF_FACE = tuple(field.name for field in fields(Face) if field.name not in {"box", "stamp"})
+FACE_FIELDS = tuple(field.name for field in fields(Face) if field.name not in {"box", "stamp"})
 """What a test file can say of a face that a mock keeps; the rest is made up."""
 
 
 @dataclass(frozen=True, slots=True)
 class MockSpec:
-    """What a test file says of a mock: what it stands for (see ``fits``), and what it does.
+    """What a test file says of a mock: what it stands for (see ``matches_step``), and what it does.
 
     ``result`` is what ``as`` keeps, or what a mission returns: quantities in SI units, by name, or a phrase. None where
     the file says nothing.
@@ -131,13 +133,13 @@ class MockSpec:
     result: Mapping[str, object] | str | None = None
 
 
-class Turns:
+class TurnSequence:
     """The turns of one script, taken one after another by all mocks that follow it; a halt rewinds nothing."""
 
     def __init__(self, script: Script) -> None:
         self._left = [turn for turn in script for _ in range(turn.times)]
 
-    def take(self) -> Turn:
+    def take(self) -> MockTurn:
         """Take the next turn; the last one again and again."""
         return self._left.pop(0) if len(self._left) > 1 else self._left[0]
 
@@ -145,13 +147,13 @@ class Turns:
 class Mock(Leaf):
     """Stands for another leaf: claims what it claims, is given what it is given, and follows a script."""
 
-    _turns: Turns
-    _turn: Turn
+    _turns: TurnSequence
+    _turn: MockTurn
     _outcome: Callable[[], object]
     _keeps_failed = False
     _ticks = 0
 
-    def follow(self, turns: Turns, outcome: Callable[[], object], *, keeps_failed: bool = False) -> None:
+    def set_script(self, turns: TurnSequence, outcome: Callable[[], object], *, keeps_failed: bool = False) -> None:
         """Set what it does, and what gives the result of a success; ``keeps_failed`` where that of a failure too."""
         self._turns, self._outcome, self._keeps_failed = turns, outcome, keeps_failed
 
@@ -175,7 +177,7 @@ class Mock(Leaf):
         return SUCCESS
 
 
-def fits(target: str, step: Step) -> bool:
+def matches_step(target: str, step: Step) -> bool:
     """Say whether a mock for ``target`` stands for this step.
 
     A leaf goes by its word or its name, a sub-mission by its own name or the one beside it, a composite by the name
@@ -186,61 +188,65 @@ def fits(target: str, step: Step) -> bool:
     if step.leaf is None and step.kind != MISSION:
         return step.name != step.kind and target == step.name
     names = (step.name, step.text if step.kind == MISSION else step.kind)
-    return target in names or any(fnmatchcase(name, target) for name in names if ANY.intersection(target))
+    return target in names or any(fnmatchcase(name, target) for name in names if WILDCARDS.intersection(target))
 
 
-class Cast:
+class MockSubstitution:
     """Puts mocks in the place of leaves, missions and composites while a tree is built; the first that fits is taken.
 
     All that one of them fits share its script: ``gesture: fails twice`` is for the first two gestures.
     """
 
     def __init__(self, specs: Iterable[MockSpec]) -> None:
-        self._roles = [(spec, Turns(spec.script)) for spec in specs]
+        self._mocks = [(spec, TurnSequence(spec.script)) for spec in specs]
 
     def __call__(self, step: Step, leaf: Leaf | None) -> Leaf | None:
         """Return what is to stand in the place of ``leaf``, or of a step that is none: a mock, or itself."""
-        for spec, turns in self._roles:
-            if fits(spec.target, step):
-                return _of_step(step, turns, spec.result) if leaf is None else _mock(leaf, turns, spec.result)
+        for spec, turns in self._mocks:
+            if matches_step(spec.target, step):
+                return _mock_step(step, turns, spec.result) if leaf is None else _mock_leaf(leaf, turns, spec.result)
         return leaf
 
 
-def _mock(leaf: Leaf, turns: Turns, told: Mapping[str, object] | str | None) -> Mock:
+def _mock_leaf(leaf: Leaf, turns: TurnSequence, result: Mapping[str, object] | str | None) -> Mock:
     """Return a mock in the place of ``leaf``."""
     # A class of its own, since what a leaf claims belongs to its class.
-    own = {"word": leaf.word, "drives": leaf.drives, "open_ended": leaf.open_ended, "stores": leaf.stores,
+    own = {"word": leaf.tag, "drives": leaf.drives, "open_ended": leaf.open_ended, "stores": leaf.output_doc,
            "arguments": leaf.arguments}  # fmt: skip
     made: Any = type(f"Mock{type(leaf).__name__}", (Mock,), own)
     mock: Mock = made(leaf.name)
-    mock.follow(turns, lambda: _result(mock, leaf, told))
+    mock.set_script(turns, lambda: _make_result(mock, leaf, result))
     return mock
 
 
-def _of_step(step: Step, turns: Turns, told: Mapping[str, object] | str | None) -> Mock:
+def _mock_step(step: Step, turns: TurnSequence, result: Mapping[str, object] | str | None) -> Mock:
     """Return a mock in the place of a mission or a composite, with all that is below it."""
     made: Any = type("MockTree", (Mock,), {"word": step.kind, "drives": step.claims})
     mock: Mock = made(step.name)
-    returned = told if isinstance(told, Mapping) else {}
+    returned = result if isinstance(result, Mapping) else {}
 
     def outcome() -> object:
-        results = {name: _face(mock, value) if isinstance(value, dict) else value for name, value in returned.items()}
-        mock.scope.update(results if step.keep_as is None else {step.keep_as: results})
-        mock.run.stored = True
+        results = {
+            name: _make_face(mock, value) if isinstance(value, dict) else value for name, value in returned.items()
+        }
+        mock.scope.update(results if step.output_variable is None else {step.output_variable: results})
+        mock.run.variables_changed = True
         return results
 
-    mock.follow(turns, outcome, keeps_failed=step.kind == MISSION)
+    mock.set_script(turns, outcome, keeps_failed=step.kind == MISSION)
     return mock
 
 
-def _result(mock: Mock, leaf: Leaf, told: Mapping[str, object] | str | None) -> object:
-    if isinstance(told, Mapping) and isinstance(leaf.keeps, type):
-        told = {name: of_kind(value, dimensions_of(leaf.keeps).get(name)) for name, value in told.items()}
-    return told if leaf.keeps is not Face or isinstance(told, str) else _face(mock, told or {})
+def _make_result(mock: Mock, leaf: Leaf, result: Mapping[str, object] | str | None) -> object:
+    if isinstance(result, Mapping) and isinstance(leaf.output_type, type):
+        result = {
+            name: as_quantity(value, member_dimensions(leaf.output_type).get(name)) for name, value in result.items()
+        }
+    return result if leaf.output_type is not Face or isinstance(result, str) else _make_face(mock, result or {})
 
 
-def _face(mock: Mock, told: Mapping[str, object]) -> Face:
+def _make_face(mock: Mock, known: Mapping[str, object]) -> Face:
     """Return a face seen now, of which this is known; the rest is made up."""
-    made_up = {**dict.fromkeys(RESULT_OF_FACE, 0.0), "id": 1, "distance": 1.5, "name": ""}
-    values: dict[str, Any] = {**made_up, **told}
-    return Face(stamp=mock.run.now(), box=Box(300.0, 220.0, 40.0, 40.0), **values)
+    made_up = {**dict.fromkeys(FACE_FIELDS, 0.0), "id": 1, "distance": 1.5, "name": ""}
+    values: dict[str, Any] = {**made_up, **known}
+    return Face(stamp=mock.run.read_value(), box=Box(300.0, 220.0, 40.0, 40.0), **values)

@@ -14,12 +14,12 @@ REFLEX_VERBS = ("fires", "clears")
 VERBS = (*NODE_VERBS, *PART_VERBS, *BASE_VERBS, *REFLEX_VERBS)
 SAYS = ("say", "says")
 
-KnownNode = Callable[[str], str]
+NodeError = Callable[[str], str]
 """Says what is wrong with the name of a node, nothing where the mission has one by that word or name."""
 
 
 @dataclass(frozen=True, slots=True)
-class Happening:
+class ObservedEvent:
     """Something that happened ``time`` seconds after the start: somebody, by any of ``names``, does something.
 
     ``text`` is what was said, why a node has failed, what a part complains of, or more of a reflex. ``key`` is the
@@ -46,32 +46,34 @@ class EventSpec:
     verb: str
     text: str = ""
 
-    def fits(self, happening: Happening) -> bool:
+    def matches(self, event: ObservedEvent) -> bool:
         """Whether this is what happened."""
-        return self.verb == happening.verb and self.name in happening.names and self.text in happening.text
+        return self.verb == event.verb and self.name in event.names and self.text in event.text
 
     def __str__(self) -> str:
         return f'says "{self.text}"' if self.verb == "says" else f"{self.name} {self.verb}"
 
 
-def read_moment(phrase: Phrase, known: KnownNode) -> EventSpec:
+def read_event(phrase: Phrase, node_error: NodeError) -> EventSpec:
     """Read a moment; words that come after it are left."""
-    if phrase.word in SAYS and phrase.after not in NODE_VERBS:  # else it is a behaviour of that name
+    if phrase.word in SAYS and phrase.following_word not in NODE_VERBS:  # else it is a behaviour of that name
         phrase.take()
-        return EventSpec("robot", "says", phrase.quoted("'says'"))
-    words = phrase.ahead(VERBS)
-    if len(words) > 1 and phrase.ahead(()) == words:  # no verb, so the last word was meant to be one
+        return EventSpec("robot", "says", phrase.take_quoted("'says'"))
+    words = phrase.words_until(VERBS)
+    if len(words) > 1 and phrase.words_until(()) == words:  # no verb, so the last word was meant to be one
         words.pop()
     name, verbs = " ".join(words).strip('"'), NODE_VERBS
     if name in KINDS:
         verbs = (*BASE_VERBS, *PART_VERBS) if name == "base" else PART_VERBS
-    elif name in REFLEXES and (known(name) or phrase.ahead(NODE_VERBS) != words):  # else a behaviour of that name
+    elif name in REFLEXES and (
+        node_error(name) or phrase.words_until(NODE_VERBS) != words
+    ):  # else a behaviour of that name
         verbs = REFLEX_VERBS
-    elif problem := known(name):
-        phrase.fault(problem)
+    elif problem := node_error(name):
+        phrase.add_fault(problem)
     for _ in words:
         phrase.take()
-    verb = phrase.took(*verbs)
+    verb = phrase.take_if(*verbs)
     if not verb:
-        phrase.wrong(f"what '{name}' does", verbs)
+        phrase.reject(f"what '{name}' does", verbs)
     return EventSpec(name, verb)

@@ -3,11 +3,11 @@
 import math
 import re
 
-from config.faults import Diagnostic, Mark, Source, note, one_of
+from config.faults import Diagnostic, Mark, SourceText, add_diagnostic, suggest_from
 from config.marked import Scalar
-from config.units import in_dimension, seen, written
+from config.units import quantity_text, quoted_value, si_value
 
-JOINTS = ("to", "for", "from", "at", "when", "then", "because")
+JOINING_WORDS = ("to", "for", "from", "at", "when", "then", "because")
 """Words that join the parts of phrases, and so are no units."""
 
 _WORD = re.compile(r'"[^"]*"|[^\s",]+|.', re.DOTALL)
@@ -20,7 +20,7 @@ class Phrase:
     would only follow from the first.
     """
 
-    def __init__(self, source: Source, node: Scalar, faults: list[Diagnostic]) -> None:
+    def __init__(self, source: SourceText, node: Scalar, faults: list[Diagnostic]) -> None:
         self.source = source
         self.node = node
         self.faults = faults
@@ -39,11 +39,11 @@ class Phrase:
         return "" if self.ended else self._words[self._next][0]
 
     @property
-    def after(self) -> str:
+    def following_word(self) -> str:
         """The word after the next one; empty where there is none."""
         return "" if self.failed or self._next + 1 >= len(self._words) else self._words[self._next + 1][0]
 
-    def ahead(self, stops: tuple[str, ...]) -> list[str]:
+    def words_until(self, stops: tuple[str, ...]) -> list[str]:
         """Return the words from the next one up to the first of ``stops``, or to the end; take none of them."""
         found: list[str] = []
         for word, _ in [] if self.failed else self._words[self._next :]:
@@ -58,64 +58,64 @@ class Phrase:
         self._next += 1
         return word
 
-    def took(self, *words: str) -> str:
+    def take_if(self, *words: str) -> str:
         """Take the next word if it is one of ``words``; else return the empty string and leave it."""
         return self.take() if self.word and self.word in words else ""
 
-    def fault(self, message: str, suggestion: str = "") -> None:
+    def add_fault(self, message: str, suggestion: str = "") -> None:
         """Note a mistake at the word that comes next, or behind the last."""
         if not self.failed:
-            note(self.faults, Diagnostic(self.source, self._mark(), message, suggestion))
+            add_diagnostic(self.faults, Diagnostic(self.source, self._mark(), message, suggestion))
             self.failed = True
 
-    def wrong(self, what: str, known: tuple[str, ...]) -> None:
+    def reject(self, what: str, known: tuple[str, ...]) -> None:
         """Note that the next word is none of those that ``what`` can be."""
         if not self.word:
-            self.fault(f"{what} is missing here", one_of("", known))
+            self.add_fault(f"{what} is missing here", suggest_from("", known))
         else:
-            self.fault(f"{what} cannot be {seen(self.word)}", one_of(self.word, known))
+            self.add_fault(f"{what} cannot be {quoted_value(self.word)}", suggest_from(self.word, known))
 
-    def quoted(self, what: str) -> str:
+    def take_quoted(self, what: str) -> str:
         """Take a text in double quotes."""
         if len(self.word) >= 2 and self.word[0] == self.word[-1] == '"':
             return self.take()[1:-1]
-        self.fault(f"{what} needs a text in double quotes", 'such as "Hello"')
+        self.add_fault(f"{what} needs a text in double quotes", 'such as "Hello"')
         return ""
 
-    def quantity(self, what: str, dimension: str, *, low: float = 0.0, high: float = math.inf) -> float:
+    def take_quantity(self, what: str, dimension: str, *, low: float = 0.0, high: float = math.inf) -> float:
         """Take a number with its unit, in SI units and between ``low`` and ``high``; "2s" is as right as "2 s"."""
         text = self.word
-        apart = not re.search(r"[A-Za-z%°]", text) and bool(re.match(r"[A-Za-z%°]", self.after))
-        apart = apart and self.after not in JOINTS
+        apart = not re.search(r"[A-Za-z%°]", text) and bool(re.match(r"[A-Za-z%°]", self.following_word))
+        apart = apart and self.following_word not in JOINING_WORDS
         try:
-            value = in_dimension(f"{text} {self.after}" if apart else text, dimension)
+            value = si_value(f"{text} {self.following_word}" if apart else text, dimension)
         except ValueError as error:
-            self.fault(f"{what} {error}")
+            self.add_fault(f"{what} {error}")
             return 0.0
         if value < low:
-            self.fault(f"{what} must be at least {written(low, dimension)}")
+            self.add_fault(f"{what} must be at least {quantity_text(low, dimension)}")
         if value > high:
-            self.fault(f"{what} must be at most {written(high, dimension)}")
+            self.add_fault(f"{what} must be at most {quantity_text(high, dimension)}")
         self._next += 2 if apart else 1
         return value
 
-    def count(self, what: str) -> int:
+    def take_count(self, what: str) -> int:
         """Take a whole number from 1."""
         if not re.fullmatch(r"[1-9][0-9]{0,5}", self.word):
-            self.fault(f"{what} needs a whole number, got {seen(self.word)}")
+            self.add_fault(f"{what} needs a whole number, got {quoted_value(self.word)}")
             return 1
         return int(self.take())
 
-    def rest(self) -> str:
+    def take_rest(self) -> str:
         """Take all words that are left, as they were written."""
         text = "" if self.ended else self.node.text[self._words[self._next][1] :].strip()
         self._next = len(self._words)
         return text
 
-    def end(self) -> None:
+    def expect_end(self) -> None:
         """Note a word that nobody has asked for."""
         if not self.ended:
-            self.fault(f"{seen(self.word)} is not expected here")
+            self.add_fault(f"{quoted_value(self.word)} is not expected here")
 
     def _mark(self) -> Mark:
         """Return where the next word stands: the whole text where the file writes that otherwise."""

@@ -12,10 +12,10 @@ import pytest
 
 if TYPE_CHECKING:
     from drivers.clock import ManualClock
-    from drivers.sim.world import World
-    from missions.plugins.testing.play import Verdict
-    from missions.plugins.testing.ran import Ran
-    from missions.plugins.testing.recorders import Bench
+    from drivers.sim.world import SimulatedWorld
+    from missions.plugins.testing.play import CaseVerdict
+    from missions.plugins.testing.ran import MissionRun
+    from missions.plugins.testing.recorders import LeafTestBench
     from missions.plugins.testing.suite import Case
 
 TESTS = ".test.yaml"
@@ -58,18 +58,18 @@ class MissionCase(pytest.Item):
     def runtest(self) -> None:
         """Play it. Raises MissionFailed when something did not come true."""
         from missions.plugins.testing.play import play  # noqa: PLC0415
-        from missions.plugins.testing.stage import IN_PROCESS  # noqa: PLC0415
+        from missions.plugins.testing.stage import IN_PROCESS_LIMITS  # noqa: PLC0415
 
-        verdict = play(self.case, limits=IN_PROCESS)
+        verdict = play(self.case, limits=IN_PROCESS_LIMITS)
         if not verdict.passed:
             raise MissionFailed(verdict)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """Say what did not come true, and what happened last, instead of a traceback of ours."""
-        from missions.plugins.testing.report import failure  # noqa: PLC0415
+        from missions.plugins.testing.report import failure_text  # noqa: PLC0415
 
         if isinstance(excinfo.value, MissionFailed):
-            return failure(excinfo.value.verdict)
+            return failure_text(excinfo.value.verdict)
         return super().repr_failure(excinfo, style)
 
     def reportinfo(self) -> tuple[Path, int, str]:
@@ -80,7 +80,7 @@ class MissionCase(pytest.Item):
 class MissionFailed(Exception):
     """A case of which something did not come true; ``verdict`` says what."""
 
-    def __init__(self, verdict: "Verdict") -> None:
+    def __init__(self, verdict: "CaseVerdict") -> None:
         super().__init__(str(verdict.case))
         self.verdict = verdict
 
@@ -94,28 +94,28 @@ def clock() -> "ManualClock":
 
 
 @pytest.fixture
-def robot(clock: "ManualClock") -> "Bench":
+def robot(clock: "ManualClock") -> "LeafTestBench":
     """A robot that only writes down what it is told: ``robot.put`` and ``robot.tick`` a leaf.
 
     Then ``robot.base.commands == [drive(0.2, 0.0), STOP]`` (see missions.plugins.testing.recorders).
     """
-    from missions.plugins.testing.recorders import Bench  # noqa: PLC0415
+    from missions.plugins.testing.recorders import LeafTestBench  # noqa: PLC0415
 
-    return Bench(clock)
+    return LeafTestBench(clock)
 
 
 @pytest.fixture
-def world() -> "Callable[[str], World]":
+def world() -> "Callable[[str], SimulatedWorld]":
     """Return simulated worlds: ``world("living_room")``, by name or file."""
-    from config.library import find  # noqa: PLC0415
+    from config.library import find_file  # noqa: PLC0415
     from config.world import load_world  # noqa: PLC0415
     from missions.library.worlds import build_world  # noqa: PLC0415
 
-    return lambda name: build_world(load_world(find("worlds", name)))
+    return lambda name: build_world(load_world(find_file("worlds", name)))
 
 
 @pytest.fixture
-def run_mission() -> "Callable[..., Ran]":
+def run_mission() -> "Callable[..., MissionRun]":
     """Run missions in simulated time: ``run_mission("greet", world="empty", given=["arm unplugged at 3 s"])``.
 
     See missions.plugins.testing.ran, whose ``run_mission`` this is.

@@ -6,21 +6,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from config.cases import Eyes
-from config.faults import Source
+from config.faults import SourceText
 from config.fields import Fields
 from config.marked import compose
 from drivers.api import Pose2D
 from missions.executive.events import Event
-from missions.plugins.testing.history import History, NodeRecord
-from missions.plugins.testing.stage import IN_PROCESS, Stage
+from missions.plugins.testing.history import CaseHistory, NodeRecord
+from missions.plugins.testing.stage import IN_PROCESS_LIMITS, CaseRunner
 from missions.plugins.testing.suite import read_suite
 
-Given = str | Mapping[str, object]
+GivenItem = str | Mapping[str, object]
 """A mishap or a mock, as a test file has it: ``"arm unplugged at 3 s"``, ``{"gesture": "fails twice"}``."""
 
 
 @dataclass(frozen=True, slots=True)
-class Ran:
+class MissionRun:
     """A mission that was run: how it ended, after how many simulated ``seconds``, and all that happened.
 
     ``said`` is what the robot said, ``pose`` where its base truly was in the end (in the frame of the world; None
@@ -35,7 +35,7 @@ class Ran:
     pose: Pose2D | None
     returns: Mapping[str, object]
     nodes: Sequence[NodeRecord]
-    history: History
+    history: CaseHistory
 
     def starts(self, name: str) -> int:
         """Return how often the nodes with this word or name began."""
@@ -44,7 +44,7 @@ class Ran:
     def ends(self, name: str) -> list[str]:
         """Return how the nodes with this word or name ended, in order: success or failure."""
         words = {"succeeds": "success", "fails": "failure"}
-        found = [each for each in self.history.happenings if name in each.names]
+        found = [each for each in self.history.observed_events if name in each.names]
         return [words[each.verb] for each in found if each.verb in words]
 
 
@@ -58,9 +58,9 @@ def run_mission(
     eyes: Eyes = "pixels",
     physics: bool = False,
     timeout: str = "120 s",
-    given: Iterable[Given] = (),
+    given: Iterable[GivenItem] = (),
     behaviours: Iterable[str | Path] = (),
-) -> Ran:
+) -> MissionRun:
     """Run a mission on twins, as fast as the machine allows, and return what it did.
 
     All is written as in a test file, relative to the working directory. A run that is not over after ``timeout`` of
@@ -78,14 +78,14 @@ def run_mission(
     case |= {key: str(value) for key, value in (("robot", robot), ("world", world)) if value is not None}
     told = {"tests": str(mission), "behaviours": [str(file) for file in behaviours], "cases": [case]}
     # JSON is YAML: so Python and files go one way, and have the same mistakes explained.
-    source = Source(f"run_mission('{mission}')", json.dumps(told, indent=1, ensure_ascii=False))
-    fields = Fields(source, compose(source), [], what="run_mission")
-    (read,) = read_suite(fields, Path(), judged=False)
-    stage = Stage(read, IN_PROCESS)
+    source = SourceText(f"run_mission('{mission}')", json.dumps(told, indent=1, ensure_ascii=False))
+    fields = Fields(source, compose(source), [], subject="run_mission")
+    (read,) = read_suite(fields, Path(), with_expectations=False)
+    stage = CaseRunner(read, IN_PROCESS_LIMITS)
     runner = stage.run()
     history = stage.history
     result = history.result
-    return Ran(
+    return MissionRun(
         "error" if result is None else result.result,
         "" if result is None else result.reason,
         0.0 if result is None else result.seconds,

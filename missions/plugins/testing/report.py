@@ -9,10 +9,10 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from missions.executive.events import plain_status
-from missions.library.shipped import HERE
+from missions.library.shipped import MISSIONS_FOLDER
 from missions.plugins.testing.history import NodeRecord
-from missions.plugins.testing.play import Verdict
-from missions.plugins.testing.suite import shown_path
+from missions.plugins.testing.play import CaseVerdict
+from missions.plugins.testing.suite import display_path
 
 # What tests have tried of a mission: which nodes were ticked, how each ended, and why it failed.
 
@@ -32,28 +32,28 @@ class NodeCoverage:
     reasons: dict[str, None] = field(default_factory=dict)
 
     @property
-    def ticked(self) -> bool:
+    def was_ticked(self) -> bool:
         """True where it was ever ticked: a branch of a selector or a switch was taken."""
         return bool(self.statuses - {"idle"})
 
     @property
-    def missed(self) -> list[str]:
+    def missing_ends(self) -> list[str]:
         """The ways in which it can end, and never did."""
         return sorted(self.ends - set(map(plain_status, self.statuses)))
 
     @property
-    def tried(self) -> str:
+    def level(self) -> str:
         """``all``, ``part`` or ``nothing``: how much of it was tried."""
-        if not self.ticked:
+        if not self.was_ticked:
             return "nothing"
-        return "part" if self.missed else "all"
+        return "part" if self.missing_ends else "all"
 
-    def lacks(self) -> str:
+    def describe_gaps(self) -> str:
         """Return what was never tried, in a few words; nothing where all was."""
-        if not self.ticked:
+        if not self.was_ticked:
             return "never reached"
         words = {"success": "succeeded", "failure": "failed"}
-        return " or ".join(f"never {words[end]}" for end in self.missed)
+        return " or ".join(f"never {words[end]}" for end in self.missing_ends)
 
 
 @dataclass(slots=True)
@@ -64,15 +64,15 @@ class FileCoverage:
     nodes: list[NodeCoverage]
 
     @property
-    def ticked(self) -> int:
+    def ticked_count(self) -> int:
         """How many of its nodes were ticked."""
-        return sum(node.ticked for node in self.nodes)
+        return sum(node.was_ticked for node in self.nodes)
 
     @property
     def endings(self) -> tuple[int, int]:
         """How many ways of ending were seen, and how many there are."""
         possible = sum(len(node.ends) for node in self.nodes)
-        return possible - sum(len(node.missed) for node in self.nodes), possible
+        return possible - sum(len(node.missing_ends) for node in self.nodes), possible
 
     def text(self) -> str | None:
         """Return the file's text, None where it cannot be read any more."""
@@ -82,7 +82,7 @@ class FileCoverage:
             return None
 
 
-def coverage(verdicts: Iterable[Verdict]) -> list[FileCoverage]:
+def coverage(verdicts: Iterable[CaseVerdict]) -> list[FileCoverage]:
     """Add up what all cases have tried, by file: whether they passed or not."""
     found: dict[Place, NodeCoverage] = {}
     for verdict in verdicts:
@@ -94,7 +94,8 @@ def coverage(verdicts: Iterable[Verdict]) -> list[FileCoverage]:
     for (file, *_), node in found.items():
         files.setdefault(file, []).append(node)
     return [
-        FileCoverage(shown_path(Path(file)), sorted(files[file], key=lambda node: node.line)) for file in sorted(files)
+        FileCoverage(display_path(Path(file)), sorted(files[file], key=lambda node: node.line))
+        for file in sorted(files)
     ]
 
 
@@ -103,20 +104,20 @@ def _add(node: NodeCoverage, record: NodeRecord) -> None:
     node.reasons |= dict.fromkeys(record.reasons)
 
 
-def lines_of(files: Iterable[FileCoverage]) -> Iterator[str]:
+def coverage_lines(files: Iterable[FileCoverage]) -> Iterator[str]:
     """Yield the coverage as plain text: a line a file, and one for each node of which something was not tried."""
     for each in files:
         seen, possible = each.endings
-        yield f"{each.file}: {each.ticked} of {len(each.nodes)} nodes ticked, {seen} of {possible} endings seen"
+        yield f"{each.file}: {each.ticked_count} of {len(each.nodes)} nodes ticked, {seen} of {possible} endings seen"
         for node in each.nodes:
-            if node.lacks():
+            if node.describe_gaps():
                 name = node.kind if node.kind == node.name else f"{node.kind} '{node.name}'"
-                yield f"  {each.file}:{node.line}: {name}: {node.lacks()}"
+                yield f"  {each.file}:{node.line}: {name}: {node.describe_gaps()}"
 
 
 # Coverage as one page of HTML that needs nothing beside it: every mission with its lines marked.
 
-SIGNS = {"all": "✓", "part": "~", "nothing": "✗"}
+LEVEL_SIGNS = {"all": "✓", "part": "~", "nothing": "✗"}
 """A sign as well as a colour: not everybody tells red from green."""
 
 STYLE = """
@@ -138,19 +139,20 @@ i { color: var(--soft); font-style: normal; }
 """
 
 
-def page(files: Sequence[FileCoverage]) -> str:
+def coverage_page(files: Sequence[FileCoverage]) -> str:
     """Return the page."""
     titles = _titles([each.file for each in files])
     rows = "\n".join(
-        f'<tr><td><a href="#{number}">{escape(title)}</a></td><td>{each.ticked} of {len(each.nodes)}</td>'
+        f'<tr><td><a href="#{number}">{escape(title)}</a></td><td>{each.ticked_count} of {len(each.nodes)}</td>'
         f"<td>{each.endings[0]} of {each.endings[1]}</td></tr>"
         for number, (title, each) in enumerate(zip(titles, files, strict=True))
     )
     parts = "\n".join(
-        _file(number, escape(title), each) for number, (title, each) in enumerate(zip(titles, files, strict=True))
+        _file_section(number, escape(title), each)
+        for number, (title, each) in enumerate(zip(titles, files, strict=True))
     )
     key = "".join(
-        f'<span class="{kind}"> {SIGNS[kind]} {words} </span> '
+        f'<span class="{kind}"> {LEVEL_SIGNS[kind]} {words} </span> '
         for kind, words in (("all", "all tried"), ("part", "reached, not tried in full"), ("nothing", "never reached"))
     )
     return (
@@ -163,55 +165,57 @@ def page(files: Sequence[FileCoverage]) -> str:
 
 def _titles(names: Sequence[str]) -> list[str]:
     """Return the files' names without what says on whose machine they lie: from the package on, or a common folder."""
-    shipped = {name for name in names if Path(name).resolve().is_relative_to(HERE)}
+    shipped = {name for name in names if Path(name).resolve().is_relative_to(MISSIONS_FOLDER)}
     others = [str(Path(name).resolve().parent) for name in names if name not in shipped]
     common = Path(commonpath(others)) if others else Path()
     return [
-        (Path(HERE.name) / Path(name).resolve().relative_to(HERE)).as_posix()
+        (Path(MISSIONS_FOLDER.name) / Path(name).resolve().relative_to(MISSIONS_FOLDER)).as_posix()
         if name in shipped
         else Path(name).resolve().relative_to(common).as_posix()
         for name in names
     ]
 
 
-def _file(number: int, title: str, each: FileCoverage) -> str:
+def _file_section(number: int, title: str, each: FileCoverage) -> str:
     by_line: dict[int, list[NodeCoverage]] = {}
     for node in each.nodes:
         by_line.setdefault(node.line, []).append(node)
     text = each.text()
     if text is None:
         return f'<h2 id="{number}">{title}</h2>\n<p>This file cannot be read any more.</p>'
-    lines = "".join(_line(place, line, by_line.get(place, [])) for place, line in enumerate(text.splitlines(), start=1))
+    lines = "".join(
+        _source_line(place, line, by_line.get(place, [])) for place, line in enumerate(text.splitlines(), start=1)
+    )
     return f'<h2 id="{number}">{title}</h2>\n<pre>{lines}</pre>'
 
 
-def _line(number: int, text: str, nodes: Iterable[NodeCoverage]) -> str:
+def _source_line(number: int, text: str, nodes: Iterable[NodeCoverage]) -> str:
     """Return one line of a mission: marked by the least tried of its nodes, with what is missing behind it."""
     here = list(nodes)
     if not here:
         return f"<span><b>{number}</b>{escape(text)}</span>"
     order = ("nothing", "part", "all")
-    tried = min((node.tried for node in here), key=order.index)
-    lacks = "; ".join(f"{node.kind} {node.lacks()}" for node in here if node.lacks())
+    tried = min((node.level for node in here), key=order.index)
+    lacks = "; ".join(f"{node.kind} {node.describe_gaps()}" for node in here if node.describe_gaps())
     reasons = "; ".join(reason for node in here for reason in node.reasons)
     title = f' title="{escape(reasons, quote=True)}"' if reasons else ""
     note = f"  <i># {escape(lacks)}</i>" if lacks else ""
-    return f'<span class="{tried}"{title}><b>{number} {SIGNS[tried]}</b>{escape(text)}{note}</span>'
+    return f'<span class="{tried}"{title}><b>{number} {LEVEL_SIGNS[tried]}</b>{escape(text)}{note}</span>'
 
 
-def failure(verdict: Verdict) -> str:
+def failure_text(verdict: CaseVerdict) -> str:
     """Say of a case that has failed what did not come true and where, and what happened last."""
     lines = [str(verdict.case)]
     for miss in verdict.misses:
-        lines += _indented(str(miss))
-    lines += _indented(verdict.error.rstrip())
-    if verdict.last:
+        lines += _indent_lines(str(miss))
+    lines += _indent_lines(verdict.error.rstrip())
+    if verdict.last_events:
         lines.append("  what happened last:")
-        lines += [line for event in verdict.last for line in _indented(event)]
+        lines += [line for event in verdict.last_events for line in _indent_lines(event)]
     return "\n".join(lines)
 
 
-def total(verdicts: Sequence[Verdict], *, planned: int, seconds: float) -> str:
+def summary_line(verdicts: Sequence[CaseVerdict], *, planned: int, seconds: float) -> str:
     """Say how all of it went, in one line."""
     failed = sum(not verdict.passed for verdict in verdicts)
     simulated = sum(verdict.seconds for verdict in verdicts)
@@ -221,7 +225,7 @@ def total(verdicts: Sequence[Verdict], *, planned: int, seconds: float) -> str:
     return f"{', '.join(parts)}: {simulated:.0f} s of simulated time in {seconds:.1f} s"
 
 
-def as_dict(verdict: Verdict) -> dict[str, object]:
+def as_dict(verdict: CaseVerdict) -> dict[str, object]:
     """Return a verdict as plain data; lines and columns count from 1."""
     return {
         "file": verdict.case.source.name,
@@ -237,49 +241,51 @@ def as_dict(verdict: Verdict) -> dict[str, object]:
             {"line": miss.mark.line, "column": miss.mark.column, "message": miss.message} for miss in verdict.misses
         ],
         "error": verdict.error,
-        "last": list(verdict.last),
+        "last": list(verdict.last_events),
     }
 
 
-def in_order(verdicts: Sequence[Verdict]) -> list[Verdict]:
+def sort_verdicts(verdicts: Sequence[CaseVerdict]) -> list[CaseVerdict]:
     """Return verdicts in the order of the files, whichever came first."""
     return sorted(verdicts, key=lambda verdict: (verdict.case.source.name, verdict.case.mark))
 
 
-def _indented(text: str) -> list[str]:
+def _indent_lines(text: str) -> list[str]:
     return [f"  {line}" for line in text.splitlines()]
 
 
 # Verdicts as JUnit XML, which CI services show: a suite for each test file, as Jenkins' schema has it.
 
 
-def junit(verdicts: Sequence[Verdict]) -> bytes:
+def junit(verdicts: Sequence[CaseVerdict]) -> bytes:
     """Return the XML, in UTF-8; times are seconds of real time."""
-    root = Element("testsuites", _figures(verdicts))
-    for name, group in groupby(in_order(verdicts), key=lambda verdict: verdict.case.source.name):
+    root = Element("testsuites", _junit_counts(verdicts))
+    for name, group in groupby(sort_verdicts(verdicts), key=lambda verdict: verdict.case.source.name):
         cases = list(group)
-        suite = SubElement(root, "testsuite", {"name": name, **_figures(cases)})
+        suite = SubElement(root, "testsuite", {"name": name, **_junit_counts(cases)})
         for verdict in cases:
-            _case(suite, name, verdict)
+            _add_case(suite, name, verdict)
     indent(root)
     text: str = tostring(root, encoding="unicode")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
 
 
-def _case(suite: Element, name: str, verdict: Verdict) -> None:
-    attributes = {"name": verdict.case.title, "classname": name, "time": f"{verdict.wall:.3f}"}
-    case = SubElement(suite, "testcase", {key: _legal(value) for key, value in attributes.items()})
+def _add_case(suite: Element, name: str, verdict: CaseVerdict) -> None:
+    attributes = {"name": verdict.case.title, "classname": name, "time": f"{verdict.wall_seconds:.3f}"}
+    case = SubElement(suite, "testcase", {key: _replace_illegal(value) for key, value in attributes.items()})
     if verdict.passed:
         return
     told = verdict.misses[0].message if verdict.misses else verdict.error.strip().splitlines()[-1]
     kind = "error" if verdict.error else "failure"
-    SubElement(case, kind, {"message": _legal(told), "type": kind}).text = _legal(failure(verdict))
+    SubElement(case, kind, {"message": _replace_illegal(told), "type": kind}).text = _replace_illegal(
+        failure_text(verdict)
+    )
 
 
-def _figures(verdicts: Sequence[Verdict]) -> dict[str, str]:
+def _junit_counts(verdicts: Sequence[CaseVerdict]) -> dict[str, str]:
     errors = sum(bool(verdict.error) for verdict in verdicts)
     failures = sum(not verdict.passed for verdict in verdicts) - errors
-    seconds = sum(verdict.wall for verdict in verdicts)
+    seconds = sum(verdict.wall_seconds for verdict in verdicts)
     return {
         "tests": str(len(verdicts)),
         "failures": str(failures),
@@ -288,12 +294,12 @@ def _figures(verdicts: Sequence[Verdict]) -> dict[str, str]:
     }
 
 
-def _legal(text: str) -> str:
+def _replace_illegal(text: str) -> str:
     """Replace what XML 1.0 cannot hold, escaped or not: most control codes, and half of a pair."""
-    return "".join(_legal_ones(text))
+    return "".join(_legal_characters(text))
 
 
-def _legal_ones(text: str) -> Iterator[str]:
+def _legal_characters(text: str) -> Iterator[str]:
     for sign in text:
         code = ord(sign)
         allowed = code in {9, 10, 13} or 0x20 <= code <= 0xD7FF or 0xE000 <= code <= 0xFFFD or code >= 0x10000

@@ -6,167 +6,169 @@ from collections.abc import Mapping as Named
 from dataclasses import dataclass
 from pathlib import Path
 
-from behaviours.hearing import Listening
-from config.cases import EITHER, CommonKeys, Eyes, JudgedKeys, SuiteKeys
-from config.declared import Path as Place
+from behaviours.hearing import HearingLeaf
+from config.cases import GIVEN_HINT, CommonKeys, Eyes, JudgedSuiteKeys, SuiteKeys
+from config.declared import KeyPath as Place
 from config.declared import read_keys
-from config.faults import InvalidFileError, Mark, Source, did_you_mean, one_of
+from config.faults import InvalidFileError, Mark, SourceText, did_you_mean, suggest_from
 from config.fields import Fields, read_fields
 from config.library import UnknownNameError
 from config.marked import Listing, Mapping, Node, Scalar
-from config.units import article, seen
+from config.units import quoted_value, with_article
 from missions.language.arguments import default_value
 from missions.language.nodes import MODIFIERS
-from missions.language.phrases import own_phrases
+from missions.language.phrases import step_phrases
 from missions.language.plan import Step
-from missions.library.shipped import TESTS, find_mission, shipped_missions
-from missions.plugins.testing.context import Context, Setting
+from missions.library.shipped import TEST_SUFFIX, find_mission, shipped_missions
+from missions.plugins.testing.context import CaseSetting, SuiteContext
 from missions.plugins.testing.expectations import Expectation, read_expectations
-from missions.plugins.testing.mishaps import RUN, Mishap, read_mishap
-from missions.plugins.testing.mocks import RESULT_OF_FACE, MockSpec, fits, read_script
+from missions.plugins.testing.mishaps import RUN, FaultSpec, read_fault
+from missions.plugins.testing.mocks import FACE_FIELDS, MockSpec, matches_step, read_script
 from missions.plugins.testing.phrases import Phrase
 from perception.api import Face
 
 # What a case is given: leaves that are mocked, and what goes wrong with the robot.
 
 
-def read_given(fields: Fields, setting: Setting) -> tuple[tuple[MockSpec, ...], tuple[Mishap, ...]]:
+def read_given(fields: Fields, setting: CaseSetting) -> tuple[tuple[MockSpec, ...], tuple[FaultSpec, ...]]:
     """Return what the list under ``given`` means: a text is a mishap, one key with a value is a mock."""
     mocks: list[MockSpec] = []
-    mishaps: list[Mishap] = []
+    mishaps: list[FaultSpec] = []
     listed = fields.node_of("given")
     for place, node in enumerate(listed.items if isinstance(listed, Listing) else []):
-        if any(path[:2] == ("given", place) for path in fields.wrong):
+        if any(path[:2] == ("given", place) for path in fields.wrong_places):
             continue
         if isinstance(node, Mapping) and len(node.entries) == 1:
             key, value = node.entries[0]
-            mocks.append(_mock(fields, key, value, setting))
+            mocks.append(_read_mock(fields, key, value, setting))
         elif isinstance(node, Scalar):
-            mishaps.append(_mishap(fields, node, setting))
+            mishaps.append(_read_fault(fields, node, setting))
         else:
-            fields.fault(node.mark, "neither a mock nor something that goes wrong", EITHER)
+            fields.add_error(node.mark, "neither a mock nor something that goes wrong", GIVEN_HINT)
     return tuple(mocks), tuple(mishaps)
 
 
-def _mishap(fields: Fields, node: Scalar, setting: Setting) -> Mishap:
-    mishap = read_mishap(Phrase(fields.source, node, fields.faults), setting.unknown, setting.config.others)
+def _read_fault(fields: Fields, node: Scalar, setting: CaseSetting) -> FaultSpec:
+    mishap = read_fault(Phrase(fields.source, node, fields.diagnostics), setting.node_error, setting.config.extra_parts)
     if not mishap.state or setting.plan is None:
         return mishap
     if mishap.part not in setting.parts | {RUN}:
         parts = ", ".join(sorted(setting.parts)) or "nothing"
         hint = f"it uses {parts}"
-        fields.fault(node.mark, f"mission '{setting.plan.mission}' does not use {article(mishap.part)}", hint)
-    elif mishap.of_joint:
+        fields.add_error(node.mark, f"mission '{setting.plan.mission}' does not use {with_article(mishap.part)}", hint)
+    elif mishap.is_joint_fault:
         joints = setting.config.sections[mishap.part].keys.limits
         if mishap.detail not in joints:
-            hint = one_of(mishap.detail, joints)
-            told = f"the {mishap.part} of '{setting.config.name}' has no joint {seen(mishap.detail)}"
-            fields.fault(node.mark, told, hint)
+            hint = suggest_from(mishap.detail, joints)
+            told = f"the {mishap.part} of '{setting.config.name}' has no joint {quoted_value(mishap.detail)}"
+            fields.add_error(node.mark, told, hint)
     return mishap
 
 
-def _mock(fields: Fields, key: Scalar, value: Node, setting: Setting) -> MockSpec:
+def _read_mock(fields: Fields, key: Scalar, value: Node, setting: CaseSetting) -> MockSpec:
     _check_target(fields, key, setting)
     script, told, said = value, None, ""
     if isinstance(value, Mapping):
-        long = Fields(fields.source, value, fields.faults, what="a mock")
+        long = Fields(fields.source, value, fields.diagnostics, subject="a mock")
         script, result = value.get("does") or key, value.get("result")
-        if _hears(key, setting):
-            said = "" if result is None else _phrase(long, result, key, setting)
+        if _is_listening_mock(key, setting):
+            said = "" if result is None else _read_phrase(long, result, key, setting)
         elif result is not None:
-            told = Fields(fields.source, result, fields.faults, what="'result'")
+            told = Fields(fields.source, result, fields.diagnostics, subject="'result'")
     if not isinstance(script, Scalar):
         return MockSpec(key.text, ())
     if (with_it := re.match(r"succeeds\s+with\s+(.+)", script.text)) is not None:
         hint = f"write {key.text}: {{does: succeeds, result: {with_it[1]}}}"
-        fields.fault(script.mark, "what a mock does and its result stand apart", hint)
+        fields.add_error(script.mark, "what a mock does and its result stand apart", hint)
         return MockSpec(key.text, ())
-    turns = read_script(Phrase(fields.source, script, fields.faults)) if script is not key else ()
-    return MockSpec(key.text, turns, said or None if told is None else _result(told, key, setting))
+    turns = read_script(Phrase(fields.source, script, fields.diagnostics)) if script is not key else ()
+    return MockSpec(key.text, turns, said or None if told is None else _read_result(told, key, setting))
 
 
-def _hears(key: Scalar, setting: Setting) -> bool:
+def _is_listening_mock(key: Scalar, setting: CaseSetting) -> bool:
     """Say whether what is mocked keeps a phrase."""
-    return any(step.leaf is not None and issubclass(step.leaf, Listening) for step in _mocked(key, setting))
+    return any(step.leaf is not None and issubclass(step.leaf, HearingLeaf) for step in _mocked_steps(key, setting))
 
 
-def _phrase(fields: Fields, node: Node, key: Scalar, setting: Setting) -> str:
+def _read_phrase(fields: Fields, node: Node, key: Scalar, setting: CaseSetting) -> str:
     """Read the phrase that a mock has heard: one of those that the mission listens for there."""
     said = node.text if isinstance(node, Scalar) else ""
     if not said.strip():
-        fields.fault(node.mark, "'result' needs a text")
-    known = [phrase for step in _mocked(key, setting) for phrase in own_phrases(step).values()]
+        fields.add_error(node.mark, "'result' needs a text")
+    known = [phrase for step in _mocked_steps(key, setting) for phrase in step_phrases(step).values()]
     if said and said not in known:
         hint = did_you_mean(said, known) or f"it listens for {', '.join(known)}"
-        fields.fault(node.mark, f"'{key.text}' cannot hear {seen(said)}", hint)
+        fields.add_error(node.mark, f"'{key.text}' cannot hear {quoted_value(said)}", hint)
     return said
 
 
-def _mocked(key: Scalar, setting: Setting) -> list[Step]:
+def _mocked_steps(key: Scalar, setting: CaseSetting) -> list[Step]:
     """Return the steps for which a mock stands."""
-    return [step for step in (() if setting.plan is None else setting.plan.tree.walk()) if fits(key.text, step)]
+    return [step for step in (() if setting.plan is None else setting.plan.tree.walk()) if matches_step(key.text, step)]
 
 
-def _check_target(fields: Fields, key: Scalar, setting: Setting) -> None:
+def _check_target(fields: Fields, key: Scalar, setting: CaseSetting) -> None:
     """Note a name that means nothing of the mission which can be mocked."""
-    if setting.plan is None or _mocked(key, setting):
+    if setting.plan is None or _mocked_steps(key, setting):
         return
     steps = [step for step in setting.plan.tree.walk() if step.kind not in MODIFIERS]
-    known = {name for step in steps for name in (step.kind, step.name, step.text) if name and fits(name, step)}
-    message = f"mission '{setting.plan.mission}' has no behaviour {seen(key.text)}"
+    known = {name for step in steps for name in (step.kind, step.name, step.text) if name and matches_step(name, step)}
+    message = f"mission '{setting.plan.mission}' has no behaviour {quoted_value(key.text)}"
     hint = did_you_mean(key.text, known) or f"mocked can be: {', '.join(sorted(known))}"
     if setting.steps(key.text):
-        message = f"{seen(key.text)} is no name of one behaviour"
+        message = f"{quoted_value(key.text)} is no name of one behaviour"
         hint = f"give it a name of its own in the mission (name: ...), and mock that; {hint}"
-    fields.fault(key.mark, message, hint)
+    fields.add_error(key.mark, message, hint)
 
 
-def _result(told: Fields, key: Scalar, setting: Setting) -> Named[str, object]:
+def _read_result(fields: Fields, key: Scalar, setting: CaseSetting) -> Named[str, object]:
     """Read what ``as`` keeps, by name; the values of a face are those of a face, and a mission's what it returns."""
-    steps = _mocked(key, setting)
+    steps = _mocked_steps(key, setting)
     if steps and all(step.leaf is None for step in steps):
-        return _returned(told, key, {name for step in steps for name in step.returns})
-    if any(step.leaf is not None and step.leaf.keeps is Face for step in steps):
-        return _of_face(told)
-    return {name.text: _plain(told, name, value) for name, value in told.entries()}
+        return _read_returns(fields, key, {name for step in steps for name in step.returns})
+    if any(step.leaf is not None and step.leaf.output_type is Face for step in steps):
+        return _read_face(fields)
+    return {name.text: _read_value(fields, name, value) for name, value in fields.entries()}
 
 
-def _returned(told: Fields, key: Scalar, returns: Collection[str]) -> Named[str, object]:
+def _read_returns(fields: Fields, key: Scalar, returns: Collection[str]) -> Named[str, object]:
     """Read what a mission returns, where a mapping stands for a face."""
     found: dict[str, object] = {}
-    for name, value in told.entries():
+    for name, value in fields.entries():
         if name.text not in returns:
-            hint = one_of(name.text, returns) or "it returns nothing"
-            told.fault(name.mark, f"'{key.text}' returns no {seen(name.text)}", hint)
+            hint = suggest_from(name.text, returns) or "it returns nothing"
+            fields.add_error(name.mark, f"'{key.text}' returns no {quoted_value(name.text)}", hint)
         elif isinstance(value, Mapping):
-            found[name.text] = _of_face(Fields(told.source, value, told.faults, what="a face"))
+            found[name.text] = _read_face(Fields(fields.source, value, fields.diagnostics, subject="a face"))
         else:
-            found[name.text] = _plain(told, name, value)
+            found[name.text] = _read_value(fields, name, value)
     return found
 
 
-def _of_face(told: Fields) -> dict[str, object]:
+def _read_face(fields: Fields) -> dict[str, object]:
     """Read what is known of a face."""
     found: dict[str, object] = {}
-    for name, value in told.entries():
-        if name.text not in RESULT_OF_FACE:
-            told.fault(name.mark, f"a face has no {seen(name.text)}", one_of(name.text, RESULT_OF_FACE))
+    for name, value in fields.entries():
+        if name.text not in FACE_FIELDS:
+            fields.add_error(
+                name.mark, f"a face has no {quoted_value(name.text)}", suggest_from(name.text, FACE_FIELDS)
+            )
         elif isinstance(value, Scalar) and name.text == "name":
             found[name.text] = value.text
         elif isinstance(value, Scalar) and (
             not isinstance(default_value(value), int | float) or isinstance(value.value, bool)
         ):
-            told.fault(value.mark, f"'{name.text}' of a face needs a number, got {seen(value.text)}")
+            fields.add_error(value.mark, f"'{name.text}' of a face needs a number, got {quoted_value(value.text)}")
         else:
-            found[name.text] = _plain(told, name, value)
+            found[name.text] = _read_value(fields, name, value)
     return found
 
 
-def _plain(told: Fields, name: Scalar, value: Node) -> object:
+def _read_value(fields: Fields, name: Scalar, value: Node) -> object:
     """Read one value."""
     if isinstance(value, Scalar):
         return default_value(value)
-    told.fault(value.mark, f"'{name.text}' needs one value")
+    fields.add_error(value.mark, f"'{name.text}' needs one value")
     return None
 
 
@@ -178,7 +180,7 @@ class Case:
     """
 
     title: str
-    source: Source
+    source: SourceText
     mark: Mark
     mission: str
     params: Named[str, str]
@@ -190,16 +192,16 @@ class Case:
     timeout: float
     behaviours: Sequence[Path]
     mocks: tuple[MockSpec, ...]
-    mishaps: tuple[Mishap, ...]
+    injected_faults: tuple[FaultSpec, ...]
     expectations: tuple[Expectation, ...]
 
     @property
-    def place(self) -> str:
+    def location(self) -> str:
         """``FILE:LINE``, where it stands."""
         return f"{self.source.name}:{self.mark.line}"
 
     def __str__(self) -> str:
-        return f"{self.place}: {self.title}"
+        return f"{self.location}: {self.title}"
 
 
 def load_suite(path: Path, behaviours: Sequence[Path] = ()) -> tuple[Case, ...]:
@@ -207,81 +209,81 @@ def load_suite(path: Path, behaviours: Sequence[Path] = ()) -> tuple[Case, ...]:
 
     Raises InvalidFileError with every mistake in it, or in the mission.
     """
-    return read_suite(read_fields(path, what="a test file", name=shown_path(path)), path.parent, behaviours)
+    return read_suite(read_fields(path, subject="a test file", name=display_path(path)), path.parent, behaviours)
 
 
 def read_suite(
-    fields: Fields, folder: Path, behaviours: Sequence[Path] = (), *, judged: bool = True
+    fields: Fields, folder: Path, behaviours: Sequence[Path] = (), *, with_expectations: bool = True
 ) -> tuple[Case, ...]:
     """Read the cases of a test file, whose names are relative to ``folder``; ``judged`` asks what each expects.
 
     Raises InvalidFileError with every mistake in it, or in the mission.
     """
-    whole = Fields(fields.source, _merged(fields.node), fields.faults, what=fields.what)
-    told = read_keys(whole, JudgedKeys if judged else SuiteKeys)
-    context = Context.read(whole, told, folder, behaviours)
+    whole = Fields(fields.source, _merge_shared(fields.node), fields.diagnostics, subject=fields.subject)
+    told = read_keys(whole, JudgedSuiteKeys if with_expectations else SuiteKeys)
+    context = SuiteContext.read(whole, told, folder, behaviours)
     titles: set[str] = set()
     cases: list[Case] = []
     listed = whole.node_of("cases")
     nodes = listed.items if isinstance(listed, Listing) else []
     for place, case in enumerate(told.cases):
-        wrong = [path[2:] for path in whole.wrong if path[:2] == ("cases", place)]
-        cases.append(_case(whole, nodes[place], case, wrong, context))
+        wrong = [path[2:] for path in whole.wrong_places if path[:2] == ("cases", place)]
+        cases.append(_read_case(whole, nodes[place], case, wrong, context))
         if case.case and case.case in titles:
-            fields.fault(cases[-1].mark, f"a second case '{case.case}'")
+            fields.add_error(cases[-1].mark, f"a second case '{case.case}'")
         titles.add(case.case)
-    if not cases and not fields.faults:
-        fields.fault(fields.node.mark, "there is no case", "write 'cases:' and under it '- case: what must happen'")
-    if fields.faults:
-        raise InvalidFileError(fields.faults)
+    if not cases and not fields.diagnostics:
+        fields.add_error(fields.node.mark, "there is no case", "write 'cases:' and under it '- case: what must happen'")
+    if fields.diagnostics:
+        raise InvalidFileError(fields.diagnostics)
     return tuple(cases)
 
 
-def _case(suite: Fields, node: Node, told: CommonKeys, wrong: list[Place], context: Context) -> Case:
+def _read_case(suite: Fields, node: Node, keys: CommonKeys, wrong: list[Place], context: SuiteContext) -> Case:
     """Read what the keys of a case mean; those that are ``wrong`` by themselves are passed over."""
-    fields = Fields(suite.source, node, [], what="a case")
-    fields.faults, fields.wrong = suite.faults, wrong
-    setting = context.setting(fields, told)
+    fields = Fields(suite.source, node, [], subject="a case")
+    fields.diagnostics, fields.wrong_places = suite.diagnostics, wrong
+    setting = context.read_setting(fields, keys)
     mocks, mishaps = read_given(fields, setting)
     return Case(
-        told.case,
+        keys.case,
         suite.source,
         node.mark,
         context.mission,
         setting.params,
         setting.robot,
         setting.world,
-        told.seed,
-        told.eyes,
-        told.physics,
-        told.timeout,
+        keys.seed,
+        keys.eyes,
+        keys.physics,
+        keys.timeout,
         context.behaviours,
         mocks,
         mishaps,
-        read_expectations(fields, told.expect, setting.grammar),
+        read_expectations(fields, keys.expect, setting.names),
     )
 
 
-def _merged(top: Node) -> Node:
+def _merge_shared(top: Node) -> Node:
     """Return a test file in which each case has what all have in common."""
     shared, cases = (top.get(word) if isinstance(top, Mapping) else None for word in ("with", "cases"))
     if not isinstance(top, Mapping) or not isinstance(shared, Mapping) or not isinstance(cases, Listing):
         return top
-    listed = Listing(cases.mark, [merged(shared, case) for case in cases.items])
+    listed = Listing(cases.mark, [merge_case(shared, case) for case in cases.items])
     entries = [(key, listed if value is cases else value) for key, value in top.entries if value is not shared]
     return Mapping(top.mark, entries, top.torn)
 
 
-def merged(shared: Mapping | None, case: Node) -> Node:
+def merge_case(shared: Mapping | None, case: Node) -> Node:
     """Return a case with what all have in common: its own keys come first, lists and mappings are joined."""
     if shared is None or not isinstance(case, Mapping):
         return case
-    entries = [(key, _joined(shared.get(key.text), value)) for key, value in case.entries]
+    entries = [(key, _merge_values(shared.get(key.text), value)) for key, value in case.entries]
     own = {key.text for key, _ in case.entries}
     return Mapping(case.mark, entries + [(key, value) for key, value in shared.entries if key.text not in own])
 
 
-def _joined(shared: Node | None, own: Node) -> Node:
+def _merge_values(shared: Node | None, own: Node) -> Node:
     if isinstance(shared, Mapping) and isinstance(own, Mapping):
         names = {key.text for key, _ in own.entries}
         return Mapping(own.mark, [*(each for each in shared.entries if each[0].text not in names), *own.entries])
@@ -290,20 +292,20 @@ def _joined(shared: Node | None, own: Node) -> Node:
     return own
 
 
-def shown_path(path: Path) -> str:
+def display_path(path: Path) -> str:
     """Return a path as people would type it here: relative, where it lies below this folder."""
     here = Path.cwd()
     return str(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
-def beside(mission: Path) -> Path:
+def test_file_of(mission: Path) -> Path:
     """Return the test file that belongs to a mission's file, whether there is one or not."""
-    return mission.with_name(f"{mission.stem}{TESTS}")
+    return mission.with_name(f"{mission.stem}{TEST_SUFFIX}")
 
 
 def is_test_file(path: Path) -> bool:
     """Whether a file is a test file, by its name."""
-    return path.name.endswith(TESTS)
+    return path.name.endswith(TEST_SUFFIX)
 
 
 def check_tests(path: Path, behaviours: Sequence[Path]) -> str:
@@ -315,41 +317,43 @@ def check_tests(path: Path, behaviours: Sequence[Path]) -> str:
 # Finding test files: by path, by folder, or by the mission that they test.
 
 
-def named_tests(name: str) -> list[Path]:
+def find_tests(name: str) -> list[Path]:
     """Return the test files that ``name`` means: itself, all in a folder and below, or the one of a mission.
 
     Raises config.library.UnknownNameError where there is none.
     """
     path = Path(name)
     if path.is_dir():
-        found = list(_below(path))
+        found = list(_test_files_below(path))
         if not found:
-            raise UnknownNameError(f"{name}: this folder holds no tests (files that end in {TESTS})")
+            raise UnknownNameError(f"{name}: this folder holds no tests (files that end in {TEST_SUFFIX})")
         return found
     if is_test_file(path):
         if not path.is_file():
             raise UnknownNameError(f"'{name}': no such file")
         return [path]
-    here = Path(f"{name}{TESTS}")
+    here = Path(f"{name}{TEST_SUFFIX}")
     if here.is_file():
         return [here]
-    tests = beside(find_mission(name))
+    tests = test_file_of(find_mission(name))
     if not tests.is_file():
         raise UnknownNameError(
             f"mission '{name}' has no tests: there is no {tests}\n"
-            f"  try: write it, beginning with `tests: {tests.name.removesuffix(TESTS)}` and `cases:` (docs/testing.md)"
+            f"  try: write it, beginning with `tests: {tests.name.removesuffix(TEST_SUFFIX)}` and `cases:` (docs/testing.md)"
         )
     return [tests]
 
 
 def all_tests() -> list[Path]:
     """Return the test files here and below; those of the library where there are none."""
-    return list(_below(Path())) or [tests for path in shipped_missions().values() if (tests := beside(path)).is_file()]
+    return list(_test_files_below(Path())) or [
+        tests for path in shipped_missions().values() if (tests := test_file_of(path)).is_file()
+    ]
 
 
-def _below(folder: Path) -> Iterator[Path]:
+def _test_files_below(folder: Path) -> Iterator[Path]:
     """Test files in a folder and below, but not in hidden ones, such as a virtual environment."""
-    for path in sorted(folder.rglob(f"*{TESTS}")):
+    for path in sorted(folder.rglob(f"*{TEST_SUFFIX}")):
         hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
         if path.is_file() and not hidden:
             yield path

@@ -9,113 +9,113 @@ from functools import partial
 from drivers.api import Sides, Source, Velocity
 from drivers.base.twin import BaseTwin
 from drivers.errors import DriverError
-from drivers.head.twin import HeadTwin
+from drivers.head.twin import ServoHeadTwin
 from drivers.servos.twin import JointsTwin, NeckTwin
-from drivers.sim.plug import Plug
+from drivers.sim.plug import SimulatedPlug
 from drivers.sim.things import BackupLimit
-from missions.plugins.testing.history import History
-from missions.plugins.testing.mishaps import OF_THE_DRIVE, RUN, Mishap
-from missions.plugins.testing.moments import Happening
+from missions.plugins.testing.history import CaseHistory
+from missions.plugins.testing.mishaps import DRIVE_STATES, RUN, FaultSpec
+from missions.plugins.testing.moments import ObservedEvent
 from missions.runner import Runner
 
-SLIP = 0.9
+SLIP_SHARE = 0.9
 """The share of their way that wheels slip."""
 
-BACKING = 0.025
+BACKUP_DISTANCE = 0.025
 """Metres that a base with a backup limit backs: an inch, as users report of a Create 3."""
 
-BY_HAND = Velocity(0.15, 0.4)
+HAND_VELOCITY = Velocity(0.15, 0.4)
 """How a base is driven by hand, again and again after so many seconds."""
 
-RENEWED = 0.1
+HAND_COMMAND_INTERVAL = 0.1
 
-SOMEBODY = "a mishap"
+STOPPED_BY = "a mishap"
 """Who stops a run that is stopped."""
 
 
-def _switch_drive(base: BaseTwin, fault: Mishap, now: float, *, on: bool) -> None:
+def _switch_drive(base: BaseTwin, fault: FaultSpec, now: float, *, on: bool) -> None:
     """Begin or end a fault of the drive or the odometry of a base."""
     body = base.body
     match fault.state:
         case "blocked":
             body.wheels.blocked = on
         case "slipping":
-            body.wheels.slip = SLIP if on else 0.0
+            body.wheels.slip = SLIP_SHARE if on else 0.0
         case "reversed":
             body.reversed = on
         case "uncounted":
-            body.counters.lost = on
+            body.wheel_encoders.is_lost = on
         case "drifting":
-            body.gyro.drift(fault.amount if on else 0.0, now)
+            body.gyro_drift.set_rate(fault.amount if on else 0.0, now)
         case "late":
-            base.late.seconds = fault.amount if on else 0.0
+            base.late.delay = fault.amount if on else 0.0
         case "e_stopped":
             body.e_stop = on
         case _:
-            body.backup_limit = BackupLimit(BACKING) if on else None
+            body.backup_limit = BackupLimit(BACKUP_DISTANCE) if on else None
 
 
-class Trouble:
+class FaultInjector:
     """All that goes wrong with the twins of one run. Raises TypeError for one that is not in simulated time.
 
     Time passes while the run is paused or stopped: else it would never end.
     """
 
-    def __init__(self, runner: Runner, history: History) -> None:
+    def __init__(self, runner: Runner, history: CaseHistory) -> None:
         if runner.twins is None:
             raise TypeError("only a run in simulated time has twins")
         self._runner, self._twins = runner, runner.twins
         self._history = history
-        self._felt: list[Mishap] = []  # what the base is made to feel now
-        self._driven = 0  # by so many hands
-        self.struck: list[Mishap] = []
+        self._pressed: list[FaultSpec] = []  # what the base is made to feel now
+        self._hand_count = 0  # by so many hands
+        self.started_faults: list[FaultSpec] = []
         """What has gone wrong so far, each with when it began."""
 
-    def arrange(self, mishaps: Iterable[Mishap]) -> None:
+    def schedule(self, faults: Iterable[FaultSpec]) -> None:
         """See to it that each happens when it is due; what is so from the beginning is so at once."""
-        for mishap in mishaps:
-            if mishap.moment is not None:
-                self._wait(mishap)
+        for mishap in faults:
+            if mishap.trigger is not None:
+                self._wait_for_trigger(mishap)
             elif mishap.start > 0.0:
-                self._twins.timeline.at(mishap.start, partial(self.begin, mishap))
+                self._twins.timeline.call_at(mishap.start, partial(self.start, mishap))
             else:
-                self.begin(mishap)
+                self.start(mishap)
 
-    def _wait(self, mishap: Mishap) -> None:
+    def _wait_for_trigger(self, fault: FaultSpec) -> None:
         """Let it happen when its moment comes for the first time: after that tick, not within it."""
 
-        def hear(happening: Happening) -> None:
-            if mishap.moment is not None and mishap.moment.fits(happening):
-                self._history.told.remove(hear)
-                self._twins.timeline.at(self._now(), partial(self.begin, mishap))
+        def hear(happening: ObservedEvent) -> None:
+            if fault.trigger is not None and fault.trigger.matches(happening):
+                self._history.listeners.remove(hear)
+                self._twins.timeline.call_at(self._now(), partial(self.start, fault))
 
-        self._history.told.append(hear)
+        self._history.listeners.append(hear)
 
-    def begin(self, mishap: Mishap) -> None:
+    def start(self, fault: FaultSpec) -> None:
         """Let it happen now, whatever it says of its time."""
-        self.struck.append(replace(mishap, start=self._now()))
-        if mishap.part == RUN:
-            self._hold_up(mishap)
+        self.started_faults.append(replace(fault, start=self._now()))
+        if fault.part == RUN:
+            self._suspend_run(fault)
             return
-        self._switch(mishap, on=True)
-        if mishap.seconds < math.inf:
-            self._twins.timeline.at(self._now() + mishap.seconds, partial(self._switch, mishap, on=False))
+        self._switch(fault, on=True)
+        if fault.seconds < math.inf:
+            self._twins.timeline.call_at(self._now() + fault.seconds, partial(self._switch, fault, on=False))
 
     def _now(self) -> float:
-        return self._twins.timeline.clock.now()
+        return self._twins.timeline.clock.read_value()
 
-    def _switch(self, mishap: Mishap, *, on: bool) -> None:
+    def _switch(self, fault: FaultSpec, *, on: bool) -> None:
         """Begin or end it. The checker has made sure that the part is there."""
         twins = self._twins
-        twin = twins.parts.get(mishap.part)
-        plug: Plug | None = None if twin is None else twin.plug
-        match mishap.state:
+        twin = twins.parts.get(fault.part)
+        plug: SimulatedPlug | None = None if twin is None else twin.plug
+        match fault.state:
             case "unplugged" if plug is not None:
                 plug.unplug() if on else plug.plug_in()
             case _ if isinstance(twin, JointsTwin):
-                _fail_joint(twin, mishap, on=on)
-            case _ if isinstance(twin, NeckTwin | HeadTwin):
-                twin.fail(mishap.state if on else "")
+                _fail_joint(twin, fault, on=on)
+            case _ if isinstance(twin, NeckTwin | ServoHeadTwin):
+                twin.fail(fault.state if on else "")
             case "frozen" if twins.camera is not None:
                 twins.camera.freeze() if on else twins.camera.thaw()
             case "covered" if twins.camera is not None:
@@ -123,69 +123,69 @@ class Trouble:
             case "slow" if twins.camera is not None:
                 twins.camera.slow_down() if on else twins.camera.slow_down(1)
             case "deaf" if twins.microphone is not None:
-                twins.microphone.dulled = on
+                twins.microphone.hears_nothing = on
             case "hanging" if twins.voice is not None:
-                twins.voice.hanging = on
+                twins.voice.is_hanging = on
             case _ if twins.base is not None:
-                self._switch_base(twins.base, mishap, on=on)
+                self._switch_base(twins.base, fault, on=on)
 
-    def _switch_base(self, base: BaseTwin, mishap: Mishap, *, on: bool) -> None:
-        match mishap.state:
+    def _switch_base(self, base: BaseTwin, fault: FaultSpec, *, on: bool) -> None:
+        match fault.state:
             case "driven":
-                self._driven += 1 if on else -1
-                self._drive(base) if on else base.stop(source=Source.TELEOP)
+                self._hand_count += 1 if on else -1
+                self._drive_by_hand(base) if on else base.stop(source=Source.TELEOP)
             case "lifted":
                 base.lift(up=on)
             case "docked":
-                base.feed(on=on)
+                base.set_power(on=on)
             case "battery":
-                base.drain(100.0 * mishap.amount)
-            case state if state in OF_THE_DRIVE:
-                _switch_drive(base, mishap, self._now(), on=on)
+                base.drain(100.0 * fault.amount)
+            case state if state in DRIVE_STATES:
+                _switch_drive(base, fault, self._now(), on=on)
             case _:
-                self._felt = felt = [each for each in self._felt if each is not mishap] + ([mishap] if on else [])
+                self._pressed = felt = [each for each in self._pressed if each is not fault] + ([fault] if on else [])
                 buttons = frozenset(int(each.detail) for each in felt if each.state == "button")
                 base.press(_sides(felt, "bumped"), cliff=_sides(felt, "cliff"), buttons=buttons)
 
-    def _drive(self, base: BaseTwin) -> None:
+    def _drive_by_hand(self, base: BaseTwin) -> None:
         """Drive it as a person does who holds a key, for as long as somebody does."""
-        if self._driven:
+        if self._hand_count:
             with suppress(DriverError):  # unplugged, or latched: the person tries again
-                base.drive(BY_HAND, source=Source.TELEOP)
-            self._twins.timeline.at(self._now() + RENEWED, partial(self._drive, base))
+                base.drive(HAND_VELOCITY, source=Source.TELEOP)
+            self._twins.timeline.call_at(self._now() + HAND_COMMAND_INTERVAL, partial(self._drive_by_hand, base))
 
-    def _hold_up(self, mishap: Mishap) -> None:
+    def _suspend_run(self, fault: FaultSpec) -> None:
         """Let no tick come for a while: the loop is late, or somebody has paused or stopped the run."""
         runner, timeline = self._runner, self._twins.timeline
-        executive, latch, until = runner.executive, runner.latch, self._now() + mishap.seconds
+        executive, latch, until = runner.executive, runner.latch, self._now() + fault.seconds
         executive.idle = executive.run.wait
-        match mishap.state:
+        match fault.state:
             case "stalled":  # what is due goes on within, as the world does around a process that is held up
-                timeline.run(until)
+                timeline.run_until(until)
             case "paused":
                 executive.pause()
-                timeline.at(until, executive.resume)
+                timeline.call_at(until, executive.resume)
             case _:
-                latch.stop(SOMEBODY)
-                timeline.at(until, partial(self._release, latch.number))
+                latch.stop(STOPPED_BY)
+                timeline.call_at(until, partial(self._release, latch.stop_count))
 
     def _release(self, number: int) -> None:
         if self._runner.latch.release(number):
             self._runner.executive.resume()
 
 
-def _fail_joint(twin: JointsTwin, mishap: Mishap, *, on: bool) -> None:
-    match mishap.state:
+def _fail_joint(twin: JointsTwin, fault: FaultSpec, *, on: bool) -> None:
+    match fault.state:
         case "overloaded":
-            twin.overload(mishap.detail)
+            twin.overload(fault.detail)
         case "turned":
-            twin.turn_by_hand(mishap.detail, mishap.amount)
+            twin.turn_by_hand(fault.detail, fault.amount)
         case "pushed" if on:
-            twin.push(mishap.detail, mishap.amount)
+            twin.push(fault.detail, fault.amount)
         case _:
-            twin.fail(mishap.detail, mishap.state if on else "")
+            twin.fail(fault.detail, fault.state if on else "")
 
 
-def _sides(mishaps: list[Mishap], state: str) -> Sides:
-    sides = {mishap.detail for mishap in mishaps if mishap.state == state}
+def _sides(faults: list[FaultSpec], state: str) -> Sides:
+    sides = {mishap.detail for mishap in faults if mishap.state == state}
     return Sides(left="left" in sides, centre="centre" in sides, right="right" in sides)

@@ -9,25 +9,25 @@ import click
 from behaviours.leaf import Leaf
 from config.faults import InvalidFileError
 from config.library import UnknownNameError
-from config.units import written
+from config.units import quantity_text
 from drivers.clock import SystemClock
 from missions.cli.declared import behaviours_option, params_option
 from missions.cli.names import MISSION
-from missions.cli.numbers import Whole
-from missions.cli.options import SECONDS, files_of, leaves_for
-from missions.cli.usual_robot import load_for, robot_option, robots_for
+from missions.cli.numbers import WholeNumber
+from missions.cli.options import SECONDS, leaf_loader, mission_files_in
+from missions.cli.usual_robot import load_mission_for, robot_option, robots_for
 from missions.library.drivers import load_robot
 from missions.library.shipped import shipped_missions
-from missions.plugins.verify.explore import PROVED, Report
-from missions.plugins.verify.judge import BOUND, LIMIT, verify
+from missions.plugins.verify.explore import PROVED, VerificationReport
+from missions.plugins.verify.judge import MAX_STATES, TIME_LIMIT, verify
 
 
 @click.command(epilog="Example: mission verify greet")
 @click.argument("names", type=MISSION, nargs=-1, metavar="[MISSION]...")
 @click.option(
     "--bound",
-    type=Whole(min=1),
-    default=BOUND,
+    type=WholeNumber(min=1),
+    default=MAX_STATES,
     show_default=True,
     metavar="STATES",
     help="Give up after so many states; what was not decided by then counts as not proved.",
@@ -35,7 +35,7 @@ from missions.plugins.verify.judge import BOUND, LIMIT, verify
 @click.option(
     "--limit",
     type=SECONDS,
-    default=written(LIMIT, "duration"),
+    default=quantity_text(TIME_LIMIT, "duration"),
     show_default=True,
     metavar="TIME",
     help="Give up a mission after so long; what is certain by then is said.",
@@ -59,11 +59,11 @@ def command(
     with 1 when something is refuted or not decided, and with 2 for a mission that `mission check` refuses.
     """
     robots = robots_for(robot)
-    leaves = leaves_for(files)
+    leaves = leaf_loader(files)
     code = 0
-    reports: list[Report] = []
-    for name in [file for each in names for file in files_of(each, tests=False)] or list(shipped_missions()):
-        report = _verified(name, params, robots, leaves, bound, limit)
+    reports: list[VerificationReport] = []
+    for name in [file for each in names for file in mission_files_in(each, tests=False)] or list(shipped_missions()):
+        report = _verify_mission(name, params, robots, leaves, bound, limit)
         if report is None:
             code = 2
             continue
@@ -76,17 +76,17 @@ def command(
     return code
 
 
-def _verified(
+def _verify_mission(
     name: str,
     params: dict[str, str],
     robots: Sequence[Path],
     leaves: Callable[[str], Mapping[str, type[Leaf]]],
     bound: int,
     limit: float,
-) -> Report | None:
+) -> VerificationReport | None:
     """Verify one mission; None, and its mistakes on stderr, where it cannot be read."""
     try:
-        plan, able = load_for(name, params, robots, leaves(name))
+        plan, able = load_mission_for(name, params, robots, leaves(name))
     except InvalidFileError as error:
         click.echo(str(error), err=True)
     except UnknownNameError as error:

@@ -12,76 +12,76 @@ from behaviours.node import Node
 from config.faults import Diagnostic
 from missions.executive.events import status_word
 from missions.plugins.verify.choices import Script
-from missions.plugins.verify.model import Model, State
-from missions.plugins.verify.watch import Breach
+from missions.plugins.verify.model import MissionModel, ModelState
+from missions.plugins.verify.watch import Violation
 
 GOING, HALTING, RESTED = "going", "halting", "rested"
 """A run that is ticked; one that was told to stop and is not at rest yet; one that is."""
 
-FINE = 10
+MAX_TIMED_VARIANTS = 10
 """States that differ in their times alone, up to which all that is known of these is kept."""
 
 
-BUSY = 40
+MAX_TRANSITIONS_PER_STATE = 40
 """Transitions for each state of the bound: many leaves that run at once make many of one state."""
 
 
 @dataclass(slots=True)
-class Place:
+class ExploredState:
     """One state of the exploration: what is going on in it, and the step by which it was come to first.
 
     ``kind`` is GOING, HALTING, RESTED, or for a run that has ended "success" or "failure". ``state`` is None once
-    nothing follows. ``after`` are the places to which a step leads; ``round`` says that a step from here completes a
+    nothing follows. ``successors`` are the places to which a step leads; ``completes_round`` says that a step from here completes a
     round of a ``repeat: forever``.
     """
 
     kind: str
-    state: State | None
-    came_from: int
+    state: ModelState | None
+    predecessor: int
     script: Script
     depth: int
-    live: frozenset[Leaf]
+    live_leaves: frozenset[Leaf]
     happened: tuple[bool, ...]
-    after: set[int] = field(default_factory=set)
-    round: bool = False
+    successors: set[int] = field(default_factory=set)
+    completes_round: bool = False
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class FirstViolation:
     """A rule that was broken first here: by a step from ``place`` with these answers, towards ``kind``."""
 
-    breach: Breach
+    violation: Violation
     place: int
     script: Script
     halted: bool
 
 
-class Space:
+class StateSpace:
     """What an exploration has come to. ``open`` are the places from which it was not followed to the end.
 
     It has room for ``bound`` states, and goes on until ``late`` says that its time is over.
     """
 
-    def __init__(self, model: Model, bound: int, late: Callable[[], bool] = lambda: False) -> None:
+    def __init__(self, model: MissionModel, bound: int, is_late: Callable[[], bool] = lambda: False) -> None:
         self.model = model
         self.bound = bound
         self.out_of_time = False
-        self._late = late
-        self.places: list[Place] = []
-        self.found: dict[str, Found] = {}
+        self._is_late = is_late
+        self.places: list[ExploredState] = []
+        self.violations: dict[str, FirstViolation] = {}
         self.transitions = 0
         self.open: set[int] = set()
         self._numbers: dict[object, int] = {}
         self._timings: defaultdict[object, int] = defaultdict(int)
-        self._waiting: deque[int] = deque()
+        self._frontier: deque[int] = deque()
 
     @property
-    def whole(self) -> bool:
+    def is_complete(self) -> bool:
         """Say whether nothing was left out."""
-        return not self.open and not self.model.shuffler.sampled
+        return not self.open and not self.model.shuffler.is_sampled
 
     @property
-    def followed(self) -> int:
+    def explored_depth(self) -> int:
         """Ticks from the start up to which every run was followed."""
         return min((self.places[number].depth for number in self.open), default=self.depth)
 
@@ -93,40 +93,44 @@ class Space:
     def explore(self) -> None:
         """Follow every choice from every state, until there is no new one, no room or no time."""
         self._add(GOING, -1, ())
-        while self._waiting:
-            number = self._waiting.popleft()
+        while self._frontier:
+            number = self._frontier.popleft()
             if self.places[number].kind == GOING:
-                self._follow(number, halted=False)
-            self._follow(number, halted=True)
+                self._expand(number, halted=False)
+            self._expand(number, halted=True)
 
-    def _full(self) -> bool:
+    def _is_full(self) -> bool:
         """Say whether there is no room left, or no time."""
-        self.out_of_time = self.out_of_time or self._late()
-        return self.out_of_time or len(self.places) > self.bound or self.transitions >= self.bound * BUSY
+        self.out_of_time = self.out_of_time or self._is_late()
+        return (
+            self.out_of_time
+            or len(self.places) > self.bound
+            or self.transitions >= self.bound * MAX_TRANSITIONS_PER_STATE
+        )
 
-    def _follow(self, number: int, *, halted: bool) -> None:
+    def _expand(self, number: int, *, halted: bool) -> None:
         """Take every step of one kind from a place."""
         script: Script | None = ()
         while script is not None:
-            if self._full():
+            if self._is_full():
                 self.open.add(number)
                 return
             kind = self.step(number, script, halted=halted)
             self.transitions += 1
             taken = self.model.oracle.script
-            for breach in self.model.watch.breaches:
-                self.found.setdefault(breach.rule, Found(breach, number, taken, halted))
+            for breach in self.model.watch.violations:
+                self.violations.setdefault(breach.rule, FirstViolation(breach, number, taken, halted))
             place = self.places[number]
-            place.after.add(self._add(kind, number, taken))
-            place.round = place.round or self.model.watch.went_round
-            script = self.model.oracle.next()
+            place.successors.add(self._add(kind, number, taken))
+            place.completes_round = place.completes_round or self.model.watch.completed_round
+            script = self.model.oracle.next_script()
 
     def step(self, number: int, script: Script, *, halted: bool) -> str:
         """Take one step from a place, with these answers; return of what kind the place is that it leads to."""
         model = self.model
         state = self.places[number].state
         if state is not None:
-            model.put(state)
+            model.restore(state)
         model.oracle.follow(script)
         if halted:
             kind = RESTED if model.halt() else HALTING
@@ -134,13 +138,13 @@ class Space:
             model.tick()
             kind = _KINDS[model.root.status]
         if kind not in (GOING, HALTING):
-            model.watch.at_rest()
+            model.watch.check_rest()
         return kind
 
-    def _add(self, kind: str, came_from: int, script: Script) -> int:
+    def _add(self, kind: str, predecessor: int, script: Script) -> int:
         """Return the number of the place that the model is at, a new one where there is none like it."""
         model = self.model
-        live, happened = frozenset(model.watch.live), model.watch.happened
+        live, happened = frozenset(model.watch.live_leaves), model.watch.happened
         goes_on = kind in (GOING, HALTING)
         state = model.state() if goes_on else None
         key: object = (kind, live, happened)
@@ -149,22 +153,22 @@ class Space:
             if key not in self._numbers:
                 timeless = (kind, state.rows, state.variables, state.happened, state.moving)
                 self._timings[timeless] += 1
-                if self._timings[timeless] > FINE:
-                    state = model.coarser(state)
+                if self._timings[timeless] > MAX_TIMED_VARIANTS:
+                    state = model.coarsen(state)
                     key = (kind, state)
         if key in self._numbers:
             return self._numbers[key]
         number = self._numbers[key] = len(self.places)
-        depth = self.places[came_from].depth + 1 if number else 0
-        self.places.append(Place(kind, state, came_from, script, depth, live, happened))
+        depth = self.places[predecessor].depth + 1 if number else 0
+        self.places.append(ExploredState(kind, state, predecessor, script, depth, live, happened))
         if goes_on:
-            self._waiting.append(number)
+            self._frontier.append(number)
         return number
 
-    def way_to(self, number: int) -> list[int]:
+    def path_to(self, number: int) -> list[int]:
         """Return the places from the start to one, both included."""
         way = [number]
-        while (before := self.places[way[-1]].came_from) >= 0:
+        while (before := self.places[way[-1]].predecessor) >= 0:
             way.append(before)
         return way[::-1]
 
@@ -172,7 +176,7 @@ class Space:
         """Return the places that can follow on one, itself included."""
         found, rest = {number}, [number]
         while rest:
-            new = self.places[rest.pop()].after - found
+            new = self.places[rest.pop()].successors - found
             found |= new
             rest += new
         return found
@@ -181,7 +185,7 @@ class Space:
         """Return the places from which one of ``goals`` can be reached, themselves included."""
         before: defaultdict[int, list[int]] = defaultdict(list)
         for number, place in enumerate(self.places):
-            for later in place.after:
+            for later in place.successors:
                 before[later].append(number)
         found = set(goals)
         rest = list(found)
@@ -196,7 +200,7 @@ class Space:
 _KINDS: dict[Status, str] = {RUNNING: GOING, SUCCESS: "success", FAILURE: "failure"}
 
 
-def ended_by_halt(place: Place) -> bool:
+def is_halt_step(place: ExploredState) -> bool:
     """Say whether a place was come to by a halt instead of a tick."""
     return place.kind in (HALTING, RESTED)
 
@@ -207,51 +211,54 @@ def ended_by_halt(place: Place) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Turn:
+class TraceStep:
     """One step of a run: whether it was a halt instead of a tick, what was given, and which nodes changed to what."""
 
     halted: bool
-    given: tuple[str, ...]
+    choices: tuple[str, ...]
     changed: Mapping[str, str]
 
     def __str__(self) -> str:
-        given = "; ".join(("told to stop", *self.given) if self.halted else self.given) or "nothing new"
+        given = "; ".join(("told to stop", *self.choices) if self.halted else self.choices) or "nothing new"
         changed = ", ".join(f"{who} {status}" for who, status in self.changed.items())
         return f"{given} -> {changed}" if changed else given
 
 
-Run = tuple[Turn, ...]
+RunTrace = tuple[TraceStep, ...]
 
 
-def run_to(space: Space, place: int) -> Run:
+def trace_to(space: StateSpace, place: int) -> RunTrace:
     """Return the run, a shortest one, that leads to a place."""
-    way = space.way_to(place)
+    way = space.path_to(place)
     return tuple(
-        _turn(space, before, space.places[after].script, halted=ended_by_halt(space.places[after]))
+        _replay_step(space, before, space.places[after].script, halted=is_halt_step(space.places[after]))
         for before, after in pairwise(way)
     )
 
 
-def run_that_found(space: Space, found: Found) -> Run:
+def trace_to_violation(space: StateSpace, violation: FirstViolation) -> RunTrace:
     """Return the run that ends with the step in which something was found."""
-    return (*run_to(space, found.place), _turn(space, found.place, found.script, halted=found.halted))
+    return (
+        *trace_to(space, violation.place),
+        _replay_step(space, violation.place, violation.script, halted=violation.halted),
+    )
 
 
-def _turn(space: Space, before: int, script: Script, *, halted: bool) -> Turn:
+def _replay_step(space: StateSpace, before: int, script: Script, *, halted: bool) -> TraceStep:
     space.step(before, script, halted=halted)
     model = space.model
-    given = tuple(said for choice in model.oracle.made if (said := str(choice)))
-    last = {node: status for node, status in model.watch.changes if _tells(node) or status is IDLE}
-    changed = {shown(node): "halted" if status is IDLE else status_word(node) for node, status in last.items()}
-    return Turn(halted, given, changed)
+    given = tuple(said for choice in model.oracle.choices if (said := str(choice)))
+    last = {node: status for node, status in model.watch.changes if _is_reported(node) or status is IDLE}
+    changed = {describe_node(node): "halted" if status is IDLE else status_word(node) for node, status in last.items()}
+    return TraceStep(halted, given, changed)
 
 
-def _tells(node: Node) -> bool:
+def _is_reported(node: Node) -> bool:
     """Say whether a change of a node is news: what leaves do has been given."""
     return not isinstance(node, Leaf)
 
 
-def shown(node: Node) -> str:
+def describe_node(node: Node) -> str:
     """Say which node is meant: its name, a modifier's word, and the line."""
     composite = isinstance(node, Leaf) or len(node.children) != 1 or node.kind == "mission"
     return f"{node.name if composite else node.kind} (line {node.line})"
@@ -261,20 +268,20 @@ PROVED, REFUTED, UNDECIDED = "proved", "refuted", "not decided"
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class RuleFinding:
     """Where a rule is broken, and a shortest run that shows it; None for what no run ever does."""
 
     fault: Diagnostic
-    run: Run | None = None
+    run: RunTrace | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class RuleVerdict:
     """What came out for one rule; of one that is not decided, ``so_far`` says what is certain all the same."""
 
     rule: str
     outcome: str
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[RuleFinding, ...] = ()
     so_far: str = ""
 
     def __str__(self) -> str:
@@ -282,7 +289,7 @@ class Verdict:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class VerificationReport:
     """All verdicts on a mission, and how far it was explored: states, transitions, ticks from the start.
 
     ``left_out`` says why not everything was explored, where that is so.
@@ -290,7 +297,7 @@ class Report:
 
     file: str
     mission: str
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[RuleVerdict, ...]
     states: int
     transitions: int
     depth: int
@@ -346,9 +353,9 @@ class Report:
         }
 
 
-def _as_dict(finding: Finding) -> dict[str, object]:
+def _as_dict(finding: RuleFinding) -> dict[str, object]:
     fault = finding.fault
-    turns = [{"halted": t.halted, "given": list(t.given), "changed": dict(t.changed)} for t in finding.run or ()]
+    turns = [{"halted": t.halted, "given": list(t.choices), "changed": dict(t.changed)} for t in finding.run or ()]
     return {
         "file": fault.source.name,
         "line": fault.mark.line,

@@ -14,19 +14,19 @@ from typing import Any, Self
 from drivers.api.quick import dataclass
 from drivers.errors import SensorSilent
 from missions.language import reading
-from missions.language.expressions import Expression, ExpressionError, Read, Value
-from missions.language.for_each import Members
-from missions.language.reading import surely_read
+from missions.language.expressions import Expression, ExpressionError, NameReference, Value
+from missions.language.for_each import ListMembers
+from missions.language.reading import always_read_names
 from missions.language.robot_state import ROBOT_STATE, state_value
 from missions.plugins.verify.choices import Oracle
 
-PLAIN = frozenset((bool, int, float, str))
+PLAIN_TYPES = frozenset((bool, int, float, str))
 """Types whose values hold no others: most of what is looked at."""
 
 MAX_COUNT = 3
 """Whole numbers beyond this are not told apart: a mission that counts must not count for ever."""
 
-TWICE = 2
+MIN_UNBOUNDED_ROUNDS = 2
 """Rounds that a count beyond MAX_COUNT has at least; how many more is a choice."""
 
 MAX_TEXT_LENGTH = 20
@@ -43,33 +43,33 @@ class Unknown:
 UNKNOWN = Unknown()
 
 
-class Many(int):
-    """A count beyond what is told apart: any run after ``least`` of them may be the last."""
+class UnboundedCount(int):
+    """A count beyond what is told apart: any run after ``min_rounds`` of them may be the last."""
 
     oracle: Oracle
-    least: int
+    min_rounds: int
 
     @classmethod
-    def of(cls, oracle: Oracle, least: int) -> Self:
+    def of(cls, oracle: Oracle, min_rounds: int) -> Self:
         """Return one that asks ``oracle``."""
-        made = cls(least)
-        made.oracle, made.least = oracle, least
+        made = cls(min_rounds)
+        made.oracle, made.min_rounds = oracle, min_rounds
         return made
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, int) or isinstance(other, Many):
+        if not isinstance(other, int) or isinstance(other, UnboundedCount):
             return self is other
-        return other >= self.least and self.oracle.choose((False, True), lambda last: "that was the last" * last)
+        return other >= self.min_rounds and self.oracle.choose((False, True), lambda last: "that was the last" * last)
 
     def __hash__(self) -> int:
         return id(self)
 
 
 @dataclass(frozen=True, slots=True)
-class Several(Members):
+class AbstractList(ListMembers):
     """The members of a list of which nobody knows how many there are, or that are too many to be told apart."""
 
-    rounds: Many
+    rounds: UnboundedCount
 
     @property
     def count(self) -> int:
@@ -84,7 +84,7 @@ class Several(Members):
     number = member
 
 
-class Anything:
+class TopValue:
     """An unknown value that may be the same as any other: whether it is, is a choice."""
 
     def __init__(self, oracle: Oracle) -> None:
@@ -97,7 +97,7 @@ class Anything:
         return id(self)
 
 
-class Sensed:
+class NondetSensor:
     """One part of the robot's state: its flags are choices each time that they are read."""
 
     def __init__(self, oracle: Oracle, part: str) -> None:
@@ -108,32 +108,32 @@ class Sensed:
         value = state_value(self._part, name)
         if value is None or not value.options:
             raise AttributeError(name)
-        return self._oracle.choose(value.options, partial(_is, f"{self._part}.{name}"))
+        return self._oracle.choose(value.options, partial(_describe_reading, f"{self._part}.{name}"))
 
 
-def asks_sensor(read: Read) -> bool:
+def reads_sensor(read: NameReference) -> bool:
     """Say whether what an expression reads is something that a sensor reports."""
     value = state_value(read.name, read.member)
-    return read.name in ROBOT_STATE and not (value is not None and value.always)
+    return read.name in ROBOT_STATE and not (value is not None and value.is_always_known)
 
 
-def _is(name: str, value: object) -> str:
+def _describe_reading(name: str, value: object) -> str:
     return f"{name} is {str(value).lower()}"
 
 
 @dataclass(frozen=True, slots=True)
-class Guess(Value):
+class NondetValue(Value):
     """A value that is computed where all that it reads is known, and else one of ``options``.
 
-    ``blind`` ones are never computed. ``kept`` says what to make of a value that was. Of one that is ``asked`` alone
+    ``never_computed`` ones are never computed. ``abstraction`` says what to make of a value that was. Of one that is ``only_checked`` alone
     nothing matters but whether all that it reads is set.
     """
 
     oracle: Oracle = field(default_factory=Oracle)
     options: Sequence[object] = (UNKNOWN,)
-    blind: bool = False
-    asked: bool = False
-    kept: Callable[[object], object] = lambda found: found
+    never_computed: bool = False
+    only_checked: bool = False
+    abstraction: Callable[[object], object] = lambda found: found
     needed: frozenset[str] = field(init=False)
     """What it surely reads. This and what follows is worked out once, and asked tens of thousands of times."""
     sensed: bool = field(init=False)
@@ -147,46 +147,46 @@ class Guess(Value):
         values = (state_value(read.name, read.member) for read in reads if read.name in ROBOT_STATE)
         sensed = any(value is None or not value.options for value in values)
         choices = [(found, False) for found in self.options] + [(None, True)] * may_fail(self)
-        sensors = tuple(dict.fromkeys(ROBOT_STATE[read.name].sensor for read in reads if asks_sensor(read)))
-        found = (("needed", surely_read(self)), ("sensed", sensed), ("choices", choices), ("sensors", sensors))
+        sensors = tuple(dict.fromkeys(ROBOT_STATE[read.name].sensor for read in reads if reads_sensor(read)))
+        found = (("needed", always_read_names(self)), ("sensed", sensed), ("choices", choices), ("sensors", sensors))
         for name, value in found:
             object.__setattr__(self, name, value)
 
     def resolve(self, scope: Mapping[str, object]) -> object:
         """See missions.language.expressions.Value."""
-        if not self.blind:
-            self._all_set(scope)
+        if not self.never_computed:
+            self._check_set(scope)
         for sensor in self.sensors:
-            if not self.oracle.reports(sensor):
+            if not self.oracle.sensor_reports(sensor):
                 raise SensorSilent(f"the {sensor} does not report")
-        if self.asked:
+        if self.only_checked:
             return UNKNOWN
-        if not self.blind and not self._unknown(scope):
-            return self.kept(Value.resolve(self, scope))
-        found, failed = self.oracle.choose(self.choices, self._said)
+        if not self.never_computed and not self._reads_unknown(scope):
+            return self.abstraction(Value.resolve(self, scope))
+        found, failed = self.oracle.choose(self.choices, self._describe_choice)
         if failed:
             raise ExpressionError("cannot be calculated")
         return found
 
-    def _all_set(self, scope: Mapping[str, object]) -> None:
+    def _check_set(self, scope: Mapping[str, object]) -> None:
         """Raise ExpressionError for a variable that has to be there, and is not."""
         for name in self.needed:
             if name not in scope:
                 raise ExpressionError(f"'{name}' is not set")
 
-    def _unknown(self, scope: Mapping[str, object]) -> bool:
+    def _reads_unknown(self, scope: Mapping[str, object]) -> bool:
         """Say whether something that it reads is unknown here."""
         reads = self.template.reads if self.template is not None else ()
-        return self.sensed or any(holds_unknown(scope.get(read.name)) for read in reads)
+        return self.sensed or any(contains_unknown(scope.get(read.name)) for read in reads)
 
-    def _said(self, answer: tuple[object, bool]) -> str:
+    def _describe_choice(self, answer: tuple[object, bool]) -> str:
         found, failed = answer
         if failed:
-            return f"'{wording(self)}' cannot be calculated"
-        return "" if found is UNKNOWN else f"'{wording(self)}' is {str(found).lower()}"
+            return f"'{expression_text(self)}' cannot be calculated"
+        return "" if found is UNKNOWN else f"'{expression_text(self)}' is {str(found).lower()}"
 
 
-def wording(value: Value) -> str:
+def expression_text(value: Value) -> str:
     """Return an expression as it is written."""
     formula = value.template
     if formula is None:
@@ -196,25 +196,25 @@ def wording(value: Value) -> str:
     return "".join(part if isinstance(part, str) else f"${{{part.text}}}" for part in formula.parts)
 
 
-def holds_unknown(value: object) -> bool:
+def contains_unknown(value: object) -> bool:
     """Say whether a value, or something in it, is unknown."""
     if value is UNKNOWN:
         return True
-    if value is None or type(value) in PLAIN:
+    if value is None or type(value) in PLAIN_TYPES:
         return False
     if isinstance(value, Mapping):
-        return any(map(holds_unknown, value.values()))
-    return isinstance(value, list | tuple) and any(map(holds_unknown, value))
+        return any(map(contains_unknown, value.values()))
+    return isinstance(value, list | tuple) and any(map(contains_unknown, value))
 
 
-def widened(found: object) -> object:
+def widen(found: object) -> object:
     """Return a value that was computed, or UNKNOWN where there could be too many of its kind."""
-    if found is None or isinstance(found, bool | Many):
+    if found is None or isinstance(found, bool | UnboundedCount):
         return found
     if isinstance(found, int):
         return found if abs(found) <= MAX_COUNT else UNKNOWN
     if isinstance(found, Mapping):
-        return {name: widened(each) for name, each in found.items()}
+        return {name: widen(each) for name, each in found.items()}
     return found if isinstance(found, str) and len(found) <= MAX_TEXT_LENGTH else UNKNOWN
 
 
@@ -228,21 +228,21 @@ def may_fail(value: Value) -> bool:
         return value.convert not in (None, bool)
     parts = (formula,) if isinstance(formula, Expression) else formula.parts
     senses = any(read.name in ROBOT_STATE for read in formula.reads)
-    risky = senses and any(_risky(part.tree) for part in parts if isinstance(part, Expression))
+    risky = senses and any(_may_raise(part.tree) for part in parts if isinstance(part, Expression))
     return value.convert not in (None, bool) or risky or reading.may_fail(value, (), ())
 
 
-def _risky(node: ast.expr) -> bool:
+def _may_raise(node: ast.expr) -> bool:
     match node:
         case ast.Constant() | ast.Name():
             return False
         case ast.Attribute(value=ast.Name(id=name)):
             return name not in ROBOT_STATE
         case ast.BoolOp(values=parts):
-            return any(map(_risky, parts))
+            return any(map(_may_raise, parts))
         case ast.UnaryOp(op=ast.Not(), operand=part):
-            return _risky(part)
+            return _may_raise(part)
         case ast.Compare(left=left, ops=ops, comparators=others):
             equal = all(isinstance(op, ast.Eq | ast.NotEq) for op in ops)
-            return not equal or any(map(_risky, (left, *others)))
+            return not equal or any(map(_may_raise, (left, *others)))
     return True

@@ -11,32 +11,32 @@ from typing import NamedTuple
 
 from missions.language.expressions import Value
 from missions.language.nodes import (
-    AGAIN,
     COMPOSITES,
     FAILURE,
     FOR_EACH,
     MISSION,
     MODIFIERS,
+    RESTART,
     SUCCESS,
     SWITCHES,
     CompositeKind,
 )
 from missions.language.plan import Step
-from missions.plugins.verify.guesses import Guess
+from missions.plugins.verify.guesses import NondetValue
 from missions.plugins.verify.mocks import SetStandIn
 
 Names = frozenset[str]
-NONE: Names = frozenset()
+NO_NAMES: Names = frozenset()
 
 
-class Onward(NamedTuple):
+class LiveAfter(NamedTuple):
     """What is live after each end of a node."""
 
     success: Names
     failure: Names
 
 
-RESUMES = frozenset(
+PASSIVE_MODIFIERS = frozenset(
     word for word, kind in MODIFIERS.items() if kind.value != "duration" and not kind.repeats and not kind.every_tick
 )
 """Modifiers that run only while their child does, and leave it alone: what is live then, the child knows."""
@@ -48,92 +48,94 @@ def live_while_running(tree: Step) -> Mapping[str, Names]:
     Those of a parent are the ones that it may lead to itself; its children that run say the rest. ``tree`` has the
     steps of stand-ins (see missions.plugins.verify.model), since what a stand-in does not read is not read.
     """
-    analysis = Analysis()
-    while analysis.grows:
-        analysis.grows = False
-        analysis.before(tree, "1", Onward(NONE, NONE))
+    analysis = LivenessAnalysis()
+    while analysis.has_grown:
+        analysis.has_grown = False
+        analysis.live_before(tree, "1", LiveAfter(NO_NAMES, NO_NAMES))
     return analysis.running
 
 
-class Analysis:
-    """One pass over the tree after another, until none ``grows`` what the one before found to be live before a node."""
+class LivenessAnalysis:
+    """One pass over the tree after another, until none ``has_grown`` what the one before found to be live before a node."""
 
     def __init__(self) -> None:
         self.running: dict[str, Names] = {}
-        self.grows = True
+        self.has_grown = True
         self._known: dict[str, Names] = {}
 
-    def before(self, step: Step, key: str, onward: Onward) -> Names:
+    def live_before(self, step: Step, key: str, live_after: LiveAfter) -> Names:
         """Return what is live before ``step`` starts, and note what is while it and those below it run."""
         children = tuple(
-            partial(self.before, child, f"{key}.{place}") for place, child in enumerate(step.children, start=1)
+            partial(self.live_before, child, f"{key}.{place}") for place, child in enumerate(step.children, start=1)
         )
         reads = names_read(step.arguments.values())
-        again = self._known.get(key, NONE)
-        found, running = NONE, NONE
+        again = self._known.get(key, NO_NAMES)
+        found, running = NO_NAMES, NO_NAMES
         if step.leaf is not None:
-            found = running = reads | (onward.success - _stored(step)) | onward.failure
+            found = running = reads | (live_after.success - _stored_names(step)) | live_after.failure
         elif step.kind == MISSION:
             results = names_read(step.returns.values())
-            children[0](Onward(results, results))
-            running = (onward.success - _stored(step)) | onward.failure
+            children[0](LiveAfter(results, results))
+            running = (live_after.success - _stored_names(step)) | live_after.failure
             found = reads | running
         elif step.kind == FOR_EACH:
-            ended = onward.success | onward.failure
-            found = running = reads | ended | (children[0](Onward(ended | again, ended)) - frozenset(step.binds))
+            ended = live_after.success | live_after.failure
+            found = running = reads | ended | (children[0](LiveAfter(ended | again, ended)) - frozenset(step.binds))
         elif step.kind in SWITCHES:
-            found = reads.union(onward.failure, *(child(onward) for child in children))
-            running = found if SWITCHES[step.kind].reactive else NONE
+            found = reads.union(live_after.failure, *(child(live_after) for child in children))
+            running = found if SWITCHES[step.kind].reactive else NO_NAMES
         elif step.kind in MODIFIERS:
-            found = reads | _modifier(step.kind, children[0], onward, again)
-            running = NONE if step.kind in RESUMES else found
+            found = reads | _before_modifier(step.kind, children[0], live_after, again)
+            running = NO_NAMES if step.kind in PASSIVE_MODIFIERS else found
         else:
             # Where a parallel counts, any end of a child may go before either end of the parallel.
-            ends = Onward(*(onward.success | onward.failure,) * 2) if step.arguments else onward
+            ends = LiveAfter(*(live_after.success | live_after.failure,) * 2) if step.arguments else live_after
             kind = COMPOSITES[step.kind]
-            found = reads | _composite(kind, children, ends, again)
-            running = found if kind.reactive else NONE
+            found = reads | _before_composite(kind, children, ends, again)
+            running = found if kind.reactive else NO_NAMES
         self.running[key] = running
-        self.grows = self.grows or found != again
+        self.has_grown = self.has_grown or found != again
         self._known[key] = found
         return found
 
 
-Child = Callable[[Onward], Names]
+Child = Callable[[LiveAfter], Names]
 """A child as its parent sees it: what is live before it, from what is live after its ends."""
 
 
 def names_read(values: Iterable[Value]) -> Names:
     """Return the variables that computing these values reads, if it were only to fail."""
-    asked = (value for value in values if not (isinstance(value, Guess) and value.blind))
+    asked = (value for value in values if not (isinstance(value, NondetValue) and value.never_computed))
     return frozenset(read.name for value in asked if value.template is not None for read in value.template.reads)
 
 
-def _stored(step: Step) -> Names:
+def _stored_names(step: Step) -> Names:
     """Return what a success of ``step`` surely stores in its own mission."""
-    if step.keep_as is not None:
-        return frozenset((step.keep_as,))
+    if step.output_variable is not None:
+        return frozenset((step.output_variable,))
     if step.kind == MISSION:
         return frozenset(step.returns)
-    return frozenset(step.arguments) if step.leaf is not None and issubclass(step.leaf, SetStandIn) else NONE
+    return frozenset(step.arguments) if step.leaf is not None and issubclass(step.leaf, SetStandIn) else NO_NAMES
 
 
-def _modifier(word: str, child: Child, onward: Onward, again: Names) -> Names:
+def _before_modifier(word: str, child: Child, live_after: LiveAfter, again: Names) -> Names:
     kind = MODIFIERS[word]
-    known = {SUCCESS: onward.success, FAILURE: onward.failure, AGAIN: again}
-    success, failure = (NONE.union(*(known[way] for way in ways)) for ways in (kind.success, kind.failure))
-    skips = SUCCESS in kind.cut or kind.remembers  # it can succeed while its child runs, or without it
-    return child(Onward(success, failure)).union(onward.failure, onward.success if skips else NONE)
+    known = {SUCCESS: live_after.success, FAILURE: live_after.failure, RESTART: again}
+    success, failure = (NO_NAMES.union(*(known[way] for way in ways)) for ways in (kind.success, kind.failure))
+    skips = SUCCESS in kind.early_ends or kind.remembers  # it can succeed while its child runs, or without it
+    return child(LiveAfter(success, failure)).union(live_after.failure, live_after.success if skips else NO_NAMES)
 
 
-def _composite(kind: CompositeKind, children: tuple[Child, ...], onward: Onward, again: Names) -> Names:
+def _before_composite(kind: CompositeKind, children: tuple[Child, ...], live_after: LiveAfter, again: Names) -> Names:
     if kind.at_once:
         # What one child stores before it reads it is not live for its sake, whoever else stores it in between.
-        return NONE.union(*(child(onward) for child in children))
+        return NO_NAMES.union(*(child(live_after) for child in children))
     if kind.reactive or kind.order == "in any order":  # each may follow on each
-        ends = onward.success | onward.failure | again
-        return ends.union(*(child(Onward(ends, ends)) for child in children))
-    before = onward.success if kind.passes == SUCCESS else onward.failure
+        ends = live_after.success | live_after.failure | again
+        return ends.union(*(child(LiveAfter(ends, ends)) for child in children))
+    before = live_after.success if kind.passes == SUCCESS else live_after.failure
     for child in reversed(children):
-        before = child(Onward(before, onward.failure) if kind.passes == SUCCESS else Onward(onward.success, before))
+        before = child(
+            LiveAfter(before, live_after.failure) if kind.passes == SUCCESS else LiveAfter(live_after.success, before)
+        )
     return before

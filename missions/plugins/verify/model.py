@@ -12,101 +12,122 @@ from py_trees.common import Status
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.node import Node
 from behaviours.robot import Robot
-from behaviours.run import SENSOR_TIMEOUT, NodeByNode, Run
+from behaviours.run import SENSOR_TIMEOUT, NodeCallback, RunState
 from missions.executive.at_once import Parallel
 from missions.executive.build import Scope, build
-from missions.executive.modifiers import ASKED_AGAIN, Hold, Invert, OnFailure, OnSuccess, Repeat, Timeout
+from missions.executive.modifiers import (
+    MAX_RETICK_INTERVAL,
+    HoldModifier,
+    InvertModifier,
+    OnFailureModifier,
+    OnSuccessModifier,
+    RepeatModifier,
+    TimeoutModifier,
+)
 from missions.executive.parent import Modifier, Parent
 from missions.executive.submission import Submission
 from missions.language.expressions import Value
-from missions.language.for_each import Members, own_steps
-from missions.language.kinds import STATE
+from missions.language.for_each import ListMembers, steps_in_scope
+from missions.language.kinds import STATE_KINDS
 from missions.language.nodes import FOR_EACH, MISSION, MODIFIERS, SWITCHES
 from missions.language.plan import Plan, Step
-from missions.language.reading import surely_read
-from missions.language.unset import catches
+from missions.language.reading import always_read_names
+from missions.language.unset import catches_failure
 from missions.plugins.verify.choices import Oracle
 from missions.plugins.verify.guesses import (
     MAX_COUNT,
-    TWICE,
+    MIN_UNBOUNDED_ROUNDS,
     UNKNOWN,
-    Anything,
-    Guess,
-    Many,
-    Sensed,
-    Several,
-    asks_sensor,
-    widened,
+    AbstractList,
+    NondetSensor,
+    NondetValue,
+    TopValue,
+    UnboundedCount,
+    reads_sensor,
+    widen,
 )
 from missions.plugins.verify.instants import Rows as Times
-from missions.plugins.verify.instants import Some, Timing, loosened
+from missions.plugins.verify.instants import SymbolicClock, UnknownTime, extrapolate
 from missions.plugins.verify.live import live_while_running
-from missions.plugins.verify.mocks import StandIn, WaitStandIn, outcomes, stand_in, waits
-from missions.plugins.verify.snapshot import Row, Rows, Snapshots, frozen, thawed
-from missions.plugins.verify.watch import Following, Watch, follow
+from missions.plugins.verify.mocks import StandIn, WaitStandIn, outcomes, stand_in_class, wait_seconds
+from missions.plugins.verify.snapshot import Row, Rows, Snapshots, freeze, thaw
+from missions.plugins.verify.watch import PropertyMonitor, RuleMonitor, make_monitor
 
 # From a checked plan to one whose leaves are stand-ins and whose unknown values are choices.
 
-TIMES = frozenset(word for word, kind in MODIFIERS.items() if kind.value == "duration")
-COUNTS = frozenset(word for word, kind in MODIFIERS.items() if kind.value == "count")
+DURATION_MODIFIERS = frozenset(word for word, kind in MODIFIERS.items() if kind.value == "duration")
+COUNT_MODIFIERS = frozenset(word for word, kind in MODIFIERS.items() if kind.value == "count")
 
-OTHERWISE = "anything else"
+OTHER_CASE = "anything else"
 """What a ``switch`` finds that is none of its cases."""
 
 
-def abstract(step: Step, oracle: Oracle, watch: Watch, names: frozenset[str]) -> Step:
+def abstract_step(step: Step, oracle: Oracle, watch: RuleMonitor, names: frozenset[str]) -> Step:
     """Return ``step``, and all below it, for a model that asks ``oracle`` and is followed by ``watch``.
 
     ``names`` are the variables that something sets in its mission.
     """
-    inner = step.children[0].names if step.kind == MISSION else names
-    children = tuple(abstract(child, oracle, watch, inner) for child in step.children)
+    inner = step.children[0].variables if step.kind == MISSION else names
+    children = tuple(abstract_step(child, oracle, watch, inner) for child in step.children)
     if step.leaf is not None:
-        return replace(step, leaf=stand_in(step, oracle, watch), arguments=_arguments(step, step.leaf, oracle, names))
-    returns = {name: _stored(value, oracle) for name, value in step.returns.items()}
-    arguments = {name: _setting(step, value, oracle) for name, value in step.arguments.items()}
+        return replace(
+            step,
+            leaf=stand_in_class(step, oracle, watch),
+            arguments=_abstract_arguments(step, step.leaf, oracle, names),
+        )
+    returns = {name: _abstract_stored(value, oracle) for name, value in step.returns.items()}
+    arguments = {name: _abstract_setting(step, value, oracle) for name, value in step.arguments.items()}
     return replace(step, children=children, arguments=arguments, returns=returns)
 
 
-def _arguments(step: Step, leaf: type[Leaf], oracle: Oracle, names: frozenset[str]) -> dict[str, Value]:
+def _abstract_arguments(step: Step, leaf: type[Leaf], oracle: Oracle, names: frozenset[str]) -> dict[str, Value]:
     """Return the arguments that matter: what a leaf stores, and what can keep one from starting that cannot fail."""
     if leaf.open_ended:
-        return {name: _stored(replace(value, convert=None), oracle) for name, value in step.arguments.items()}
+        return {name: _abstract_stored(replace(value, convert=None), oracle) for name, value in step.arguments.items()}
     if any(outcome.status is FAILURE for outcome in outcomes(step)):
-        asked = {name: value for name, value in step.arguments.items() if surely_read(value) & names or _senses(value)}
-        return {f"argument_{name}": replace(_guess(value, oracle), asked=True) for name, value in asked.items()}
+        asked = {
+            name: value
+            for name, value in step.arguments.items()
+            if always_read_names(value) & names or _reads_sensor(value)
+        }
+        return {
+            f"argument_{name}": replace(_nondet_value(value, oracle), only_checked=True)
+            for name, value in asked.items()
+        }
     computed = {name: value for name, value in step.arguments.items() if value.template is not None}
-    return {f"argument_{name}": _guess(value, oracle) for name, value in computed.items()}
+    return {f"argument_{name}": _nondet_value(value, oracle) for name, value in computed.items()}
 
 
-def _senses(value: Value) -> bool:
+def _reads_sensor(value: Value) -> bool:
     """Say whether a value is computed from what a sensor reports."""
-    return value.template is not None and any(map(asks_sensor, value.template.reads))
+    return value.template is not None and any(map(reads_sensor, value.template.reads))
 
 
-def _setting(step: Step, value: Value, oracle: Oracle) -> Value:
+def _abstract_setting(step: Step, value: Value, oracle: Oracle) -> Value:
     """Return what a modifier, a switch or a sub-mission is given."""
     if step.kind == MISSION:
-        return _stored(value, oracle)
-    if step.kind in COUNTS:
-        return _count(value, oracle)
+        return _abstract_stored(value, oracle)
+    if step.kind in COUNT_MODIFIERS:
+        return _abstract_count(value, oracle)
     if step.kind == FOR_EACH:
-        return _members(value, oracle)
+        return _abstract_members(value, oracle)
     if value.template is None:
         return value
-    if step.kind in TIMES:
-        return Guess(template=value.template, oracle=oracle, options=(Some.of(oracle),), blind=True)
+    if step.kind in DURATION_MODIFIERS:
+        return NondetValue(
+            template=value.template, oracle=oracle, options=(UnknownTime.of(oracle),), never_computed=True
+        )
     if step.kind in SWITCHES:
-        return _guess(value, oracle, *dict.fromkeys(step.cases), OTHERWISE)
+        return _nondet_value(value, oracle, *dict.fromkeys(step.cases), OTHER_CASE)
     if step.kind == "once":
-        return _guess(value, oracle, Anything(oracle))
+        return _nondet_value(value, oracle, TopValue(oracle))
     if step.kind == "parallel":
-        return _guess(value, oracle, *range(1, len(step.children) + 1))
-    return _guess(value, oracle, True, False)
+        return _nondet_value(value, oracle, *range(1, len(step.children) + 1))
+    return _nondet_value(value, oracle, True, False)
 
 
-def _guess(value: Value, oracle: Oracle, *options: object) -> Guess:
-    return Guess(
+def _nondet_value(value: Value, oracle: Oracle, *options: object) -> NondetValue:
+    return NondetValue(
         template=value.template,
         convert=value.convert,
         constant=value.constant,
@@ -115,40 +136,40 @@ def _guess(value: Value, oracle: Oracle, *options: object) -> Guess:
     )
 
 
-def _stored(value: Value, oracle: Oracle) -> Value:
+def _abstract_stored(value: Value, oracle: Oracle) -> Value:
     if value.template is None:
         return value
-    return Guess(template=value.template, convert=value.convert, oracle=oracle, kept=widened)
+    return NondetValue(template=value.template, convert=value.convert, oracle=oracle, abstraction=widen)
 
 
-def _count(value: Value, oracle: Oracle) -> Value:
-    many = Many.of(oracle, TWICE)
+def _abstract_count(value: Value, oracle: Oracle) -> Value:
+    many = UnboundedCount.of(oracle, MIN_UNBOUNDED_ROUNDS)
     if value.template is None:
         return Value(many) if isinstance(value.constant, int) and value.constant > MAX_COUNT else value
-    return Guess(
+    return NondetValue(
         template=value.template,
         convert=value.convert,
         oracle=oracle,
-        options=(Many.of(oracle, 0),),
-        kept=lambda found: many if isinstance(found, int) and found > MAX_COUNT else found,
+        options=(UnboundedCount.of(oracle, 0),),
+        abstraction=lambda found: many if isinstance(found, int) and found > MAX_COUNT else found,
     )
 
 
-def _members(value: Value, oracle: Oracle) -> Value:
-    many = Several((UNKNOWN,), Many.of(oracle, TWICE))
+def _abstract_members(value: Value, oracle: Oracle) -> Value:
+    many = AbstractList((UNKNOWN,), UnboundedCount.of(oracle, MIN_UNBOUNDED_ROUNDS))
 
     def kept(found: object) -> object:
-        return many if isinstance(found, Members) and found.count > MAX_COUNT else found
+        return many if isinstance(found, ListMembers) and found.count > MAX_COUNT else found
 
     if value.template is None:
         return Value(kept(value.constant))
-    unknown = Several((UNKNOWN,), Many.of(oracle, 0))
-    return Guess(
+    unknown = AbstractList((UNKNOWN,), UnboundedCount.of(oracle, 0))
+    return NondetValue(
         template=value.template,
         convert=value.convert,
         oracle=oracle,
         options=(unknown,),
-        kept=kept,
+        abstraction=kept,
     )
 
 
@@ -157,26 +178,26 @@ def durations(tree: Step) -> frozenset[float]:
     found = set()
     for step in tree.walk():
         value = step.arguments.get("value")
-        if step.kind in TIMES and value is not None and isinstance(value.constant, float):
+        if step.kind in DURATION_MODIFIERS and value is not None and isinstance(value.constant, float):
             found.add(value.constant)
         if step.leaf is not None and step.leaf.halting is not Leaf.halting:
             found.add(step.leaf.halt_limit)
-        seconds = waits(step)
+        seconds = wait_seconds(step)
         if seconds is not None:
             found.add(seconds)
     return frozenset(found)
 
 
-def missing(plan: Plan) -> frozenset[str]:
+def missing_params(plan: Plan) -> frozenset[str]:
     """Return the params that only a caller can give, and that this one did not."""
     reads = {
         read.name
-        for step in own_steps(plan.tree)
+        for step in steps_in_scope(plan.tree)
         for value in step.arguments.values()
         if value.template is not None
         for read in value.template.reads
     }
-    return frozenset(reads - plan.params.keys() - plan.tree.names - STATE.keys())
+    return frozenset(reads - plan.params.keys() - plan.tree.variables - STATE_KINDS.keys())
 
 
 # Runs that nobody can tell apart: of many of them one is explored, so that a mission with many leaves stays small.
@@ -188,77 +209,79 @@ def missing(plan: Plan) -> frozenset[str]:
 # which each node around them does the same in the same tick (a partial-order reduction, with one representative of
 # all orders).
 
-_SAME = {OnFailure: SUCCESS, OnSuccess: FAILURE}
+_MERGED_STATUS = {OnFailureModifier: SUCCESS, OnSuccessModifier: FAILURE}
 """The modifiers for which success and failure are the same, and what they make of both."""
 
 
-def tell_fewer_apart(nodes: Sequence[Node], monitors: Sequence[Following]) -> None:
+def reduce_equivalent_runs(nodes: Sequence[Node], monitors: Sequence[PropertyMonitor]) -> None:
     """Let the stand-ins among ``nodes`` leave out what comes to the same, as far as no monitor asks for them."""
     asked = frozenset[Node]().union(*(monitor.subject | monitor.other | monitor.counts for monitor in monitors))
     for node in nodes:
-        if type(node) in _SAME:
-            leaf = _leaf_of(node, asked)
-            if leaf is not None and leaf.keep_as is None:
-                leaf.ends_alike = True
+        if type(node) in _MERGED_STATUS:
+            leaf = _reducible_leaf(node, asked)
+            if leaf is not None and leaf.output_variable is None:
+                leaf.merges_ends = True
     for node in nodes:
         if isinstance(node, Parallel) and not node.counts:
             free = [
-                leaf for child in node.members if (leaf := _leaf_of(child, asked)) is not None and _is_free(child, leaf)
+                leaf
+                for child in node.members
+                if (leaf := _reducible_leaf(child, asked)) is not None and _is_independent(child, leaf)
             ]
             for leaf in free[1:]:
                 leaf.leader = free[0]
 
 
-def _leaf_of(node: Node, asked: frozenset[Node]) -> StandIn | None:
+def _reducible_leaf(node: Node, observed: frozenset[Node]) -> StandIn | None:
     """Return the leaf of which ``node`` makes something each time that it ends, and keeps nothing; None if not so."""
-    while isinstance(node, Invert | OnFailure | OnSuccess) and node not in asked:
+    while isinstance(node, InvertModifier | OnFailureModifier | OnSuccessModifier) and node not in observed:
         node = node.child
-    return node if type(node).__base__ is StandIn and isinstance(node, StandIn) and node not in asked else None
+    return node if type(node).__base__ is StandIn and isinstance(node, StandIn) and node not in observed else None
 
 
-def _is_free(child: Node, leaf: StandIn) -> bool:
+def _is_independent(child: Node, leaf: StandIn) -> bool:
     """Say whether a leaf keeps nothing, stops at once, and may go on as well as end, so that ``child`` succeeds."""
     statuses = {outcome.status for outcome in leaf.outcomes}
     if leaf.sensor:  # it fails by itself once that is silent for too long
         return False
-    can = {RUNNING} <= statuses and SUCCESS in {_made_of(child, status) for status in statuses - {RUNNING}}
-    return can and leaf.keep_as is None and not (leaf.computed or leaf.lingers) and leaf.stops
+    can = {RUNNING} <= statuses and SUCCESS in {_modified_status(child, status) for status in statuses - {RUNNING}}
+    return can and leaf.output_variable is None and not (leaf.computed or leaf.lingers) and leaf.stops
 
 
-def _made_of(node: Node, status: object) -> object:
+def _modified_status(node: Node, status: object) -> object:
     """Return what the modifiers from ``node`` on make of the status of the leaf within."""
     if not isinstance(node, Modifier):
         return status
-    below = _made_of(node.child, status)
-    return _SAME.get(type(node)) or (FAILURE if below is SUCCESS else SUCCESS)
+    below = _modified_status(node.child, status)
+    return _MERGED_STATUS.get(type(node)) or (FAILURE if below is SUCCESS else SUCCESS)
 
 
 # Which nodes read variables that must have been set, so that a run that comes to them too early is found.
 
 
-def readers(tree: Step, nodes: Sequence[Node]) -> Mapping[Node, frozenset[str]]:
+def variable_readers(tree: Step, nodes: Sequence[Node]) -> Mapping[Node, frozenset[str]]:
     """Return for each node the variables that it reads when it starts, as far as something in its mission sets them.
 
     Those whose failure does no harm are left out.
     """
-    read = dict(_reads(tree, "1", tree.names))
+    read = dict(_read_variables(tree, "1", tree.variables))
     return {node: names for node in nodes if (names := read.get(node.key))}
 
 
-def _reads(step: Step, key: str, names: frozenset[str]) -> Iterator[tuple[str, frozenset[str]]]:
+def _read_variables(step: Step, key: str, names: frozenset[str]) -> Iterator[tuple[str, frozenset[str]]]:
     """Yield the variables by the keys of their nodes."""
-    if step.kind not in TIMES:
-        yield key, frozenset[str]().union(*map(surely_read, step.arguments.values())) & names
-    inner = step.children[0].names if step.kind == MISSION else names
+    if step.kind not in DURATION_MODIFIERS:
+        yield key, frozenset[str]().union(*map(always_read_names, step.arguments.values())) & names
+    inner = step.children[0].variables if step.kind == MISSION else names
     for place, child in enumerate(step.children, start=1):
-        if not catches(step, child):
-            yield from _reads(child, f"{key}.{place}", inner)
+        if not catches_failure(step, child):
+            yield from _read_variables(child, f"{key}.{place}", inner)
 
 
 # The variables of a mission, and of those inside it, as far as they decide anything yet.
 
 
-class Scopes:
+class ScopeSnapshots:
     """Takes and puts back variables: ``variables`` of the mission itself, whose ``nodes`` were built from ``tree``."""
 
     def __init__(self, tree: Step, nodes: Sequence[Node], variables: Scope) -> None:
@@ -272,13 +295,13 @@ class Scopes:
         if rows not in self._live_in:
             self._live_in[rows] = self._live_now()
         each = zip(self._scopes, self._live_in[rows], strict=True)
-        return tuple(frozen(scope if live is None else _only(scope, live)) for scope, live in each)
+        return tuple(freeze(scope if live is None else _select(scope, live)) for scope, live in each)
 
-    def put(self, kept: Sequence[Row]) -> None:
+    def restore(self, rows: Sequence[Row]) -> None:
         """Give every scope what was taken of it, and nothing else."""
-        for scope, row in zip(self._scopes, kept, strict=True):
+        for scope, row in zip(self._scopes, rows, strict=True):
             scope.clear()
-            scope.update(thawed(row))
+            scope.update(thaw(row))
 
     def _live_now(self) -> tuple[frozenset[str] | None, ...]:
         """Return the variables of each scope that are live; None for all, before the start and while a halt goes on."""
@@ -292,16 +315,16 @@ class Scopes:
         return tuple(frozenset(live[id(scope)]) for scope in self._scopes)
 
 
-def _only(scope: Scope, names: frozenset[str]) -> Mapping[str, object]:
+def _select(scope: Scope, names: frozenset[str]) -> Mapping[str, object]:
     return {name: scope[name] for name in names if name in scope}
 
 
-ORDERS = 5
+MAX_ORDERED_CHILDREN = 5
 """Children of a random composite up to which all their orders are tried; of more, only some, and that is told."""
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class ModelState:
     """All that decides how a run goes on: the nodes' fields, live variables, what monitors remember, and the times."""
 
     rows: Rows
@@ -311,64 +334,70 @@ class State:
     times: Times
 
 
-class Model:
-    """A mission ready to be explored. ``sampled`` says that not every order of a random composite is tried."""
+class MissionModel:
+    """A mission ready to be explored. ``is_sampled`` says that not every order of a random composite is tried."""
 
     def __init__(self, plan: Plan, sensor_timeout: float = SENSOR_TIMEOUT) -> None:
         self.oracle = Oracle()
-        self.watch = Watch(self.oracle)
-        self.timing = Timing(self.oracle)
-        self.run = Run(self.timing)
+        self.watch = RuleMonitor(self.oracle)
+        self.timing = SymbolicClock(self.oracle)
+        self.run = RunState(self.timing)
         self.run.sensor_timeout = sensor_timeout
         self.shuffler = self.run.random = Shuffler(self.oracle)
-        self.run.observer = NodeByNode(self.watch.changed)
-        self.run.variables.update({part: Sensed(self.oracle, part) for part in STATE})
-        self.run.variables.update(dict.fromkeys(missing(plan), UNKNOWN))
-        tree = abstract(plan.tree, self.oracle, self.watch, plan.tree.names)
+        self.run.observer = NodeCallback(self.watch.on_status_change)
+        self.run.variables.update({part: NondetSensor(self.oracle, part) for part in STATE_KINDS})
+        self.run.variables.update(dict.fromkeys(missing_params(plan), UNKNOWN))
+        tree = abstract_step(plan.tree, self.oracle, self.watch, plan.tree.variables)
         self.root = build(replace(plan, tree=tree), self.run, lambda _: Robot())
         self.nodes = list(_walk(self.root))
-        self.monitors: tuple[Following, ...] = tuple(follow(promise, self.nodes) for promise in plan.properties)
-        tell_fewer_apart(self.nodes, self.monitors)
-        self.watch.follow([node for node in self.nodes if isinstance(node, StandIn)])
+        self.monitors: tuple[PropertyMonitor, ...] = tuple(
+            make_monitor(promise, self.nodes) for promise in plan.properties
+        )
+        reduce_equivalent_runs(self.nodes, self.monitors)
+        self.watch.set_leaves([node for node in self.nodes if isinstance(node, StandIn)])
         self.watch.monitors = self.monitors
-        self.watch.rounds = frozenset(node.child for node in self.nodes if isinstance(node, Repeat) and _endless(node))
-        self.watch.timed = {
-            node: _when_over(node) for node in self.nodes if isinstance(node, Timeout | Hold | WaitStandIn)
+        self.watch.rounds = frozenset(
+            node.child for node in self.nodes if isinstance(node, RepeatModifier) and _is_endless(node)
+        )
+        self.watch.timed_nodes = {
+            node: _status_when_over(node)
+            for node in self.nodes
+            if isinstance(node, TimeoutModifier | HoldModifier | WaitStandIn)
         }
-        self.watch.reads = readers(plan.tree, self.nodes)
+        self.watch.reads = variable_readers(plan.tree, self.nodes)
         self._snapshots = Snapshots(self.nodes, self.timing)
-        self._scopes = Scopes(tree, self.nodes, self.run.variables)
-        self._seconds = sorted({*durations(plan.tree), sensor_timeout, ASKED_AGAIN})
+        self._scopes = ScopeSnapshots(tree, self.nodes, self.run.variables)
+        self._seconds = sorted({*durations(plan.tree), sensor_timeout, MAX_RETICK_INTERVAL})
 
     def tick(self) -> None:
         """Tick once."""
         self.run.tick += 1
         self.root.execute_tick()
-        self.watch.after_tick()
+        self.watch.check_tick()
 
     def halt(self) -> bool:
         """Tell the tree to halt, or ask it again; True once it is at rest."""
         self.run.tick += 1
         return self.root.halt()
 
-    def state(self) -> State:
+    def state(self) -> ModelState:
         """Take the present state, in a form in which states that have the same future are equal."""
         rows, instants = self._snapshots.take()
-        times = self.timing.zone.later(instants)
-        return State(rows, self._scopes.take(rows), self.watch.happened, self.watch.moving, times)
+        times = self.timing.zone.advance(instants)
+        return ModelState(rows, self._scopes.take(rows), self.watch.happened, self.watch.moving, times)
 
-    def put(self, state: State) -> None:
+    def restore(self, state: ModelState) -> None:
         """Put a state back, and begin a step from it."""
         self.timing.set(state.times)
-        self._snapshots.put(state.rows)
+        self._snapshots.restore(state.rows)
         for node in self.nodes:
             node.suspension = None
-        self._scopes.put(state.variables)
+        self._scopes.restore(state.variables)
         self.watch.begin(state.happened, state.moving)
 
-    def coarser(self, state: State) -> State:
+    def coarsen(self, state: ModelState) -> ModelState:
         """Return ``state`` with less known about its times."""
-        return replace(state, times=loosened(state.times, self._seconds))
+        return replace(state, times=extrapolate(state.times, self._seconds))
 
 
 class Shuffler(Random):
@@ -377,29 +406,29 @@ class Shuffler(Random):
     def __init__(self, oracle: Oracle) -> None:
         super().__init__(0)
         self._oracle = oracle
-        self.sampled = False
+        self.is_sampled = False
 
     def shuffle(self, x: MutableSequence[Any]) -> None:
         """Put ``x`` into one of its orders."""
         before = list(x)
-        if len(before) <= ORDERS:
+        if len(before) <= MAX_ORDERED_CHILDREN:
             orders = [list(order) for order in permutations(before)]
         else:
-            self.sampled = True
+            self.is_sampled = True
             orders = [before[place:] + before[:place] for place in range(len(before))]
-        x[:] = self._oracle.choose(orders, _order)
+        x[:] = self._oracle.choose(orders, _describe_order)
 
 
-def _order(children: Iterable[Any]) -> str:
+def _describe_order(children: Iterable[Any]) -> str:
     return f"the order is {', '.join(child.name for child in children)}"
 
 
-def _endless(node: Repeat) -> bool:
+def _is_endless(node: RepeatModifier) -> bool:
     return node.value.template is None and node.value.constant is None
 
 
-def _when_over(node: Node) -> Status:
-    return FAILURE if isinstance(node, Timeout) else SUCCESS
+def _status_when_over(node: Node) -> Status:
+    return FAILURE if isinstance(node, TimeoutModifier) else SUCCESS
 
 
 def _walk(node: Node) -> Iterator[Node]:

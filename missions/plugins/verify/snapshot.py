@@ -9,10 +9,10 @@ from py_trees.common import Status
 from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS
 from behaviours.node import Node
 from missions.executive.for_each import ForEach
-from missions.executive.modifiers import ASKED_AGAIN, Repeat, Retry
+from missions.executive.modifiers import MAX_RETICK_INTERVAL, RepeatModifier, RetryModifier
 from missions.executive.parent import Modifier
-from missions.plugins.verify.guesses import PLAIN, Many
-from missions.plugins.verify.instants import Instant, Timing
+from missions.plugins.verify.guesses import PLAIN_TYPES, UnboundedCount
+from missions.plugins.verify.instants import Instant, SymbolicClock
 from missions.plugins.verify.mocks import StandIn
 
 Row = tuple[Any, ...]
@@ -22,22 +22,22 @@ Rows = tuple[int, ...]
 STATUSES = (IDLE, RUNNING, SUCCESS, FAILURE)
 
 
-class At(NamedTuple):
+class ZoneInstant(NamedTuple):
     """An instant in a state: its place in the state's zone, and the seconds after it."""
 
     place: int
     offset: float
 
 
-ANY = At(-1, 0.0)
+UNKNOWN_INSTANT = ZoneInstant(-1, 0.0)
 """The present instant, for one from which a time is waited for that nobody knows: all comparisons of it are choices."""
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class NodeFields:
     """What is kept of one node: the names of its fields, and for those that mean nothing at rest a value to put.
 
-    ``resting`` has the numbers of the rows of a node that keeps nothing from a run of it, by the places of its
+    ``resting_rows`` has the numbers of the rows of a node that keeps nothing from a run of it, by the places of its
     statuses: most nodes of most states are such.
     """
 
@@ -46,19 +46,19 @@ class Part:
     names: tuple[str, ...]
     at_rest: tuple[tuple[bool, object], ...]
     lasting: tuple[tuple[str, object], ...]
-    resting: dict[int, int] = field(default_factory=dict)
+    resting_rows: dict[int, int] = field(default_factory=dict)
 
     @property
-    def blank(self) -> bool:
+    def is_initial(self) -> bool:
         """Say whether what would last beyond a run is as it was before the first."""
         node = self.node
         return not self.lasting or all(getattr(node, name) is at_rest for name, at_rest in self.lasting)
 
     @classmethod
-    def of(cls, node: Node, parent: int | None) -> "Part":
+    def of(cls, node: Node, parent: int | None) -> "NodeFields":
         """Take what ``node`` has now as what it has at rest; ``parent`` is the place of its parent among the nodes."""
         running, lasting = declared_state(type(node))
-        names = tuple(name for name in sorted(running | lasting) if name != "result" or not _gives_anew(node))
+        names = tuple(name for name in sorted(running | lasting) if name != "result" or not _recomputes_result(node))
         at_rest = tuple((name in lasting, getattr(node, name)) for name in names)
         lasts = tuple((name, getattr(node, name)) for name in names if name in lasting)
         return cls(node, parent, names, at_rest, lasts)
@@ -67,13 +67,13 @@ class Part:
 class Snapshots:
     """Takes and puts back what decides the future of ``nodes``, the nodes of a tree that has not begun."""
 
-    def __init__(self, nodes: Sequence[Node], timing: Timing) -> None:
+    def __init__(self, nodes: Sequence[Node], timing: SymbolicClock) -> None:
         self._timing = timing
         parents = {child: place for place, node in enumerate(nodes) for child in node.children}
-        self._parts = [Part.of(node, parents.get(node)) for node in nodes]
+        self._parts = [NodeFields.of(node, parents.get(node)) for node in nodes]
         self._own: list[dict[str, Any]] = [vars(node) for node in nodes]
         self._numbers: dict[tuple[tuple[str, ...], Row], int] = {}
-        self._fields: list[tuple[dict[str, Any], dict[str, At]]] = []  # by numbers: plain values, and instants
+        self._fields: list[tuple[dict[str, Any], dict[str, ZoneInstant]]] = []  # by numbers: plain values, and instants
 
     def take(self) -> tuple[Rows, dict[int, float]]:
         """Return the rows, and the places of the instants that they refer to, in the order of their numbers.
@@ -89,22 +89,22 @@ class Snapshots:
             running.append(runs)
             # How a node has ended matters to a parent that runs, and to nobody else.
             known = runs or part.parent is None or running[part.parent]
-            place = _place(status) if known else 0
-            if runs or not part.blank:
+            place = _status_index(status) if known else 0
+            if runs or not part.is_initial:
                 rows.append(self._row(part, place, instants, runs=runs))
                 continue
-            if place not in part.resting:
-                part.resting[place] = self._row(part, place, instants, runs=False)
-            rows.append(part.resting[place])
+            if place not in part.resting_rows:
+                part.resting_rows[place] = self._row(part, place, instants, runs=False)
+            rows.append(part.resting_rows[place])
         return tuple(rows), instants
 
-    def _row(self, part: Part, place: int, instants: dict[int, float], *, runs: bool) -> int:
+    def _row(self, part: NodeFields, place: int, instants: dict[int, float], *, runs: bool) -> int:
         """Return the number of the row that a node has now."""
         node = part.node
         row: list[object] = [place]
         for name, (lasts, at_rest) in zip(part.names, part.at_rest, strict=True):
             value = getattr(node, name) if runs or lasts else at_rest
-            row.append(value if value is None or value is at_rest else _kept(value, node, name, instants))
+            row.append(value if value is None or value is at_rest else _row_value(value, node, name, instants))
         return self._number(tuple(row), part.names)
 
     def _number(self, row: Row, names: tuple[str, ...]) -> int:
@@ -113,12 +113,12 @@ class Snapshots:
         if number is None:
             number = self._numbers[names, row] = len(self._fields)
             named = dict(zip(names, row[1:], strict=True))
-            instants = {name: value for name, value in named.items() if isinstance(value, At)}
+            instants = {name: value for name, value in named.items() if isinstance(value, ZoneInstant)}
             plain = {name: value for name, value in named.items() if name not in instants}
             self._fields.append((plain | {"status": STATUSES[row[0]]}, instants))
         return number
 
-    def put(self, rows: Rows) -> None:
+    def restore(self, rows: Rows) -> None:
         """Give every node its fields."""
         for fields, number in zip(self._own, rows, strict=True):
             plain, instants = self._fields[number]
@@ -136,36 +136,36 @@ def declared_state(kind: type[Node]) -> tuple[frozenset[str], frozenset[str]]:
     return running, lasting
 
 
-def _place(status: Status) -> int:
+def _status_index(status: Status) -> int:
     """Return the place of a status; found by comparing, since the hash of an enum is slow."""
     if status is RUNNING:
         return 1
     return 2 if status is SUCCESS else 3 if status is FAILURE else 0
 
 
-def _gives_anew(node: Node) -> bool:
+def _recomputes_result(node: Node) -> bool:
     """Say whether a leaf's result is another at each tick before it is read, as of all that need no time to stop."""
     return isinstance(node, StandIn) and not node.lingers
 
 
-def _kept(value: object, node: Node, name: str, instants: dict[int, float]) -> object:
+def _row_value(value: object, node: Node, name: str, instants: dict[int, float]) -> object:
     """Return a value as it stands in a row: instants by their number, counts no higher than they matter."""
     if isinstance(value, Instant):
-        wait = _waited(node, name)
+        wait = _wait_seconds(node, name)
         if wait is None:
-            return ANY
+            return UNKNOWN_INSTANT
         instants[value.place] = max(instants.get(value.place, 0.0), wait + value.offset)
-        return At(list(instants).index(value.place), value.offset)
+        return ZoneInstant(list(instants).index(value.place), value.offset)
     if isinstance(value, str):
         return ""  # words for people
     if isinstance(value, tuple):
-        return tuple(_kept(each, node, name, instants) for each in value)
-    if type(value) is int and isinstance(node, Retry | Repeat | ForEach) and name != "setting":
-        return value if type(_rounds(node)) is int else min(value, _enough(node))
+        return tuple(_row_value(each, node, name, instants) for each in value)
+    if type(value) is int and isinstance(node, RetryModifier | RepeatModifier | ForEach) and name != "setting":
+        return value if type(_rounds(node)) is int else min(value, _max_count(node))
     return value
 
 
-def _waited(node: Node, name: str) -> float | None:
+def _wait_seconds(node: Node, name: str) -> float | None:
     """Return how long ``node`` waits from an instant on that it keeps; None where that is known only when it starts.
 
     A suspended node waits for the sensor timeout, and a timeout that gave up to be asked again. Another modifier waits
@@ -174,53 +174,53 @@ def _waited(node: Node, name: str) -> float | None:
     if name == "_silent_since":
         return node.run.sensor_timeout
     if name == "gave_up":
-        return ASKED_AGAIN
+        return MAX_RETICK_INTERVAL
     if not isinstance(node, Modifier):
         return 0.0
     seconds: Any = node.value.constant
     return seconds if node.value.template is None else None
 
 
-def _rounds(node: Retry | Repeat | ForEach) -> object:
+def _rounds(node: RetryModifier | RepeatModifier | ForEach) -> object:
     """Return how often a node does its child; None for ever."""
     return node.setting.count if isinstance(node, ForEach) else node.setting
 
 
-def _enough(node: Retry | Repeat | ForEach) -> int:
+def _max_count(node: RetryModifier | RepeatModifier | ForEach) -> int:
     """Return the count beyond which one more makes no difference."""
     rounds = _rounds(node)
-    return rounds.least if isinstance(rounds, Many) else 0
+    return rounds.min_rounds if isinstance(rounds, UnboundedCount) else 0
 
 
-class Frozen(NamedTuple):
+class FrozenValue(NamedTuple):
     """A variable's value: its type, since 1 equals true, and the value itself, with lists and mappings as tuples."""
 
     kind: type
     value: object
 
 
-def frozen(scope: Mapping[str, object]) -> Row:
+def freeze(scope: Mapping[str, object]) -> Row:
     """Return variables in a form that can be compared and kept."""
-    return tuple((name, _freeze(scope[name])) for name in sorted(scope))
+    return tuple((name, _freeze_value(scope[name])) for name in sorted(scope))
 
 
-def thawed(row: Iterable[Any]) -> dict[str, object]:
-    """Return the variables that ``frozen`` kept."""
-    return {name: _thaw(value) for name, value in row}
+def thaw(row: Iterable[Any]) -> dict[str, object]:
+    """Return the variables that ``freeze`` kept."""
+    return {name: _thaw_value(value) for name, value in row}
 
 
-def _freeze(value: object) -> Frozen:
-    if type(value) in PLAIN:
-        return Frozen(type(value), value)
+def _freeze_value(value: object) -> FrozenValue:
+    if type(value) in PLAIN_TYPES:
+        return FrozenValue(type(value), value)
     if isinstance(value, Mapping):
-        return Frozen(dict, frozen(value))
+        return FrozenValue(dict, freeze(value))
     if isinstance(value, list | tuple):
-        return Frozen(list, tuple(map(_freeze, value)))
-    return Frozen(type(value), value)
+        return FrozenValue(list, tuple(map(_freeze_value, value)))
+    return FrozenValue(type(value), value)
 
 
-def _thaw(kept: Frozen) -> object:
-    value: Any = kept.value
-    if kept.kind is dict:
-        return thawed(value)
-    return [_thaw(each) for each in value] if kept.kind is list else value
+def _thaw_value(frozen: FrozenValue) -> object:
+    value: Any = frozen.value
+    if frozen.kind is dict:
+        return thaw(value)
+    return [_thaw_value(each) for each in value] if frozen.kind is list else value

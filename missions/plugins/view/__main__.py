@@ -22,10 +22,10 @@ def main() -> None:
     if plain and isinstance(sys.stderr, TextIOWrapper):
         sys.stderr.reconfigure(errors="replace")  # otherwise whole codes stand for one sign, and lines get longer
     with socket.socket(fileno=int(sys.argv[1])) as run:
-        asyncio.run(show(run, plain=plain))
+        asyncio.run(run_view(run, plain=plain))
 
 
-async def show(run: socket.socket, *, plain: bool) -> None:
+async def run_view(run: socket.socket, *, plain: bool) -> None:
     """Show what comes from ``run`` until that closes it."""
     reader, writer = await asyncio.open_connection(sock=run, limit=MAX_MESSAGE_SIZE)
 

@@ -14,23 +14,23 @@ from textual.containers import Container, Vertical, VerticalScroll
 from textual.widgets import Input, RichLog, Static, Tree
 
 from drivers.clock import Clock
-from missions.cli.printable import all_printable
+from missions.cli.printable import make_all_printable
 from missions.plugins.view import panels
 from missions.plugins.view.node_tree import Message, NodeTree
-from missions.plugins.view.panels import Scene
-from missions.trees.drawing import Box, from_json
+from missions.plugins.view.panels import ViewState
+from missions.trees.drawing import TreeBox, from_json
 
-SILENCE = 2.0
+STALE_TIMEOUT = 2.0
 """Seconds without a message after which what is shown is called old."""
 
-WIDE = 110
+MIN_WIDE_COLUMNS = 110
 """Columns from which on the robot stands beside the tree, not below it."""
 
-LINES = 1000
+MAX_LOG_LINES = 1000
 """Lines of the log that can be looked at."""
 
-Send = Callable[[str], None]
-"""Sends an order, one of ``missions.trees.feed.ORDERS``."""
+OrderSender = Callable[[str], None]
+"""Sends an order, one of ``missions.trees.feed.VIEW_COMMANDS``."""
 
 
 class ViewApp(App[None]):
@@ -54,39 +54,39 @@ class ViewApp(App[None]):
         Binding("r", "follow"),
     ]
 
-    def __init__(self, messages: StreamReader, send: Send, clock: Clock, *, plain: bool = False) -> None:
+    def __init__(self, messages: StreamReader, send: OrderSender, clock: Clock, *, plain: bool = False) -> None:
         super().__init__()
         self.animation_level = "none"  # each frame of one goes over the wire
-        self.HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (WIDE, "-wide")]
-        self.scene = Scene(plain)
+        self.HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (MIN_WIDE_COLUMNS, "-wide")]
+        self.view_state = ViewState(plain)
         self._messages = messages
-        self._order = send
+        self._send_order = send
         self._clock = clock
-        self._heard = clock.now()
+        self._last_message_at = clock.read_value()
 
     def compose(self) -> ComposeResult:
         """Make the parts of the screen."""
         yield Static(id="head")
         with Container(id="body"):
             with Vertical(id="mission"):
-                yield NodeTree(self.scene)
+                yield NodeTree(self.view_state)
                 yield Static(id="about")
             with Container(id="state"):
                 with VerticalScroll(id="robot", can_focus=False):
                     yield Static(id="parts")
                 with VerticalScroll(id="memory", can_focus=False):
                     yield Static(id="variables")
-        yield RichLog(id="log", max_lines=LINES, wrap=True)
+        yield RichLog(id="log", max_lines=MAX_LOG_LINES, wrap=True)
         yield Input(id="search", placeholder="search: Enter goes on, Escape ends it", compact=True)
         yield Static(id="foot")
 
     async def on_mount(self) -> None:
         """Begin to read."""
-        self.screen.set_class(self.scene.plain, "-plain")
+        self.screen.set_class(self.view_state.plain, "-plain")
         for name, title in (("robot", "robot"), ("memory", "variables"), ("log", "log")):
             self.query_one(f"#{name}").border_title = title
         self.query_one("#log").can_focus = False
-        self.nodes.show_guides = not self.scene.plain
+        self.nodes.show_guides = not self.view_state.plain
         self.nodes.focus()
         self.set_interval(1.0, self._show_head)
         self.run_worker(self._read())
@@ -99,72 +99,74 @@ class ViewApp(App[None]):
     async def _read(self) -> None:
         with suppress(ConnectionError):  # so it ends where an order is on its way to a run that is over
             while line := await self._messages.readline():
-                self.take(all_printable(json.loads(line)))
+                self.show_message(make_all_printable(json.loads(line)))
         self.exit()
 
-    def take(self, message: Message) -> None:
+    def show_message(self, message: Message) -> None:
         """Show a message."""
-        self._heard = self._clock.now()
+        self._last_message_at = self._clock.read_value()
         if "drawing" in message:
             drawing = from_json(message["drawing"])
-            self.scene.begin(drawing, message["robot"])
-            self.nodes.fill(drawing)
-        self.scene.take(message)
-        self.nodes.renew(message)
+            self.view_state.set_drawing(drawing, message["robot"])
+            self.nodes.set_drawing(drawing)
+        self.view_state.apply(message)
+        self.nodes.show_changes(message)
         log = self.query_one("#log", RichLog)
         for line in message.get("log", ()):
-            log.write(panels.log_line(line, self.scene))
+            log.write(panels.log_line(line, self.view_state))
         self._show_head()
-        self._show("about", self._about())
-        self._show("parts", panels.parts(self.scene))
-        self._show("variables", panels.variables(self.scene))
-        self._show("foot", panels.foot(self.scene))
+        self._show("about", self._node_details())
+        self._show("parts", panels.part_lines(self.view_state))
+        self._show("variables", panels.variable_lines(self.view_state))
+        self._show("foot", panels.footer_line(self.view_state))
 
     def _show_head(self) -> None:
-        silence = self._clock.now() - self._heard
-        self._show("head", panels.head(self.scene, self.size.width, silence if silence > SILENCE else 0.0))
+        silence = self._clock.read_value() - self._last_message_at
+        self._show(
+            "head", panels.header_line(self.view_state, self.size.width, silence if silence > STALE_TIMEOUT else 0.0)
+        )
 
     def _show(self, name: str, text: Text) -> None:
         """Show a text, unless the screen is being taken down; the same text again costs nothing on the wire."""
         for shown in self.query(f"#{name}").results(Static):
             shown.update(text)
 
-    def _about(self) -> Text:
+    def _node_details(self) -> Text:
         node = self.nodes.cursor_node
-        return Text() if node is None or node.data is None else panels.about(node.data, self.scene)
+        return Text() if node is None or node.data is None else panels.node_details(node.data, self.view_state)
 
     # --- keys ---------------------------------------------------------------------------------------------------------
 
-    def on_tree_node_highlighted(self, event: Tree.NodeHighlighted[Box]) -> None:
+    def on_tree_node_highlighted(self, event: Tree.NodeHighlighted[TreeBox]) -> None:
         """Say more of the node on which the cursor is."""
         del event
-        self._show("about", self._about())
+        self._show("about", self._node_details())
 
     def action_pause(self) -> None:
         """Pause, or go on."""
-        self._order("resume" if self.scene.paused else "pause")
+        self._send_order("resume" if self.view_state.paused else "pause")
 
     def action_step(self) -> None:
         """Make one tick; only while paused."""
-        if self.scene.paused:
-            self._order("step")
+        if self.view_state.paused:
+            self._send_order("step")
 
     def action_stop(self) -> None:
         """Stop the mission; once that has been heard and still lasts, as Ctrl-C does."""
-        self._order("interrupt" if self.scene.stopping else "stop")
+        self._send_order("interrupt" if self.view_state.stopping else "stop")
 
     def action_interrupt(self) -> None:
         """Do what Ctrl-C does where there is no view."""
-        self._order("interrupt")
+        self._send_order("interrupt")
 
     def action_fold(self) -> None:
         """Fold the missions inside, or unfold them."""
-        self.nodes.fold()
+        self.nodes.toggle_fold()
 
     def action_follow(self) -> None:
         """Let the cursor stay with what runs again."""
-        self.nodes.following = True
-        self.nodes.renew({})
+        self.nodes.follows_running = True
+        self.nodes.show_changes({})
 
     def action_search(self) -> None:
         """Ask for what to search."""
@@ -188,5 +190,5 @@ class ViewApp(App[None]):
         self._search(event.value, further=True)
 
     def _search(self, words: str, *, further: bool) -> None:
-        found = not words or self.nodes.find(words, further=further)
+        found = not words or self.nodes.find_next(words, further=further)
         self.query_one("#search", Input).set_class(not found, "-missing")

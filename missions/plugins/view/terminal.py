@@ -14,7 +14,7 @@ from typing import Any, BinaryIO, TextIO
 WRITE_TIMEOUT = 1.0
 """Seconds that a terminal has to take anything at all; one that takes nothing is left alone."""
 
-LEAVE = (
+RESTORE_SEQUENCE = (
     b"\x1b[?2026l"  # what is drawn shows at once again
     b"\x1b[?1000l\x1b[?1003l\x1b[?1015l\x1b[?1006l\x1b[?1016l"  # the mouse
     b"\x1b[?2004l\x1b[?2048l\x1b[?1004l"  # no reports of pasted text, of sizes, of the focus
@@ -24,7 +24,7 @@ LEAVE = (
 """What takes back all that a view may have switched on; terminals ignore what they do not know."""
 
 
-def unviewable(out: TextIO) -> str:
+def view_error(out: TextIO) -> str:
     """Return why there can be no view on ``out``, with what to try; empty where there can."""
     if find_spec("textual") is None:
         return "--view needs textual, which is missing\n  try: pip install 'missiontree[view]'"
@@ -37,7 +37,7 @@ def unviewable(out: TextIO) -> str:
     return ""
 
 
-class Terminal:
+class TerminalSnapshot:
     """How the terminal behind two descriptors was when this was made; ``restore`` brings that back."""
 
     def __init__(self, keys: int, screen: int) -> None:
@@ -45,12 +45,12 @@ class Terminal:
         self._screen = screen
         self._settings: list[Any] | None = None
 
-    def remember(self) -> None:
+    def save(self) -> None:
         """Take note of how it is. One that has gone has nothing to remember."""
         with suppress(termios.error):
             self._settings = termios.tcgetattr(self._keys)
 
-    def restore(self, *, left: bool) -> None:
+    def restore(self, *, view_has_left: bool) -> None:
         """Make it as it was, where the view has not ``left`` it itself; keys that nobody has read are dropped.
 
         Safe more than once, and where it has gone.
@@ -61,8 +61,8 @@ class Terminal:
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTOU})
         try:
             with suppress(OSError, termios.error):
-                if not left and select.select([], [self._screen], [], WRITE_TIMEOUT)[1]:
-                    os.write(self._screen, LEAVE)
+                if not view_has_left and select.select([], [self._screen], [], WRITE_TIMEOUT)[1]:
+                    os.write(self._screen, RESTORE_SEQUENCE)
                 termios.tcflush(self._keys, termios.TCIFLUSH)
                 termios.tcsetattr(self._keys, termios.TCSANOW, self._settings)
         finally:
@@ -70,12 +70,12 @@ class Terminal:
 
 
 @contextmanager
-def hushed() -> Iterator[None]:
+def hold_output() -> Iterator[None]:
     """Keep back what this process writes to the terminal meanwhile, libraries in C too; it is written in the end."""
     terminals = [number for number in (1, 2) if os.isatty(number)]
     with tempfile.TemporaryFile() as aside, ExitStack() as undo:
         if terminals:
-            undo.callback(_copy, aside, terminals[-1])
+            undo.callback(_copy_to_terminal, aside, terminals[-1])
         for number in terminals:
             before = os.dup(number)
             undo.callback(os.close, before)
@@ -92,7 +92,7 @@ def _flush() -> None:
             stream.flush()
 
 
-def _copy(aside: BinaryIO, terminal: int) -> None:
+def _copy_to_terminal(aside: BinaryIO, terminal: int) -> None:
     aside.seek(0)
     with suppress(OSError):
         while data := aside.read(1 << 16):

@@ -11,49 +11,49 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from threading import Event, Thread
 
-from missions.plugins.view.terminal import Terminal, hushed
-from missions.trees.feed import Feed, Json
+from missions.plugins.view.terminal import TerminalSnapshot, hold_output
+from missions.trees.feed import Json, ViewFeed
 
-PERIOD = 0.1
+SEND_INTERVAL = 0.1
 """Seconds from one message to the next, at least."""
 
-FAREWELL = 5.0
+EXIT_TIMEOUT = 5.0
 """Seconds that the process has in the end to leave the terminal; then it is killed, and the terminal left for it."""
 
-_BLOCK = 1 << 16
+_READ_SIZE = 1 << 16
 
 
 class Viewer:
     """Shows what a ``feed`` has, on the terminal behind ``keys`` and ``screen``, from ``open`` to ``close``.
 
-    ``first`` is the message that comes before all others. While it is ``showing``, the terminal is the viewer's, and
-    what else this process writes there is kept back. ``cause`` says why one has ended that nobody has closed.
+    ``first`` is the message that comes before all others. While it is ``is_showing``, the terminal is the viewer's, and
+    what else this process writes there is kept back. ``exit_cause`` says why one has ended that nobody has closed.
     """
 
-    def __init__(self, feed: Feed, first: Json, *, keys: int = 0, screen: int = 1) -> None:
-        self.cause = ""
+    def __init__(self, feed: ViewFeed, first_message: Json, *, keys: int = 0, screen: int = 1) -> None:
+        self.exit_cause = ""
         self._feed = feed
-        self._first = first
-        self._terminal = Terminal(keys, screen)
+        self._first_message = first_message
+        self._terminal = TerminalSnapshot(keys, screen)
         self._keys, self._screen = keys, screen
-        self._ours: socket.socket | None = None
+        self._socket: socket.socket | None = None
         self._process: subprocess.Popen[bytes] | None = None
         self._thread: Thread | None = None
         self._closing, self._done = Event(), Event()
         self._undo = ExitStack()
 
     @property
-    def showing(self) -> bool:
+    def is_showing(self) -> bool:
         """True until the terminal is as it was before."""
         return not self._done.is_set()
 
     def open(self) -> None:
         """Start the process, and the thread that talks with it."""
-        self._terminal.remember()
+        self._terminal.save()
         ours, theirs = socket.socketpair()
         ours.setblocking(False)
         paths = [str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", "")]
-        with theirs, _unheard():
+        with theirs, _block_sigint():
             self._process = subprocess.Popen(  # noqa: S603 - ourselves
                 [sys.executable, "-P", "-m", "missions.plugins.view", str(theirs.fileno())],
                 stdin=self._keys,
@@ -62,8 +62,8 @@ class Viewer:
                 pass_fds=[theirs.fileno()],
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))},
             )
-        self._ours = ours
-        self._undo.enter_context(hushed())
+        self._socket = ours
+        self._undo.enter_context(hold_output())
         self._thread = Thread(target=self._run, name="view", daemon=True)
         self._thread.start()
 
@@ -77,49 +77,49 @@ class Viewer:
     # --- the thread ---------------------------------------------------------------------------------------------------
 
     def _run(self) -> None:
-        ours, process = self._ours, self._process
+        ours, process = self._socket, self._process
         if ours is None or process is None:
             return
         try:
-            self._talk(ours)
+            self._exchange_messages(ours)
         finally:
             ours.close()  # which the viewer takes as its end
-            code = _wait(process)
-            self._terminal.restore(left=code == 0)
+            code = _wait_for_exit(process)
+            self._terminal.restore(view_has_left=code == 0)
             self._undo.close()
             if not self._closing.is_set():
-                self.cause = _cause(code)
-                self._feed.abandoned()
+                self.exit_cause = _describe_exit(code)
+                self._feed.on_view_lost()
             self._done.set()
 
-    def _talk(self, ours: socket.socket) -> None:
+    def _exchange_messages(self, ours: socket.socket) -> None:
         """Send what is new and do what is asked for, until either side has had enough."""
-        left, heard = _line(self._first), b""
+        left, heard = _encode_message(self._first_message), b""
         with suppress(ConnectionError):
-            while not self._closing.wait(PERIOD):
-                left = _sent(ours, left or _line(self._feed.news()))
+            while not self._closing.wait(SEND_INTERVAL):
+                left = _send_part(ours, left or _encode_message(self._feed.take_changes()))
                 with suppress(BlockingIOError):
-                    data = ours.recv(_BLOCK)
+                    data = ours.recv(_READ_SIZE)
                     if not data:
                         return
                     *lines, heard = (heard + data).split(b"\n")
                     for line in lines:
-                        self._feed.do(_read(line))
+                        self._feed.execute(_decode_message(line))
 
 
-def _sent(ours: socket.socket, data: bytes) -> bytes:
+def _send_part(ours: socket.socket, data: bytes) -> bytes:
     """Send as much as fits; return what is left. A viewer that does not read hears later, in one, what it missed."""
     with suppress(BlockingIOError):
         while data:
-            data = data[ours.send(data[:_BLOCK]) :]
+            data = data[ours.send(data[:_READ_SIZE]) :]
     return data
 
 
-def _line(message: Json) -> bytes:
+def _encode_message(message: Json) -> bytes:
     return json.dumps(message, ensure_ascii=False).encode("utf-8", "replace") + b"\n"
 
 
-def _read(line: bytes) -> Mapping[str, object]:
+def _decode_message(line: bytes) -> Mapping[str, object]:
     """Return what a viewer asks for; nothing for what is no message."""
     with suppress(ValueError):
         message = json.loads(line)
@@ -129,7 +129,7 @@ def _read(line: bytes) -> Mapping[str, object]:
 
 
 @contextmanager
-def _unheard() -> Iterator[None]:
+def _block_sigint() -> Iterator[None]:
     """Block Ctrl-C, which who is started meanwhile inherits: it is the run's to hear, also while a view is loading."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -138,16 +138,16 @@ def _unheard() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _wait(process: "subprocess.Popen[bytes]") -> int:
+def _wait_for_exit(process: "subprocess.Popen[bytes]") -> int:
     """Wait until a process has ended, and see that it does."""
     try:
-        return process.wait(FAREWELL)
+        return process.wait(EXIT_TIMEOUT)
     except subprocess.TimeoutExpired:
         process.kill()
         return process.wait()
 
 
-def _cause(code: int) -> str:
+def _describe_exit(code: int) -> str:
     if code >= 0:
         return f"exit code {code}"
     with suppress(ValueError):

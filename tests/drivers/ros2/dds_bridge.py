@@ -11,9 +11,9 @@ from typing import Any
 from drivers.clock import SystemClock
 from drivers.ros2 import wire
 from drivers.ros2.node import TopicFaults
-from drivers.ros2.session import Access, open_session
+from drivers.ros2.session import ZenohAccess, open_session
 from drivers.ros2.virtual import free_address
-from drivers.ros2.virtual_topics import Topics
+from drivers.ros2.virtual_topics import VirtualTopics
 
 Asked = Callable[[bytes, Callable[[bytes], None]], None]
 
@@ -27,7 +27,7 @@ class DdsBridge:
 
     def __init__(self) -> None:
         self.clock = SystemClock()
-        self.devices: list[Topics] = []
+        self.devices: list[VirtualTopics] = []
         self.serving: list[Callable[[Any], None]] = []
         self.path = free_address()
         self.heard: list[tuple[str, bytes]] = []
@@ -62,13 +62,13 @@ class DdsBridge:
             session.close()
 
     def replug(self) -> None:
-        session = open_session("bridge", Access(endpoints=(), mode="router", listen=(self.path,)))
+        session = open_session("bridge", ZenohAccess(endpoints=(), mode="router", listen=(self.path,)))
         with self._lock:
             self._session = session
             self.token("")
             for device in self.devices:
                 for number, channel in enumerate(device.channels):
-                    if channel.sends:
+                    if channel.is_command:
                         self.subscribes(channel.topic, device._kind(number), self._feeder(device, number))
                     else:
                         self.token(f"MP/{escaped(channel.topic)}/{escaped(device._kind(number))}/:::10,1")
@@ -100,7 +100,7 @@ class DdsBridge:
         """Have a node send a message."""
         self._session.put(topic.strip("/"), payload)
 
-    # --- as ``drivers.ros2.node.Node`` has it, for the action servers of ``drivers.virtual`` -------------------------
+    # --- as ``drivers.ros2.node.Ros2Node`` has it, for the action servers of ``drivers.virtual`` -------------------------
 
     def serve(self, name: str, kind: str, asked: Asked) -> None:
         action, part, _ = name.partition("/_action/")
@@ -136,19 +136,19 @@ class DdsBridge:
 
     # --- the inside ---------------------------------------------------------------------------------------------------
 
-    def _feeder(self, device: Topics, number: int) -> Callable[[bytes], None]:
+    def _feeder(self, device: VirtualTopics, number: int) -> Callable[[bytes], None]:
         def take(payload: bytes) -> None:
             with self._lock:
-                device.feed(wire.frame(number, payload), self.clock.now())
+                device.feed(wire.frame(number, payload), self.clock.read_value())
 
         return take
 
     def _run(self) -> None:
-        finder = wire.FrameFinder()
+        finder = wire.TopicFrameFinder()
         while not self._ending.wait(0.005):
             with self._lock:
-                now = self.clock.now()
+                now = self.clock.read_value()
                 for device in self.devices:
                     for number, payload in finder.feed(device.poll(now)):
-                        if number != wire.ABOUT and self._session is not None:
+                        if number != wire.ABOUT_CHANNEL and self._session is not None:
                             self.put(device.channels[number].topic, payload)

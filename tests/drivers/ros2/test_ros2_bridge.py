@@ -8,17 +8,17 @@ from typing import Any
 import pytest
 from zenoh import ext
 
-from drivers.api import STILL, GoalState, Velocity
-from drivers.clock import SystemClock, since_1970
+from drivers.api import ZERO_VELOCITY, GoalState, Velocity
+from drivers.clock import SystemClock, unix_time_ns
 from drivers.errors import NotConnected
 from drivers.ros2 import bridge, wire
-from drivers.ros2.actions import SUCCEEDED, ActionServer, Goal
+from drivers.ros2.actions import SUCCEEDED, ActionGoal, ActionServer
 from drivers.ros2.base import ODOMETRY
-from drivers.ros2.node import Node
-from drivers.ros2.session import Access, open_session
+from drivers.ros2.node import Ros2Node
+from drivers.ros2.session import ZenohAccess, open_session
 from drivers.ros2.types import types
-from drivers.ros2.virtual import Ros2Terminal, Served, free_address
-from drivers.ros2.wire import BRIDGE, LATCHED, QOS, Entity
+from drivers.ros2.virtual import Ros2Terminal, RouterSettings, free_address
+from drivers.ros2.wire import BRIDGE, DEFAULT_QOS, LATCHED_QOS, Entity
 from tests.drivers.desks import RecordedMachine
 from tests.drivers.ros2.dds_bridge import DdsBridge
 from tests.drivers.ros2.test_ros2_session import Robot
@@ -52,7 +52,7 @@ def robot() -> Iterator[Bridged]:
     robot.close()
 
 
-def entity(role: str, name: str = "", kind: str = "", qos: str = QOS) -> Entity:
+def entity(role: str, name: str = "", kind: str = "", qos: str = DEFAULT_QOS) -> Entity:
     return Entity(role, 0, "1f", "0", "0", BRIDGE, "", name, kind, BRIDGE, qos)
 
 
@@ -60,14 +60,14 @@ def entity(role: str, name: str = "", kind: str = "", qos: str = QOS) -> Entity:
 
 
 def test_tokens_are_read_as_a_bridge_writes_them() -> None:
-    assert bridge.entities("@/1f/@ros2_lv") == [entity("NN", qos="")]
-    twist = bridge.entities("@/1f/@ros2_lv/MS/bot1§cmd_vel/geometry_msgs§msg§Twist/:1::1,10")
+    assert bridge.parse_token("@/1f/@ros2_lv") == [entity("NN", qos="")]
+    twist = bridge.parse_token("@/1f/@ros2_lv/MS/bot1§cmd_vel/geometry_msgs§msg§Twist/:1::1,10")
     assert twist == [entity("MS", "/bot1/cmd_vel", "geometry_msgs/msg/Twist")]
-    assert (twist[0].bridged, twist[0].key) == (True, "bot1/cmd_vel")
+    assert (twist[0].is_bridged, twist[0].key) == (True, "bot1/cmd_vel")
     kept = "@/1f/@ros2_lv/MP/map/nav_msgs§msg§OccupancyGrid/K:1:1:1,1:typehash=RIHS01_0a;"
-    assert bridge.entities(kept) == [entity("MP", "/map", "nav_msgs/msg/OccupancyGrid", LATCHED)]
-    assert bridge.entities("@/1f/@ros2_lv/SS/dock/std_srvs§srv§Trigger") == [entity("SS", "/dock", TRIGGER)]
-    action = bridge.entities("@/1f/@ros2_lv/AS/navigate_to_pose/nav2_msgs§action§NavigateToPose")
+    assert bridge.parse_token(kept) == [entity("MP", "/map", "nav_msgs/msg/OccupancyGrid", LATCHED_QOS)]
+    assert bridge.parse_token("@/1f/@ros2_lv/SS/dock/std_srvs§srv§Trigger") == [entity("SS", "/dock", TRIGGER)]
+    action = bridge.parse_token("@/1f/@ros2_lv/AS/navigate_to_pose/nav2_msgs§action§NavigateToPose")
     assert [(each.role, each.name.partition("/_action/")[2], each.kind) for each in action] == [
         ("SS", "send_goal", "nav2_msgs/action/NavigateToPose_SendGoal"),
         ("SS", "get_result", "nav2_msgs/action/NavigateToPose_GetResult"),
@@ -75,7 +75,7 @@ def test_tokens_are_read_as_a_bridge_writes_them() -> None:
         ("MP", "feedback", "nav2_msgs/action/NavigateToPose_FeedbackMessage"),
         ("MP", "status", "action_msgs/msg/GoalStatusArray"),
     ]
-    asks = bridge.entities("@/1f/@ros2_lv/AC/navigate_to_pose/nav2_msgs§action§NavigateToPose")
+    asks = bridge.parse_token("@/1f/@ros2_lv/AC/navigate_to_pose/nav2_msgs§action§NavigateToPose")
     assert [each.role for each in asks] == ["SC", "SC", "SC", "MS", "MS"]
 
 
@@ -95,13 +95,13 @@ def test_tokens_are_read_as_a_bridge_writes_them() -> None:
     ],
 )
 def test_a_token_that_is_none_is_nobody(token: str) -> None:
-    assert bridge.entities(token) == []
+    assert bridge.parse_token(token) == []
 
 
 def test_what_we_offer_is_read_back_by_the_same_rules() -> None:
     trigger = bridge.service_token("1f", "/a/dock", TRIGGER)
     assert trigger is not None
-    assert bridge.entities(trigger) == [entity("SS", "/a/dock", TRIGGER)]
+    assert bridge.parse_token(trigger) == [entity("SS", "/a/dock", TRIGGER)]
     offered = [
         bridge.service_token("1f", f"/go/_action/{part}", f"{FIBONACCI}_{kind}")
         for part, kind in (("send_goal", "SendGoal"), ("get_result", "GetResult"), ("cancel_goal", "X"))
@@ -117,9 +117,9 @@ def test_a_base_behind_a_bridge_is_found_and_driven_and_comes_to_rest(robot: Bri
     robot.open()
     wait_until(robot.drives, pause=0.02)
     robot.base.stop()
-    wait_until(lambda: robot.virtual.body.velocity == STILL)
+    wait_until(lambda: robot.virtual.body.velocity == ZERO_VELOCITY)
     wait_until(lambda: robot.ranger.scan().good)
-    assert robot.virtual.pose(robot.clock.now()).x > 0.0
+    assert robot.virtual.pose(robot.clock.read_value()).x > 0.0
     keys = {key for key, _ in robot.terminal.heard}
     assert keys == {"tb4/cmd_vel"}
     sent = types().decode("geometry_msgs/msg/TwistStamped", robot.terminal.heard[0][1])  # as its token says
@@ -133,9 +133,9 @@ def test_with_its_bridge_gone_it_comes_to_rest_and_with_it_back_it_goes_on(robot
     robot.open()
     wait_until(robot.drives, pause=0.02)
     robot.terminal.unplug()
-    lost = robot.clock.now()
-    wait_until(lambda: robot.virtual.body.velocity == STILL)
-    assert robot.clock.now() - lost < 0.7
+    lost = robot.clock.read_value()
+    wait_until(lambda: robot.virtual.body.velocity == ZERO_VELOCITY)
+    assert robot.clock.read_value() - lost < 0.7
     wait_until(lambda: not robot.graph.health().online and not robot.base.health().online)
     with pytest.raises(NotConnected, match="base:"):
         robot.base.drive(Velocity(0.2, 0.0))
@@ -149,12 +149,12 @@ def test_with_its_bridge_gone_it_comes_to_rest_and_with_it_back_it_goes_on(robot
 def test_a_leaf_that_falls_silent_lets_it_rest_and_a_stop_is_sent_at_once(robot: Bridged) -> None:
     robot.open()
     wait_until(robot.drives, pause=0.02)
-    silent = robot.clock.now()
-    wait_until(lambda: robot.virtual.body.velocity == STILL)
-    assert robot.clock.now() - silent < 1.0
+    silent = robot.clock.read_value()
+    wait_until(lambda: robot.virtual.body.velocity == ZERO_VELOCITY)
+    assert robot.clock.read_value() - silent < 1.0
     wait_until(robot.drives, pause=0.02)
     robot.base.latch("stopped by hand")
-    wait_until(lambda: robot.virtual.body.velocity == STILL)
+    wait_until(lambda: robot.virtual.body.velocity == ZERO_VELOCITY)
     count = len(robot.terminal.heard)
     wait_until(lambda: len(robot.terminal.heard) > count + 3)  # it is told to stand, again and again
     zero = types().decode("geometry_msgs/msg/TwistStamped", robot.terminal.heard[-1][1]).twist
@@ -166,15 +166,15 @@ def test_a_goal_of_nav2_behind_a_bridge_succeeds_and_another_is_cancelled_by_a_l
     robot.open()
     wait_until(robot.graph.navigates)
     number = robot.graph.navigate(((0.3, 0.0, 0.0),), "odom")
-    wait_until(lambda: robot.graph.progress(number).over)
+    wait_until(lambda: robot.graph.progress(number).is_final)
     assert robot.graph.progress(number).state is GoalState.SUCCEEDED, robot.graph.progress(number).reason
     assert "distance_remaining" in robot.graph.progress(number).feedback
     number = robot.graph.navigate(((9.0, 0.0, 0.0),), "odom")
     wait_until(lambda: robot.graph.progress(number).state is GoalState.RUNNING)
     robot.base.latch("stopped by hand")
-    wait_until(lambda: robot.graph.progress(number).over)
+    wait_until(lambda: robot.graph.progress(number).is_final)
     assert robot.graph.progress(number).state is GoalState.CANCELLED
-    wait_until(lambda: robot.virtual.body.velocity == STILL)
+    wait_until(lambda: robot.virtual.body.velocity == ZERO_VELOCITY)
     assert robot.terminal.attached == []
 
 
@@ -188,7 +188,7 @@ def test_services_topics_and_latched_topics_behind_a_bridge(robot: Bridged) -> N
     robot.terminal.serve("/tb4/dock_now", TRIGGER, dock)
     wait_until(lambda: robot.graph.offers("dock_now"))
     number = robot.graph.call("dock_now", "", "{}")
-    wait_until(lambda: robot.graph.progress(number).over)
+    wait_until(lambda: robot.graph.progress(number).is_final)
     assert json.loads(robot.graph.progress(number).result)["message"] == "docked"
 
     robot.terminal.subscribes("/tb4/say", STRING)
@@ -206,7 +206,7 @@ def test_services_topics_and_latched_topics_behind_a_bridge(robot: Bridged) -> N
     )
     publisher.put(types().encode(STRING, {"data": "kitchen"}))
     robot.terminal.token("MP/tb4§map_name/std_msgs§msg§String/:1:1:1,1")
-    wait_until(lambda: robot.graph.node().latched("/tb4/map_name"))
+    wait_until(lambda: robot.graph.node().is_latched("/tb4/map_name"))
     wait_until(lambda: robot.graph.latest("map_name").value is not None)
     assert json.loads(robot.graph.latest("map_name").value or "") == {"data": "kitchen"}
 
@@ -218,7 +218,7 @@ def test_another_type_and_malformed_messages_behind_a_bridge_are_reported(robot:
 
     def reported(words: str) -> bool:
         robot.terminal.put("/tb4/odom", text)
-        return any(words in each.what for each in robot.told)
+        return any(words in each.message for each in robot.told)
 
     wait_until(lambda: reported(f"/tb4/odom: malformed message: expected {ODOMETRY}, got {len(text)} bytes"))
     robot.terminal.token("MP/tb4§note/std_msgs§msg§String/:::10,1")
@@ -228,20 +228,20 @@ def test_another_type_and_malformed_messages_behind_a_bridge_are_reported(robot:
         robot.graph.latest("note")
         robot.graph.latest("own")
         robot.terminal.put("/tb4/note", b"\0\7\0\0abc")
-        return any(words in each.what for each in robot.told if each.device == "ros2")
+        return any(words in each.message for each in robot.told if each.device == "ros2")
 
     wait_until(lambda: noted(f"/tb4/note: malformed message: expected {STRING}, got 7 bytes"))
     wait_until(lambda: noted("/tb4/own: malformed message: its type my_msgs/msg/Own is not known here"))
     wrong = robot.terminal.token("MP/tb4§odom/std_msgs§msg§String/:::10,1")
     mismatch = f"/tb4/odom: expected {ODOMETRY}, but a node sends {STRING}"
-    wait_until(lambda: mismatch in [each.what for each in robot.told])
+    wait_until(lambda: mismatch in [each.message for each in robot.told])
     wrong.undeclare()
     wait_until(lambda: robot.base.protocol._faults.why(1) != mismatch)  # type: ignore[attr-defined]
 
 
 def test_odometry_of_two_bridges_is_not_driven_by(robot: Bridged) -> None:
     robot.open()
-    other: Any = open_session("bridge", Access((robot.terminal.path,)), patience=5.0)
+    other: Any = open_session("bridge", ZenohAccess((robot.terminal.path,)), timeout=5.0)
     token = other.liveliness().declare_token(f"@/{other.zid()}/@ros2_lv/MP/tb4§odom/nav_msgs§msg§Odometry/:::10,1")
     wait_until(lambda: "two publishers on /tb4/odom" in robot.base.health().detail)
     token.undeclare()
@@ -252,15 +252,15 @@ def test_odometry_of_two_bridges_is_not_driven_by(robot: Bridged) -> None:
 @pytest.mark.real_time
 def test_messages_that_a_stalled_link_held_up_are_late_by_their_headers(robot: Bridged) -> None:
     robot.terminal.open()
-    session: Any = open_session("test", Access((robot.terminal.path,)), patience=5.0)
-    node = Node(session, SystemClock())
+    session: Any = open_session("test", ZenohAccess((robot.terminal.path,)), timeout=5.0)
+    node = Ros2Node(session, SystemClock())
     heard: list[float] = []
     (_, sieve) = node.subscribe("/late", [ODOMETRY], lambda _, payload: heard.append(x_of(payload)))
     robot.terminal.token("MP/late/nav_msgs§msg§Odometry/:::10,1")
     wait_until(lambda: bool(node.entities(wire.PUBLISHER, "/late")))
 
     def put(x: float, ago: float) -> None:
-        seconds, rest = divmod(since_1970() - round(ago * 1e9), 10**9)
+        seconds, rest = divmod(unix_time_ns() - round(ago * 1e9), 10**9)
         header = {"stamp": {"sec": seconds, "nanosec": rest}}
         robot.terminal.put(
             "/late", types().encode(ODOMETRY, {"header": header, "pose": {"pose": {"position": {"x": x}}}})
@@ -281,10 +281,10 @@ def x_of(payload: bytes) -> float:
 
 def test_what_we_offer_and_say_is_there_for_robots_behind_a_bridge(robot: Bridged) -> None:
     robot.terminal.open()
-    session: Any = open_session("test", Access((robot.terminal.path,)), patience=5.0)
-    node = Node(session, SystemClock(), name="server")
+    session: Any = open_session("test", ZenohAccess((robot.terminal.path,)), timeout=5.0)
+    node = Ros2Node(session, SystemClock(), name="server")
 
-    def begin(goal: Goal) -> bool:
+    def begin(goal: ActionGoal) -> bool:
         goal.end(SUCCEEDED, {})
         return True
 
@@ -294,7 +294,7 @@ def test_what_we_offer_and_say_is_there_for_robots_behind_a_bridge(robot: Bridge
     request = types().encode(f"{FIBONACCI}_SendGoal_Request", {"goal_id": {"uuid": [7] * 16}})
     (reply,) = list(robot.terminal._session.get("go/_action/send_goal", payload=request))
     assert types().decode(f"{FIBONACCI}_SendGoal_Response", bytes(reply.ok.payload)).accepted
-    wait_until(lambda: node.bridged)
+    wait_until(lambda: node.has_bridge)
     robot.terminal.subscribes("/status", STRING)
     sender = node.publisher("/status", STRING)
 
@@ -309,13 +309,13 @@ def test_what_we_offer_and_say_is_there_for_robots_behind_a_bridge(robot: Bridge
 
 def test_who_speaks_to_both_counts_once() -> None:
     """A program of ours on a router without a bridge is no bridge, though it has their tokens."""
-    router: Any = open_session("router", Access((), mode="router", listen=(path := DdsBridge().path,)))
-    ours, other = (open_session("test", Access((path,)), patience=5.0) for _ in range(2))
-    server, node = Node(ours, SystemClock(), name="server"), Node(other, SystemClock())
+    router: Any = open_session("router", ZenohAccess((), mode="router", listen=(path := DdsBridge().path,)))
+    ours, other = (open_session("test", ZenohAccess((path,)), timeout=5.0) for _ in range(2))
+    server, node = Ros2Node(ours, SystemClock(), name="server"), Ros2Node(other, SystemClock())
     server.serve("/dock", TRIGGER, lambda *_: None)
     wait_until(lambda: bool(node.entities(wire.SERVER, "/dock")))
-    assert [each.bridged for each in node.entities(wire.SERVER, "/dock")] == [False]
-    assert not node.bridged
+    assert [each.is_bridged for each in node.entities(wire.SERVER, "/dock")] == [False]
+    assert not node.has_bridge
     for each in (server, node):
         each.close()
     for session in (ours, other, router):
@@ -357,11 +357,11 @@ def test_ports_and_doctor_say_how_a_robot_speaks_or_why_it_does_not(
     bridged.open()
     assert told("zenoh-bridge-ros2dds with 0 topics and services, whose domain is its own")
     bridged.close()
-    terminal = Ros2Terminal(Served(5, "", free_address()), SystemClock())
+    terminal = Ros2Terminal(RouterSettings(5, "", free_address()), SystemClock())
     terminal.open()
     assert told("1 node by rmw_zenoh in domain 5", router=terminal.path, domain=5)
     assert not told("nor a zenoh-bridge-ros2dds is there, but nodes in domain 5", router=terminal.path)
     terminal.close()
-    router: Any = open_session("router", Access((), mode="router", listen=(path := free_address(),)))
+    router: Any = open_session("router", ZenohAccess((), mode="router", listen=(path := free_address(),)))
     assert not told("neither a node by rmw_zenoh in domain 0 nor a zenoh-bridge-ros2dds is there", router=path)
     router.close()

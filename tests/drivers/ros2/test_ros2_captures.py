@@ -13,20 +13,20 @@ from typing import Any
 
 import pytest
 
-from config.library import find
+from config.library import find_file
 from config.robot import RobotConfig
 from drivers.api import BaseLimits
-from drivers.api.driver import Site
+from drivers.api.driver import DriverContext
 from drivers.base.arbitrated import settings_of
 from drivers.base.diff_drive import DiffDriveBase
 from drivers.ros2 import wire
-from drivers.ros2.base import KINDS, SENT, Ros2BaseProtocol
+from drivers.ros2.base import COMMAND_TOPICS, TOPIC_TYPES, Ros2BaseProtocol
 from drivers.ros2.declared import Ros2BaseKeys, Ros2RangeKeys, ZenohKeys
-from drivers.ros2.line import Channel
-from drivers.ros2.make import topics_of
-from drivers.ros2.ranger import SCAN, Ros2Ranger
+from drivers.ros2.line import TopicChannel
+from drivers.ros2.make import base_topics
+from drivers.ros2.ranger import LASER_SCAN, Ros2Ranger
 from drivers.ros2.types import types
-from drivers.ros2.virtual_topics import Topics
+from drivers.ros2.virtual_topics import VirtualTopics
 from drivers.sim.timeline import Timeline
 from missions.library.drivers import load_robot
 from tests.drivers.cranked import HandWire
@@ -34,19 +34,19 @@ from tests.drivers.cranked import HandWire
 FILES = sorted((Path(__file__).parent / "captures").glob("*.jsonl"))
 
 
-class Captured(Topics):
+class Captured(VirtualTopics):
     """Says on the ``channels`` of a part what was captured, and when; who is there, the tokens say."""
 
-    def __init__(self, lines: Sequence[dict[str, Any]], channels: Sequence[Channel]) -> None:
+    def __init__(self, lines: Sequence[dict[str, Any]], channels: Sequence[TopicChannel]) -> None:
         super().__init__(channels)
-        found = [wire.entity(line["token"]) for line in lines if "token" in line]
+        found = [wire.parse_entity(line["token"]) for line in lines if "token" in line]
         there = {(each.role, each.name, each.kind) for each in found if each is not None}
-        roles = [wire.SUBSCRIBER if each.sends else wire.PUBLISHER for each in channels]
+        roles = [wire.SUBSCRIBER if each.is_command else wire.PUBLISHER for each in channels]
         self.kinds = [
             next((kind for kind in each.kinds if (role, each.topic, kind) in there), "")
             for role, each in zip(roles, channels, strict=True)
         ]
-        numbers = {each.topic: number for number, each in enumerate(channels) if not each.sends}
+        numbers = {each.topic: number for number, each in enumerate(channels) if not each.is_command}
         self.due = [
             (line["t"], numbers[line["topic"]], base64.b64decode(line["payload"]))
             for line in lines
@@ -72,18 +72,18 @@ class Captured(Topics):
 def robot(request: pytest.FixtureRequest) -> tuple[RobotConfig, list[dict[str, Any]]]:
     """A robot file, and what was captured of that robot."""
     lines = [json.loads(line) for line in request.param.read_text(encoding="utf-8").splitlines()]
-    return load_robot(find("robots", request.param.stem)), lines
+    return load_robot(find_file("robots", request.param.stem)), lines
 
 
 def full(config: RobotConfig, topic: str) -> str:
     nodes = config.keys(ZenohKeys)
-    return wire.whole(topic, "" if nodes is None else nodes.namespace)
+    return wire.full_name(topic, "" if nodes is None else nodes.namespace)
 
 
 def test_all_tokens_are_understood_and_name_no_session(robot: tuple[RobotConfig, list[dict[str, Any]]]) -> None:
     tokens = [line["token"] for line in robot[1] if "token" in line]
     for token in tokens:
-        entity = wire.entity(token)
+        entity = wire.parse_entity(token)
         assert entity is not None, token
         assert entity.token == token
         assert int(entity.zid, 16) < 1000, "scrubbed"
@@ -93,15 +93,17 @@ def test_the_base_goes_where_its_odometry_says(robot: tuple[RobotConfig, list[di
     config, lines = robot
     keys, timeline = config.keys(Ros2BaseKeys), Timeline()
     assert keys is not None
-    topics = topics_of(keys)
-    channels = [Channel(full(config, topic), KINDS[word], word in SENT) for word, topic in topics.items()]
+    topics = base_topics(keys)
+    channels = [
+        TopicChannel(full(config, topic), TOPIC_TYPES[word], word in COMMAND_TOPICS) for word, topic in topics.items()
+    ]
     said = Captured(lines, channels)
     link = HandWire(said, timeline).link("base")
     limits = BaseLimits(keys.max_speed, keys.max_turn, keys.acceleration, keys.turn_acceleration)
     protocol = Ros2BaseProtocol("base", timeline.clock, channels, list(topics), limits)
-    base = DiffDriveBase(link, timeline.clock, protocol, **settings_of(keys, Site(timeline.clock)))
+    base = DiffDriveBase(link, timeline.clock, protocol, **settings_of(keys, DriverContext(timeline.clock)))
     base.open()
-    timeline.run(said.due[-1][0] + 0.05)
+    timeline.run_until(said.due[-1][0] + 0.05)
     health, state, told = base.health(), base.state().value, said.told(full(config, keys.odom))
     assert (health.online, health.detail) == (True, "")
     assert (health.counters["malformed"], health.counters["reports"]) == (0, len(told))
@@ -116,12 +118,12 @@ def test_the_range_finder_measures_what_was_measured(robot: tuple[RobotConfig, l
     config, lines = robot
     keys, timeline = config.keys(Ros2RangeKeys), Timeline()
     assert keys is not None
-    channel = Channel(full(config, keys.scan), (SCAN,), depth=1)
+    channel = TopicChannel(full(config, keys.scan), (LASER_SCAN,), depth=1)
     said = Captured(lines, [channel])
     link = HandWire(said, timeline).link("range")
     ranger = Ros2Ranger(link, timeline.clock, channel, place=keys.place, blind=keys.blind)
     ranger.open()
-    timeline.run(said.due[-1][0] + 0.05)
+    timeline.run_until(said.due[-1][0] + 0.05)
     scan, told = ranger.scan(), said.told(channel.topic)
     assert scan.good
     assert scan.value is not None

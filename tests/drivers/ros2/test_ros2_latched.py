@@ -8,14 +8,14 @@ from typing import Any
 import pytest
 from zenoh import ext
 
-from drivers.api.driver import Site
-from drivers.clock import SystemClock, since_1970
+from drivers.api.driver import DriverContext
+from drivers.clock import SystemClock, unix_time_ns
 from drivers.ros2 import wire
 from drivers.ros2.declared import ZenohKeys
 from drivers.ros2.make import graph as make_graph
-from drivers.ros2.session import Access, open_session
+from drivers.ros2.session import ZenohAccess, open_session
 from drivers.ros2.types import types
-from drivers.ros2.virtual import Ros2Terminal, Served, free_address
+from drivers.ros2.virtual import Ros2Terminal, RouterSettings, free_address
 from tests.missions.command import command
 from tests.waiting import wait_until
 
@@ -28,7 +28,7 @@ class Sender:
     """Sends on a topic that is reliable and transient local, depth 1, as rcl has `rmw_zenoh` declare it."""
 
     def __init__(self, router: str, name: str) -> None:
-        self.session: Any = open_session("sender", Access((router,)), patience=5.0)
+        self.session: Any = open_session("sender", ZenohAccess((router,)), timeout=5.0)
         zid = str(self.session.zid())
         its = wire.Entity("MP", 0, zid, "0", "1", "publisher", "", name, STRING, types().digest(STRING), ":1:,1:,:,:,,")
         self._token = self.session.liveliness().declare_token(its.token)
@@ -44,7 +44,7 @@ class Sender:
 
     def send(self, text: str, *, ago: float = 0.0) -> None:
         self._number += 1
-        attached = wire.Attachment(self._number, since_1970() - round(ago * 1e9), self._gid).pack()
+        attached = wire.Attachment(self._number, unix_time_ns() - round(ago * 1e9), self._gid).pack()
         self._publisher.put(types().encode(STRING, {"data": text}), attachment=attached)
 
     def close(self) -> None:
@@ -53,7 +53,7 @@ class Sender:
 
 @pytest.fixture
 def router() -> Iterator[str]:
-    terminal = Ros2Terminal(Served(0, "", free_address()), SystemClock())
+    terminal = Ros2Terminal(RouterSettings(0, "", free_address()), SystemClock())
     terminal.open()
     yield terminal.path
     terminal.close()
@@ -70,7 +70,7 @@ def test_who_comes_later_is_told_what_was_sent_last(router: str, capsys: pytest.
 
 def test_it_holds_while_its_sender_is_there_and_is_heard_of_a_sender_that_comes_back(router: str) -> None:
     clock = SystemClock()
-    graph = make_graph(ZenohKeys(router=router, domain=0), Site(clock))
+    graph = make_graph(ZenohKeys(router=router, domain=0), DriverContext(clock))
     graph.open()
     sender = Sender(router, "/map")
     sender.send("old", ago=3600.0)
@@ -79,7 +79,7 @@ def test_it_holds_while_its_sender_is_there_and_is_heard_of_a_sender_that_comes_
     sender.send("new")
     wait_until(lambda: graph.latest("/map").value == '{"data": "new"}')
     asked = graph.latest("/map").stamp
-    wait_until(lambda: clock.now() - asked > 2.1)
+    wait_until(lambda: clock.read_value() - asked > 2.1)
     assert graph.latest("/map").good, "nothing newer was sent, so it holds"
     sender.close()
     wait_until(lambda: not graph.latest("/map").good)
@@ -92,8 +92,8 @@ def test_it_holds_while_its_sender_is_there_and_is_heard_of_a_sender_that_comes_
 
 def test_a_topic_says_by_its_token_whether_it_is_latched() -> None:
     kept = {":1:,1:,:,:,,": True, ":1:,10:,:,:,,": True, "1:1:1,1:0,0:0,0:1,0,0": True}
-    for qos, latched in {**kept, wire.QOS: False, "2:2:1,5:0,0:0,0:1,0,0": False, "": False}.items():
+    for qos, latched in {**kept, wire.DEFAULT_QOS: False, "2:2:1,5:0,0:0,0:1,0,0": False, "": False}.items():
         token = wire.Entity("MP", 0, "ab", "0", "1", "node", "", "/map", STRING, "RIHS01_00", qos).token
-        found = wire.entity(token)
+        found = wire.parse_entity(token)
         assert found is not None
-        assert found.latched is latched
+        assert found.is_latched is latched

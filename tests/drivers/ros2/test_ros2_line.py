@@ -5,12 +5,12 @@ from typing import Any, cast
 
 from drivers.ros2 import wire
 from drivers.ros2.base import ODOMETRY, TWISTS
-from drivers.ros2.line import Channel, TopicPort
-from drivers.ros2.node import Node
-from drivers.ros2.publisher import Sieve
+from drivers.ros2.line import TopicChannel, TopicPort
+from drivers.ros2.node import Ros2Node
+from drivers.ros2.publisher import MessageFilter
 from drivers.ros2.wire import Attachment, Entity
 
-CHANNELS = [Channel("/cmd_vel", TWISTS, sends=True), Channel("/odom", (ODOMETRY,))]
+CHANNELS = [TopicChannel("/cmd_vel", TWISTS, is_command=True), TopicChannel("/odom", (ODOMETRY,))]
 
 
 class Network:
@@ -22,10 +22,10 @@ class Network:
         self.found = [Entity("MP", 0, "z", "0", "2", "node", "", "/odom", ODOMETRY, "o")]
         self.sent: list[tuple[str, str, bytes]] = []
         self.version, self.time = 0, 5.0
-        self.sieve = Sieve()
+        self.sieve = MessageFilter()
         self.heard: Callable[[str, bytes], None] = lambda kind, payload: None  # noqa: ARG005
 
-    def now(self) -> float:
+    def read_value(self) -> float:
         return self.time
 
     def entities(self, role: str, name: str) -> list[Entity]:
@@ -45,20 +45,20 @@ class Network:
 
         return Sender()
 
-    def subscribe(self, _name: str, _kinds: Any, heard: Any, *_: Any) -> list[Sieve]:
+    def subscribe(self, _name: str, _kinds: Any, heard: Any, *_: Any) -> list[MessageFilter]:
         self.heard = heard
         return [self.sieve]
 
 
 def said(port: TopicPort) -> dict[int, tuple[str, ...]]:
     """Return what the port tells of its channels now."""
-    frames = wire.FrameFinder().feed(port.arrived(0.0))
-    return dict(wire.told(payload) for channel, payload in frames if channel == wire.ABOUT)
+    frames = wire.TopicFrameFinder().feed(port.read_available(0.0))
+    return dict(wire.parse_about(payload) for channel, payload in frames if channel == wire.ABOUT_CHANNEL)
 
 
 def test_all_that_listen_are_told_whatever_their_types_and_hashes() -> None:
     network = Network()
-    port = TopicPort(cast(Node, network), CHANNELS)
+    port = TopicPort(cast(Ros2Node, network), CHANNELS)
     network.listens((TWISTS[1], "RIHS01_a"), (TWISTS[0], "RIHS01_b"), (TWISTS[0], "TypeHashNotSupported"))
     assert said(port)[0] == TWISTS
     port.write(wire.frame(0, b"twist", 0) + wire.frame(0, b"stamped", 1))
@@ -70,7 +70,7 @@ def test_all_that_listen_are_told_whatever_their_types_and_hashes() -> None:
 
 def test_who_listens_late_or_for_another_type_is_never_sent_what_is_of_the_one_before() -> None:
     network = Network()
-    port = TopicPort(cast(Node, network), CHANNELS)
+    port = TopicPort(cast(Ros2Node, network), CHANNELS)
     assert said(port)[0] == ()
     port.write(wire.frame(0, b"twist", 0))
     network.listens((TWISTS[0], "a"))
@@ -84,11 +84,11 @@ def test_who_listens_late_or_for_another_type_is_never_sent_what_is_of_the_one_b
 
 def test_two_nodes_that_are_heard_at_once_are_told_as_two_and_one_that_was_started_anew_as_one() -> None:
     network = Network()
-    port = TopicPort(cast(Node, network), CHANNELS)
+    port = TopicPort(cast(Ros2Node, network), CHANNELS)
 
     def heard(gid: bytes) -> dict[int, tuple[str, ...]]:
         network.time += 0.1
-        network.sieve.passes(Attachment(round(100 * network.time), 0, gid), network.time)
+        network.sieve.accepts(Attachment(round(100 * network.time), 0, gid), network.time)
         network.heard(ODOMETRY, b"")
         return said(port)
 

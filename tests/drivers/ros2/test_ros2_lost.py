@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from drivers.api import STILL, GoalState, Velocity
+from drivers.api import ZERO_VELOCITY, GoalState, Velocity
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
-from drivers.ros2.node import Node
-from drivers.ros2.session import Access, open_session
+from drivers.ros2.node import Ros2Node
+from drivers.ros2.session import ZenohAccess, open_session
 from drivers.ros2.types import types
 from drivers.ros2.virtual import free_address
 from tests.drivers.ros2.test_ros2_session import Robot
@@ -46,7 +46,7 @@ class Way:
         return self.stands()
 
     def stands(self) -> bool:
-        return self.robot.virtual.body.velocity == STILL
+        return self.robot.virtual.body.velocity == ZERO_VELOCITY
 
     def back(self) -> bool:
         return all(device.health().online for device in self.robot.devices) and self.robot.graph.navigates()
@@ -82,7 +82,7 @@ def way(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Way]:
         else:
             robot = Robot()
             proxy = closed.enter_context(closing(Proxy(int(robot.terminal.path.split(":")[-1]))))
-            robot.graph._access = Access((f"tcp/127.0.0.1:{proxy.port}",))
+            robot.graph._access = ZenohAccess((f"tcp/127.0.0.1:{proxy.port}",))
             way = Way(robot, proxy.cut.set, proxy.cut.clear)
             closed.callback(proxy.cut.clear)
         closed.callback(robot.close)
@@ -95,15 +95,15 @@ def test_the_base_comes_to_rest_and_with_the_way_back_it_drives_again(way: Way) 
     clock = SystemClock()
     wait_until(way.drives, pause=0.02)
     way.lost()
-    lost = clock.now()
+    lost = clock.read_value()
     wait_until(way.rests, pause=0.02)
-    assert clock.now() - lost < 0.7
+    assert clock.read_value() - lost < 0.7
     wait_until(lambda: not way.robot.base.health().online)
-    at = way.robot.virtual.pose(way.robot.clock.now())
+    at = way.robot.virtual.pose(way.robot.clock.read_value())
     way.mended()
     wait_until(way.back)
     # What was held up on the way does not move it.
-    assert way.robot.virtual.pose(way.robot.clock.now()).x == pytest.approx(at.x, abs=0.01)
+    assert way.robot.virtual.pose(way.robot.clock.read_value()).x == pytest.approx(at.x, abs=0.01)
     way.robot.base.enable()
     wait_until(way.drives, pause=0.02)
 
@@ -113,14 +113,14 @@ def test_a_goal_is_said_to_be_unknown_and_cancelled_with_the_way_back_and_the_ne
     far = graph.navigate(((5.0, 0.0, 0.0),), "odom")
     wait_until(lambda: graph.progress(far).state is GoalState.RUNNING and not way.stands())
     way.lost()
-    wait_until(lambda: graph.progress(far).over)
+    wait_until(lambda: graph.progress(far).is_final)
     assert graph.progress(far).state is GoalState.UNKNOWN
     way.mended()
     wait_until(way.back)
     wait_until(way.stands)
-    assert way.robot.virtual.pose(way.robot.clock.now()).x < 4.5
+    assert way.robot.virtual.pose(way.robot.clock.read_value()).x < 4.5
     near = graph.navigate(((way.robot.virtual.odometry.x + 0.1, 0.0, 0.0),), "odom")
-    wait_until(lambda: graph.progress(near).over)
+    wait_until(lambda: graph.progress(near).is_final)
     assert graph.progress(near).state is GoalState.SUCCEEDED
 
 
@@ -129,9 +129,9 @@ def test_a_peer_goes_directly_to_a_node_that_the_router_tells_of_and_does_withou
         robot = Robot(mode="peer")
         closed.callback(robot.close)
         robot.open()
-        there = open_session("beside", Access((robot.terminal.path,), "peer", (free_address(),)))
+        there = open_session("beside", ZenohAccess((robot.terminal.path,), "peer", (free_address(),)))
         closed.callback(there.close)
-        node = Node(there, robot.clock, name="beside")
+        node = Ros2Node(there, robot.clock, name="beside")
         closed.callback(node.close)
         kind = "std_msgs/msg/String"
         talker = node.publisher("/beside", kind)

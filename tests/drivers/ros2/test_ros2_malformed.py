@@ -8,27 +8,27 @@ from typing import Any
 import pytest
 
 from drivers.api import DeviceStatus
-from drivers.api.driver import Site
+from drivers.api.driver import DriverContext
 from drivers.clock import ManualClock
 from drivers.ros2 import wire
-from drivers.ros2.base import KINDS, ODOMETRY
+from drivers.ros2.base import ODOMETRY, TOPIC_TYPES
 from drivers.ros2.declared import Ros2ArmKeys, Ros2BaseKeys, Ros2JointKeys, Ros2RangeKeys, Ros2VoiceKeys, ZenohKeys
 from drivers.ros2.make import arm, base, graph, ranger, voice
-from drivers.ros2.node import MAX_TOPICS, RECENT, REPORT_INTERVAL, TopicFaults
-from drivers.ros2.ranger import SCAN
-from drivers.ros2.types import Malformed, types
-from drivers.ros2.ways import STATE
+from drivers.ros2.node import MALFORMED_LIFETIME, MAX_TOPICS, REPORT_INTERVAL, TopicFaults
+from drivers.ros2.ranger import LASER_SCAN
+from drivers.ros2.types import MalformedMessage, types
+from drivers.ros2.ways import JOINT_STATE
 
 GOOD: dict[str, bytes] = {
     ODOMETRY: types().encode(ODOMETRY, {"header": {"frame_id": "odom"}, "pose": {"pose": {"orientation": {"w": 1.0}}}}),
-    SCAN: types().encode(SCAN, {"angle_increment": 0.1, "range_max": 9.0, "ranges": [1.0, 2.0]}),
-    STATE: types().encode(STATE, {"name": ["elbow"], "position": [0.1]}),
+    LASER_SCAN: types().encode(LASER_SCAN, {"angle_increment": 0.1, "range_max": 9.0, "ranges": [1.0, 2.0]}),
+    JOINT_STATE: types().encode(JOINT_STATE, {"name": ["elbow"], "position": [0.1]}),
 }
 TEXT = types().encode("std_msgs/msg/String", {"data": "what is this doing here, and why is it so long?"})
 
 
 def big_endian(kind: str, values: dict[str, object]) -> bytes:
-    made = types()._made(kind, values, kind)
+    made = types()._make_message(kind, values, kind)
     return bytes(types()._store.serialize_cdr(made, kind, little_endian=False))
 
 
@@ -58,10 +58,12 @@ class Part:
     def __init__(self, name: str) -> None:
         self.told: list[DeviceStatus] = []
         self.clock = ManualClock()
-        site = Site(self.clock, report=self.told.append)
-        site = Site(self.clock, report=self.told.append, parts={"ros2": graph(ZenohKeys(domain=0), site)}, part=name)
-        self.kind = {"base": ODOMETRY, "range": SCAN, "arm": STATE}.get(name, "")
-        self.number = list(KINDS).index("odom") if name == "base" else 0
+        site = DriverContext(self.clock, report=self.told.append)
+        site = DriverContext(
+            self.clock, report=self.told.append, needed_parts={"ros2": graph(ZenohKeys(domain=0), site)}, part=name
+        )
+        self.kind = {"base": ODOMETRY, "range": LASER_SCAN, "arm": JOINT_STATE}.get(name, "")
+        self.number = list(TOPIC_TYPES).index("odom") if name == "base" else 0
         self.device: Any
         match name:
             case "base":
@@ -84,7 +86,7 @@ class Part:
 
     @property
     def faults(self) -> list[str]:
-        return [each.what for each in self.told if each.kind == "fault"]
+        return [each.message for each in self.told if each.kind == "fault"]
 
 
 @pytest.mark.parametrize("spoilt", SPOILT)
@@ -113,16 +115,18 @@ def test_odometry_with_a_figure_that_is_none_names_it(field: str) -> None:
 
 
 def test_a_list_that_is_said_to_be_longer_than_the_message_is_malformed() -> None:
-    for kind, at in ((SCAN, struct.pack("<ff", 1.0, 2.0)), (STATE, struct.pack("<I", 6) + b"elbow")):
-        with pytest.raises(Malformed, match=f"expected {kind}"):
+    for kind, at in ((LASER_SCAN, struct.pack("<ff", 1.0, 2.0)), (JOINT_STATE, struct.pack("<I", 6) + b"elbow")):
+        with pytest.raises(MalformedMessage, match=f"expected {kind}"):
             types().decode(kind, lengthened(GOOD[kind], at))
-    with pytest.raises(Malformed, match="got 47 bytes that begin 00 01 00 00 30 00 00 00: Invalid string length 48"):
+    with pytest.raises(
+        MalformedMessage, match="got 47 bytes that begin 00 01 00 00 30 00 00 00: Invalid string length 48"
+    ):
         types().decode("std_msgs/msg/String", TEXT[:-9])
 
 
 def test_the_other_byte_order_is_read() -> None:
     part = Part("range")
-    part.hear(big_endian(SCAN, {"angle_increment": 0.1, "range_max": 9.0, "ranges": [1.0, 2.0]}))
+    part.hear(big_endian(LASER_SCAN, {"angle_increment": 0.1, "range_max": 9.0, "ranges": [1.0, 2.0]}))
     assert part.device.scan().value.ranges.tolist() == [1.0, 2.0]
     assert part.faults == []
 
@@ -143,12 +147,12 @@ def test_another_type_under_the_name_of_a_topic_is_reported_for_as_long_as_it_is
 ) -> None:
     part = Part(name)
     why = f"expected this, but a node {verb} sensor_msgs/msg/Imu"
-    part.device.received(wire.mismatch(number, why))
+    part.device.received(wire.mismatch_frame(number, why))
     (fault,) = part.faults
     assert fault.endswith(f": {why}")
-    part.clock.advance(REPORT_INTERVAL + RECENT)
+    part.clock.advance(REPORT_INTERVAL + MALFORMED_LIFETIME)
     assert part.topics._faults.why(number) == fault
-    part.device.received(wire.mismatch(number, ""))
+    part.device.received(wire.mismatch_frame(number, ""))
     assert part.topics._faults.why(number) == ""
 
 
@@ -156,22 +160,24 @@ def test_a_part_that_is_silent_for_its_malformed_messages_says_so() -> None:
     part = Part("base")
     part.topics._kinds |= {"odom": (ODOMETRY,), "cmd_vel": ("geometry_msgs/msg/Twist",)}
     part.hear(TEXT)
-    what, hint = part.topics.offline_reason(part.clock.now(), "", 0, silent=False)
+    what, hint = part.topics.offline_reason(part.clock.read_value(), "", 0, silent=False)
     assert what.startswith(f"base: /odom: malformed message: expected {ODOMETRY}, got")
     assert "mission ros2 echo /odom" in hint
-    part.clock.advance(RECENT + 0.1)
-    assert part.topics.offline_reason(part.clock.now(), "", 0, silent=False)[0] == "base: /odom: no odometry comes"
+    part.clock.advance(MALFORMED_LIFETIME + 0.1)
+    assert (
+        part.topics.offline_reason(part.clock.read_value(), "", 0, silent=False)[0] == "base: /odom: no odometry comes"
+    )
 
 
 def test_a_joint_whose_position_is_not_a_number_is_named() -> None:
     part = Part("arm")
-    part.device._kinds |= {0: STATE, 1: "std_msgs/msg/Float64MultiArray"}
-    part.hear(types().encode(STATE, {"name": ["elbow"], "position": [nan]}))
-    assert part.device._silence(part.clock.now())[0].endswith("nothing comes of elbow; not a number: elbow")
+    part.device._kinds |= {0: JOINT_STATE, 1: "std_msgs/msg/Float64MultiArray"}
+    part.hear(types().encode(JOINT_STATE, {"name": ["elbow"], "position": [nan]}))
+    assert part.device._silence(part.clock.read_value())[0].endswith("nothing comes of elbow; not a number: elbow")
 
 
 def test_no_number_of_topics_fills_the_memory() -> None:
     faults = TopicFaults("ros2", [], ManualClock())
     for number in range(3 * MAX_TOPICS):
-        faults.add_of(f"/{number}", "x")
+        faults.add_for_topic(f"/{number}", "x")
     assert len(faults._malformed) == MAX_TOPICS

@@ -9,18 +9,18 @@ from contextlib import suppress
 from random import Random
 from typing import Any, cast
 
-from drivers.api.driver import Site
+from drivers.api.driver import DriverContext
 from drivers.clock import ManualClock
 from drivers.ros2 import wire
 from drivers.ros2.actions import ActionServer
-from drivers.ros2.base import KINDS
-from drivers.ros2.camera import IMAGES, picture
+from drivers.ros2.base import TOPIC_TYPES
+from drivers.ros2.camera import IMAGES, decode_image
 from drivers.ros2.declared import Ros2ArmKeys, Ros2BaseKeys, Ros2JointKeys, Ros2RangeKeys, ZenohKeys
-from drivers.ros2.make import arm, base, graph, ranger, topics_of
-from drivers.ros2.node import Node, TopicFaults
-from drivers.ros2.ranger import SCAN
-from drivers.ros2.requests import Requests, _Request
-from drivers.ros2.types import Malformed, types
+from drivers.ros2.make import arm, base, base_topics, graph, ranger
+from drivers.ros2.node import Ros2Node, TopicFaults
+from drivers.ros2.ranger import LASER_SCAN
+from drivers.ros2.requests import RequestTracker, _Request
+from drivers.ros2.types import MalformedMessage, types
 from tests.drivers.ros2.test_ros2_types import some_values
 
 PAYLOADS = int(os.environ.get("PAYLOADS", "3000"))
@@ -55,14 +55,16 @@ def noisy(good: bytes, chance: Random) -> bytes:
 
 def hearers() -> list[tuple[str, Take]]:
     """Return the types that come from outside, each with what takes it."""
-    site = Site(ManualClock())
-    site = Site(ManualClock(), parts={"ros2": graph(ZenohKeys(domain=0), site)})
+    site = DriverContext(ManualClock())
+    site = DriverContext(ManualClock(), needed_parts={"ros2": graph(ZenohKeys(domain=0), site)})
     keys = Ros2BaseKeys(battery="battery", hazards="hazards", dock="dock", sensors="sensors")
     parts: list[tuple[str, int, Any]] = [
-        (KINDS[word][0], number, base(keys, site)) for number, word in enumerate(topics_of(keys)) if word != "cmd_vel"
+        (TOPIC_TYPES[word][0], number, base(keys, site))
+        for number, word in enumerate(base_topics(keys))
+        if word != "cmd_vel"
     ]
     joints = arm(Ros2ArmKeys(joints={"elbow": Ros2JointKeys(joint="a word")}), site)
-    parts += [(SCAN, 0, ranger(Ros2RangeKeys(), site)), ("sensor_msgs/msg/JointState", 0, joints)]
+    parts += [(LASER_SCAN, 0, ranger(Ros2RangeKeys(), site)), ("sensor_msgs/msg/JointState", 0, joints)]
     found: list[tuple[str, Take]] = [
         (kind, lambda data, number=number, part=part: part.received(wire.frame(number, data)))  # type: ignore[misc]
         for kind, number, part in parts
@@ -70,28 +72,28 @@ def hearers() -> list[tuple[str, Take]]:
 
     def seen(kind: str) -> Take:
         def take(data: bytes) -> None:
-            with suppress(Malformed, ValueError):
-                picture(kind, data)
+            with suppress(MalformedMessage, ValueError):
+                decode_image(kind, data)
 
         return take
 
     found += [(kind, seen(kind)) for kind in IMAGES]
-    requests = Requests(lambda: cast(Node, Deaf()), site.clock, lambda: None)
+    requests = RequestTracker(lambda: cast(Ros2Node, Deaf()), site.clock, lambda: None)
 
     def new(*, goal: bool) -> _Request:
         kind = NAVIGATE if goal else "std_srvs/srv/Trigger"
         return _Request("/x", kind, wire.Entity("SS", 0, "a", "0", "1", "nav2", "", "/x", kind), goal=goal)
 
     found += [
-        (f"{NAVIGATE}_FeedbackMessage", lambda data: requests._fed_back(f"{NAVIGATE}_FeedbackMessage", data)),
-        (f"{NAVIGATE}_GetResult_Response", lambda data: requests._ended(new(goal=True), data)),
-        ("std_srvs/srv/Trigger_Response", lambda data: requests._answered(new(goal=False), data)),
+        (f"{NAVIGATE}_FeedbackMessage", lambda data: requests._on_feedback(f"{NAVIGATE}_FeedbackMessage", data)),
+        (f"{NAVIGATE}_GetResult_Response", lambda data: requests._on_result(new(goal=True), data)),
+        ("std_srvs/srv/Trigger_Response", lambda data: requests._on_response(new(goal=False), data)),
     ]
-    server = ActionServer(cast(Node, Deaf()), "/x", NAVIGATE, lambda _: False, lambda _: None)
+    server = ActionServer(cast(Ros2Node, Deaf()), "/x", NAVIGATE, lambda _: False, lambda _: None)
     found += [
-        (f"{NAVIGATE}_SendGoal_Request", lambda data: server._sent(data, lambda _: None)),
-        (f"{NAVIGATE}_GetResult_Request", lambda data: server._asked(data, lambda _: None)),
-        ("action_msgs/srv/CancelGoal_Request", lambda data: server._cancelled(data, lambda _: None)),
+        (f"{NAVIGATE}_SendGoal_Request", lambda data: server._on_goal_request(data, lambda _: None)),
+        (f"{NAVIGATE}_GetResult_Request", lambda data: server._on_result_request(data, lambda _: None)),
+        ("action_msgs/srv/CancelGoal_Request", lambda data: server._on_cancel_request(data, lambda _: None)),
     ]
     return found
 

@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 
 from drivers.api import GoalState, Progress, Velocity
-from drivers.api.driver import Site
+from drivers.api.driver import DriverContext
 from drivers.clock import SystemClock
 from drivers.ros2.declared import Ros2BaseKeys, Ros2RangeKeys, ZenohKeys
 from drivers.ros2.make import base as make_base
 from drivers.ros2.make import graph as make_graph
 from drivers.ros2.make import ranger as make_ranger
-from drivers.ros2.virtual import Ros2Terminal, Served, free_address
+from drivers.ros2.virtual import Ros2Terminal, RouterSettings, free_address
 from tests.waiting import wait_until
 
 pytestmark = [
@@ -33,7 +33,7 @@ class Other:
 
     def __init__(self) -> None:
         clock = SystemClock()
-        self.router = Ros2Terminal(Served(0, "", free_address()), clock)
+        self.router = Ros2Terminal(RouterSettings(0, "", free_address()), clock)
         self.router.open()
         command = [sys.executable, str(ROBOT), self.router.path.split(":")[-1]]
         self.process = subprocess.Popen(
@@ -41,8 +41,8 @@ class Other:
         )
         assert self.process.stdout is not None
         assert self.process.stdout.readline() == "ready\n"
-        self.graph = make_graph(ZenohKeys(router=self.router.path, domain=0), Site(clock))
-        site = Site(clock, parts={"ros2": self.graph})
+        self.graph = make_graph(ZenohKeys(router=self.router.path, domain=0), DriverContext(clock))
+        site = DriverContext(clock, needed_parts={"ros2": self.graph})
         self.base = make_base(Ros2BaseKeys(), site)
         self.ranger = make_ranger(Ros2RangeKeys(), site)
         self.devices = (self.base, self.ranger, self.graph)
@@ -56,7 +56,7 @@ class Other:
         return heard
 
     def over(self, number: int) -> Progress:
-        wait_until(lambda: self.graph.progress(number).over)
+        wait_until(lambda: self.graph.progress(number).is_final)
         return self.graph.progress(number)
 
     def close(self) -> None:

@@ -5,9 +5,9 @@ from math import radians
 
 import pytest
 
-from config.faults import InvalidFileError, Source
+from config.faults import InvalidFileError, SourceText
 from drivers.api import DeviceStatus, HeadPose, Pose2D
-from drivers.api.driver import Site
+from drivers.api.driver import DriverContext
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import BadRequest
 from drivers.ros2.declared import (
@@ -28,9 +28,9 @@ from drivers.ros2.make import graph as make_graph
 from drivers.ros2.make import head as make_head
 from drivers.ros2.make import voice as make_voice
 from drivers.ros2.virtual import Ros2Terminal, arm, graph, head
-from drivers.sim.stage import Stage
+from drivers.sim.stage import SimContext
 from drivers.sim.timeline import Timeline
-from missions.library.drivers import robot_of
+from missions.library.drivers import parse_robot
 from tests.drivers.ros2.ear import VirtualEar
 from tests.waiting import wait_until
 
@@ -52,19 +52,21 @@ class Robot:
         self.clock = SystemClock()
         self.told: list[DeviceStatus] = []
         nodes = ZenohKeys(namespace="/tiago", domain=7)
-        stage = Stage(self.clock, None, lambda _: Pose2D(0.0, 0.0, 0.0), keys={"ros2": nodes})
+        stage = SimContext(self.clock, None, lambda _: Pose2D(0.0, 0.0, 0.0), part_keys={"ros2": nodes})
         plugged = graph(nodes, stage)
-        assert isinstance(plugged.terminal, Ros2Terminal)
-        self.terminal = plugged.terminal
-        beside = Stage(self.clock, None, stage.pose, keys=stage.keys, parts={"ros2": plugged})
+        assert isinstance(plugged.port, Ros2Terminal)
+        self.terminal = plugged.port
+        beside = SimContext(self.clock, None, stage.pose, part_keys=stage.part_keys, parts={"ros2": plugged})
         self.virtual_arm, self.virtual_head = arm(ARM, beside), head(HEAD, beside)
         self.ear = VirtualEar("/tiago/say")
         self.terminal.devices.append(self.ear)
         keys = ZenohKeys(router=self.terminal.path, namespace="/tiago", domain=7)
-        self.graph: Ros2Graph = make_graph(keys, Site(self.clock))
+        self.graph: Ros2Graph = make_graph(keys, DriverContext(self.clock))
         self.woken = list[None]()
         parts = {"ros2": self.graph}
-        site = Site(self.clock, report=self.told.append, changed=lambda: self.woken.append(None), parts=parts)
+        site = DriverContext(
+            self.clock, report=self.told.append, on_change=lambda: self.woken.append(None), needed_parts=parts
+        )
         self.arm: TopicJoints = make_arm(ARM, site)
         self.head: Ros2Head = make_head(HEAD, site)
         self.voice: Ros2Voice = make_voice(Ros2VoiceKeys(), site)
@@ -78,17 +80,17 @@ class Robot:
 
     def truly(self) -> float:
         """Where the elbow really is."""
-        now, state = self.clock.now(), self.virtual_arm.state
+        now, state = self.clock.read_value(), self.virtual_arm.state
         assert state is not None
-        found = self.terminal.ask(lambda: state(now))
+        found = self.terminal.call_paused(lambda: state(now))
         assert isinstance(found, dict)
         return float(found["elbow"])
 
     def looks(self) -> HeadPose:
         """Where the head truly looks."""
-        now, looks = self.clock.now(), self.virtual_head.looks
+        now, looks = self.clock.read_value(), self.virtual_head.head_pose
         assert looks is not None
-        return self.terminal.ask(lambda: looks(now))
+        return self.terminal.call_paused(lambda: looks(now))
 
     def close(self) -> None:
         for device in self.devices:
@@ -147,13 +149,13 @@ def test_with_its_router_gone_the_arm_stands_and_with_it_back_it_stays_there_unt
 
 def test_joints_that_turn_all_the_way_round_have_twins() -> None:
     timeline = Timeline()
-    stage = Stage(timeline.clock, None, lambda _: Pose2D(0.0, 0.0, 0.0), part="head")
+    stage = SimContext(timeline.clock, None, lambda _: Pose2D(0.0, 0.0, 0.0), part_name="head")
     turning = Ros2HeadKeys(pan=Ros2AxisKeys(joint="one"), tilt=Ros2AxisKeys(joint="two"))
     joints = Ros2ArmKeys(joints={"a": Ros2JointKeys(), "b": Ros2JointKeys()})
     for twin in (twin_arm(joints, stage), twin_head(turning, stage)):
         twin.open()
-        timeline.every(twin.PERIOD, twin.step)
-        timeline.run(timeline.clock.now() + 0.1)
+        timeline.call_every(twin.PERIOD, twin.step)
+        timeline.run_until(timeline.clock.read_value() + 0.1)
         assert twin.health().online
         twin.close()
 
@@ -189,20 +191,20 @@ voice:
 def test_what_a_robot_file_says_of_its_joints_is_checked(joint: str, limit: str, tilt: str, wrong: str) -> None:
     text = ROBOT.replace("JOINT", joint).replace("LIMIT", limit).replace("TILT", tilt)
     if not wrong:
-        found = robot_of(Source("tiago.yaml", text)).keys(Ros2ArmKeys)
+        found = parse_robot(SourceText("tiago.yaml", text)).keys(Ros2ArmKeys)
         assert found is not None
         assert found.limits["wrist"].upper == radians(90)
         return
     with pytest.raises(InvalidFileError) as caught:
-        robot_of(Source("tiago.yaml", text))
-    assert any(wrong in str(fault) for fault in caught.value.faults)
+        parse_robot(SourceText("tiago.yaml", text))
+    assert any(wrong in str(fault) for fault in caught.value.diagnostics)
 
 
 def test_a_wildcard_for_a_topic_is_a_mistake_of_the_robot_file() -> None:
     base = "base: {driver: ros2, cmd_vel: /cmd*/**, odom: odometry/filtered, dock: 'a b'}"
     with pytest.raises(InvalidFileError) as caught:
-        robot_of(Source("wild.yaml", f"robot: wild\nros2: {{driver: zenoh, namespace: /*}}\n{base}\n"))
-    found = [str(fault) for fault in caught.value.faults]
+        parse_robot(SourceText("wild.yaml", f"robot: wild\nros2: {{driver: zenoh, namespace: /*}}\n{base}\n"))
+    found = [str(fault) for fault in caught.value.diagnostics]
     assert len(found) == 3
     assert "wild.yaml:3:31: 'cmd_vel': '/cmd*/**' is no name of a topic" in "\n".join(found)
 
@@ -211,7 +213,7 @@ def test_a_wildcard_for_a_topic_is_a_mistake_of_the_robot_file() -> None:
 def test_nor_may_a_joint_make_one_of_it(command: str, there: str) -> None:
     arm = f"arm: {{driver: ros2, command: '{command}', joints: {{wrist: {{joint: {there}}}}}}}"
     with pytest.raises(InvalidFileError, match=r"cannot stand in a topic|is no name of a topic"):
-        robot_of(Source("wild.yaml", f"robot: wild\nros2: {{driver: zenoh}}\n{arm}\n"))
+        parse_robot(SourceText("wild.yaml", f"robot: wild\nros2: {{driver: zenoh}}\n{arm}\n"))
 
 
 @pytest.mark.parametrize(
@@ -224,6 +226,6 @@ def test_nor_may_a_joint_make_one_of_it(command: str, there: str) -> None:
     ],
 )
 def test_nor_does_a_mission_reach_others_by_it(asked: Callable[[Ros2Graph], object]) -> None:
-    nodes = make_graph(ZenohKeys(), Site(ManualClock()))
+    nodes = make_graph(ZenohKeys(), DriverContext(ManualClock()))
     with pytest.raises(BadRequest, match="is no name of a topic"):
         asked(nodes)

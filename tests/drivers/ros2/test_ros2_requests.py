@@ -7,8 +7,8 @@ import pytest
 
 from drivers.api.ros2 import GoalState
 from drivers.errors import NotConnected
-from drivers.ros2.node import Node
-from drivers.ros2.requests import GoalPhase, Requests
+from drivers.ros2.node import Ros2Node
+from drivers.ros2.requests import GoalPhase, RequestTracker
 from drivers.ros2.types import types
 from drivers.ros2.wire import Entity
 from tests.machines import walk
@@ -25,7 +25,7 @@ class Network:
         self.servers = ["a"]
         self.asked: list[tuple[str, Any]] = []
 
-    def now(self) -> float:
+    def read_value(self) -> float:
         return self.time
 
     def entities(self, role: str, name: str) -> list[Entity]:
@@ -46,17 +46,17 @@ class Network:
         return [replied for kind, replied in self.asked if kind == CANCEL]
 
 
-def begun() -> tuple[Network, Requests, int]:
+def begun() -> tuple[Network, RequestTracker, int]:
     network = Network()
-    requests = Requests(lambda: cast(Node, network), cast(Any, network), lambda: None)
+    requests = RequestTracker(lambda: cast(Ros2Node, network), cast(Any, network), lambda: None)
     number = requests.begin("/navigate_to_pose", NAVIGATE, {})
     network.asked[0][1](types().encode(f"{NAVIGATE}_SendGoal_Response", {"accepted": True}))
     return network, requests, number
 
 
-def look(network: Network, requests: Requests, seconds: float) -> None:
+def look(network: Network, requests: RequestTracker, seconds: float) -> None:
     network.time += seconds
-    requests.look(cast(Node, network))
+    requests.check_servers(cast(Ros2Node, network))
 
 
 HEARD = types().encode(f"{CANCEL}_Response", {})
@@ -113,7 +113,7 @@ def test_a_goal_that_its_server_does_not_know_any_more_is_over_and_one_that_has_
     network, requests, number = begun()
     requests.cancel(number)
     network.cancels[0](TERMINATED)
-    assert not requests.progress(number).over
+    assert not requests.progress(number).is_final
     requests.cancel(number)
     network.cancels[1](NOT_KNOWN)
     told = requests.progress(number)
@@ -160,7 +160,7 @@ class Goal:
 
     def __init__(self) -> None:
         self.network = Network()
-        self.requests = Requests(lambda: cast(Node, self.network), cast(Any, self.network), lambda: None)
+        self.requests = RequestTracker(lambda: cast(Ros2Node, self.network), cast(Any, self.network), lambda: None)
         self.number = self.requests.begin("/navigate_to_pose", NAVIGATE, {})
         self.answered = 0
 
@@ -187,7 +187,7 @@ def test_random_answers_take_every_transition_and_a_goal_that_may_go_on_is_cance
         asked = len(goal.network.cancels)
         goal.network.there = True
         look(goal.network, goal.requests, 2.0)
-        if goal.requests._all[goal.number].phase is GoalPhase.LOOSE:
+        if goal.requests._requests[goal.number].phase is GoalPhase.ORPHANED:
             assert len(goal.network.cancels) == asked + 1
 
     actions = [cancel, let_time_pass, Goal.answer, Goal.answer]

@@ -11,14 +11,14 @@ from typing import Any
 
 import pytest
 
-from config.faults import Source
-from drivers.api.driver import Site
+from config.faults import SourceText
+from drivers.api.driver import DriverContext
 from drivers.clock import SystemClock
 from drivers.ros2.declared import ZenohKeys
 from drivers.ros2.graph import Ros2Graph
 from drivers.ros2.make import graph as make_graph
 from drivers.ros2.virtual import free_address
-from missions.library.drivers import robot_of
+from missions.library.drivers import parse_robot
 from tests.certificates import authority, certificate
 from tests.waiting import wait_until
 
@@ -72,9 +72,9 @@ def routed(folder: Path, settings: Mapping[str, Any]) -> Iterator[str]:
 @contextmanager
 def nodes(text: str) -> Iterator[Ros2Graph]:
     """Open the nodes of a robot whose file says so of them."""
-    keys = robot_of(Source("robot.yaml", f"robot: r\nros2:\n{text}")).keys(ZenohKeys)
+    keys = parse_robot(SourceText("robot.yaml", f"robot: r\nros2:\n{text}")).keys(ZenohKeys)
     assert keys is not None
-    graph = make_graph(keys, Site(SystemClock()))
+    graph = make_graph(keys, DriverContext(SystemClock()))
     graph.open()
     try:
         yield graph

@@ -6,12 +6,12 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from drivers.api import STILL, DeviceStatus, Velocity
-from drivers.api.driver import Site
+from drivers.api import ZERO_VELOCITY, DeviceStatus, Velocity
+from drivers.api.driver import DriverContext
 from drivers.base.diff_drive import DiffDriveBase
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
-from drivers.ros2.camera import IMAGES, picture
+from drivers.ros2.camera import IMAGES, decode_image
 from drivers.ros2.declared import Ros2BaseKeys, Ros2CameraKeys, Ros2RangeKeys, ZenohKeys
 from drivers.ros2.graph import Ros2Graph
 from drivers.ros2.make import base as make_base
@@ -20,11 +20,11 @@ from drivers.ros2.make import graph as make_graph
 from drivers.ros2.make import ranger as make_ranger
 from drivers.ros2.ranger import Ros2Ranger
 from drivers.ros2.types import types
-from drivers.ros2.virtual import Ros2Terminal, Served, VirtualNav2, free_address
-from drivers.ros2.virtual_topics import VirtualBase, VirtualPictures, VirtualScan
-from drivers.sim.body import Body
-from drivers.sim.scanner import looking
-from drivers.sim.world import World
+from drivers.ros2.virtual import Ros2Terminal, RouterSettings, VirtualNav2, free_address
+from drivers.ros2.virtual_topics import VirtualPictures, VirtualRos2Base, VirtualScan
+from drivers.sim.body import BaseBody
+from drivers.sim.scanner import make_range_function
+from drivers.sim.world import SimulatedWorld
 from tests.waiting import wait_until
 
 
@@ -37,12 +37,12 @@ class Robot:
         self.clock = SystemClock()
         self.told: list[DeviceStatus] = []
         topics = {"cmd_vel": f"{namespace}/cmd_vel", "odom": f"{namespace}/odom"}
-        self.virtual = VirtualBase(Body(), topics, stamped=True)
-        look = looking(World(), (0.0, 0.0, 0.0), self.virtual.pose)
-        self.terminal = Ros2Terminal(Served(0, namespace, free_address()), self.clock)
+        self.virtual = VirtualRos2Base(BaseBody(), topics, stamped=True)
+        look = make_range_function(SimulatedWorld(), (0.0, 0.0, 0.0), self.virtual.pose)
+        self.terminal = Ros2Terminal(RouterSettings(0, namespace, free_address()), self.clock)
         self.terminal.devices += [self.virtual, VirtualScan(look, f"{namespace}/scan")]
         actions = (f"{namespace}/navigate_to_pose", f"{namespace}/navigate_through_poses", f"{namespace}/dock")
-        self.terminal.serving.append(VirtualNav2(self.virtual, actions).serve)
+        self.terminal.node_setups.append(VirtualNav2(self.virtual, actions).serve)
         keys = ZenohKeys(router=router or self.terminal.path, namespace=namespace, domain=0, mode=mode)
         self.graph: Ros2Graph = make_graph(keys, self._site())
         parts = {"ros2": self.graph}
@@ -50,8 +50,8 @@ class Robot:
         self.ranger: Ros2Ranger = make_ranger(Ros2RangeKeys(), self._site(parts))
         self.devices = (self.base, self.ranger, self.graph)
 
-    def _site(self, parts: Mapping[str, object] | None = None) -> Site:
-        return Site(self.clock, report=self.told.append, parts=parts or {})
+    def _site(self, parts: Mapping[str, object] | None = None) -> DriverContext:
+        return DriverContext(self.clock, report=self.told.append, needed_parts=parts or {})
 
     def open(self) -> None:
         self.terminal.open()
@@ -85,8 +85,8 @@ def test_a_base_is_found_with_the_type_that_it_listens_for_and_driven(robot: Rob
 
     wait_until(driven, pause=0.02)
     robot.base.stop()
-    wait_until(lambda: robot.virtual.body.velocity == STILL)
-    assert robot.virtual.pose(robot.clock.now()).x > 0.04
+    wait_until(lambda: robot.virtual.body.velocity == ZERO_VELOCITY)
+    assert robot.virtual.pose(robot.clock.read_value()).x > 0.04
     wait_until(lambda: robot.ranger.scan().good)
     nodes = {each.node for each in robot.graph.node().entities("NN")}
     assert nodes == {"robot"}
@@ -103,9 +103,9 @@ def test_with_its_router_gone_it_comes_to_rest_and_with_it_back_it_goes_on_by_it
 
     wait_until(driven, pause=0.02)
     robot.terminal.unplug()
-    lost = robot.clock.now()
-    wait_until(lambda: robot.virtual.body.velocity == STILL)
-    assert robot.clock.now() - lost < 0.7
+    lost = robot.clock.read_value()
+    wait_until(lambda: robot.virtual.body.velocity == ZERO_VELOCITY)
+    assert robot.clock.read_value() - lost < 0.7
     wait_until(lambda: not robot.graph.health().online and not robot.base.health().online)
     with pytest.raises(NotConnected, match="base:"):
         robot.base.drive(Velocity(0.2, 0.0))
@@ -128,7 +128,8 @@ def test_messages_without_attachments_are_not_heard_and_told_of(robot: Robot) ->
         session.put("0/tb4/bare/std_msgs::msg::dds_::String_/RIHS01_0", payload)
         session.put("0/tb4/bare/std_msgs::msg::dds_::String_/RIHS01_0", payload, attachment=b"12345")
         return any(
-            "/tb4/bare: malformed message: it comes without what rmw_zenoh attaches" in each.what for each in robot.told
+            "/tb4/bare: malformed message: it comes without what rmw_zenoh attaches" in each.message
+            for each in robot.told
         )
 
     wait_until(told)
@@ -164,7 +165,7 @@ def test_pictures_come_as_they_were_taken(robot: Robot, compressed: bool) -> Non
 def test_each_encoding_becomes_blue_green_red(encoding: str) -> None:
     size = {"mono8": 1, "bgra8": 4, "rgba8": 4, "yuv422_yuy2": 2}.get(encoding, 3)
     values = {"height": 4, "width": 6, "encoding": encoding, "step": 6 * size + 5, "data": bytes(4 * (6 * size + 5))}
-    assert picture(IMAGES[0], types().encode(IMAGES[0], values)).shape == (4, 6, 3)
+    assert decode_image(IMAGES[0], types().encode(IMAGES[0], values)).shape == (4, 6, 3)
 
 
 @pytest.mark.parametrize(
@@ -174,7 +175,7 @@ def test_each_encoding_becomes_blue_green_red(encoding: str) -> None:
 def test_a_picture_whose_figures_make_no_sense_is_none(values: dict[str, object]) -> None:
     good = {"height": 4, "width": 6, "encoding": "bgr8", "step": 18, "data": bytes(72)}
     with pytest.raises(ValueError, match=r"."):
-        picture(IMAGES[0], types().encode(IMAGES[0], {**good, **values}))
+        decode_image(IMAGES[0], types().encode(IMAGES[0], {**good, **values}))
 
 
 def test_a_topic_of_a_name_is_no_action_of_it(robot: Robot) -> None:

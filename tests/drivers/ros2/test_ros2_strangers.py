@@ -11,20 +11,20 @@ import numpy as np
 import pytest
 
 from drivers.api import Health, Sides
-from drivers.api.driver import Site
+from drivers.api.driver import DriverContext
 from drivers.clock import ManualClock
 from drivers.ros2 import base as create3
 from drivers.ros2 import wire
-from drivers.ros2.base import KINDS
-from drivers.ros2.camera import IMAGES, TopicFeed, picture
+from drivers.ros2.base import TOPIC_TYPES
+from drivers.ros2.camera import IMAGES, TopicFeed, decode_image
 from drivers.ros2.declared import Ros2ArmKeys, Ros2JointKeys, Ros2RangeKeys, ZenohKeys
 from drivers.ros2.make import arm as make_arm
 from drivers.ros2.make import graph as make_graph
 from drivers.ros2.make import ranger as make_ranger
-from drivers.ros2.publisher import Sieve
-from drivers.ros2.ranger import SCAN, Ros2Ranger
+from drivers.ros2.publisher import MessageFilter
+from drivers.ros2.ranger import LASER_SCAN, Ros2Ranger
 from drivers.ros2.types import types
-from drivers.ros2.ways import STATE
+from drivers.ros2.ways import JOINT_STATE
 from drivers.ros2.wire import Attachment
 from tests.contract.test_ros2_base_contract import TOPICS, Topics
 
@@ -43,29 +43,29 @@ def test_the_attachment_of_an_older_rmw_zenoh_which_names_its_parts_is_read_and_
             (b"source_gid", bytes([16]) + GID),
         )
     )
-    told = wire.attachment(named)
+    told = wire.parse_attachment(named)
     assert told is not None
-    assert (told.number, told.sent, told.gid) == (7, 10**18, GID)
+    assert (told.number, told.sent_at, told.gid) == (7, 10**18, GID)
     assert told.pack() == named
 
 
 @pytest.mark.parametrize("length", [1, 12, 24])
 def test_a_gid_of_another_length_is_one(length: int) -> None:
     told = Attachment(7, 10**18, bytes(length))
-    assert wire.attachment(told.pack()) == told
+    assert wire.parse_attachment(told.pack()) == told
 
 
 def test_a_sender_that_does_not_know_the_time_is_heard_by_its_numbers() -> None:
-    sieve = Sieve()
-    assert all(sieve.passes(Attachment(number, 0, GID), number / 10) for number in range(100))
+    sieve = MessageFilter()
+    assert all(sieve.accepts(Attachment(number, 0, GID), number / 10) for number in range(100))
 
 
 def test_clocks_that_differ_by_hours_and_are_set_by_hours_make_nothing_late_for_long() -> None:
-    sieve = Sieve()
+    sieve = MessageFilter()
     passed = []
     for number in range(100):
         ahead = 7200 if number >= 50 else -7200
-        passed.append(sieve.passes(Attachment(number, round((number / 10 + ahead) * 1e9), GID), number / 10))
+        passed.append(sieve.accepts(Attachment(number, round((number / 10 + ahead) * 1e9), GID), number / 10))
     assert all(passed)
 
 
@@ -74,9 +74,9 @@ def test_clocks_that_differ_by_hours_and_are_set_by_hours_make_nothing_late_for_
 
 @pytest.fixture
 def ranger() -> Iterator[Ros2Ranger]:
-    site = Site(ManualClock())
+    site = DriverContext(ManualClock())
     found: Ros2Ranger = make_ranger(
-        Ros2RangeKeys(), Site(site.clock, parts={"ros2": make_graph(ZenohKeys(domain=0), site)})
+        Ros2RangeKeys(), DriverContext(site.clock, needed_parts={"ros2": make_graph(ZenohKeys(domain=0), site)})
     )
     yield found
     found.close()
@@ -87,7 +87,7 @@ def scanned(ranger: Ros2Ranger, **given: object) -> Any:
         "angle_min": -0.1, "angle_max": 0.1, "angle_increment": 0.1, "range_min": 0.1, "range_max": 10.0,
         "ranges": [1.0, 2.0, 3.0],
     }  # fmt: skip
-    ranger.received(wire.frame(0, types().encode(SCAN, values | given)))
+    ranger.on_data(wire.frame(0, types().encode(LASER_SCAN, values | given)))
     return ranger.scan().value
 
 
@@ -167,14 +167,14 @@ REFUSED: tuple[tuple[dict[str, object], str], ...] = (
 def test_a_scan_without_a_clear_meaning_is_refused_by_name(
     ranger: Ros2Ranger, given: dict[str, object], why: str
 ) -> None:
-    ranger._kind = SCAN
+    ranger._kind = LASER_SCAN
     ranger._link.health = lambda: Health(True)  # type: ignore[method-assign]
     assert scanned(ranger, **given) is None
     health = ranger.health()
     assert (health.online, health.counters["malformed"]) == (False, 1)
     assert health.detail.startswith("range: /scan: malformed message: ")
     assert why in health.detail
-    assert SCAN in health.detail
+    assert LASER_SCAN in health.detail
 
 
 def test_a_clockwise_scan_has_left_on_its_left(ranger: Ros2Ranger) -> None:
@@ -200,13 +200,13 @@ def base() -> Iterator[Topics]:
 
 def told(base: Topics, word: str, **values: object) -> None:
     """Let the robot say something besides."""
-    base.wire.take(wire.frame(list(TOPICS).index(word), types().encode(KINDS[word][0], values)))
+    base.wire.take(wire.frame(list(TOPICS).index(word), types().encode(TOPIC_TYPES[word][0], values)))
     base.wait(0.05)
 
 
 def odometry(base: Topics, x: float, y: float, turned: dict[str, float], frame: str = "odom") -> None:
     """Let it say where it is, and nothing else from now on."""
-    base.robot.frozen = True
+    base.robot.is_stalled = True
     header = {"frame_id": frame}
     told(base, "odom", header=header, pose={"pose": {"position": {"x": x, "y": y}, "orientation": turned}})
 
@@ -276,7 +276,7 @@ def detection(kind: int, frame: str) -> Any:
 
 @pytest.mark.parametrize("namespace", ["", "left_robot/", "centre/right/"])
 def test_the_side_of_a_contact_is_said_by_its_frame_and_not_by_the_name_of_the_robot(namespace: str) -> None:
-    bumper = create3.report_of([detection(create3.BUMP, f"{namespace}bump_right")]).bumper
+    bumper = create3.parse_hazards([detection(create3.BUMP, f"{namespace}bump_right")]).bumper
     assert (bumper.left, bumper.centre, bumper.right) == (False, False, True)
 
 
@@ -293,7 +293,7 @@ def test_the_side_of_a_contact_is_said_by_its_frame_and_not_by_the_name_of_the_r
     ],
 )
 def test_hazards_that_are_no_contacts_are_named_and_unknown_types_are_kept(kind: int, frame: str, name: str) -> None:
-    report = create3.report_of([detection(kind, frame), detection(create3.BUMP, "bump_left")])
+    report = create3.parse_hazards([detection(kind, frame), detection(create3.BUMP, "bump_left")])
     assert report.others == {name}
     assert report.bumper == Sides(left=True)
 
@@ -302,12 +302,12 @@ def test_hazards_that_are_no_contacts_are_named_and_unknown_types_are_kept(kind:
 
 
 def test_joints_whose_speeds_are_not_measured_are_there() -> None:
-    site = Site(ManualClock())
+    site = DriverContext(ManualClock())
     keys = Ros2ArmKeys(joints={"elbow": Ros2JointKeys(joint="arm_2"), "wrist": Ros2JointKeys(joint="arm_3")})
-    arm = make_arm(keys, Site(site.clock, parts={"ros2": make_graph(ZenohKeys(domain=0), site)}))
+    arm = make_arm(keys, DriverContext(site.clock, needed_parts={"ros2": make_graph(ZenohKeys(domain=0), site)}))
     for position in (0.1, 0.2):
         values = {"name": ["arm_2", "arm_3"], "position": [position, nan], "velocity": [nan, nan], "effort": [nan, nan]}
-        arm.received(wire.frame(0, types().encode(STATE, values)))
+        arm.on_data(wire.frame(0, types().encode(JOINT_STATE, values)))
         site.clock.advance(0.1)  # type: ignore[attr-defined]
     elbow, wrist = (arm.states()[name].value for name in ("elbow", "wrist"))
     assert elbow is not None
@@ -328,7 +328,7 @@ def raw(encoding: str, rows: np.ndarray[Any, Any], width: int, **given: object) 
         "step": rows.strides[0],
         "data": rows.tobytes(),
     }
-    return picture(IMAGES[0], types().encode(IMAGES[0], values | given))
+    return decode_image(IMAGES[0], types().encode(IMAGES[0], values | given))
 
 
 @pytest.mark.parametrize(
@@ -379,7 +379,9 @@ def test_a_compressed_picture_that_ends_early_is_none(suffix: str) -> None:
     good = cv2.imencode(suffix, np.random.default_rng(1).integers(0, 255, (60, 80, 3), np.uint8))[1].tobytes()
 
     def shown(data: bytes) -> Any:
-        return picture(IMAGES[1], types().encode(IMAGES[1], {"format": f"bgr8; {suffix} compressed", "data": data}))
+        return decode_image(
+            IMAGES[1], types().encode(IMAGES[1], {"format": f"bgr8; {suffix} compressed", "data": data})
+        )
 
     assert shown(good).shape == (60, 80, 3)
     assert shown(good + bytes(7)).shape == (60, 80, 3)

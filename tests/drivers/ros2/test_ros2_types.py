@@ -8,7 +8,7 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from drivers.errors import BadRequest
-from drivers.ros2.types import Malformed, types
+from drivers.ros2.types import MalformedMessage, types
 
 HASHES = {
     "std_msgs/msg/String": "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
@@ -28,7 +28,7 @@ GOLDEN = (
 
 def some_values(name: str, chance: Random, depth: int = 0) -> dict[str, object]:
     """Return values for the fields of a type, as a mission would give them."""
-    types().warm(name)
+    types().preload(name)
     store: Any = types()._store
 
     def value(kind: Any) -> object:
@@ -67,7 +67,7 @@ def test_bytes_are_those_of_rosbags_and_come_back_as_the_same_values(name: str) 
     values = some_values(name, Random(name))  # noqa: S311 - no secret
     golden = bytes(get_typestore(Stores.ROS2_JAZZY).serialize_cdr(by_rosbags(name, values), name, little_endian=True))
     assert types().encode(name, values) == golden
-    assert types().encode(name, types().values(types().decode(name, golden))) == golden
+    assert types().encode(name, types().to_plain(types().decode(name, golden))) == golden
 
 
 @pytest.mark.parametrize("name", HASHES)
@@ -88,7 +88,7 @@ def test_a_goal_of_nav2_is_sixteen_bytes_a_pose_and_a_tree() -> None:
 
 def test_a_type_without_fields_is_one_byte() -> None:
     assert types().encode("std_srvs/srv/Empty_Request", {}) == b"\0\1\0\0\0"
-    assert types().values(types().decode("std_srvs/srv/Empty_Response", b"\0\1\0\0\0")) == {}
+    assert types().to_plain(types().decode("std_srvs/srv/Empty_Response", b"\0\1\0\0\0")) == {}
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_a_type_that_is_not_known_says_whose_are() -> None:
     with pytest.raises(BadRequest, match="'my_msgs/msg/Mine' of ROS 2 is not known") as caught:
         types().encode("my_msgs/msg/Mine", {})
     assert "nav2_msgs" in caught.value.hint
-    assert not types().knows("my_msgs/msg/Mine")
+    assert not types().is_known("my_msgs/msg/Mine")
 
 
 @pytest.mark.parametrize("name", [*GOLDEN, "nav2_msgs/action/NavigateToPose_FeedbackMessage"])
@@ -122,6 +122,6 @@ def test_noise_is_malformed_and_nothing_else(name: str) -> None:
             if noise:
                 noise[chance.randrange(len(noise))] = chance.randrange(256)
         try:
-            types().values(types().decode(name, bytes(noise)))
-        except Malformed:
+            types().to_plain(types().decode(name, bytes(noise)))
+        except MalformedMessage:
             continue

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as some
 
 from drivers.ros2 import wire
-from drivers.ros2.publisher import Sieve
+from drivers.ros2.publisher import MessageFilter
 from drivers.ros2.wire import Attachment, Entity
 
 STRING = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
@@ -65,7 +65,7 @@ DESIGN = {
 
 @pytest.mark.parametrize("token", DESIGN)
 def test_the_tokens_of_the_design_document_are_read_and_written(token: str) -> None:
-    assert wire.entity(token) == DESIGN[token]
+    assert wire.parse_entity(token) == DESIGN[token]
     assert DESIGN[token].token == token
 
 
@@ -79,94 +79,94 @@ def test_a_namespace_is_within_a_token_with_its_slashes_as_percent() -> None:
         "MP", 0, "a", "1", "2", "talker", "/fleet/one", "/fleet/one/scan", "sensor_msgs/msg/LaserScan", "h", "q"
     )
     assert "/%fleet%one/talker/%fleet%one%scan/" in told.token
-    assert wire.entity(told.token) == told
+    assert wire.parse_entity(told.token) == told
 
 
 def test_an_attachment_is_a_number_a_time_sixteen_and_a_gid() -> None:
     packed = Attachment(7, 1_700_000_000_000_000_001, bytes(range(16))).pack()
     assert packed == struct.pack("<qqB", 7, 1_700_000_000_000_000_001, 16) + bytes(range(16))
     assert len(packed) == 33
-    assert wire.attachment(packed) == Attachment(7, 1_700_000_000_000_000_001, bytes(range(16)))
+    assert wire.parse_attachment(packed) == Attachment(7, 1_700_000_000_000_000_001, bytes(range(16)))
 
 
 @given(some.binary(max_size=90), some.booleans())
 def test_what_is_no_attachment_is_none(data: bytes, named: bool) -> None:
     begun = b"\x0fsequence_number" * named + data
-    told = wire.attachment(begun)
+    told = wire.parse_attachment(begun)
     assert told is None or told.pack() == begun
 
 
 @given(some.text(max_size=40))
 @settings(max_examples=40)
 def test_what_is_no_token_is_none(text: str) -> None:
-    assert wire.entity(text) is None
-    wire.entity("@ros2_lv/0/a/0/1/MP/%/%/n/" + text)
+    assert wire.parse_entity(text) is None
+    wire.parse_entity("@ros2_lv/0/a/0/1/MP/%/%/n/" + text)
 
 
 @given(some.lists(some.tuples(some.integers(0, 65535), some.binary(max_size=50)), max_size=6), some.integers(1, 9))
 def test_frames_come_whole_however_they_are_cut(sent: list[tuple[int, bytes]], size: int) -> None:
     data = b"".join(wire.frame(*each) for each in sent)
-    finder = wire.FrameFinder()
+    finder = wire.TopicFrameFinder()
     pieces = [data[at : at + size] for at in range(0, len(data), size)]
     assert [frame for piece in pieces for frame in finder.feed(piece)] == sent
 
 
 @given(some.binary(max_size=200))
 def test_any_bytes_are_borne_as_frames(data: bytes) -> None:
-    finder = wire.FrameFinder()
+    finder = wire.TopicFrameFinder()
     finder.feed(data)
     finder.feed(data)
 
 
 def test_a_topic_within_a_namespace_is_one_that_does_not_begin_with_a_slash() -> None:
-    assert wire.whole("scan", "/tb4") == "/tb4/scan"
-    assert wire.whole("scan") == "/scan"
-    assert wire.whole("/scan", "/tb4") == "/scan"
+    assert wire.full_name("scan", "/tb4") == "/tb4/scan"
+    assert wire.full_name("scan") == "/scan"
+    assert wire.full_name("/scan", "/tb4") == "/scan"
 
 
 @pytest.mark.parametrize("name", ["/cmd*", "**", "/tb4/$*/odom", "a b", "", "/", "/odom/", "/a//b", "odom?x", "/döck"])
 def test_no_topic_is_called_so_that_others_are_reached_besides(name: str) -> None:
     with pytest.raises(ValueError, match="is no name of a topic"):
-        wire.whole(name, "/tb4")
+        wire.full_name(name, "/tb4")
 
 
 GID = bytes(16)
 
 
 def test_a_message_that_comes_twice_or_out_of_order_counts_once() -> None:
-    sieve = Sieve()
+    sieve = MessageFilter()
     passed = [
-        number for number in (1, 2, 2, 4, 3, 5) if sieve.passes(Attachment(number, number * 10**8, GID), number / 10)
+        number for number in (1, 2, 2, 4, 3, 5) if sieve.accepts(Attachment(number, number * 10**8, GID), number / 10)
     ]
     assert passed == [1, 2, 4, 5]
-    assert sieve.doubled == 2
+    assert sieve.duplicate_count == 2
 
 
 def test_messages_that_were_held_up_do_not_count_and_those_after_them_do() -> None:
-    sieve = Sieve()
+    sieve = MessageFilter()
     for number in range(20):
-        assert sieve.passes(Attachment(number, number * 10**8, GID), number / 10 + 0.01)
-    held = [sieve.passes(Attachment(number, number * 10**8, GID), 6.0) for number in range(20, 50)]
+        assert sieve.accepts(Attachment(number, number * 10**8, GID), number / 10 + 0.01)
+    held = [sieve.accepts(Attachment(number, number * 10**8, GID), 6.0) for number in range(20, 50)]
     assert not any(held)
-    assert sieve.late == 30
-    assert sieve.passes(Attachment(60, 60 * 10**8, GID), 6.02)
+    assert sieve.late_count == 30
+    assert sieve.accepts(Attachment(60, 60 * 10**8, GID), 6.02)
 
 
 def test_a_sender_whose_clock_was_set_back_is_heard_again_after_a_second() -> None:
-    sieve = Sieve()
-    sieve.passes(Attachment(1, 100 * 10**9, GID), 1.0)
-    heard = [sieve.passes(Attachment(2 + step, 50 * 10**9 + step * 10**8, GID), 1.1 + step / 10) for step in range(20)]
+    sieve = MessageFilter()
+    sieve.accepts(Attachment(1, 100 * 10**9, GID), 1.0)
+    heard = [sieve.accepts(Attachment(2 + step, 50 * 10**9 + step * 10**8, GID), 1.1 + step / 10) for step in range(20)]
     assert heard.index(True) == 10
     assert all(heard[10:])
 
 
 def test_another_sender_has_its_own_numbers() -> None:
-    sieve = Sieve()
-    assert sieve.passes(Attachment(900, 10**9, GID), 1.0)
-    assert sieve.passes(Attachment(1, 10**9, b"x" * 16), 1.0)
+    sieve = MessageFilter()
+    assert sieve.accepts(Attachment(900, 10**9, GID), 1.0)
+    assert sieve.accepts(Attachment(1, 10**9, b"x" * 16), 1.0)
 
 
 def test_a_senders_clock_that_is_slow_makes_nothing_late() -> None:
-    sieve = Sieve()
+    sieve = MessageFilter()
     for number in range(20_000):
-        assert sieve.passes(Attachment(number, round(number * 0.99995 * 10**9), GID), float(number))
+        assert sieve.accepts(Attachment(number, round(number * 0.99995 * 10**9), GID), float(number))

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from missions.assembly.gallery import Features
-from missions.library.people import FEATURES, People
+from missions.assembly.gallery import FeatureCache
+from missions.library.people import FEATURES_FILE, People
 from perception.api import Box, Image
-from perception.dlib_people import LENGTH, DlibDescriber, DlibPeople, Feature
+from perception.dlib_people import FEATURE_LENGTH, DlibDescriber, DlibRecogniser, Feature
 from tests.missions.library.test_people import ANNA, BEN, taken
 
 
@@ -23,7 +23,7 @@ class Describer(DlibDescriber):
 
     def __call__(self, image: Image, face: Box) -> Feature:  # noqa: ARG002 - a portrait is its face
         self.asked += 1
-        return image.ravel()[:LENGTH] / 255
+        return image.ravel()[:FEATURE_LENGTH] / 255
 
 
 @pytest.fixture
@@ -36,15 +36,15 @@ def people(tmp_path: Path) -> People:
 
 def learn(people: People, describe: Describer) -> int:
     """Learn everybody as at a start, see that all are right, and return how often the network was asked."""
-    features = Features(people, describe)
+    features = FeatureCache(people, describe)
     for name, pictures in people.portraits(lambda _: None).items():
         for picture, feature in zip(pictures, features(name, pictures), strict=True):
-            assert np.array_equal(feature, picture.ravel()[:LENGTH] / 255)
+            assert np.array_equal(feature, picture.ravel()[:FEATURE_LENGTH] / 255)
     return describe.asked
 
 
 def names(people: People) -> list[str]:
-    return sorted(str(path.relative_to(people.where)) for path in people.where.rglob(FEATURES))
+    return sorted(str(path.relative_to(people.folder)) for path in people.folder.rglob(FEATURES_FILE))
 
 
 def test_a_picture_is_described_once_and_not_at_each_start(people: People) -> None:
@@ -58,43 +58,43 @@ def test_a_picture_is_described_once_and_not_at_each_start(people: People) -> No
 def test_dlib_learns_by_it_at_the_first_look(people: People) -> None:
     learn(people, Describer())
     describe = Describer()
-    known = DlibPeople(people.portraits(lambda _: None), describe, Features(people, describe))
-    look = known.look(ANNA[0], Box(4.0, 4.0, 12.0, 12.0))
+    known = DlibRecogniser(people.portraits(lambda _: None), describe, FeatureCache(people, describe))
+    look = known.match(ANNA[0], Box(4.0, 4.0, 12.0, 12.0))
     assert look is not None
     assert describe.asked == 1
 
 
 def test_it_is_for_its_owner_only(people: People) -> None:
     learn(people, Describer())
-    assert stat.S_IMODE((people.where / "Anna" / FEATURES).stat().st_mode) == 0o600
+    assert stat.S_IMODE((people.folder / "Anna" / FEATURES_FILE).stat().st_mode) == 0o600
 
 
 def test_nothing_is_left_of_who_is_removed(people: People) -> None:
     learn(people, Describer())
     people.remove("Anna")
-    assert names(people) == [f"Ben/{FEATURES}"]
-    assert not (people.where / "Anna").exists()
+    assert names(people) == [f"Ben/{FEATURES_FILE}"]
+    assert not (people.folder / "Anna").exists()
 
 
 def test_nothing_is_kept_of_who_is_removed_while_a_run_has_the_pictures(people: People) -> None:
     pictures = people.portraits(lambda _: None)
-    (people.where / "Anna" / "letter.txt").write_text("of somebody else")
+    (people.folder / "Anna" / "letter.txt").write_text("of somebody else")
     people.remove("Anna")
-    Features(people, Describer())("Anna", pictures["Anna"])
+    FeatureCache(people, Describer())("Anna", pictures["Anna"])
     assert names(people) == []
 
 
 def test_nothing_is_kept_of_a_picture_that_was_deleted_by_hand(people: People) -> None:
     learn(people, Describer())
     people.add("Anna", [taken(98)])
-    (people.where / "Anna" / "001.png").unlink()
+    (people.folder / "Anna" / "001.png").unlink()
     learn(people, Describer())
-    told = json.loads((people.where / "Anna" / FEATURES).read_text("utf-8"))
+    told = json.loads((people.folder / "Anna" / FEATURES_FILE).read_text("utf-8"))
     assert len(told["features"]) == len(ANNA)
-    for path in (people.where / "Ben").glob("*.png"):
+    for path in (people.folder / "Ben").glob("*.png"):
         path.unlink()
     people.add("Anna", [taken(97)])
-    assert names(people) == [f"Anna/{FEATURES}"]
+    assert names(people) == [f"Anna/{FEATURES_FILE}"]
 
 
 @pytest.mark.parametrize(
@@ -107,11 +107,12 @@ def test_nothing_is_kept_of_a_picture_that_was_deleted_by_hand(people: People) -
         b'{"model": "net", "features": [1]}',
         b"[" * 100_000,
         b'{"model": "net", "features": {"ab": [1.0]}}',
-        b'{"model": "net", "features": {"ab": %s}}' % str([float("nan")] * LENGTH).replace("nan", "NaN").encode(),
+        b'{"model": "net", "features": {"ab": %s}}'
+        % str([float("nan")] * FEATURE_LENGTH).replace("nan", "NaN").encode(),
     ],
 )
 def test_a_damaged_file_is_written_anew(damage: bytes, people: People) -> None:
-    path = people.where / "Anna" / FEATURES
+    path = people.folder / "Anna" / FEATURES_FILE
     path.write_bytes(damage)
     assert learn(people, Describer()) == len(ANNA) + len(BEN)
     assert learn(people, Describer()) == 0
@@ -119,7 +120,7 @@ def test_a_damaged_file_is_written_anew(damage: bytes, people: People) -> None:
 
 def test_a_link_is_not_followed(people: People, tmp_path: Path) -> None:
     learn(people, Describer())
-    path = people.where / "Anna" / FEATURES
+    path = people.folder / "Anna" / FEATURES_FILE
     kept = path.rename(tmp_path / "elsewhere.json")
     before = kept.read_bytes()
     path.symlink_to(kept)
@@ -129,6 +130,6 @@ def test_a_link_is_not_followed(people: People, tmp_path: Path) -> None:
 
 
 def test_where_it_cannot_be_kept_people_are_known_nevertheless(people: People) -> None:
-    (people.where / "Anna" / FEATURES).mkdir()
+    (people.folder / "Anna" / FEATURES_FILE).mkdir()
     assert learn(people, Describer()) == len(ANNA) + len(BEN)
     assert learn(people, Describer()) == len(ANNA)

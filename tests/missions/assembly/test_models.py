@@ -10,12 +10,12 @@ from threading import Thread
 import pytest
 
 from missions.assembly import models
-from missions.assembly.models import YUNET, FetchError, Model, fetch, folder, is_there
+from missions.assembly.models import YUNET, FetchError, ModelFile, fetch, is_fetched, models_folder
 from missions.plugins.setup import models as cli
 from tests.missions.command import Outcome, command
 
 CONTENT = bytes(range(256)) * 1000
-MODEL = Model("small", "A test.", "small.onnx", "", hashlib.sha256(CONTENT).hexdigest(), len(CONTENT))
+MODEL = ModelFile("small", "A test.", "small.onnx", "", hashlib.sha256(CONTENT).hexdigest(), len(CONTENT))
 
 
 class Handler(BaseHTTPRequestHandler):
@@ -58,11 +58,11 @@ def server() -> Iterator[str]:
 @pytest.mark.parametrize("place", ["good", "moved"])
 def test_a_model_is_fetched_whole_into_a_folder_that_need_not_be_there(server: str, tmp_path: Path, place: str) -> None:
     counts: list[int] = []
-    path = fetch(MODEL, tmp_path / "a/b", url=f"{server}/{place}", told=counts.append)
+    path = fetch(MODEL, tmp_path / "a/b", url=f"{server}/{place}", on_progress=counts.append)
     assert path == tmp_path / "a/b/small.onnx"
     assert path.read_bytes() == CONTENT
     assert counts[-1] == len(CONTENT)
-    assert is_there(MODEL, tmp_path / "a/b")
+    assert is_fetched(MODEL, tmp_path / "a/b")
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_a_failed_download_leaves_the_file_that_was_there(server: str, tmp_path:
     with pytest.raises(FetchError):
         fetch(MODEL, tmp_path, url=f"{server}/other")
     assert (tmp_path / MODEL.file).read_bytes() == b"my own"
-    assert not is_there(MODEL, tmp_path)
+    assert not is_fetched(MODEL, tmp_path)
 
 
 def test_a_server_that_is_not_there_is_named(tmp_path: Path) -> None:
@@ -107,9 +107,9 @@ def test_a_folder_that_cannot_be_made_is_named(server: str, tmp_path: Path) -> N
 
 
 def test_models_are_kept_among_the_users_data() -> None:
-    assert folder({"XDG_DATA_HOME": "/data"}) == Path("/data/missiontree/models")
-    assert folder({"XDG_DATA_HOME": "relative"}) == Path.home() / ".local/share/missiontree/models"
-    assert folder({}) == Path.home() / ".local/share/missiontree/models"
+    assert models_folder({"XDG_DATA_HOME": "/data"}) == Path("/data/missiontree/models")
+    assert models_folder({"XDG_DATA_HOME": "relative"}) == Path.home() / ".local/share/missiontree/models"
+    assert models_folder({}) == Path.home() / ".local/share/missiontree/models"
 
 
 def test_yunet_is_known_by_the_sum_that_the_zoo_publishes() -> None:

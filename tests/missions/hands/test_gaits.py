@@ -9,81 +9,81 @@ from click.testing import CliRunner
 
 from config.faults import InvalidFileError
 from config.gesture import load_gait
-from config.library import shipped
+from config.library import shipped_files
 from drivers.api import Image
 from drivers.errors import BadRequest
-from drivers.legs.engine import whole
-from drivers.legs.gait import blended, mirrored, scaled
-from drivers.legs.pressure import margins
+from drivers.legs.engine import whole_body_pose
+from drivers.legs.gait import blend_gaits, mirror_gait, scale_gait
+from drivers.legs.pressure import support_margins
 from missions.cli.show import command as show
 from missions.library.drivers import load_robot
-from missions.plugins.legs.command import Walker, command, written
+from missions.plugins.legs.command import LeggedRobot, command, format_gait
 
 GAITS = Path(__file__).parents[3] / "config" / "gaits"
 STROLL, CURVE = GAITS / "stroll.yaml", GAITS / "curve.yaml"
 
 
 @pytest.fixture(scope="module", params=["humanoid", "op3"])
-def walker(request: pytest.FixtureRequest) -> Walker:
-    return Walker(load_robot(shipped("robots")[request.param]))
+def walker(request: pytest.FixtureRequest) -> LeggedRobot:
+    return LeggedRobot(load_robot(shipped_files("robots")[request.param]))
 
 
-def test_the_gaits_that_ship_can_be_walked(walker: Walker) -> None:
-    assert [wrong for path in sorted(GAITS.glob("*.yaml")) for wrong in walker.mistakes(walker.load(path))] == []
+def test_the_gaits_that_ship_can_be_walked(walker: LeggedRobot) -> None:
+    assert [wrong for path in sorted(GAITS.glob("*.yaml")) for wrong in walker.gait_errors(walker.load(path))] == []
 
 
-def test_a_blend_of_two_walks_is_between_them_and_can_be_walked(walker: Walker) -> None:
+def test_a_blend_of_two_walks_is_between_them_and_can_be_walked(walker: LeggedRobot) -> None:
     one, other = walker.load(STROLL), walker.load(CURVE)
-    middle = blended(one, other, 0.5)
-    assert walker.mistakes(middle) == []
+    middle = blend_gaits(one, other, 0.5)
+    assert walker.gait_errors(middle) == []
     assert np.allclose(middle.feet, (one.feet + other.feet) / 2)
-    assert np.array_equal(blended(one, other, 0.0).feet, one.feet)
+    assert np.array_equal(blend_gaits(one, other, 0.0).feet, one.feet)
 
 
-def test_a_mirrored_gait_is_the_mirror_image_joint_by_joint(walker: Walker) -> None:
+def test_a_mirrored_gait_is_the_mirror_image_joint_by_joint(walker: LeggedRobot) -> None:
     gait = walker.load(CURVE)
-    image, body = mirrored(gait), walker.body
-    assert walker.mistakes(image) == []
-    here, there = (whole(body, each.angles(body)[0]) for each in (gait, image))
-    assert np.allclose(body.mirrored(here), there, atol=1e-12)
-    assert np.array_equal(mirrored(image).feet, gait.feet)
+    image, body = mirror_gait(gait), walker.body
+    assert walker.gait_errors(image) == []
+    here, there = (whole_body_pose(body, each.angles(body)[0]) for each in (gait, image))
+    assert np.allclose(body.mirror(here), there, atol=1e-12)
+    assert np.array_equal(mirror_gait(image).feet, gait.feet)
 
 
-def test_a_gait_scaled_out_of_reach_is_refused_with_joint_and_time(walker: Walker) -> None:
-    wrong = walker.mistakes(scaled(walker.load(STROLL), length=6))
+def test_a_gait_scaled_out_of_reach_is_refused_with_joint_and_time(walker: LeggedRobot) -> None:
+    wrong = walker.gait_errors(scale_gait(walker.load(STROLL), length=6))
     knee = walker.body.joints[walker.body.legs["left"].joints[3]]
     assert wrong[0].startswith(f"stroll: {knee} at 0.")
     assert "too far from the hip" in wrong[0]
 
 
-def test_a_gait_that_is_too_fast_is_refused_with_joint_time_and_speed(walker: Walker) -> None:
-    wrong = walker.mistakes(scaled(walker.load(STROLL), time=0.3))
+def test_a_gait_that_is_too_fast_is_refused_with_joint_time_and_speed(walker: LeggedRobot) -> None:
+    wrong = walker.gait_errors(scale_gait(walker.load(STROLL), time=0.3))
     assert any("deg/s, faster than" in each and " s: " in each for each in wrong)
 
 
-def test_a_robot_that_presses_beside_its_soles_is_told_of(walker: Walker) -> None:
+def test_a_robot_that_presses_beside_its_soles_is_told_of(walker: LeggedRobot) -> None:
     gait = walker.load(STROLL)
     still = np.broadcast_to(gait.feet.mean(axis=0), gait.feet.shape).copy()
     still[..., 2] = gait.feet[..., 2]  # up and down, without any sway
-    wrong = walker.mistakes(type(gait)("march", 4.0, still, gait.headings, gait.on))
+    wrong = walker.gait_errors(type(gait)("march", 4.0, still, gait.headings, gait.on_floor))
     assert any("outside of its soles" in each for each in wrong)
 
 
-def test_soles_that_would_hit_each_other_are_told_of(walker: Walker) -> None:
+def test_soles_that_would_hit_each_other_are_told_of(walker: LeggedRobot) -> None:
     gait = walker.load(STROLL)
     near = gait.feet.copy()
     near[..., 1] *= 0.4
-    wrong = walker.mistakes(type(gait)("narrow", 4.0, near, gait.headings, gait.on))
+    wrong = walker.gait_errors(type(gait)("narrow", 4.0, near, gait.headings, gait.on_floor))
     assert any("hits" in each for each in wrong)
 
 
 def test_weak_servos_are_told_of_by_their_torque() -> None:
-    weak = Walker(load_robot(shipped("robots")["op3"]))
+    weak = LeggedRobot(load_robot(shipped_files("robots")["op3"]))
     weak.torques = dict.fromkeys(weak.torques, 0.5)
-    assert any("more than its servo's 0.5 Nm" in each for each in weak.mistakes(weak.load(STROLL)))
+    assert any("more than its servo's 0.5 Nm" in each for each in weak.gait_errors(weak.load(STROLL)))
 
 
-def test_a_gait_goes_into_files_and_comes_back(walker: Walker, tmp_path: Path) -> None:
+def test_a_gait_goes_into_files_and_comes_back(walker: LeggedRobot, tmp_path: Path) -> None:
     gait = walker.load(CURVE)
     robot = "humanoid" if "left_knee" in walker.limits else "op3"
     for name in ("again.yaml", "again.csv"):
@@ -92,8 +92,8 @@ def test_a_gait_goes_into_files_and_comes_back(walker: Walker, tmp_path: Path) -
         again = walker.load(tmp_path / name)
         assert again.period == pytest.approx(gait.period, abs=1e-4)
         assert np.abs(again.feet - gait.feet).max() < 0.001
-        assert walker.mistakes(again) == [], name
-        assert margins(walker.body, again, again.angles(walker.body)[0]).min() > 0
+        assert walker.gait_errors(again) == [], name
+        assert support_margins(walker.body, again, again.angles(walker.body)[0]).min() > 0
 
 
 def test_commands_refuse_before_they_write(tmp_path: Path) -> None:
@@ -143,7 +143,7 @@ def test_a_gait_is_filmed_for_two_cycles(tmp_path: Path) -> None:
     while (found := film.read())[0]:
         pictures.append(np.asarray(found[1], np.uint8))
     film.release()
-    walker = Walker(load_robot(shipped("robots")["humanoid"]))
+    walker = LeggedRobot(load_robot(shipped_files("robots")["humanoid"]))
     assert len(pictures) == round(2 * 25 * walker.load(STROLL).period)
     first, half = (pictures[number].astype(int) for number in (0, len(pictures) // 4))
     assert np.abs(first - half).max() > 50  # half a cycle on, the other foot is in front
@@ -152,8 +152,8 @@ def test_a_gait_is_filmed_for_two_cycles(tmp_path: Path) -> None:
 
 def test_a_gait_out_of_reach_and_a_place_that_is_not_there_are_not_filmed(tmp_path: Path) -> None:
     far = tmp_path / "far.yaml"
-    walker = Walker(load_robot(shipped("robots")["humanoid"]))
-    far.write_text(written(scaled(walker.load(STROLL), length=6.0), "far"))
+    walker = LeggedRobot(load_robot(shipped_files("robots")["humanoid"]))
+    far.write_text(format_gait(scale_gait(walker.load(STROLL), length=6.0), "far"))
     for arguments, why in (([str(far), "-o", str(tmp_path / "x.webm")], "out of reach"),
                            ([str(STROLL), "-o", "/nowhere/x.webm"], "no such folder")):  # fmt: skip
         refused = CliRunner().invoke(show, [*arguments])
@@ -179,10 +179,10 @@ def test_a_gait_file_without_its_length_is_refused_with_the_place(tmp_path: Path
         load_gait(path)
 
 
-def test_a_step_that_the_stride_forbids_and_a_robot_on_wheels_are_refused(walker: Walker, tmp_path: Path) -> None:
+def test_a_step_that_the_stride_forbids_and_a_robot_on_wheels_are_refused(walker: LeggedRobot, tmp_path: Path) -> None:
     path = tmp_path / "giant.yaml"
     path.write_text("gait: giant\nwalk: {step: 40 cm}\n")
     with pytest.raises(BadRequest, match="giant: step: a step can be"):
         walker.load(path)
     with pytest.raises(BadRequest, match="has no legs"):
-        Walker(load_robot(shipped("robots")["turtlebot2"]))
+        LeggedRobot(load_robot(shipped_files("robots")["turtlebot2"]))

@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from drivers.clock import SystemClock
-from drivers.virtual.terminal import Terminal
+from drivers.virtual.terminal import PseudoTerminal
 from tests.drivers.desks import RecordedMachine
 from tests.shared import made_once
 
@@ -143,7 +143,7 @@ class Reporting:
 @pytest.mark.real_time
 def test_it_is_recognised_on_a_port(site: Path, tmp_path: Path) -> None:
     desk = RecordedMachine(tmp_path / "machine")
-    with closing(Terminal("rover", Reporting(), SystemClock())) as terminal:
+    with closing(PseudoTerminal("rover", Reporting(), SystemClock())) as terminal:
         terminal.open()
         desk.port("ttyUSB0", "0403:6015", serial="R1", behind=terminal.path)
         told = mission(site, "ports", "--root", str(desk.root), "--json")
@@ -154,7 +154,7 @@ def test_it_is_recognised_on_a_port(site: Path, tmp_path: Path) -> None:
 @pytest.mark.real_time
 def test_it_is_looked_at_by_its_own_check_up(site: Path, tmp_path: Path) -> None:
     desk = RecordedMachine(tmp_path / "machine")
-    with closing(Terminal("rover", Reporting(), SystemClock())) as terminal:
+    with closing(PseudoTerminal("rover", Reporting(), SystemClock())) as terminal:
         terminal.open()
         desk.port("ttyUSB0", "0403:6015", serial="R1", behind=terminal.path)
         asked = ("--robot", "sample.yaml", "--port", "base=/dev/ttyUSB0", "--root", str(desk.root), "--json")

@@ -11,50 +11,50 @@ from typing import get_type_hints
 import pytest
 
 from behaviours.robot import Robot
-from config.faults import InvalidFileError, Source
-from config.library import find
+from config.faults import InvalidFileError, SourceText
+from config.library import find_file
 from config.world import load_world
-from drivers.api.driver import BrokenDriver, Driver, Site, resolved
-from drivers.api.keys import Key, declared, keys
+from drivers.api.driver import BrokenDriver, Driver, DriverContext, resolve_name
+from drivers.api.keys import Key, declared_keys, keys
 from drivers.api.keys import key as a_key
 from drivers.api.kinds import KINDS
 from drivers.api.sections import ArmKeys, BaseKeys
 from drivers.clock import ManualClock
 from drivers.errors import BadRequest
-from drivers.sim.stage import Stage
-from drivers.table import HOUSE
+from drivers.sim.stage import SimContext
+from drivers.table import BUILT_IN_DRIVERS
 from missions.assembly.assemble import assemble
 from missions.assembly.together import Hooks, Overrides
-from missions.library.drivers import Table, load_robot, robot_of
+from missions.library.drivers import DriverTable, load_robot, parse_robot
 
-DRIVERS = [Table().find(kind, name) for kind, names in HOUSE.items() for name in names]
+DRIVERS = [DriverTable().find(kind, name) for kind, names in BUILT_IN_DRIVERS.items() for name in names]
 
 
 @pytest.mark.parametrize("driver", DRIVERS, ids=lambda driver: f"{driver.kind}-{driver.name}")
 def test_each_driver_is_declared_under_its_name_and_its_dotted_names_take_its_keys(driver: Driver) -> None:
-    assert HOUSE[driver.kind][driver.name]
+    assert BUILT_IN_DRIVERS[driver.kind][driver.name]
     assert issubclass(driver.keys, KINDS[driver.kind].keys)
-    for name, place in ((driver.make, Site), (driver.twin, Stage), (driver.virtual, Stage)):
+    for name, place in ((driver.make, DriverContext), (driver.twin, SimContext), (driver.virtual, SimContext)):
         if name:
-            first, second = inspect.signature(resolved(name)).parameters
-            hints = get_type_hints(resolved(name))
+            first, second = inspect.signature(resolve_name(name)).parameters
+            hints = get_type_hints(resolve_name(name))
             assert issubclass(driver.keys, hints[first]), name
             assert hints[second] is place, name
 
 
 def test_every_part_on_a_wire_has_its_twin_and_its_virtual_device() -> None:
     for driver in DRIVERS:
-        assert bool(driver.twin) == KINDS[driver.kind].wired, driver.name
-        assert bool(driver.virtual) >= KINDS[driver.kind].wired, driver.name  # a camera of ROS 2 has one, too
+        assert bool(driver.twin) == KINDS[driver.kind].has_port, driver.name
+        assert bool(driver.virtual) >= KINDS[driver.kind].has_port, driver.name  # a camera of ROS 2 has one, too
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=lambda kind: kind.name)
 def test_each_kind_is_a_field_of_the_robot_and_its_protocols_are_there(kind: object) -> None:
     found = KINDS[str(getattr(kind, "name", ""))]
     hints = get_type_hints(Robot)
-    assert hints[f"{found.field}_part"] == resolved(found.seen or found.device) | None
-    assert resolved(found.device).__mro__
-    assert not found.usual or found.usual in HOUSE[found.name]
+    assert hints[f"{found.field}_part"] == resolve_name(found.leaf_protocol or found.protocol) | None
+    assert resolve_name(found.protocol).__mro__
+    assert not found.default_driver or found.default_driver in BUILT_IN_DRIVERS[found.name]
 
 
 def test_every_key_says_what_it_does() -> None:
@@ -66,7 +66,7 @@ def test_every_key_says_what_it_does() -> None:
 
 def _all_keys(cls: type) -> list[tuple[type, Key]]:
     found = []
-    for key in declared(cls):
+    for key in declared_keys(cls):
         found.append((cls, key))
         for of in key.sections:
             found += _all_keys(of)
@@ -77,8 +77,8 @@ def test_the_drivers_of_the_house_are_found_without_looking_for_others(monkeypat
     def looked(group: str) -> None:
         raise AssertionError(f"looked for {group}")
 
-    monkeypatch.setattr("missions.library.drivers.offered", looked)
-    assert Table().find("base", "kobuki").name == "kobuki"
+    monkeypatch.setattr("missions.library.drivers.entry_points_of", looked)
+    assert DriverTable().find("base", "kobuki").name == "kobuki"
 
 
 def test_the_defaults_of_keys_are_within_their_bounds() -> None:
@@ -90,7 +90,7 @@ def test_the_defaults_of_keys_are_within_their_bounds() -> None:
 
 
 def test_a_declaration_of_the_house_is_never_broken() -> None:
-    assert not [found for *_, found in Table().all() if isinstance(found, BrokenDriver)]
+    assert not [found for *_, found in DriverTable().iter_drivers() if isinstance(found, BrokenDriver)]
 
 
 METAL = """
@@ -117,11 +117,11 @@ def test_the_metal_imports_no_simulation_and_no_driver_of_a_part_that_it_does_no
 
 
 def test_a_simulation_lets_no_driver_at_its_own_port_that_has_no_virtual_device() -> None:
-    robot = load_robot(find("robots", "turtlebot2"))
+    robot = load_robot(find_file("robots", "turtlebot2"))
     base = robot.sections["base"]
     bare = replace(base, driver=replace(base.driver, virtual=""))
     robot = replace(robot, sections={**robot.sections, "base": bare})
-    wishes = Overrides(world=load_world(find("worlds", "empty")))
+    wishes = Overrides(world=load_world(find_file("worlds", "empty")))
     audience = Hooks(*[lambda *_: None] * 5)
     with pytest.raises(BadRequest, match="base: the driver 'kobuki' has no virtual device"):
         assemble(robot, frozenset({"base"}), ManualClock(), wishes, audience)
@@ -169,13 +169,13 @@ def test_a_broken_declaration_is_one_clear_error_and_breaks_nothing_else(
     module.__dict__["X"] = driver
     monkeypatch.setitem(sys.modules, "broken_sample", module)
     point = EntryPoint(name, "broken_sample:X", "missiontree.drivers")
-    monkeypatch.setattr("missions.library.drivers.offered", lambda _: [point])
+    monkeypatch.setattr("missions.library.drivers.entry_points_of", lambda _: [point])
     text = f"robot: r\n{driver.kind}: {{driver: x}}\nvoice: {{loud: true}}\n"
     with pytest.raises(InvalidFileError) as caught:
-        robot_of(Source("r.yaml", text))
-    first, second = caught.value.faults
+        parse_robot(SourceText("r.yaml", text))
+    first, second = caught.value.diagnostics
     assert first.message.startswith(f"'driver: x' cannot be used: {name} = broken_sample:X ")
     assert told in first.message
     assert (first.mark.line, second.message) == (2, "'voice' has no key 'loud'")
-    sound = {(each.kind, each.name) for *_, each in Table().all() if isinstance(each, Driver)}
+    sound = {(each.kind, each.name) for *_, each in DriverTable().iter_drivers() if isinstance(each, Driver)}
     assert sound == {(each.kind, each.name) for each in DRIVERS}

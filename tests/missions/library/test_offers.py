@@ -7,7 +7,7 @@ from zipfile import ZipFile
 
 import pytest
 
-from missions.library.trial import offered
+from missions.library.trial import entry_points_of
 
 GROUP = "missiontree.tests"
 DECLARED = f"[{GROUP}]\nsecond = json:loads\nfirst = json:dumps\n"
@@ -23,7 +23,7 @@ def test_a_distribution_in_a_folder_offers_what_it_declares(
     (info / ("METADATA" if "dist" in folder else "PKG-INFO")).write_text(ABOUT, encoding="utf-8")
     (info / "entry_points.txt").write_text(DECLARED, encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path)
-    assert [point.value for point in offered(GROUP)] == ["json:dumps", "json:loads"]
+    assert [point.value for point in entry_points_of(GROUP)] == ["json:dumps", "json:loads"]
 
 
 def test_a_distribution_in_an_archive_does_too(tmp_path: Path) -> None:
@@ -35,14 +35,14 @@ def test_a_distribution_in_an_archive_does_too(tmp_path: Path) -> None:
     program = f"""
 import sys
 sys.path.append({str(archive)!r})
-from missions.library.trial import offered
-print(*(point.name for point in offered({GROUP!r})))
+from missions.library.trial import entry_points_of
+print(*(point.name for point in entry_points_of({GROUP!r})))
 """
     assert said(program) == ["first", "second"]
 
 
 def test_nobody_offers_anything_of_a_group_that_nobody_names() -> None:
-    assert not offered("missiontree.nobody")
+    assert not entry_points_of("missiontree.nobody")
 
 
 WITHOUT = (

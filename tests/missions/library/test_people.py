@@ -15,9 +15,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.clock import SystemClock
-from missions.library.people import People, PeopleError, files_in, folder, proper_name
+from missions.library.people import People, PeopleError, people_folder, picture_files, proper_name
 from perception.api import Image
-from perception.people import FEWEST, MAX_PICTURES, MAX_PICTURES_TOGETHER
+from perception.people import MAX_PICTURES, MAX_PICTURES_TOGETHER, MIN_PICTURES
 
 
 def taken(number: int, size: int = 20) -> Image:
@@ -56,12 +56,12 @@ def portraits(people: People) -> dict[str, list[Image]]:
 def test_pictures_are_kept_by_name_for_their_owner_only(people: People) -> None:
     assert people.add("Anna", ANNA) == "Anna"
     assert people.add("anna", [taken(3)]) == "Anna"
-    (known,) = people.known()
+    (known,) = people.known_people()
     assert (known.name, known.pictures) == ("Anna", 4)
     kept = portraits(people)["Anna"]
     assert all(np.array_equal(one, other) for one, other in zip(kept, [*ANNA, taken(3)], strict=True))
-    assert rights(people.where) == rights(people.where / "Anna") == 0o700
-    files = list((people.where / "Anna").iterdir())
+    assert rights(people.folder) == rights(people.folder / "Anna") == 0o700
+    files = list((people.folder / "Anna").iterdir())
     assert sorted(file.name for file in files) == ["001.png", "002.png", "003.png", "004.png"]
     assert {rights(file) for file in files} == {0o600}
 
@@ -70,22 +70,22 @@ def test_nothing_is_left_of_whom_one_removes(people: People) -> None:
     people.add("Anna", ANNA)
     people.add("Ben", BEN)
     assert people.remove("ANNA") == 3
-    assert [path.name for path in people.where.iterdir()] == ["Ben"]
+    assert [path.name for path in people.folder.iterdir()] == ["Ben"]
     with pytest.raises(PeopleError, match="nobody is called 'Anna'") as refused:
         people.remove("Anna")
     assert refused.value.hint == "known: Ben"
 
 
 def test_nobody_is_known_where_there_is_no_folder(people: People) -> None:
-    assert people.known() == []
+    assert people.known_people() == []
     assert portraits(people) == {}
-    assert not people.shut()
-    assert not people.where.exists(), "looking made no folder"
+    assert not people.restrict_access()
+    assert not people.folder.exists(), "looking made no folder"
 
 
 def test_they_are_kept_among_the_users_data(tmp_path: Path) -> None:
-    assert folder({"XDG_DATA_HOME": str(tmp_path)}) == tmp_path / "missiontree/people"
-    assert folder({}) == Path.home() / ".local/share/missiontree/people"
+    assert people_folder({"XDG_DATA_HOME": str(tmp_path)}) == tmp_path / "missiontree/people"
+    assert people_folder({}) == Path.home() / ".local/share/missiontree/people"
 
 
 # --- what is somebody else's ---------------------------------------------------------------------------------------
@@ -94,18 +94,18 @@ def test_they_are_kept_among_the_users_data(tmp_path: Path) -> None:
 @pytest.fixture
 def crowded(people: People) -> People:
     """Anna's pictures in a folder where much else is, and links to what is elsewhere; all of it readable by all."""
-    outside = people.where.parent / "outside"
+    outside = people.folder.parent / "outside"
     outside.mkdir()
     (outside / "001.png").write_bytes(b"elsewhere")
-    (people.where / "proj/bin").mkdir(parents=True)
-    (people.where / "proj/bin/tool").touch(0o755)
-    (people.where / "proj/bin/001.png").touch(0o644)
-    (people.where / "notes.txt").touch(0o644)
+    (people.folder / "proj/bin").mkdir(parents=True)
+    (people.folder / "proj/bin/tool").touch(0o755)
+    (people.folder / "proj/bin/001.png").touch(0o644)
+    (people.folder / "notes.txt").touch(0o644)
     people.add("Anna", ANNA)
-    home = people.where / "Anna"
+    home = people.folder / "Anna"
     (home / "letter.txt").touch(0o644)
     (home / "007.png").symlink_to(outside / "001.png")
-    (people.where / "Zoe").symlink_to(outside)
+    (people.folder / "Zoe").symlink_to(outside)
     return people
 
 
@@ -115,17 +115,17 @@ def seen(where: Path) -> dict[str, int]:
 
 
 def test_only_pictures_and_their_folders_are_shut(crowded: People) -> None:
-    home = crowded.where / "Anna"
-    before, outside = seen(crowded.where), seen(crowded.where.parent / "outside")
-    assert not crowded.shut()
-    crowded.where.chmod(0o755)
+    home = crowded.folder / "Anna"
+    before, outside = seen(crowded.folder), seen(crowded.folder.parent / "outside")
+    assert not crowded.restrict_access()
+    crowded.folder.chmod(0o755)
     home.chmod(0o755)
     (home / "001.png").chmod(0o444)
-    assert crowded.shut()
-    assert not crowded.shut()
-    assert rights(crowded.where) == 0o700
-    assert seen(crowded.where) == before | {"Anna/001.png": 0o400}
-    assert seen(crowded.where.parent / "outside") == outside
+    assert crowded.restrict_access()
+    assert not crowded.restrict_access()
+    assert rights(crowded.folder) == 0o700
+    assert seen(crowded.folder) == before | {"Anna/001.png": 0o400}
+    assert seen(crowded.folder.parent / "outside") == outside
 
 
 def test_a_folder_in_which_nobody_is_known_is_left_as_it_is(tmp_path: Path) -> None:
@@ -133,33 +133,33 @@ def test_a_folder_in_which_nobody_is_known_is_left_as_it_is(tmp_path: Path) -> N
     (tmp_path / "src/tool").touch(0o755)
     tmp_path.chmod(0o755)
     before = seen(tmp_path)
-    assert not People(tmp_path).shut()
+    assert not People(tmp_path).restrict_access()
     assert seen(tmp_path) == before
     assert rights(tmp_path) == 0o755
 
 
 def test_only_who_has_pictures_is_somebody_and_can_be_removed(crowded: People) -> None:
-    before = seen(crowded.where)
-    assert [each.name for each in crowded.known()] == ["Anna"]
+    before = seen(crowded.folder)
+    assert [each.name for each in crowded.known_people()] == ["Anna"]
     for name in ("proj", "Zoe", "..", "notes.txt"):
         with pytest.raises(PeopleError, match="nobody is called"):
             crowded.remove(name)
     assert crowded.remove("Anna") == 3
-    assert seen(crowded.where) == {path: mode for path, mode in before.items() if path not in {
+    assert seen(crowded.folder) == {path: mode for path, mode in before.items() if path not in {
         "Anna/001.png", "Anna/002.png", "Anna/003.png"}}  # fmt: skip
 
 
 def test_nobody_is_added_into_what_a_link_leads_to(crowded: People) -> None:
-    outside = seen(crowded.where.parent / "outside")
+    outside = seen(crowded.folder.parent / "outside")
     with pytest.raises(PeopleError, match="Zoe: nothing was kept: Not a directory"):
         crowded.add("Zoe", CHIDI)
-    assert seen(crowded.where.parent / "outside") == outside
-    assert not list(crowded.where.glob(".*"))
+    assert seen(crowded.folder.parent / "outside") == outside
+    assert not list(crowded.folder.glob(".*"))
 
 
 def test_what_bears_the_name_of_a_picture_is_not_written_over(crowded: People) -> None:
     crowded.add("Anna", [taken(3)])
-    home = crowded.where / "Anna"
+    home = crowded.folder / "Anna"
     assert (home / "007.png").is_symlink()
     assert (home / "008.png").is_file()
 
@@ -169,15 +169,15 @@ def test_what_bears_the_name_of_a_picture_is_not_written_over(crowded: People) -
 
 def test_a_link_that_leads_nowhere_is_no_picture(people: People) -> None:
     people.add("Anna", ANNA)
-    (people.where / "Anna/017.png").symlink_to("nowhere.png")
-    (people.where / "link").symlink_to("nowhere")
-    assert not people.shut()
-    assert [each.pictures for each in people.known()] == [3]
+    (people.folder / "Anna/017.png").symlink_to("nowhere.png")
+    (people.folder / "link").symlink_to("nowhere")
+    assert not people.restrict_access()
+    assert [each.pictures for each in people.known_people()] == [3]
     assert len(portraits(people)["Anna"]) == 3
 
 
 def test_a_folder_that_has_gone_meanwhile_holds_nothing(tmp_path: Path) -> None:
-    assert files_in(tmp_path / "gone") == {}
+    assert picture_files(tmp_path / "gone") == {}
 
 
 def test_people_are_added_and_removed_beside_readers(people: People) -> None:
@@ -201,10 +201,10 @@ def test_people_are_added_and_removed_beside_readers(people: People) -> None:
     try:
         met, clock = set[int](), SystemClock()
         # On a busy machine the reader may have looked 300 times before the first one is added.
-        for _ in takewhile(lambda number: number < 300 or (not met and clock.now() < 60.0), count()):
+        for _ in takewhile(lambda number: number < 300 or (not met and clock.read_value() < 60.0), count()):
             told = list[PeopleError]()
-            people.shut()
-            met.update(each.pictures for each in people.known() if each.name == "Anna")
+            people.restrict_access()
+            met.update(each.pictures for each in people.known_people() if each.name == "Anna")
             found = people.portraits(told.append)
             assert len(found["Ben"]) == 3
             assert all("too few" in str(each) for each in told), told
@@ -227,18 +227,18 @@ def test_two_who_are_added_at_once_are_both_there(people: People) -> None:
         thread.start()
     for thread in adding:
         thread.join(20.0)
-    assert [each.pictures for each in people.known()] == [90]
-    assert [path.name for path in people.where.iterdir()] == ["Anna"]
+    assert [each.pictures for each in people.known_people()] == [90]
+    assert [path.name for path in people.folder.iterdir()] == ["Anna"]
 
 
 def test_what_one_who_was_killed_has_left_is_nobody_and_goes(people: People) -> None:
     people.add("Ben", BEN)
-    left = people.where / ".new-abc"
+    left = people.folder / ".new-abc"
     left.mkdir()
     (left / "001.png").write_bytes(b"half a picture")
-    assert [each.name for each in people.known()] == ["Ben"]
+    assert [each.name for each in people.known_people()] == ["Ben"]
     people.add("Anna", ANNA)
-    assert sorted(path.name for path in people.where.iterdir()) == ["Anna", "Ben"]
+    assert sorted(path.name for path in people.folder.iterdir()) == ["Anna", "Ben"]
 
 
 # --- what can be learnt from ---------------------------------------------------------------------------------------
@@ -247,12 +247,12 @@ def test_what_one_who_was_killed_has_left_is_nobody_and_goes(people: People) -> 
 def test_a_picture_counts_once(people: People) -> None:
     with pytest.raises(PeopleError, match="too few pictures of Anna: 2, where each counts once"):
         people.add("Anna", [ANNA[0], ANNA[1], ANNA[0].copy(), ANNA[0]])
-    assert not people.where.exists()
+    assert not people.folder.exists()
     people.add("Anna", [*ANNA, *ANNA])
     people.add("Anna", [ANNA[2], taken(3)])
-    assert [each.pictures for each in people.known()] == [4]
+    assert [each.pictures for each in people.known_people()] == [4]
     people.add("Anna", ANNA)
-    assert [each.pictures for each in people.known()] == [4]
+    assert [each.pictures for each in people.known_people()] == [4]
 
 
 def test_a_picture_of_somebody_else_is_refused(people: People) -> None:
@@ -260,7 +260,7 @@ def test_a_picture_of_somebody_else_is_refused(people: People) -> None:
     with pytest.raises(PeopleError, match="one of the pictures of Ben is Anna's already") as refused:
         people.add("Ben", [*BEN, ANNA[1]])
     assert "mission person remove Anna" in refused.value.hint
-    assert [path.name for path in people.where.iterdir()] == ["Anna"]
+    assert [path.name for path in people.folder.iterdir()] == ["Anna"]
 
 
 @pytest.fixture
@@ -277,7 +277,7 @@ def test_where_there_is_no_room_nothing_of_somebody_new_is_kept(people: People) 
     with pytest.raises(PeopleError, match="Anna: nothing was kept: File too large") as refused:
         people.add("Anna", [*ANNA, taken(3, size=100)])
     assert "df -h" in refused.value.hint
-    assert list(people.where.iterdir()) == []
+    assert list(people.folder.iterdir()) == []
 
 
 @pytest.mark.usefixtures("small_files")
@@ -285,8 +285,8 @@ def test_where_there_is_no_room_those_who_are_there_stay_as_they_were(people: Pe
     people.add("Anna", ANNA)
     with pytest.raises(PeopleError, match="File too large"):
         people.add("Anna", [taken(3), taken(4, size=100)])
-    assert len(list((people.where / "Anna").iterdir())) == 3
-    assert [path.name for path in people.where.iterdir()] == ["Anna"]
+    assert len(list((people.folder / "Anna").iterdir())) == 3
+    assert [path.name for path in people.folder.iterdir()] == ["Anna"]
 
 
 def test_pictures_that_cannot_all_be_added_are_all_taken_back(people: People, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -301,7 +301,7 @@ def test_pictures_that_cannot_all_be_added_are_all_taken_back(people: People, mo
     monkeypatch.setattr(Path, "rename", fail_at_five)
     with pytest.raises(PeopleError, match="Input/output error"):
         people.add("Anna", [taken(3), taken(4)])
-    assert sorted(path.name for path in people.where.rglob("*")) == ["001.png", "002.png", "003.png", "Anna"]
+    assert sorted(path.name for path in people.folder.rglob("*")) == ["001.png", "002.png", "003.png", "Anna"]
 
 
 HALF = cv2.imencode(".png", ANNA[0])[1].tobytes()[:60]
@@ -311,19 +311,19 @@ HALF = cv2.imencode(".png", ANNA[0])[1].tobytes()[:60]
 def test_a_picture_that_is_none_is_named_and_left_out(people: People, content: bytes) -> None:
     people.add("Anna", [*ANNA, taken(3)])
     people.add("Ben", BEN)
-    (people.where / "Anna/001.png").write_bytes(content)
+    (people.folder / "Anna/001.png").write_bytes(content)
     told = list[PeopleError]()
     found = people.portraits(told.append)
     assert {name: len(each) for name, each in found.items()} == {"Anna": 3, "Ben": 3}
     (error,) = told
-    assert str(error) == f"{people.where}/Anna/001.png: is no portrait, and is left out"
-    assert error.hint == f"rm {people.where}/Anna/001.png"
+    assert str(error) == f"{people.folder}/Anna/001.png: is no portrait, and is left out"
+    assert error.hint == f"rm {people.folder}/Anna/001.png"
 
 
 def test_who_has_too_few_pictures_is_named_and_left_out(people: People) -> None:
     people.add("Anna", ANNA)
     people.add("Ben", BEN)
-    (people.where / "Anna/001.png").unlink()
+    (people.folder / "Anna/001.png").unlink()
     told = list[PeopleError]()
     assert list(people.portraits(told.append)) == ["Ben"]
     assert [str(error) for error in told] == ["Anna: 2 pictures are too few to know somebody by: it takes 3"]
@@ -343,7 +343,7 @@ def test_what_cannot_be_a_name_is_refused(people: People, name: str) -> None:
     with pytest.raises(PeopleError) as refused:
         people.add(name, ANNA)
     assert refused.value.hint
-    assert not people.where.exists()
+    assert not people.folder.exists()
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -351,7 +351,7 @@ def test_names_of_people_are_names(people: People, name: str) -> None:
     proper = proper_name(f" {name} ")
     assert proper_name(proper) == proper
     people.add(name, ANNA)
-    assert [each.name for each in people.known()] == [people.find(name)] == [proper]
+    assert [each.name for each in people.known_people()] == [people.find(name)] == [proper]
     assert people.remove(name) == 3
 
 
@@ -382,13 +382,13 @@ def test_of_very_many_pictures_some_are_learnt_from_spread_over_all_of_them(tmp_
     assert np.array_equal(found["Anna"][0], taken(0, 4))
     assert np.array_equal(found["Anna"][-1], taken((MAX_PICTURES - 1) * 150 // MAX_PICTURES, 4))
     assert [str(each) for each in told] == [f"Anna: {MAX_PICTURES} of 150 pictures are used, spread over all of them"]
-    assert [each.pictures for each in people.known()] == [150, 3]
+    assert [each.pictures for each in people.known_people()] == [150, 3]
 
 
 def test_very_many_people_share_the_room_and_those_without_are_named(tmp_path: Path) -> None:
     people, told = People(tmp_path), list[PeopleError]()
     data = cv2.imencode(".png", taken(0, 4))[1].tobytes()
-    for number in range(MAX_PICTURES_TOGETHER // FEWEST + 2):
+    for number in range(MAX_PICTURES_TOGETHER // MIN_PICTURES + 2):
         (tmp_path / f"P{number:03}").mkdir()
         for picture in range(5):
             (tmp_path / f"P{number:03}/{picture:03}.png").write_bytes(data)

@@ -43,13 +43,13 @@ def test_without_other_distributions_there_are_only_our_own(site: Path) -> None:
 def test_a_plug_in_of_another_distribution_is_found_and_used(site: Path, capsys: pytest.CaptureFixture[str]) -> None:
     kinds = "{'.dance': FileKind(check='plug_dance:STEPS')}"
     install(site, "dance", f"IT = Plugin('dance', commands={COMMAND}, file_kinds={kinds})\nSTEPS = 3\n")
-    found = plugins.command_of("dance")
+    found = plugins.find_command("dance")
     assert found is not None
     assert plugins.load(found[0], found[1].path) == 3
-    kind = plugins.file_kind_of("a/b.dance")
+    kind = plugins.find_file_kind("a/b.dance")
     assert kind is not None
     assert kind[1].check == "plug_dance:STEPS"
-    assert plugins.file_kind_of("b.yaml") is None
+    assert plugins.find_file_kind("b.yaml") is None
     assert not capsys.readouterr().err
 
 

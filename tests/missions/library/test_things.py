@@ -4,16 +4,16 @@ from pathlib import Path
 
 import pytest
 
-from missions.library.things import controller
+from missions.library.things import find_controller
 
 
 def test_a_controller_is_worked_out_once_and_anew_where_its_file_has_changed(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
     file.write_text("controller: mine\nturn: {p: 1.2, d: 0.1}\n", encoding="utf-8")
-    first = controller(str(file))
-    assert controller(str(file)) is first
+    first = find_controller(str(file))
+    assert find_controller(str(file)) is first
     file.write_text("controller: mine\nturn: {p: 1.5, d: 0.1}\n", encoding="utf-8")
-    assert controller(str(file)) != first
+    assert find_controller(str(file)) != first
     file.write_text("controller: mine\nturn: {p: 1.5}\n", encoding="utf-8")
     with pytest.raises(LookupError, match="turn: a PD controller needs 'd'"):
-        controller(str(file))
+        find_controller(str(file))

@@ -41,7 +41,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     Path("behaviours").mkdir()
     Path("behaviours/hop.py").write_text(GOOD)
     vocabulary._warn.cache_clear()
-    trial._problem.cache_clear()
+    trial._try_import.cache_clear()
     monkeypatch.delitem(sys.modules, "odd_package", raising=False)
     return tmp_path
 
@@ -106,14 +106,16 @@ def test_an_installed_package_is_named_and_skipped(
 ) -> None:
     hurry(ODD[text], monkeypatch)
     Path("odd_package.py").write_text(f"{text}\n")
-    points = EntryPoints([EntryPoint("mine", of, vocabulary.GROUP), EntryPoint("base.mine", of, drivers.GROUP)])
+    points = EntryPoints(
+        [EntryPoint("mine", of, vocabulary.ENTRY_POINT_GROUP), EntryPoint("base.mine", of, drivers.ENTRY_POINT_GROUP)]
+    )
     for module in (vocabulary, drivers):
         monkeypatch.setattr(module, "offered", lambda group: points.select(group=group))
     checked = command(capsys, "check", "m.yaml")
     assert (checked.code, checked.out) == (0, "m.yaml: good (m, 1 node)\n")
     assert f"entry point mine = {of}" in checked.err
     assert ODD[text] in checked.err or of == "odd_package"
-    broken = {name: found for kind, name, found in drivers.Table().all() if kind == "base"}
+    broken = {name: found for kind, name, found in drivers.DriverTable().iter_drivers() if kind == "base"}
     assert isinstance(broken["mine"], BrokenDriver)
     assert f"base.mine = {of}" in str(broken["mine"])
     assert not isinstance(broken["kobuki"], BrokenDriver)

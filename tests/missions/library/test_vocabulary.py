@@ -11,13 +11,13 @@ import pytest
 from py_trees.common import Status
 
 import missions
-from behaviours.foreign import leaf_of, word_of
+from behaviours.foreign import leaf_of, tag_of
 from behaviours.leaf import REQUIRED
 from config.faults import InvalidFileError
-from missions.language.claims import Target
+from missions.language.claims import TargetRobot
 from missions.library import vocabulary as module
 from missions.library.shipped import load_mission
-from missions.library.vocabulary import vocabulary
+from missions.library.vocabulary import load_leaves
 from tests.missions.command import command
 
 COUNTER = '''
@@ -67,16 +67,16 @@ def wrong(text: str) -> str:
     """Return the message for a file that cannot be used."""
     Path("wrong.py").write_text(text)
     with pytest.raises(InvalidFileError) as caught:
-        vocabulary([Path("wrong.py")])
+        load_leaves([Path("wrong.py")])
     return str(caught.value)
 
 
 @pytest.mark.usefixtures("folder")
 def test_a_leaf_is_one_class_in_one_file() -> None:
     Path("blink.py").write_text(BLINK)
-    words = vocabulary([Path("blink.py"), Path("./blink.py")])
+    words = load_leaves([Path("blink.py"), Path("./blink.py")])
     assert words["blink"].arguments["times"].principal
-    assert set(words) - set(vocabulary()) == {"blink"}
+    assert set(words) - set(load_leaves()) == {"blink"}
     assert not Path("__pycache__").exists()
 
 
@@ -118,7 +118,7 @@ def test_a_behaviour_is_kept_from_start_to_start_and_made_afresh_for_new_argumen
     [("CountTo", "count_to"), ("LEDBlink", "led_blink"), ("Say2Words", "say2_words"), ("Go", "go"), ("ABC", "abc")],
 )
 def test_a_class_name_becomes_a_word(name: str, word: str) -> None:
-    assert word_of(type(name, (), {})) == word
+    assert tag_of(type(name, (), {})) == word
 
 
 def test_parameters_become_arguments_by_their_annotations() -> None:
@@ -155,7 +155,7 @@ def test_parameters_become_arguments_by_their_annotations() -> None:
     assert leaf.arguments["a"].default is REQUIRED
     assert leaf.arguments["a"].principal
     assert leaf.arguments["b"].default == 3
-    assert (leaf.word, leaf.__doc__) == ("many", "Much.")
+    assert (leaf.tag, leaf.__doc__) == ("many", "Much.")
 
 
 def test_what_a_mission_cannot_give_is_refused() -> None:
@@ -207,8 +207,8 @@ def test_a_leaf_that_drives_what_is_no_part_of_a_robot_is_refused() -> None:
     Path("blink.py").write_text(BLINK + '    drives = frozenset({"haed"})\n')
     Path("m.yaml").write_text("mission: m\ntree:\n  blink\n")
     with pytest.raises(InvalidFileError, match="'blink' drives 'haed', which is no part of a robot") as caught:
-        load_mission("m.yaml", leaves=vocabulary([Path("blink.py")]), robot=Target("r2", frozenset({"head"})))
-    assert caught.value.faults[0].suggestion == "did you mean 'head'?"
+        load_mission("m.yaml", leaves=load_leaves([Path("blink.py")]), robot=TargetRobot("r2", frozenset({"head"})))
+    assert caught.value.diagnostics[0].suggestion == "did you mean 'head'?"
 
 
 @pytest.mark.usefixtures("folder")
@@ -217,19 +217,19 @@ def test_all_faults_of_all_files_come_at_once() -> None:
     Path("two.py").write_text(BLINK)
     Path("three.py").write_text("1 / 0\n")
     with pytest.raises(InvalidFileError) as caught:
-        vocabulary([Path("one.py"), Path("two.py"), Path("three.py"), Path("four.py")])
-    assert [fault.place for fault in caught.value.faults] == ["four.py:1:1", "three.py:1:1", "two.py:7:7"]
+        load_leaves([Path("one.py"), Path("two.py"), Path("three.py"), Path("four.py")])
+    assert [fault.place for fault in caught.value.diagnostics] == ["four.py:1:1", "three.py:1:1", "two.py:7:7"]
     assert "taken by Blink of one" in str(caught.value)
 
 
 def test_installed_packages_offer_classes_and_modules(monkeypatch: pytest.MonkeyPatch) -> None:
     points = [
-        EntryPoint("periodic", "py_trees.behaviours:Periodic", module.GROUP),
-        EntryPoint("probes", "tests.conformance.probes", module.GROUP),
+        EntryPoint("periodic", "py_trees.behaviours:Periodic", module.ENTRY_POINT_GROUP),
+        EntryPoint("probes", "tests.conformance.probes", module.ENTRY_POINT_GROUP),
     ]
-    monkeypatch.setattr(module, "offered", lambda group: EntryPoints(points).select(group=group))
-    assert set(vocabulary()) >= {"periodic", "probe", "base_probe", "echo", "drive"}
-    assert vocabulary()["periodic"].arguments["n"].kind == "count"
+    monkeypatch.setattr(module, "entry_points_of", lambda group: EntryPoints(points).select(group=group))
+    assert set(load_leaves()) >= {"periodic", "probe", "base_probe", "echo", "drive"}
+    assert load_leaves()["periodic"].arguments["n"].kind == "count"
 
 
 @pytest.mark.parametrize(
@@ -243,10 +243,10 @@ def test_installed_packages_offer_classes_and_modules(monkeypatch: pytest.Monkey
 def test_what_is_wrong_with_an_entry_point_is_told_by_its_name(
     value: str, message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    points = EntryPoints([EntryPoint("mine", value, module.GROUP)])
-    monkeypatch.setattr(module, "offered", lambda group: points.select(group=group))
+    points = EntryPoints([EntryPoint("mine", value, module.ENTRY_POINT_GROUP)])
+    monkeypatch.setattr(module, "entry_points_of", lambda group: points.select(group=group))
     module._warn.cache_clear()
-    leaves = vocabulary()
+    leaves = load_leaves()
     assert "drive" in leaves  # the rest goes on
     assert capsys.readouterr().err.startswith(f"skipped: entry point mine = {value}:1:1: {message}")
 

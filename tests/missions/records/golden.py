@@ -15,16 +15,16 @@ from tempfile import TemporaryDirectory
 
 import click
 
-from config.library import find
-from config.reading import files_read
+from config.library import find_file
+from config.reading import collect_read_files
 from drivers.clock import time_of_day
 from missions.library.drivers import load_robot
 from missions.plugins.records.recording.gather import contents_of
-from missions.plugins.records.recording.read import InvalidRecordError, Record, open_record
+from missions.plugins.records.recording.read import InvalidRecordError, RunRecord, open_record
 from missions.plugins.records.recording.recorder import Recorder
 from missions.plugins.records.replay.rerun import rerun
-from missions.plugins.records.replay.sources import Sources
-from missions.plugins.records.replay.words import about_rerun
+from missions.plugins.records.replay.sources import RerunFiles
+from missions.plugins.records.replay.words import rerun_lines
 from missions.request import RunRequest
 from missions.runner import Runner
 
@@ -54,14 +54,14 @@ MISSIONS: dict[str, RunRequest] = {
 def keep(name: str, path: Path) -> None:
     """Record one of them at ``path``, without pictures and without anything of this machine."""
     order = MISSIONS[name]
-    recorder = Recorder(path, patient=True, frames=0.0)
-    with files_read() as files:
+    recorder = Recorder(path, lossless=True, frame_rate=0.0)
+    with collect_read_files() as files:
         runner = Runner(order, listeners=[recorder])
-        runner.observe(recorder.moment)
-    recorder.watch(runner.root)
+        runner.observe(recorder.on_tick)
+    recorder.watch_tree(runner.root)
     contents = contents_of(order, runner.plan, runner.config, files, started=time_of_day())
-    head = replace(contents.head, paths={}, versions={"missiontree": version("missiontree")})
-    recorder.open(replace(contents, head=head), runner.clock)
+    head = replace(contents.header, paths={}, versions={"missiontree": version("missiontree")})
+    recorder.open(replace(contents, header=head), runner.clock)
     try:
         runner.run()
     finally:
@@ -70,15 +70,18 @@ def keep(name: str, path: Path) -> None:
 
 def decided_again(path: Path) -> Sequence[str]:
     """Return what today's version does otherwise than on a record, in words; nothing where all is the same."""
-    record: Record = open_record(path)
+    record: RunRecord = open_record(path)
     with TemporaryDirectory() as folder:
-        sources = Sources(record.head, record.files, Path(folder))
+        sources = RerunFiles(record.header, record.files, Path(folder))
         sources.unpack()
-        robot = load_robot(find("robots", record.head.robot))
+        robot = load_robot(find_file("robots", record.header.robot))
         plan = sources.plan(robot, MISSIONS[path.stem].mission)
-        found = rerun(record, plan, robot, seed=record.head.seed, lag=record.head.lag)
-        whole = () if record.whole else ("it is not whole",)
-        return [*whole, *(about_rerun(found, sources) if not found.same or found.reworded or not found.nodes else ())]
+        found = rerun(record, plan, robot, seed=record.header.seed, lag=record.header.lag)
+        whole = () if record.is_complete else ("it is not whole",)
+        return [
+            *whole,
+            *(rerun_lines(found, sources) if not found.is_identical or found.first_reworded or not found.nodes else ()),
+        ]
 
 
 def main() -> None:

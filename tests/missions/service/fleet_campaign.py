@@ -20,10 +20,10 @@ from threading import Event, Thread
 
 from config.fleet import FleetKeys
 from drivers.clock import SystemClock
-from missions.plugins.fleet.joining import own_number
-from missions.plugins.fleet.keeper import ALSO
-from missions.plugins.fleet.operator import Operator, operating
-from missions.plugins.fleet.words import Address, Keep
+from missions.plugins.fleet.joining import robot_number
+from missions.plugins.fleet.keeper import LATE_PREFIX
+from missions.plugins.fleet.operator import Operator, connect_operator
+from missions.plugins.fleet.words import Address, KeepTask
 from missions.plugins.tasks.schema import open_db, queue_file
 from missions.plugins.tasks.task import TaskError
 from tests.forked import Forked
@@ -101,7 +101,7 @@ class Robot:
 
     @property
     def address(self) -> Address:
-        return Address(self.name, own_number(self.folder))
+        return Address(self.name, robot_number(self.folder))
 
 
 @dataclass(slots=True)
@@ -166,8 +166,8 @@ class Campaign:
             self.robots.append(Robot(f"r{number}", folder / f"r{number}", proxy))
             closed.callback(self.robots[-1].kill)
         fleet = FleetKeys(fleet="campaign", mode="client", connect=(f"tcp/127.0.0.1:{port}",))
-        self.operator: Operator = closed.enter_context(operating(fleet))
-        self.stopper: Operator = closed.enter_context(operating(fleet))
+        self.operator: Operator = closed.enter_context(connect_operator(fleet))
+        self.stopper: Operator = closed.enter_context(connect_operator(fleet))
         self.stopping: Thread | None = None
         closed.callback(self._join)
         self.figures = Figures(robots, 0)
@@ -180,15 +180,15 @@ class Campaign:
 
     def online(self) -> set[Address]:
         """Return who is there, as the operator's list has it."""
-        return {address for address, each in self.operator.members().items() if each.online}
+        return {address for address, each in self.operator.members().items() if each.is_online}
 
     def until(self, holds: object, seconds: float) -> float:
         """Wait until something holds; return after how long."""
-        begun = self.clock.now()
+        begun = self.clock.read_value()
         while not holds():  # type: ignore[operator]
-            assert self.clock.now() < begun + seconds, f"it did not come true within {seconds:g} s"
+            assert self.clock.read_value() < begun + seconds, f"it did not come true within {seconds:g} s"
             self.pause.wait(0.01)
-        return self.clock.now() - begun
+        return self.clock.read_value() - begun
 
     def give(self, count: int) -> None:
         """Give so many tasks, a quarter of them such that may not be done twice; each until it is acknowledged."""
@@ -202,7 +202,7 @@ class Campaign:
                 keeper = self.chance.choice(there)
                 number = f"{keeper}/{self.chance.getrandbits(48):012x}"
                 once = self.chance.random() < 0.25
-                wanted = Keep(
+                wanted = KeepTask(
                     task=number, mission="note", params={"id": number}, if_interrupted="give-up" if once else "retry"
                 )
                 if self._given(wanted, keeper):
@@ -211,11 +211,11 @@ class Campaign:
             self.given.append(number)
             self.figures.once_only |= {number} if once else set()
 
-    def _given(self, wanted: Keep, keeper: Address) -> bool:
+    def _given(self, wanted: KeepTask, keeper: Address) -> bool:
         """Ask until the keeper has answered: whether it has the task is not known before."""
         while True:
             with suppress(TaskError):
-                return self.operator.give(wanted, keeper).ok
+                return self.operator.submit(wanted, keeper).ok
             self.strike_if_due()
 
     given: list[str]
@@ -225,13 +225,13 @@ class Campaign:
         self.given = []
         self.planned = ["kill"] * kills + ["cut"] * cuts + ["stop"] * stops
         self.chance.shuffle(self.planned)
-        self.next_at = self.clock.now() + 0.5
+        self.next_at = self.clock.read_value() + 0.5
 
     every: float = 0.7
 
     def strike_if_due(self) -> None:
         """Kill, cut, start and mend what is due."""
-        now = self.clock.now()
+        now = self.clock.read_value()
         for robot in self.robots:
             if robot.process is None and now >= robot.back_at:
                 robot.start()
@@ -263,8 +263,8 @@ class Campaign:
 
     def finish(self, seconds: float) -> None:
         """Go on striking until nothing is planned, then wait until all tasks have ended; count what came of it."""
-        begun = self.clock.now()
-        while self.clock.now() < begun + seconds:
+        begun = self.clock.read_value()
+        while self.clock.read_value() < begun + seconds:
             self.strike_if_due()
             whole = all(each.process is not None and not each.proxy.cut.is_set() for each in self.robots)
             if not self.planned and whole and self.open() == 0 and not self.untold():
@@ -272,7 +272,7 @@ class Campaign:
             if not self.planned and any(each.state and each.state.stopped for each in self.operator.members().values()):
                 self.operator.release([], resume=True)  # who was away when all were released
             self.pause.wait(0.1)
-        self.figures.seconds = self.clock.now()
+        self.figures.seconds = self.clock.read_value()
         for robot in self.robots:
             robot.kill()
         done: Counter[str] = Counter()
@@ -298,7 +298,9 @@ class Campaign:
             with closing(open_db(queue_file(robot.folder))) as connection:
                 done.update(row["id"] for row in connection.execute(_DONE))
                 told |= {
-                    row["id"] for row in connection.execute("SELECT id, reason FROM kept") if ALSO in row["reason"]
+                    row["id"]
+                    for row in connection.execute("SELECT id, reason FROM kept")
+                    if LATE_PREFIX in row["reason"]
                 }
         return [number for number, count in done.items() if count > 1 and number not in told]
 
@@ -323,9 +325,9 @@ class Campaign:
 
     def measure(self, rounds: int) -> None:
         """Measure how soon the list is right, how soon a stop is confirmed, and what an idle robot costs."""
-        spent, at = self._spent(), self.clock.now()
+        spent, at = self._spent(), self.clock.read_value()
         self.pause.wait(min(5.0, rounds * 1.0))
-        self.figures.processor = (self._spent() - spent) / (self.clock.now() - at) / len(self.robots)
+        self.figures.processor = (self._spent() - spent) / (self.clock.read_value() - at) / len(self.robots)
         for _ in range(rounds):
             robot = self.chance.choice(self.robots)
             address = robot.address
@@ -346,7 +348,7 @@ class Campaign:
             self.stopping.join()
 
     def _stop_among_strikes(self) -> None:
-        begun = self.clock.now()
+        begun = self.clock.read_value()
         there, at = self._stop(self.stopper)
         there &= {each.address for each in self.robots if each.changed_at < begun - SETTLED}
         self.figures.struck_delays += [at[each] for each in there if each in at]
@@ -354,20 +356,20 @@ class Campaign:
 
     def _stop(self, operator: Operator) -> tuple[set[Address], dict[Address, float]]:
         """Stop and release all; return who was there, and after how long each has confirmed it."""
-        there, begun, at = self.online(), self.clock.now(), dict[Address, float]()
-        ask = operator.line.ask
+        there, begun, at = self.online(), self.clock.read_value(), dict[Address, float]()
+        ask = operator.transport.send_request
 
         def timed(wanted, where, on_answer, timeout):  # type: ignore[no-untyped-def]
             def heard(who, answer):  # type: ignore[no-untyped-def]
                 if who is not None and answer is not None and who not in at:
-                    at[who] = self.clock.now() - begun
+                    at[who] = self.clock.read_value() - begun
                 on_answer(who, answer)
 
             ask(wanted, where, heard, timeout)
 
-        object.__setattr__(operator.line, "ask", timed)
+        object.__setattr__(operator.transport, "ask", timed)
         operator.stop()
-        object.__setattr__(operator.line, "ask", ask)
+        object.__setattr__(operator.transport, "ask", ask)
         operator.release([], resume=True)
         return there, at
 

@@ -13,24 +13,24 @@ from threading import Event
 from config.fleet import FleetKeys
 from drivers.clock import SystemClock
 from missions.plugins.fleet.body import Telemetry
-from missions.plugins.fleet.errands import ErrandQueue
-from missions.plugins.fleet.joining import employ, own_number
-from missions.plugins.fleet.keeper import Kept
-from missions.plugins.fleet.line import Roster, ZenohLine
-from missions.plugins.fleet.member import Member, Own
+from missions.plugins.fleet.errands import AssignmentQueue
+from missions.plugins.fleet.joining import add_task_services, robot_number
+from missions.plugins.fleet.keeper import TaskStore
+from missions.plugins.fleet.line import Roster, ZenohTransport
+from missions.plugins.fleet.member import FleetMember, RobotInfo
 from missions.plugins.fleet.place import open_session
-from missions.plugins.fleet.words import Address, Times
+from missions.plugins.fleet.words import Address, FleetTimeouts
 from missions.plugins.tasks.fleet_latch import FleetLatch
 from missions.plugins.tasks.queue import wall_clock
 from missions.plugins.tasks.schema import open_db, queue_file
-from missions.plugins.tasks.serve import Server
-from missions.plugins.tasks.task import Claim, Outcome
+from missions.plugins.tasks.serve import TaskServer
+from missions.plugins.tasks.task import AttemptOutcome, Claim
 from missions.plugins.tasks.work import Say, Stopping
 
 WORK = 0.15
 """Seconds that a task takes."""
 
-TIMES = Times(heartbeat=0.5, again=0.5, lease=3.0, hand_on=6.0, refused=0.3)
+TIMES = FleetTimeouts(heartbeat=0.5, retry_interval=0.5, lease=3.0, reassign_after=6.0, refusal_pause=0.3)
 
 
 class Body:
@@ -39,7 +39,7 @@ class Body:
     def __init__(self) -> None:
         self.runs = False
 
-    def look(self) -> Telemetry:
+    def read_telemetry(self) -> Telemetry:
         return Telemetry(runs=self.runs, mission="note" if self.runs else "", battery=0.5)
 
     def stop(self, by: str) -> tuple[bool, str]:
@@ -56,33 +56,33 @@ def main(folder: Path, name: str, port: int) -> None:
     done = os.open(folder / "done", os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
     body, clock, pause = Body(), SystemClock(), Event()
 
-    def work(claim: Claim, stopping: Stopping, say: Say) -> Outcome:
+    def work(claim: Claim, stopping: Stopping, say: Say) -> AttemptOutcome:
         del say
         body.runs = True
         try:
             pause.wait(WORK)
             if stopping():
-                return Outcome("interrupted", "stopped")
+                return AttemptOutcome("interrupted", "stopped")
             os.write(done, f"{claim.task.params['id']}\n".encode())
-            return Outcome("success")
+            return AttemptOutcome("success")
         finally:
             body.runs = False
 
     path = queue_file(folder)
     with ExitStack() as closed:
-        queue = ErrandQueue(closed.enter_context(closing(open_db(path))), lambda _: ())
+        queue = AssignmentQueue(closed.enter_context(closing(open_db(path))), lambda _: ())
         queue.recover(wall_clock())
-        own = Own(Address(name, own_number(folder)), "note", ("voice",), simulated=True)
+        own = RobotInfo(Address(name, robot_number(folder)), "note", ("voice",), simulated=True)
         roster, latch = Roster(clock), FleetLatch(folder)
         fleet = FleetKeys(fleet="campaign", mode="client", connect=(f"tcp/127.0.0.1:{port}",))
-        line = ZenohLine(open_session(fleet), fleet.fleet, roster)
-        member = Member(own, line, roster, body, latch, clock=clock)
+        line = ZenohTransport(open_session(fleet), fleet.fleet, roster)
+        member = FleetMember(own, line, roster, body, latch, clock=clock)
         theirs = closed.enter_context(closing(open_db(path, any_thread=True)))
-        journal = ErrandQueue(theirs, lambda _: ())
-        employ(member, journal, Kept(theirs), times=TIMES)
-        line.follow()
+        journal = AssignmentQueue(theirs, lambda _: ())
+        add_task_services(member, journal, TaskStore(theirs), timeouts=TIMES)
+        line.subscribe()
         closed.enter_context(member)
-        Server(queue, work, wall_clock, lambda _: None, held=lambda: latch.stopped).run()
+        TaskServer(queue, work, wall_clock, lambda _: None, is_held=lambda: latch.is_latched).run()
 
 
 if __name__ == "__main__":

@@ -10,9 +10,9 @@ from typing import Any
 from config.fleet import FleetKeys
 from drivers.clock import SystemClock
 from missions.plugins.fleet.body import Telemetry
-from missions.plugins.fleet.line import Roster, ZenohLine
-from missions.plugins.fleet.member import Member, Own
-from missions.plugins.fleet.operator import Operator, operating
+from missions.plugins.fleet.line import Roster, ZenohTransport
+from missions.plugins.fleet.member import FleetMember, RobotInfo
+from missions.plugins.fleet.operator import Operator, connect_operator
 from missions.plugins.fleet.place import open_session
 from missions.plugins.fleet.words import Address
 from missions.plugins.tasks.fleet_latch import FleetLatch
@@ -25,7 +25,7 @@ class CountingBody:
         self.said: list[str] = []
         self.telemetry = Telemetry()
 
-    def look(self) -> Telemetry:
+    def read_telemetry(self) -> Telemetry:
         return self.telemetry
 
     def stop(self, by: str) -> tuple[bool, str]:
@@ -61,18 +61,18 @@ def router(port: int) -> Iterator[None]:
 @contextmanager
 def member(
     fleet: FleetKeys, name: str, folder: Path, body: CountingBody, *, number: str = "0000000a"
-) -> Iterator[Member]:
+) -> Iterator[FleetMember]:
     """A robot that is in a fleet until this is over."""
     clock = SystemClock()
     roster = Roster(clock)
     with ExitStack() as closed:
-        line = ZenohLine(open_session(fleet, mode="client"), fleet.fleet, roster)
-        own = Own(Address(name, number), "turtlebot2", ("base", "voice"), simulated=True)
-        line.follow()
-        yield closed.enter_context(Member(own, line, roster, body, FleetLatch(folder / name), clock=clock))
+        line = ZenohTransport(open_session(fleet, mode="client"), fleet.fleet, roster)
+        own = RobotInfo(Address(name, number), "turtlebot2", ("base", "voice"), simulated=True)
+        line.subscribe()
+        yield closed.enter_context(FleetMember(own, line, roster, body, FleetLatch(folder / name), clock=clock))
 
 
 @contextmanager
 def at(fleet: FleetKeys) -> Iterator[Operator]:
-    with operating(replace(fleet, mode="client")) as found:
+    with connect_operator(replace(fleet, mode="client")) as found:
         yield found

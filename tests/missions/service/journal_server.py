@@ -10,13 +10,13 @@ from contextlib import closing
 from pathlib import Path
 
 from drivers.clock import time_of_day
-from missions.plugins.tasks.courier import Courier
+from missions.plugins.tasks.courier import NoticeSender
 from missions.plugins.tasks.notice import Channel, Notice
 from missions.plugins.tasks.outbox import Outbox
-from missions.plugins.tasks.queue import Queue
+from missions.plugins.tasks.queue import TaskQueue
 from missions.plugins.tasks.schema import open_db
-from missions.plugins.tasks.serve import Server
-from missions.plugins.tasks.task import Claim, Outcome
+from missions.plugins.tasks.serve import TaskServer
+from missions.plugins.tasks.task import AttemptOutcome, Claim
 from missions.plugins.tasks.work import Say, Stopping
 
 CHANNELS = ("one", "two")
@@ -29,10 +29,10 @@ def main(folder: Path) -> None:
     """Serve the queue in ``folder`` until it is empty."""
     database, done, delivered = folder / "tasks.db", append_to(folder / "done"), append_to(folder / "delivered")
 
-    def work(claim: Claim, stopping: Stopping, say: Say) -> Outcome:
+    def work(claim: Claim, stopping: Stopping, say: Say) -> AttemptOutcome:
         del stopping, say
         os.write(done, b"%d\n" % claim.attempt)
-        return Outcome("success")
+        return AttemptOutcome("success")
 
     def channel_of(name: str) -> Channel:
         def take(notice: Notice) -> None:
@@ -43,10 +43,10 @@ def main(folder: Path) -> None:
     def now() -> float:
         return time_of_day().timestamp()
 
-    with closing(open_db(database)) as connection, Courier(database, channel_of, now, print) as courier:
-        Server(Queue(connection, lambda _: CHANNELS), work, now, lambda _: None).run(once=True)
+    with closing(open_db(database)) as connection, NoticeSender(database, channel_of, now, print) as courier:
+        TaskServer(TaskQueue(connection, lambda _: CHANNELS), work, now, lambda _: None).run(once=True)
         courier.flush(PATIENCE)
-        assert Outbox(connection).waiting() == 0
+        assert Outbox(connection).pending_count() == 0
 
 
 def append_to(path: Path) -> int:

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from missions.plugins.tasks.commands import serve as serving
-from missions.plugins.tasks.schema import DiskFull, in_a_line, open_db
-from missions.plugins.tasks.serve import Server
-from missions.plugins.tasks.task import Claim, Outcome
+from missions.plugins.tasks.schema import DiskFullError, describe_retry, open_db
+from missions.plugins.tasks.serve import TaskServer
+from missions.plugins.tasks.task import AttemptOutcome, Claim
 from missions.plugins.tasks.work import Say, Stopping
 from tests.missions.service.small_queue import Shop, new, shop
 
@@ -37,7 +37,7 @@ def main(folder: Path) -> None:
     fill(folder)
     try:
         open_db(path).close()
-    except DiskFull as error:
+    except DiskFullError as error:
         told["refused"] = [str(error), error.hint]
     waited: list[str] = []
 
@@ -46,25 +46,25 @@ def main(folder: Path) -> None:
         (folder / "filling").unlink(missing_ok=True)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(serving, "FULL_PERIOD", 0.0)
-        patch.setattr(serving, "_tell", partial(make_room, to=waited))
-        serving._begun(path, patient=True).close()
+        patch.setattr(serving, "DISK_CHECK_INTERVAL", 0.0)
+        patch.setattr(serving, "_report", partial(make_room, to=waited))
+        serving._open_recovered(path, wait_for_space=True).close()
     told["waited"] = waited
     with closing(open_db(path)) as connection:
         queue = Shop(connection)
         told["served"] = served = list[str]()
 
-        def work(claim: Claim, stopping: Stopping, say: Say) -> Outcome:
+        def work(claim: Claim, stopping: Stopping, say: Say) -> AttemptOutcome:
             del stopping
             say(f"before {claim.task.name}")
             fill(folder)
             for number in range(200):  # more than the log has room for
                 say(f"{number} of {claim.task.name}")
-            return Outcome("success")
+            return AttemptOutcome("success")
 
-        explain = partial(in_a_line, path)
+        explain = partial(describe_retry, path)
         now = queue.now
-        Server(queue.queue, work, lambda: now, partial(make_room, to=served), explain=explain).run(once=True)
+        TaskServer(queue.queue, work, lambda: now, partial(make_room, to=served), explain=explain).run(once=True)
         told["states"] = [task.state for task in queue.queue.tasks()]
         told["said"] = len(queue.told(1))
     sys.stdout.write(json.dumps(told))

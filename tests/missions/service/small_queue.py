@@ -8,9 +8,9 @@ from pathlib import Path
 from zoneinfo import ZoneInfo
 
 from missions.plugins.tasks.outbox import Outbox
-from missions.plugins.tasks.queue import PAUSE, Queue
+from missions.plugins.tasks.queue import RETRY_INTERVAL, TaskQueue
 from missions.plugins.tasks.schema import open_db
-from missions.plugins.tasks.task import Claim, How, NewTask, Outcome, Policy, Task
+from missions.plugins.tasks.task import AttemptOutcome, Claim, How, NewTask, RetryPolicy, Task
 
 BERLIN = ZoneInfo("Europe/Berlin")
 
@@ -18,7 +18,7 @@ START = datetime(2026, 11, 21, 12, 0, tzinfo=BERLIN).timestamp()
 
 CHANNELS = ("home", "away")
 
-RETRY = Policy("retry")
+RETRY = RetryPolicy("retry")
 
 
 def new(
@@ -28,7 +28,7 @@ def new(
     priority: int = 0,
     late: float | None = None,
     every: str = "",
-    policy: Policy = RETRY,
+    policy: RetryPolicy = RETRY,
 ) -> NewTask:
     params = {"to": "Ana"}
     return NewTask(mission=mission, params=params, due=due, priority=priority, late=late, every=every, policy=policy)
@@ -39,7 +39,7 @@ class Shop:
 
     def __init__(self, connection: sqlite3.Connection, zone: tzinfo = BERLIN) -> None:
         self.connection = connection
-        self.queue = Queue(connection, lambda _: CHANNELS, zone)
+        self.queue = TaskQueue(connection, lambda _: CHANNELS, zone)
         self.outbox = Outbox(connection)
         self.now = START
 
@@ -55,15 +55,15 @@ class Shop:
         """Run what is due first; it ends like this a second later. Then the pause before another try is over."""
         claim = self.claim()
         self.now += 1.0
-        task = self.queue.finish(claim, Outcome(how, reason), self.now)
-        self.now += PAUSE
+        task = self.queue.finish(claim, AttemptOutcome(how, reason), self.now)
+        self.now += RETRY_INTERVAL
         return task
 
     def told(self, task: int, channel: str = "home") -> list[str]:
-        return [letter.notice.text for letter in self.outbox.of(task) if letter.channel == channel]
+        return [letter.notice.text for letter in self.outbox.notices_of(task) if letter.channel == channel]
 
     def kinds(self, task: int, channel: str = "home") -> list[str]:
-        return [letter.notice.kind for letter in self.outbox.of(task) if letter.channel == channel]
+        return [letter.notice.kind for letter in self.outbox.notices_of(task) if letter.channel == channel]
 
 
 @contextmanager

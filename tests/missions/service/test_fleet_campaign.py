@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from missions.plugins.fleet.operator import Operator
-from missions.plugins.fleet.words import Address, Keep
+from missions.plugins.fleet.words import Address, KeepTask
 from tests.missions.service.fleet_campaign import campaign
 from tests.waiting import wait_until
 
@@ -37,12 +37,12 @@ def test_two_operators_at_once_who_give_the_same_tasks_stop_and_release_all_conf
         fleet.strike(0, 0)
         operators = fleet.operator, fleet.stopper
         keepers = sorted(fleet.online())
-        wait_until(lambda: fleet.online() == {a for a, each in fleet.stopper.members().items() if each.online})
+        wait_until(lambda: fleet.online() == {a for a, each in fleet.stopper.members().items() if each.is_online})
         fleet.given = [f"{keepers[number % 2]}/{number:012x}" for number in range(8)]
 
         def give(operator: Operator) -> bool:
-            wanted = [Keep(task=each, mission="note", params={"id": each}) for each in fleet.given]
-            return all(operator.give(each, Address.read(each.task.rpartition("/")[0])).ok for each in wanted)
+            wanted = [KeepTask(task=each, mission="note", params={"id": each}) for each in fleet.given]
+            return all(operator.submit(each, Address.read(each.task.rpartition("/")[0])).ok for each in wanted)
 
         assert list(both.map(give, operators)) == [True, True]
         for answers, silent in both.map(Operator.stop, operators):

@@ -11,8 +11,8 @@ import pytest
 
 from drivers.clock import ManualClock
 from missions.plugins.fleet.line import Roster
-from missions.plugins.fleet.member import SPREAD, Member, Own
-from missions.plugins.fleet.words import Address, Answer, Met, Stop
+from missions.plugins.fleet.member import STOP_QUIET_RANGE, FleetMember, RobotInfo
+from missions.plugins.fleet.words import Address, FleetAnswer, FleetStop, ListPeers
 from missions.plugins.tasks.fleet_latch import FleetLatch
 from tests.missions.service.fleets import CountingBody
 from tests.missions.service.test_fleet_operator import Fleet
@@ -22,21 +22,21 @@ def test_a_robot_is_stopped_until_its_release_is_on_the_disk(tmp_path: Path, mon
     latch, seen = FleetLatch(tmp_path), list[bool]()
     number, keep = latch.stop("me")
     assert keep() == ""
-    monkeypatch.setattr(os, "fsync", lambda _: seen.append(latch.stopped))
+    monkeypatch.setattr(os, "fsync", lambda _: seen.append(latch.is_latched))
     assert latch.release(number)
     assert all(seen)
     assert seen
-    assert not latch.stopped
+    assert not latch.is_latched
     again = FleetLatch(tmp_path)
     again.load()
-    assert not again.stopped
+    assert not again.is_latched
 
 
 def test_a_robot_whose_latch_cannot_be_read_counts_as_stopped(tmp_path: Path) -> None:
     (tmp_path / "folder").write_text("a file in the way", encoding="utf-8")
     latch = FleetLatch(tmp_path / "folder")
     latch.load()
-    assert latch.stopped
+    assert latch.is_latched
     assert "cannot be read (NotADirectoryError)" in latch.by
 
 
@@ -51,17 +51,17 @@ def test_a_stop_that_is_not_on_the_disk_is_told_so(tmp_path: Path, monkeypatch: 
 
 
 def test_a_robot_stays_in_its_fleet_when_an_answer_cannot_be_sent(tmp_path: Path) -> None:
-    clock, answers = ManualClock(), list[Answer]()
-    own = Own(Address("anna", "0000000a"), "note")
-    member = Member(own, Fleet(), Roster(clock), CountingBody(), FleetLatch(tmp_path), clock=clock)
+    clock, answers = ManualClock(), list[FleetAnswer]()
+    own = RobotInfo(Address("anna", "0000000a"), "note")
+    member = FleetMember(own, Fleet(), Roster(clock), CountingBody(), FleetLatch(tmp_path), clock=clock)
 
-    def cut(_: Answer) -> None:
+    def cut(_: FleetAnswer) -> None:
         raise OSError("the session is closed")
 
-    member._asked(Met(), cut)
-    member._asked(Met(), answers.append)
-    member.turn()
-    assert answers == [Answer()]
+    member._queue_request(ListPeers(), cut)
+    member._queue_request(ListPeers(), answers.append)
+    member.run_once()
+    assert answers == [FleetAnswer()]
 
 
 class Told(Fleet):
@@ -71,7 +71,7 @@ class Told(Fleet):
         super().__init__()
         self.states: list[bytes] = []
 
-    def tell(self, state: bytes) -> None:
+    def publish_state(self, state: bytes) -> None:
         self.states.append(state)
 
 
@@ -84,16 +84,16 @@ class Watching(CountingBody):
 
 
 def test_a_robot_stands_before_its_stop_is_written_and_tells_all_others_of_it_a_while_later(tmp_path: Path) -> None:
-    clock, line, body, answers = ManualClock(), Told(), Watching(), list[Answer]()
-    own = Own(Address("anna", "0000000a"), "note")
-    member = Member(own, line, Roster(clock), body, FleetLatch(tmp_path), clock=clock)
-    member._stopped(Stop(by="me", press="1"), answers.append)
+    clock, line, body, answers = ManualClock(), Told(), Watching(), list[FleetAnswer]()
+    own = RobotInfo(Address("anna", "0000000a"), "note")
+    member = FleetMember(own, line, Roster(clock), body, FleetLatch(tmp_path), clock=clock)
+    member._handle_stop(FleetStop(by="me", press="1"), answers.append)
     assert [answer.ok for answer in answers] == [True]
     assert "keep the stop" not in body.said
-    member.turn()
+    member.run_once()
     assert line.states == [], "fifty that tell fifty others at once hold up each other's confirmations"
-    clock.advance(SPREAD[1])
-    member.turn()
+    clock.advance(STOP_QUIET_RANGE[1])
+    member.run_once()
     assert [json.loads(state)["stopped"] for state in line.states] == ["me"]
 
 
@@ -103,10 +103,10 @@ def test_a_stop_is_kept_though_the_robot_cannot_be_told(tmp_path: Path) -> None:
             raise OSError(by)
 
     clock = ManualClock()
-    own = Own(Address("anna", "0000000a"), "note")
-    member = Member(own, Told(), Roster(clock), Broken(), FleetLatch(tmp_path), clock=clock)
+    own = RobotInfo(Address("anna", "0000000a"), "note")
+    member = FleetMember(own, Told(), Roster(clock), Broken(), FleetLatch(tmp_path), clock=clock)
     with pytest.raises(OSError, match="me"):
-        member._stopped(Stop(by="me"), lambda _: None)
+        member._handle_stop(FleetStop(by="me"), lambda _: None)
     for thread in enumerate_threads():
         if thread.name == "keep the stop":
             thread.join()
@@ -117,11 +117,11 @@ def test_a_stop_is_kept_though_the_robot_cannot_be_told(tmp_path: Path) -> None:
 
 def test_who_stops_a_robot_again_and_again_does_not_keep_it_from_telling_how_it_is(tmp_path: Path) -> None:
     clock, line = ManualClock(), Told()
-    own = Own(Address("anna", "0000000a"), "note")
-    member = Member(own, line, Roster(clock), CountingBody(), FleetLatch(tmp_path), clock=clock)
+    own = RobotInfo(Address("anna", "0000000a"), "note")
+    member = FleetMember(own, line, Roster(clock), CountingBody(), FleetLatch(tmp_path), clock=clock)
     for number in range(40):
-        member._stopped(Stop(by="me", press=str(number)), lambda _: None)
+        member._handle_stop(FleetStop(by="me", press=str(number)), lambda _: None)
         clock.advance(0.05)
-        member.turn()
+        member.run_once()
     assert [json.loads(state)["stopped"] for state in line.states][:1] == ["me"]
     assert len(line.states) > 2

@@ -16,12 +16,12 @@ from config.faults import InvalidFileError
 from config.fleet import FleetKeys, load_fleet
 from drivers.clock import ManualClock, SystemClock
 from missions.plugins.fleet.body import Telemetry
-from missions.plugins.fleet.line import Roster, ZenohLine
-from missions.plugins.fleet.member import Member, Own
+from missions.plugins.fleet.line import Roster, ZenohTransport
+from missions.plugins.fleet.member import FleetMember, RobotInfo
 from missions.plugins.fleet.operator import Operator
 from missions.plugins.fleet.place import open_session
-from missions.plugins.fleet.words import Address, RobotState, key, read
-from missions.plugins.tasks.fleet_latch import FILE, FleetLatch
+from missions.plugins.fleet.words import Address, RobotState, decode_message, zenoh_key
+from missions.plugins.tasks.fleet_latch import LATCH_FILE, FleetLatch
 from missions.plugins.tasks.task import TaskError
 from tests.certificates import authority, certificate
 from tests.missions.service.fleets import CountingBody, at, free_port, local_fleet, member, router
@@ -48,14 +48,14 @@ def test_robots_are_listed_with_what_they_tell_and_how_they_went(fleet: FleetKey
     body = CountingBody()
     with at(replace(fleet, robots=("anna", "carl"))) as operator, member(fleet, "anna", tmp_path, body):
         with member(fleet, "bob", tmp_path, CountingBody(), number=BOB.number):
-            wait_until(lambda: sum(each.online for each in operator.members().values()) == 2)
+            wait_until(lambda: sum(each.is_online for each in operator.members().values()) == 2)
             assert {each.connection for each in operator.members().values()} == {"ONLINE"}
             assert (state(operator, ANNA).robot, state(operator, ANNA).parts) == ("turtlebot2", ("base", "voice"))
             body.telemetry = Telemetry(runs=True, mission="patrol", battery=0.42, x=1.5, y=-2.0, heading=0.1, age=0.3)
             wait_until(lambda: state(operator, ANNA).mission == "patrol")
             assert (state(operator, ANNA).battery, state(operator, ANNA).x) == (0.42, 1.5)
         wait_until(lambda: operator.members()[BOB].connection == "OFFLINE")
-        assert operator.missing() == ["carl"]
+        assert operator.missing_robots() == ["carl"]
 
 
 @pytest.mark.real_time
@@ -64,7 +64,7 @@ def test_an_operator_who_comes_later_hears_of_those_that_broke_off_and_names_the
 ) -> None:
     roster = Roster(SystemClock())
     with member(fleet, "anna", tmp_path, CountingBody()):
-        with closing(ZenohLine(open_session(fleet, mode="client"), fleet.fleet, roster)) as line:
+        with closing(ZenohTransport(open_session(fleet, mode="client"), fleet.fleet, roster)) as line:
             line.announce(BOB, lambda *_: None, lambda *_: None, lambda: b"{}")
             with at(fleet) as operator:
                 wait_until(lambda: BOB in operator.members())
@@ -84,11 +84,11 @@ def test_a_stop_is_confirmed_by_each_and_holds_until_it_is_released_also_over_a_
         with member(fleet, "bob", tmp_path, bodies["bob"], number=BOB.number):
             answers, silent = operator.stop()
             assert ({ANNA, BOB}, silent) == (set(answers), [])
-            assert all(answer.ok and answer.why == "stopped (base)" for answer in answers.values())
+            assert all(answer.ok and answer.reason == "stopped (base)" for answer in answers.values())
             wait_until(lambda: state(operator, BOB).stopped == operator.by)
             assert not state(operator, BOB).free
         with member(fleet, "bob", tmp_path, bodies["bob"], number=BOB.number):
-            wait_until(lambda: operator.members()[BOB].online and state(operator, BOB).stopped)
+            wait_until(lambda: operator.members()[BOB].is_online and state(operator, BOB).stopped)
             assert bodies["bob"].said[-1] == f"stop by {operator.by}", "what runs at a start stands still too"
             answers = operator.release(["bob"], resume=True)
             assert {address: answer.ok for address, answer in answers.items()} == {BOB: True}
@@ -99,20 +99,20 @@ def test_a_stop_is_confirmed_by_each_and_holds_until_it_is_released_also_over_a_
 def test_a_release_of_a_stop_that_nobody_has_seen_is_refused(fleet: FleetKeys, tmp_path: Path) -> None:
     with at(fleet) as one, at(fleet) as other, member(fleet, "anna", tmp_path, CountingBody()):
         one.stop()
-        wait_until(lambda: one.members()[ANNA].online and state(one, ANNA).stops == 1)
+        wait_until(lambda: one.members()[ANNA].is_online and state(one, ANNA).stops == 1)
         seen = dict(one.members())
         other.stop()
         one.roster.members = lambda: seen  # type: ignore[method-assign]
         answers = one.release([], resume=False)
     assert not answers[ANNA].ok
-    assert "the last one is 2" in answers[ANNA].why
+    assert "the last one is 2" in answers[ANNA].reason
 
 
 def test_a_file_of_the_stop_that_cannot_be_read_is_a_stop(fleet: FleetKeys, tmp_path: Path) -> None:
     (tmp_path / "anna").mkdir()
-    (tmp_path / "anna" / FILE).write_text("{", encoding="utf-8")
+    (tmp_path / "anna" / LATCH_FILE).write_text("{", encoding="utf-8")
     with at(fleet) as operator, member(fleet, "anna", tmp_path, CountingBody()):
-        operator.meet()
+        operator.discover()
         assert "cannot be read" in state(operator, ANNA).stopped
 
 
@@ -129,9 +129,11 @@ def test_a_robot_whose_run_tells_nonsense_is_seen_without_it(odd: Telemetry, tmp
     body.telemetry = odd
     line = SimpleNamespace(tell=told.append, announce=lambda *_: None, close=lambda: None)
     clock = ManualClock()
-    robot = Member(Own(ANNA, "kobuki"), cast("ZenohLine", line), Roster(clock), body, FleetLatch(tmp_path), clock=clock)
-    robot.turn()
-    seen = read(RobotState, told[0])
+    robot = FleetMember(
+        RobotInfo(ANNA, "kobuki"), cast("ZenohTransport", line), Roster(clock), body, FleetLatch(tmp_path), clock=clock
+    )
+    robot.run_once()
+    seen = decode_message(RobotState, told[0])
     assert (seen.battery, seen.x, seen.age) == (None, None, None)
     assert seen.mission in {"", "gr\u00fc\u00df[2J"}
 
@@ -144,13 +146,13 @@ def test_two_robots_with_one_number_as_of_a_copied_card_take_no_task_and_are_tol
         member(fleet, "anna", tmp_path / "one", CountingBody()) as one,
         member(fleet, "anna", tmp_path / "two", CountingBody()) as two,
     ):
-        wait_until(lambda: one.copied and two.copied)
+        wait_until(lambda: one.is_duplicate and two.is_duplicate)
         wait_until(lambda: operator.members()[ANNA].state is not None and not state(operator, ANNA).free)
         assert "another robot has the number 0000000a" in caplog.text
-        one.turn()
-        two._tell(two._state)
-        one._tell(one._state)
-        wait_until(lambda: operator.roster.twofold(ANNA))
+        one.run_once()
+        two._publish(two._state)
+        one._publish(one._state)
+        wait_until(lambda: operator.roster.is_duplicate(ANNA))
         _, silent = operator.stop()
         assert silent == [f"{ANNA}, a number that two robots have"]
 
@@ -159,7 +161,7 @@ def test_two_robots_with_one_number_as_of_a_copied_card_take_no_task_and_are_tol
 def test_hostile_questions_are_refused_and_change_nothing(fleet: FleetKeys, tmp_path: Path) -> None:
     body = CountingBody()
     with at(fleet) as operator, member(fleet, "anna", tmp_path, body):
-        operator.meet()
+        operator.discover()
         before = state(operator, ANNA)
         session: Any = open_session(fleet, mode="client")
         try:
@@ -172,11 +174,11 @@ def test_hostile_questions_are_refused_and_change_nothing(fleet: FleetKeys, tmp_
                     b"[" * 9999,
                     b"x" * 99999,
                 ):
-                    replies = list(session.get(key(fleet.fleet, kind, str(ANNA)), payload=data, timeout=5.0))
+                    replies = list(session.get(zenoh_key(fleet.fleet, kind, str(ANNA)), payload=data, timeout=5.0))
                     assert len(replies) == 1, data[:20]
                     assert replies[0].ok is not None
                     assert b'"ok":false' in replies[0].ok.payload.to_bytes()
-            session.put(key(fleet.fleet, "state", str(ANNA)), b'{"session": 1}')
+            session.put(zenoh_key(fleet.fleet, "state", str(ANNA)), b'{"session": 1}')
             session.put(f"missiontree/0/{fleet.fleet}/state/{ANNA}", b"{}")
         finally:
             session.close()
@@ -212,12 +214,12 @@ def test_with_keys_of_one_authority_robots_meet_and_a_stranger_does_not(tmp_path
     where = (f"tls/127.0.0.1:{port}",)
     with ExitStack() as closed:
         session = open_session(replace(keys["anna"], listen=where))
-        line = closed.enter_context(closing(ZenohLine(session, "trial", Roster(SystemClock()))))
+        line = closed.enter_context(closing(ZenohTransport(session, "trial", Roster(SystemClock()))))
         line.announce(ANNA, lambda *_: None, lambda *_: None, lambda: b"{}")
         met = Roster(SystemClock())
         fleet = replace(keys["desk"], connect=where)
-        closed.enter_context(closing(desk := ZenohLine(open_session(fleet), "trial", met)))
-        desk.follow()
+        closed.enter_context(closing(desk := ZenohTransport(open_session(fleet), "trial", met)))
+        desk.subscribe()
         wait_until(lambda: ANNA in met.members())
         for shown in (None, stranger):
             with pytest.raises((ssl.SSLError, ConnectionError)):

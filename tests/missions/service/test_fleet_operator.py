@@ -7,9 +7,18 @@ import pytest
 
 from config.fleet import FleetKeys
 from drivers.clock import ManualClock
-from missions.plugins.fleet.line import OnAnswer, Roster, ZenohLine
-from missions.plugins.fleet.operator import ENDED_PAGES, LONGEST, Operator
-from missions.plugins.fleet.words import Address, Answer, Ask, RobotState, Tasks, ToldTask, as_bytes, key
+from missions.plugins.fleet.line import OnAnswer, Roster, ZenohTransport
+from missions.plugins.fleet.operator import MAX_ENDED_PAGES, MAX_WAIT, Operator
+from missions.plugins.fleet.words import (
+    Address,
+    FleetAnswer,
+    FleetRequest,
+    FleetTaskInfo,
+    ListFleetTasks,
+    RobotState,
+    encode_message,
+    zenoh_key,
+)
 
 ANNA, ANNA_TOO, BOB = (Address(name, f"0000000{each}") for name, each in (("anna", "a"), ("anna", "c"), ("bob", "b")))
 STATE = RobotState(session="1", number=0, robot="note", stops=1)
@@ -22,35 +31,35 @@ class Busy(ManualClock):
         super().__init__(100.0)
         self.happens = happens
 
-    def now(self) -> float:
+    def read_value(self) -> float:
         self.advance(0.05)
         self.happens()
-        return super().now()
+        return super().read_value()
 
 
-class Fleet(ZenohLine):
+class Fleet(ZenohTransport):
     """Robots that answer at once with what is told here; it is the line to them, too."""
 
     def __init__(self) -> None:
         self.clock = Busy(lambda: None)
         self.roster = Roster(ManualClock())
         self.operator = Operator(FleetKeys(fleet="f"), self, self.roster, self.clock, "me")
-        self.answers: Mapping[str, Answer] = {}
-        self.answering: Callable[[Ask], Answer] = lambda ask: self.answers.get(ask.word, Answer())
+        self.answers: Mapping[str, FleetAnswer] = {}
+        self.answering: Callable[[FleetRequest], FleetAnswer] = lambda ask: self.answers.get(ask.word, FleetAnswer())
         self.deaf: set[Address] = set()
-        self.asked: list[tuple[Ask, str, float]] = []
+        self.asked: list[tuple[FleetRequest, str, float]] = []
         self.number = 0
 
     def seen(self, *those: Address) -> None:
         for each in those:
             self.number += 1
-            self.roster.told(key("f", "state", str(each)), as_bytes(replace(STATE, number=self.number)))
+            self.roster.on_state(zenoh_key("f", "state", str(each)), encode_message(replace(STATE, number=self.number)))
 
-    def ask(self, ask: Ask, where: str, on_answer: OnAnswer, timeout: float) -> None:
-        self.asked.append((ask, where, timeout))
+    def send_request(self, request: FleetRequest, where: str, on_answer: OnAnswer, timeout: float) -> None:
+        self.asked.append((request, where, timeout))
         for address in self.roster.members():
             if where in (str(address), "*/*") and address not in self.deaf:
-                on_answer(address, self.answering(ask))
+                on_answer(address, self.answering(request))
         on_answer(None, None)
 
 
@@ -58,19 +67,19 @@ def test_a_stop_ends_in_a_fleet_that_moves_all_the_time() -> None:
     fleet = Fleet()
     fleet.seen(ANNA, BOB)
     fleet.clock.happens = lambda: fleet.seen(ANNA, BOB)
-    begun = fleet.clock.now()
+    begun = fleet.clock.read_value()
     answers, silent = fleet.operator.stop()
     assert (set(answers), silent) == ({ANNA, BOB}, [])
-    assert fleet.clock.now() - begun < 1.5, "what they tell of themselves makes them nobody new"
+    assert fleet.clock.read_value() - begun < 1.5, "what they tell of themselves makes them nobody new"
 
 
 def test_a_stop_ends_though_robots_come_without_end() -> None:
     fleet = Fleet()
     fleet.clock.happens = lambda: fleet.seen(Address("new", f"{fleet.number:08x}"))
-    begun = fleet.clock.now()
+    begun = fleet.clock.read_value()
     answers, _ = fleet.operator.stop()
     assert len(answers) > 50
-    assert LONGEST < fleet.clock.now() - begun < 2 * LONGEST + 1.0
+    assert MAX_WAIT < fleet.clock.read_value() - begun < 2 * MAX_WAIT + 1.0
 
 
 @pytest.mark.parametrize(
@@ -79,7 +88,7 @@ def test_a_stop_ends_though_robots_come_without_end() -> None:
 def test_what_robots_tell_of_others_is_left_out_where_it_is_nothing(told: dict[str, object]) -> None:
     fleet = Fleet()
     fleet.seen(ANNA)
-    fleet.answers = {"met": Answer(told=(told, {"robot": str(BOB), "connection": "CONNECTIONBROKEN"}))}
+    fleet.answers = {"met": FleetAnswer(data=(told, {"robot": str(BOB), "connection": "CONNECTIONBROKEN"}))}
     answers, silent = fleet.operator.stop()
     assert (list(answers), silent) == ([ANNA], [str(BOB)])
 
@@ -90,35 +99,35 @@ def test_what_robots_tell_of_others_is_left_out_where_it_is_nothing(told: dict[s
 def test_tasks_that_are_none_are_left_out(wrong: dict[str, object]) -> None:
     fleet = Fleet()
     fleet.seen(ANNA)
-    task = ToldTask(
+    task = FleetTaskInfo(
         id=f"{ANNA}/0123456789ab", mission="greet", params={}, on="any", where="", if_interrupted="retry",
         state="RUNNING", robot=str(ANNA), attempt=1, reason="", by="me",
     )  # fmt: skip
-    fleet.answers = {"tasks": Answer(told=({}, asdict(task) | wrong, asdict(task)))}
+    fleet.answers = {"tasks": FleetAnswer(data=({}, asdict(task) | wrong, asdict(task)))}
     assert fleet.operator.tasks(ended=False).tasks == [task]
 
 
 def test_tasks_are_asked_for_page_after_page_and_who_has_more_or_does_not_answer_is_named() -> None:
     fleet = Fleet()
     fleet.seen(ANNA, BOB)
-    task = ToldTask(
+    task = FleetTaskInfo(
         id="", mission="greet", params={}, on="any", where="", if_interrupted="retry",
         state="FINISHED", robot=str(ANNA), attempt=1, reason="", by="me",
     )  # fmt: skip
 
-    def pages(ask: Ask) -> Answer:
-        if not isinstance(ask, Tasks):
-            return Answer()
+    def pages(ask: FleetRequest) -> FleetAnswer:
+        if not isinstance(ask, ListFleetTasks):
+            return FleetAnswer()
         last = int(ask.before[-12:] or "fffff", 16)
         if not ask.ended and last < 0xFFFF0:
-            return Answer()
+            return FleetAnswer()
         numbers = range(last - 1, last - 11, -1)
-        return Answer(told=tuple(asdict(replace(task, id=f"{ANNA}/{number:012x}")) for number in numbers))
+        return FleetAnswer(data=tuple(asdict(replace(task, id=f"{ANNA}/{number:012x}")) for number in numbers))
 
     fleet.answering = pages
     fleet.deaf = {BOB}
     told = fleet.operator.tasks(ended=True)
-    assert len({each.id for each in told.tasks}) == len(told.tasks) == 10 * ENDED_PAGES
+    assert len({each.id for each in told.tasks}) == len(told.tasks) == 10 * MAX_ENDED_PAGES
     assert (told.more, told.silent) == (frozenset({str(ANNA)}), frozenset({str(BOB)}))
     assert fleet.operator.tasks(ended=False).more == frozenset()
 

@@ -11,32 +11,40 @@ import pytest
 from drivers.clock import ManualClock
 from missions.codec import decode
 from missions.plugins.fleet.body import Telemetry
-from missions.plugins.fleet.errands import ErrandQueue, Errands
-from missions.plugins.fleet.keeper import ALSO, DOUBT, LOST, Keeper, Kept, KeptTask, fits
+from missions.plugins.fleet.errands import AssignmentQueue, TaskExecutor
+from missions.plugins.fleet.keeper import (
+    DOUBT_REASON,
+    LATE_PREFIX,
+    LOST_REASON,
+    FleetTask,
+    TaskAllocator,
+    TaskStore,
+    matches_condition,
+)
 from missions.plugins.fleet.line import Roster
 from missions.plugins.fleet.words import (
-    MAX_ANSWER,
+    MAX_ANSWER_BYTES,
     RULES,
-    Accept,
+    AcceptTask,
     Address,
-    Answer,
-    Ask,
-    Decide,
-    Keep,
-    Report,
+    DecideTask,
+    FleetAnswer,
+    FleetRequest,
+    FleetTaskInfo,
+    FleetTimeouts,
+    KeepTask,
+    ListFleetTasks,
     RobotState,
-    Tasks,
-    Times,
-    ToldTask,
-    as_bytes,
-    key,
-    read,
+    TaskReport,
+    decode_message,
+    encode_message,
+    zenoh_key,
 )
 from missions.plugins.tasks.schema import open_db, queue_file
-from missions.plugins.tasks.task import Claim, Outcome
+from missions.plugins.tasks.task import AttemptOutcome, Claim
 from tests.missions.service.fleets import CountingBody
 
-TIMES = Times(heartbeat=2.0, again=1.0, lease=30.0, hand_on=50.0, refused=2.0)
+TIMES = FleetTimeouts(heartbeat=2.0, retry_interval=1.0, lease=30.0, reassign_after=50.0, refusal_pause=2.0)
 DESK = Address("desk", "00000001")
 TASK = f"{DESK}/0123456789ab"
 
@@ -53,30 +61,32 @@ class Robot:
         self.switch_on()
 
     def switch_on(self) -> None:
-        self.queue = ErrandQueue(
+        self.queue = AssignmentQueue(
             self.fleet.closed.enter_context(closing(open_db(queue_file(self.folder)))), lambda _: ()
         )
-        self.queue.recover(self.fleet.now())
-        self.errands = Errands(
-            self.address, self.queue, self.body, partial_ask(self.fleet, self), self.fleet.now, self.fleet.now,
-            held=lambda: self.stopped, times=TIMES, knows=lambda name: name != "unknown",
+        self.queue.recover(self.fleet.read_value())
+        self.errands = TaskExecutor(
+            self.address, self.queue, self.body, partial_ask(self.fleet, self), self.fleet.read_value, self.fleet.read_value,
+            is_stopped=lambda: self.stopped, timeouts=TIMES, has_mission=lambda name: name != "unknown",
         )  # fmt: skip
         self.claimed, self.body.telemetry = None, Telemetry()
 
     def begin(self) -> bool:
         """Begin what is due; say whether there was something."""
-        self.claimed = self.queue.claim(self.fleet.now())
+        self.claimed = self.queue.claim(self.fleet.read_value())
         self.body.telemetry = Telemetry(runs=self.claimed is not None)
         return self.claimed is not None
 
     def end(self, how: str = "success") -> None:
         assert self.claimed is not None
-        self.queue.finish(self.claimed, Outcome(how), self.fleet.now())  # type: ignore[arg-type]
+        self.queue.finish(self.claimed, AttemptOutcome(how), self.fleet.read_value())  # type: ignore[arg-type]
         self.claimed, self.body.telemetry = None, Telemetry()
 
 
-def partial_ask(fleet: "Fleet", robot: Robot | None) -> Callable[[Ask, Address, Callable[[Answer | None], None]], None]:
-    def ask(ask: Ask, where: Address, on_answer: Callable[[Answer | None], None]) -> None:
+def partial_ask(
+    fleet: "Fleet", robot: Robot | None
+) -> Callable[[FleetRequest, Address, Callable[[FleetAnswer | None], None]], None]:
+    def ask(ask: FleetRequest, where: Address, on_answer: Callable[[FleetAnswer | None], None]) -> None:
         fleet.carry(robot, ask, where, on_answer)
 
     return ask
@@ -99,14 +109,16 @@ class Fleet:
         self.start_desk()
 
     def start_desk(self) -> None:
-        self.kept = Kept(self.closed.enter_context(closing(open_db(queue_file(self.folder / "desk")))))
-        self.keeper = Keeper(DESK, self.kept, self.roster, partial_ask(self, None), self.now, self.wall, TIMES)
+        self.kept = TaskStore(self.closed.enter_context(closing(open_db(queue_file(self.folder / "desk")))))
+        self.keeper = TaskAllocator(
+            DESK, self.kept, self.roster, partial_ask(self, None), self.read_value, self.wall, TIMES
+        )
 
     def wall(self) -> float:
-        return self.now() + self.ahead
+        return self.read_value() + self.ahead
 
-    def now(self) -> float:
-        return self.clock.now()
+    def read_value(self) -> float:
+        return self.clock.read_value()
 
     def robot(self, name: str, number: str) -> Robot:
         found = Robot(self, name, number, self.folder / name)
@@ -117,13 +129,15 @@ class Fleet:
     def seen(self, robot: Robot, **more: object) -> None:
         """Let the desk hear how a robot is, unless its wire is cut: then its token goes."""
         where = str(robot.address)
-        self.roster.token(key("f", "here", where), alive=not robot.cut)
+        self.roster.on_token(zenoh_key("f", "here", where), alive=not robot.cut)
         if not robot.cut:
             self.number += 1
-            state = RobotState(session="1", number=self.number, robot="note", free=robot.errands.doing().free)
-            self.roster.told(key("f", "state", where), as_bytes(replace(state, **more)))  # type: ignore[arg-type]
+            state = RobotState(session="1", number=self.number, robot="note", free=robot.errands.activity().free)
+            self.roster.on_state(zenoh_key("f", "state", where), encode_message(replace(state, **more)))  # type: ignore[arg-type]
 
-    def carry(self, asks: Robot | None, ask: Ask, where: Address, on_answer: Callable[[Answer | None], None]) -> None:
+    def carry(
+        self, asks: Robot | None, ask: FleetRequest, where: Address, on_answer: Callable[[FleetAnswer | None], None]
+    ) -> None:
         """Carry a question to who answers it, and the answer back; or to nobody."""
         robot = asks or self.robots[where]
         if robot.cut:
@@ -133,12 +147,12 @@ class Fleet:
         else:
             self.answered(ask, where, on_answer)
 
-    def answered(self, ask: Ask, where: Address, on_answer: Callable[[Answer | None], None]) -> None:
+    def answered(self, ask: FleetRequest, where: Address, on_answer: Callable[[FleetAnswer | None], None]) -> None:
         worker = self.keeper if where == DESK else self.robots[where].errands
-        on_answer(worker.asked(ask))
+        on_answer(worker.answer(ask))
 
-    def keep(self, **more: object) -> Answer:
-        answer = self.keeper.asked(Keep(task=TASK, mission="greet", **more))  # type: ignore[arg-type]
+    def keep(self, **more: object) -> FleetAnswer:
+        answer = self.keeper.answer(KeepTask(task=TASK, mission="greet", **more))  # type: ignore[arg-type]
         assert answer is not None
         return answer
 
@@ -147,12 +161,12 @@ class Fleet:
             self.clock.advance(0.5)
             for robot in self.robots.values():
                 self.seen(robot)
-            self.keeper.step(self.now())
+            self.keeper.step(self.read_value())
             for robot in self.robots.values():
-                robot.errands.step(self.now())
+                robot.errands.step(self.read_value())
 
     @property
-    def task(self) -> KeptTask:
+    def task(self) -> FleetTask:
         found = self.kept.get(TASK)
         assert found is not None
         return found
@@ -179,14 +193,14 @@ def test_a_task_is_accepted_confirmed_done_and_told(fleet: Fleet) -> None:
     anna.end()
     fleet.turn()
     assert [*states, fleet.task.state] == ["WAITING", "RUNNING", "PAUSED", "FINISHED"]
-    assert (fleet.task.robot, fleet.task.attempt, anna.queue.untold()) == (str(anna.address), 1, [])
+    assert (fleet.task.robot, fleet.task.attempt, anna.queue.unconfirmed()) == (str(anna.address), 1, [])
     fleet.turn(5.0)
     assert not anna.begin(), "it is done once"
 
 
 def test_nothing_begins_before_its_keeper_has_confirmed_it(fleet: Fleet) -> None:
     anna = fleet.robot("anna", "0000000a")
-    anna.errands.asked(Accept(task=TASK, attempt=1, mission="greet", again=True))
+    anna.errands.answer(AcceptTask(task=TASK, attempt=1, mission="greet", repeatable=True))
     assert not anna.begin()
     fleet.turn()
     assert anna.queue.tasks()[0].state == "cancelled", "the desk keeps no such task"
@@ -222,19 +236,19 @@ def test_a_task_that_may_be_repeated_is_handed_on_after_its_robot_has_let_go_of_
     assert anna.begin()
     anna.cut, bob = True, fleet.robot("bob", "0000000b")
     fleet.turn(TIMES.lease - 2.0)
-    assert not anna.queue.cancelling(anna.claimed), "a short absence ends nothing"  # type: ignore[arg-type]
+    assert not anna.queue.is_cancelling(anna.claimed), "a short absence ends nothing"  # type: ignore[arg-type]
     fleet.turn(5.0)
-    assert anna.queue.cancelling(anna.claimed)  # type: ignore[arg-type]
+    assert anna.queue.is_cancelling(anna.claimed)  # type: ignore[arg-type]
     assert fleet.task.robot == str(anna.address), "a run may take its time to stop"
     anna.end("interrupted")
-    fleet.turn(TIMES.hand_on - TIMES.lease)
+    fleet.turn(TIMES.reassign_after - TIMES.lease)
     assert bob.begin()
     anna.cut = False
     fleet.turn()
     bob.end()
     fleet.turn()
     assert (fleet.task.state, fleet.task.robot, fleet.task.attempt) == ("FINISHED", str(bob.address), 2)
-    assert anna.queue.untold() == []
+    assert anna.queue.unconfirmed() == []
 
 
 def test_a_task_that_may_not_be_repeated_stays_with_its_robot_until_that_is_heard_of(fleet: Fleet) -> None:
@@ -244,7 +258,7 @@ def test_a_task_that_may_not_be_repeated_stays_with_its_robot_until_that_is_hear
     assert anna.begin()
     anna.cut, bob = True, fleet.robot("bob", "0000000b")
     fleet.turn(120.0)
-    assert (fleet.task.robot, fleet.task.reason) == (str(anna.address), LOST)
+    assert (fleet.task.robot, fleet.task.reason) == (str(anna.address), LOST_REASON)
     assert not bob.begin()
     anna.end()
     anna.cut = False
@@ -259,7 +273,7 @@ def test_an_operator_hands_on_what_may_not_be_repeated_and_hears_where_it_was_do
     assert anna.begin()
     anna.cut, bob = True, fleet.robot("bob", "0000000b")
     fleet.turn(60.0)
-    answer = fleet.keeper.asked(Decide(task=TASK, what="hand-on", by="me"))
+    answer = fleet.keeper.answer(DecideTask(task=TASK, decision="hand-on", by="me"))
     assert answer is not None
     assert answer.ok
     fleet.turn()
@@ -270,8 +284,8 @@ def test_an_operator_hands_on_what_may_not_be_repeated_and_hears_where_it_was_do
     anna.cut = False
     fleet.turn(3.0)
     assert fleet.task.state == "FINISHED"
-    assert f"{ALSO} {anna.address}" in fleet.task.reason
-    assert anna.queue.untold() == []
+    assert f"{LATE_PREFIX} {anna.address}" in fleet.task.reason
+    assert anna.queue.unconfirmed() == []
 
 
 def test_that_a_task_was_done_by_a_lost_robot_is_told_though_another_is_at_it_by_then(fleet: Fleet) -> None:
@@ -281,17 +295,17 @@ def test_that_a_task_was_done_by_a_lost_robot_is_told_though_another_is_at_it_by
     assert anna.begin()
     anna.end()
     anna.cut, bob = True, fleet.robot("bob", "0000000b")
-    fleet.turn(TIMES.hand_on + 2.0)
+    fleet.turn(TIMES.reassign_after + 2.0)
     assert bob.begin()
     fleet.turn(3.0)
     anna.cut = False
     fleet.turn(3.0)
-    assert f"{ALSO} {anna.address}" in fleet.task.reason
+    assert f"{LATE_PREFIX} {anna.address}" in fleet.task.reason
     bob.body.telemetry = Telemetry(runs=True, paused=True)
     fleet.turn(3.0)
     bob.end()
     fleet.turn(3.0)
-    assert (fleet.task.state, fleet.task.reason) == ("FINISHED", f"{ALSO} {anna.address}")
+    assert (fleet.task.state, fleet.task.reason) == ("FINISHED", f"{LATE_PREFIX} {anna.address}")
 
 
 def test_a_robot_that_was_killed_tells_what_was_interrupted_and_the_policy_decides(fleet: Fleet) -> None:
@@ -301,7 +315,7 @@ def test_a_robot_that_was_killed_tells_what_was_interrupted_and_the_policy_decid
     assert anna.begin()
     anna.switch_on()
     fleet.turn()
-    assert (fleet.task.state, DOUBT in fleet.task.reason) == ("FAILED", True)
+    assert (fleet.task.state, DOUBT_REASON in fleet.task.reason) == ("FAILED", True)
 
 
 def test_what_was_confirmed_and_had_not_begun_is_asked_for_anew_after_a_restart(fleet: Fleet) -> None:
@@ -310,7 +324,7 @@ def test_what_was_confirmed_and_had_not_begun_is_asked_for_anew_after_a_restart(
     fleet.turn()
     assert fleet.task.confirmed
     anna.cut, bob = True, fleet.robot("bob", "0000000b")
-    fleet.turn(TIMES.hand_on + 2.0)
+    fleet.turn(TIMES.reassign_after + 2.0)
     assert bob.begin()
     anna.switch_on()
     assert not anna.begin(), "another has it by now"
@@ -361,20 +375,20 @@ def test_an_id_that_another_task_has_is_refused(fleet: Fleet) -> None:
     for other in ({}, {"params": {"text": "bye"}}, {"params": {"text": "hello"}, "on": "bob"}):
         answer = fleet.keep(**other)
         assert not answer.ok
-        assert f"{TASK} is another task: greet" in answer.why
+        assert f"{TASK} is another task: greet" in answer.reason
     assert fleet.task.params == {"text": "hello"}
 
 
 def test_a_keeper_whose_number_another_robot_has_too_keeps_nothing_and_gives_nothing_away(fleet: Fleet) -> None:
     anna = fleet.robot("anna", "0000000a")
     fleet.keep()
-    fleet.keeper.copied = lambda: True
+    fleet.keeper.is_duplicate = lambda: True
     fleet.turn(3.0)
     assert not anna.queue.tasks()
-    answer = fleet.keeper.asked(Keep(task=f"{DESK}/00000000000c", mission="greet"))
+    answer = fleet.keeper.answer(KeepTask(task=f"{DESK}/00000000000c", mission="greet"))
     assert answer is not None
-    assert "another robot has the number" in answer.why
-    fleet.keeper.copied = lambda: False
+    assert "another robot has the number" in answer.reason
+    fleet.keeper.is_duplicate = lambda: False
     fleet.turn(3.0)
     assert anna.begin()
 
@@ -397,21 +411,23 @@ def test_a_robot_that_is_stopped_busy_or_unable_gets_no_task_and_one_task_goes_t
     fleet.turn(4.0)
     assert not anna.begin()
     assert bob.begin()
-    refused = bob.errands.asked(Accept(task=f"{DESK}/00000000000c", attempt=1, mission="greet", again=True))
-    unknown = anna.errands.asked(Accept(task=f"{DESK}/00000000000d", attempt=1, mission="unknown", again=True))
-    assert refused == Answer(ok=False, why="busy")
+    refused = bob.errands.answer(AcceptTask(task=f"{DESK}/00000000000c", attempt=1, mission="greet", repeatable=True))
+    unknown = anna.errands.answer(
+        AcceptTask(task=f"{DESK}/00000000000d", attempt=1, mission="unknown", repeatable=True)
+    )
+    assert refused == FleetAnswer(ok=False, reason="busy")
     assert unknown is not None
-    assert "no mission 'unknown'" in unknown.why
+    assert "no mission 'unknown'" in unknown.reason
 
 
 def test_a_condition_chooses_among_robots_and_what_is_not_known_is_not_so() -> None:
     known = RobotState(session="1", number=1, robot="kobuki", battery=0.5, x=2.0, parts=("base", "voice"))
     anna = Address("anna", "0000000a")
     for where in ("", "battery > 40 %", "x < 3 m and battery >= 50 %", "name == 'anna'", "'voice' in parts"):
-        assert fits(where, anna, known), where
+        assert matches_condition(where, anna, known), where
     for where in ("battery > 60 %", "y > 0 m", "x < 3 s", "colour == 'red'", "battery", "1 / 0 > 1"):
-        assert not fits(where, anna, known), where
-    assert not fits("battery > 40 %", anna, replace(known, battery=None))
+        assert not matches_condition(where, anna, known), where
+    assert not matches_condition("battery > 40 %", anna, replace(known, battery=None))
 
 
 @pytest.mark.parametrize(
@@ -423,12 +439,12 @@ def test_a_condition_chooses_among_robots_and_what_is_not_known_is_not_so() -> N
     ],
 )  # fmt: skip
 def test_a_task_that_is_none_is_not_kept(fleet: Fleet, wrong: dict[str, Any], why: str) -> None:
-    answer = fleet.keeper.asked(replace(Keep(task=TASK, mission="greet"), **wrong))
+    answer = fleet.keeper.answer(replace(KeepTask(task=TASK, mission="greet"), **wrong))
     assert answer is not None
     assert not answer.ok
-    assert why in answer.why
-    told = fleet.keeper.asked(Tasks(ended=True))
-    assert told == Answer()
+    assert why in answer.reason
+    told = fleet.keeper.answer(ListFleetTasks(ended=True))
+    assert told == FleetAnswer()
 
 
 def test_a_report_of_who_does_not_have_the_task_changes_nothing(fleet: Fleet) -> None:
@@ -437,8 +453,8 @@ def test_a_report_of_who_does_not_have_the_task_changes_nothing(fleet: Fleet) ->
     fleet.turn()
     before = fleet.task
     for robot, attempt, state in (("bob/0000000b", 1, "FAILED"), (before.robot, 7, "RUNNING"), ("", 1, "FAILED")):
-        report = Report(task=TASK, attempt=attempt, robot=robot, state=state, how="failure")  # type: ignore[arg-type]
-        answer = fleet.keeper.asked(report)
+        report = TaskReport(task=TASK, attempt=attempt, robot=robot, state=state, how="failure")  # type: ignore[arg-type]
+        answer = fleet.keeper.answer(report)
         assert answer is not None
         assert not answer.ok
     assert fleet.task == before
@@ -447,16 +463,16 @@ def test_a_report_of_who_does_not_have_the_task_changes_nothing(fleet: Fleet) ->
 def test_of_many_tasks_an_answer_tells_as_many_as_it_holds_and_the_next_goes_on_from_there(fleet: Fleet) -> None:
     numbers = [f"{DESK}/{each:012x}" for each in range(60)]
     for number in numbers:
-        fleet.keeper.asked(Keep(task=number, mission="greet", params={"text": "x" * 1000, **_LONG}))
+        fleet.keeper.answer(KeepTask(task=number, mission="greet", params={"text": "x" * 1000, **_LONG}))
     for number in numbers[:20]:
         fleet.kept.change(number, {"state": "FINISHED", "reason": "x" * 2000})
     for ended, wanted in ((False, numbers[20:]), (True, numbers[:20])):
         pages, before = list[list[str]](), ""
         while True:
-            answer = fleet.keeper.asked(Tasks(ended=ended, before=before))
+            answer = fleet.keeper.answer(ListFleetTasks(ended=ended, before=before))
             assert answer is not None
-            told = read(Answer, as_bytes(answer), MAX_ANSWER).told
-            page = [decode(ToldTask, each, RULES).id for each in told]
+            told = decode_message(FleetAnswer, encode_message(answer), MAX_ANSWER_BYTES).data
+            page = [decode(FleetTaskInfo, each, RULES).id for each in told]
             if not page:
                 break
             pages.append(page)

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from missions.plugins.tasks.lock import is_locked, locked
-from missions.plugins.tasks.schema import DiskFull, open_db, trouble
+from missions.plugins.tasks.lock import hold_lock, is_locked
+from missions.plugins.tasks.schema import DiskFullError, open_db, queue_error
 from missions.plugins.tasks.task import TaskError
 from tests.missions.service.small_disk import MOUNT
 
@@ -32,8 +32,8 @@ def test_a_disk_that_sqlite_finds_full_is_told_with_what_to_do(tmp_path: Path) -
         connection.execute("PRAGMA max_page_count = 1")
         with pytest.raises(sqlite3.OperationalError) as raised:
             connection.execute("CREATE TABLE more AS SELECT zeroblob(100000)")
-    told = trouble(path, raised.value)
-    assert isinstance(told, DiskFull)
+    told = queue_error(path, raised.value)
+    assert isinstance(told, DiskFullError)
     assert "tasks.db: its disk is full: what the queue has is safe" in str(told)
     assert told.hint == f"df -h {tmp_path}, and make room there"
 
@@ -53,7 +53,7 @@ def test_a_disk_that_sqlite_finds_full_is_told_with_what_to_do(tmp_path: Path) -
 def test_what_is_wrong_with_a_disk_is_told_with_what_to_type(
     tmp_path: Path, error: OSError | sqlite3.OperationalError, said: str, hint: str
 ) -> None:
-    told = trouble(tmp_path / "tasks.db", error)
+    told = queue_error(tmp_path / "tasks.db", error)
     assert said in str(told)
     assert told.hint.startswith(hint)
 
@@ -63,8 +63,8 @@ def test_an_error_of_a_disk_without_room_is_that_it_is_full(tmp_path: Path, monk
         found = os.statvfs_result((4096, 4096, 10**6, blocks, blocks, 1000, files, files, 0, 255))
         with monkeypatch.context() as patch:
             patch.setattr(os, "statvfs", lambda _, found=found: found)
-            told = trouble(tmp_path / "tasks.db", of_code(sqlite3.SQLITE_IOERR_SHMSIZE, "disk I/O error"))
-        assert isinstance(told, DiskFull) == full
+            told = queue_error(tmp_path / "tasks.db", of_code(sqlite3.SQLITE_IOERR_SHMSIZE, "disk I/O error"))
+        assert isinstance(told, DiskFullError) == full
 
 
 def test_who_holds_a_lock_need_not_be_written_down(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -73,7 +73,7 @@ def test_who_holds_a_lock_need_not_be_written_down(tmp_path: Path, monkeypatch: 
 
     with monkeypatch.context() as patch:
         patch.setattr(os, "write", full)
-        with locked(tmp_path / "serve.lock"):
+        with hold_lock(tmp_path / "serve.lock"):
             patch.undo()
             assert is_locked(tmp_path / "serve.lock")
 

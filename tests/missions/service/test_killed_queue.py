@@ -10,9 +10,9 @@ from threading import Event
 import pytest
 
 from missions.plugins.tasks.outbox import Outbox
-from missions.plugins.tasks.queue import Queue
+from missions.plugins.tasks.queue import TaskQueue
 from missions.plugins.tasks.schema import open_db
-from missions.plugins.tasks.task import NewTask, Policy
+from missions.plugins.tasks.task import NewTask, RetryPolicy
 from tests.forked import Forked
 from tests.missions.service.journal_server import CHANNELS
 from tests.tries import tries
@@ -58,18 +58,18 @@ def server(folder: Path) -> Forked:
 def add(folder: Path, tasks: int) -> None:
     with closing(open_db(folder / "tasks.db")) as connection:
         connection.execute("PRAGMA synchronous = OFF")
-        queue = Queue(connection, lambda _: CHANNELS)
+        queue = TaskQueue(connection, lambda _: CHANNELS)
         for _ in range(tasks):
-            queue.add(NewTask(mission="note", due=0.0, policy=Policy("retry", KILLS + 1)), 0.0)
+            queue.add(NewTask(mission="note", due=0.0, policy=RetryPolicy("retry", KILLS + 1)), 0.0)
 
 
 def check(folder: Path, kills: int, added: int) -> None:
     done, delivered = journal(folder / "done"), Counter(journal(folder / "delivered"))
     with closing(open_db(folder / "tasks.db")) as connection:
-        queue, outbox = Queue(connection, lambda _: CHANNELS), Outbox(connection)
+        queue, outbox = TaskQueue(connection, lambda _: CHANNELS), Outbox(connection)
         tasks = queue.tasks()
         attempts = [attempt for task in tasks for attempt in queue.attempts(task.id)]
-        letters = [letter for task in tasks for letter in outbox.of(task.id)]
+        letters = [letter for task in tasks for letter in outbox.notices_of(task.id)]
 
     assert Counter(task.state for task in tasks) == {"done": added}
     assert Counter(attempt.task for attempt in attempts if attempt.how == "success") == Counter(range(1, added + 1))

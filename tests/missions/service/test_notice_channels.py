@@ -13,12 +13,12 @@ from threading import Event, Thread, Timer
 
 import pytest
 
-from config.notices import CommandNotice, MqttNotice, NoticeConfig, TerminalNotice, WebhookNotice, written
-from missions.plugins.tasks.notice import Notice, NotTaken
+from config.notices import CommandNotice, MqttNotice, NoticeConfig, TerminalNotice, WebhookNotice, encode_notice
+from missions.plugins.tasks.notice import DeliveryError, Notice
 from missions.plugins.tasks.notices import channel_of
-from missions.plugins.tasks.notices.command import Command
-from missions.plugins.tasks.notices.mqtt import Mqtt
-from missions.plugins.tasks.notices.webhook import Webhook
+from missions.plugins.tasks.notices.command import CommandChannel
+from missions.plugins.tasks.notices.mqtt import MqttChannel
+from missions.plugins.tasks.notices.webhook import WebhookChannel
 from tests.missions.service.small_broker import Manners, small_broker
 from tests.waiting import wait_until
 
@@ -39,7 +39,7 @@ AS_DICT = {
 
 def test_the_terminal_shows_a_line() -> None:
     lines: list[str] = []
-    channel_of(written(TerminalNotice()), lines.append)(NOTICE)
+    channel_of(encode_notice(TerminalNotice()), lines.append)(NOTICE)
     assert lines == ["2026-11-21T12:00:00  greet (task 7) is done: “ça va”"]
 
 
@@ -49,7 +49,7 @@ def test_the_terminal_shows_a_line() -> None:
 def test_a_program_gets_the_notice_as_json_and_its_arguments_as_they_are(tmp_path: Path) -> None:
     out = tmp_path / "a b; rm *"
     program = "import sys, pathlib; pathlib.Path(sys.argv[1]).write_bytes(sys.stdin.buffer.read())"
-    Command(CommandNotice((sys.executable, "-c", program, str(out))))(NOTICE)
+    CommandChannel(CommandNotice((sys.executable, "-c", program, str(out))))(NOTICE)
     assert json.loads(out.read_text(encoding="utf-8")) == AS_DICT
 
 
@@ -62,24 +62,24 @@ def test_a_program_gets_the_notice_as_json_and_its_arguments_as_they_are(tmp_pat
     ],
 )
 def test_a_program_that_fails_has_not_taken_it(command: tuple[str, ...], why: str) -> None:
-    with pytest.raises(NotTaken, match=why):
-        Command(CommandNotice(command))(NOTICE)
+    with pytest.raises(DeliveryError, match=why):
+        CommandChannel(CommandNotice(command))(NOTICE)
 
 
 def test_a_program_that_hangs_is_killed_with_all_that_it_started(tmp_path: Path) -> None:
     number = tmp_path / "number"
     script = f"sleep 600 & echo $! > {number}; wait"
-    with pytest.raises(NotTaken, match="did not end within 2 s"):
-        Command(CommandNotice(("sh", "-c", script)), timeout=2.0)(NOTICE)
+    with pytest.raises(DeliveryError, match="did not end within 2 s"):
+        CommandChannel(CommandNotice(("sh", "-c", script)), timeout=2.0)(NOTICE)
     child = int(number.read_text(encoding="ascii"))
     wait_until(lambda: not alive(child))
 
 
 def test_a_program_is_killed_when_it_is_given_up() -> None:
-    command = Command(CommandNotice(("sleep", "600")))
-    timer = Timer(0.2, command.give_up)
+    command = CommandChannel(CommandNotice(("sleep", "600")))
+    timer = Timer(0.2, command.abandon_halt)
     timer.start()
-    with pytest.raises(NotTaken, match="sleep: had not ended when the server did"):
+    with pytest.raises(DeliveryError, match="sleep: had not ended when the server did"):
         command(NOTICE)
     timer.join()
 
@@ -93,7 +93,7 @@ def alive(process: int) -> bool:
 
 
 def test_what_a_program_leaves_running_holds_up_nothing() -> None:
-    Command(CommandNotice(("sh", "-c", "sleep 1.5 & exit 0")), timeout=60.0)(NOTICE)
+    CommandChannel(CommandNotice(("sh", "-c", "sleep 1.5 & exit 0")), timeout=60.0)(NOTICE)
 
 
 # Web servers
@@ -155,7 +155,7 @@ def no_proxy(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_web_server_gets_a_post_with_the_id_and_the_secrets(code: int) -> None:
     with web(Site(code)) as site:
         config = WebhookNotice(site.url, {"Authorization": "ROBOT_TOKEN"})
-        Webhook(config, {"ROBOT_TOKEN": "Bearer abc"})(NOTICE)
+        WebhookChannel(config, {"ROBOT_TOKEN": "Bearer abc"})(NOTICE)
     ((path, headers, body),) = site.posted
     assert path == "/robot"
     assert json.loads(body) == AS_DICT
@@ -167,30 +167,30 @@ def test_a_web_server_gets_a_post_with_the_id_and_the_secrets(code: int) -> None
 @pytest.mark.parametrize("code", [301, 302, 303, 307, 308])
 def test_a_redirection_is_no_delivery_and_is_not_followed(code: int) -> None:
     with web(Site()) as other, web(Site(code, other.url)) as site:
-        with pytest.raises(NotTaken, match=f"the server says {code}"):
-            Webhook(WebhookNotice(site.url), {})(NOTICE)
+        with pytest.raises(DeliveryError, match=f"the server says {code}"):
+            WebhookChannel(WebhookNotice(site.url), {})(NOTICE)
         assert (len(site.posted), other.posted) == (1, [])
 
 
 @pytest.mark.parametrize("code", [400, 404, 429, 500, 503])
 def test_a_web_server_that_complains_has_not_taken_it(code: int) -> None:
-    with web(Site(code)) as site, pytest.raises(NotTaken, match=f"127.0.0.1:{site.port}: the server says {code}"):
-        Webhook(WebhookNotice(site.url), {})(NOTICE)
+    with web(Site(code)) as site, pytest.raises(DeliveryError, match=f"127.0.0.1:{site.port}: the server says {code}"):
+        WebhookChannel(WebhookNotice(site.url), {})(NOTICE)
 
 
 def test_a_web_server_that_is_not_there_or_silent_has_not_taken_it() -> None:
     with socket.create_server(("127.0.0.1", 0)) as listening:
         url = f"http://127.0.0.1:{listening.getsockname()[1]}/"
-        with pytest.raises(NotTaken, match=r"did not answer within 0.3 s$"):
-            Webhook(WebhookNotice(url), {}, timeout=0.3)(NOTICE)
-    with pytest.raises(NotTaken, match=r"cannot be reached: .*refused"):
-        Webhook(WebhookNotice(url), {})(NOTICE)
+        with pytest.raises(DeliveryError, match=r"did not answer within 0.3 s$"):
+            WebhookChannel(WebhookNotice(url), {}, timeout=0.3)(NOTICE)
+    with pytest.raises(DeliveryError, match=r"cannot be reached: .*refused"):
+        WebhookChannel(WebhookNotice(url), {})(NOTICE)
 
 
 def test_a_secret_that_is_not_set_is_named_and_nothing_is_sent() -> None:
     with web(Site()) as site:
-        with pytest.raises(NotTaken, match="environment variable ROBOT_TOKEN"):
-            Webhook(WebhookNotice(site.url, {"Authorization": "ROBOT_TOKEN"}), {})(NOTICE)
+        with pytest.raises(DeliveryError, match="environment variable ROBOT_TOKEN"):
+            WebhookChannel(WebhookNotice(site.url, {"Authorization": "ROBOT_TOKEN"}), {})(NOTICE)
         assert site.posted == []
 
 
@@ -226,16 +226,16 @@ LINES = {
 
 @pytest.mark.parametrize("scheme", ["http", "https"])
 def test_a_server_that_answers_a_byte_at_a_time_is_hung_up_on(scheme: str) -> None:
-    with trickle(LINES[scheme]) as port, pytest.raises(NotTaken, match=r"did not answer within 0.6 s$"):
-        Webhook(WebhookNotice(f"{scheme}://127.0.0.1:{port}/"), {}, timeout=0.6)(NOTICE)
+    with trickle(LINES[scheme]) as port, pytest.raises(DeliveryError, match=r"did not answer within 0.6 s$"):
+        WebhookChannel(WebhookNotice(f"{scheme}://127.0.0.1:{port}/"), {}, timeout=0.6)(NOTICE)
 
 
 def test_a_server_whose_headers_never_end_has_not_taken_it() -> None:
     with (
         trickle(b"X: " + b"x" * 100, b"HTTP/1.1 200 OK\r\n") as port,
-        pytest.raises(NotTaken, match=r"did not answer within 0.6 s$"),
+        pytest.raises(DeliveryError, match=r"did not answer within 0.6 s$"),
     ):
-        Webhook(WebhookNotice(f"http://127.0.0.1:{port}/"), {}, timeout=0.6)(NOTICE)
+        WebhookChannel(WebhookNotice(f"http://127.0.0.1:{port}/"), {}, timeout=0.6)(NOTICE)
 
 
 SECRET = "/services/T0/B0/WinnieThePooh?key=abc"  # noqa: S105 - of nobody
@@ -243,7 +243,9 @@ SECRET = "/services/T0/B0/WinnieThePooh?key=abc"  # noqa: S105 - of nobody
 
 def test_an_address_that_is_a_secret_comes_from_the_environment() -> None:
     with web(Site()) as site:
-        Webhook(WebhookNotice(url_from="CHAT_URL"), {"CHAT_URL": f"http://127.0.0.1:{site.port}{SECRET}\n"})(NOTICE)
+        WebhookChannel(WebhookNotice(url_from="CHAT_URL"), {"CHAT_URL": f"http://127.0.0.1:{site.port}{SECRET}\n"})(
+            NOTICE
+        )
     assert [path for path, _, _ in site.posted] == [SECRET]
 
 
@@ -257,16 +259,16 @@ def test_an_address_that_is_a_secret_comes_from_the_environment() -> None:
     ],
 )
 def test_a_variable_without_an_address_is_named_and_what_it_holds_is_not(environment: dict[str, str], why: str) -> None:
-    with pytest.raises(NotTaken, match=why) as raised:
-        Webhook(WebhookNotice(url_from="CHAT_URL"), environment)(NOTICE)
+    with pytest.raises(DeliveryError, match=why) as raised:
+        WebhookChannel(WebhookNotice(url_from="CHAT_URL"), environment)(NOTICE)
     assert "secret" not in str(raised.value)
 
 
 def test_no_error_tells_the_secret_part_of_an_address_or_of_a_header() -> None:
     with web(Site(404, reason=f"nobody at {SECRET}")) as site:
         url = f"http://127.0.0.1:{site.port}"
-        with pytest.raises(NotTaken, match=rf"{url}: the server says 404 nobody at \.\.\.$"):
-            Webhook(WebhookNotice(url + SECRET), {})(NOTICE)
+        with pytest.raises(DeliveryError, match=rf"{url}: the server says 404 nobody at \.\.\.$"):
+            WebhookChannel(WebhookNotice(url + SECRET), {})(NOTICE)
         told = []
         for wrong, word in (
             (url, "pass\nword"),
@@ -274,8 +276,8 @@ def test_no_error_tells_the_secret_part_of_an_address_or_of_a_header() -> None:
             (url.replace("http", "https"), "pass"),
             ("http://nobody.invalid", "pass"),
         ):
-            with pytest.raises(NotTaken) as raised:
-                Webhook(WebhookNotice(wrong + SECRET, {"Authorization": "WORD"}), {"WORD": word})(NOTICE)
+            with pytest.raises(DeliveryError) as raised:
+                WebhookChannel(WebhookNotice(wrong + SECRET, {"Authorization": "WORD"}), {"WORD": word})(NOTICE)
             told.append(str(raised.value))
     assert not any(secret in line for line in told for secret in ("Winnie", "abc", "pass"))
 
@@ -290,7 +292,7 @@ def mqtt(port: int, **values: str) -> MqttNotice:
 
 def test_a_broker_gets_the_notice_once_at_least_and_a_goodbye() -> None:
     with small_broker() as broker:
-        Mqtt(mqtt(broker.port, user="robot", password="MQTT_WORD"), {"MQTT_WORD": "secret"})(NOTICE)  # noqa: S106
+        MqttChannel(mqtt(broker.port, user="robot", password="MQTT_WORD"), {"MQTT_WORD": "secret"})(NOTICE)  # noqa: S106
         wait_until(lambda: broker.goodbyes == 1)
     ((topic, body, quality),) = broker.published
     assert (topic, quality) == ("home/robot", 1)
@@ -307,21 +309,21 @@ def test_a_broker_gets_the_notice_once_at_least_and_a_goodbye() -> None:
     ],
 )
 def test_a_broker_that_does_not_acknowledge_has_not_taken_it(manners: Manners, why: str) -> None:
-    with small_broker(manners) as broker, pytest.raises(NotTaken, match=f"mqtt 127.0.0.1:{broker.port}: {why}"):
-        Mqtt(mqtt(broker.port), {}, timeout=1.0 if manners == "silent" else 20.0)(NOTICE)
+    with small_broker(manners) as broker, pytest.raises(DeliveryError, match=f"mqtt 127.0.0.1:{broker.port}: {why}"):
+        MqttChannel(mqtt(broker.port), {}, timeout=1.0 if manners == "silent" else 20.0)(NOTICE)
 
 
 def test_a_broker_that_is_not_there_has_not_taken_it() -> None:
     with socket.create_server(("127.0.0.1", 0)) as listening:
         port = listening.getsockname()[1]
-    with pytest.raises(NotTaken, match="refused"):
-        Mqtt(mqtt(port), {})(NOTICE)
+    with pytest.raises(DeliveryError, match="refused"):
+        MqttChannel(mqtt(port), {})(NOTICE)
 
 
 def test_without_paho_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "paho.mqtt.client", None)
-    with pytest.raises(NotTaken, match=r"pip install 'missiontree\[mqtt\]'"):
-        Mqtt(mqtt(1), {})(NOTICE)
+    with pytest.raises(DeliveryError, match=r"pip install 'missiontree\[mqtt\]'"):
+        MqttChannel(mqtt(1), {})(NOTICE)
 
 
 # All of them
@@ -330,15 +332,15 @@ def test_without_paho_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -
 @pytest.mark.parametrize(
     ("config", "kind"),
     [
-        (CommandNotice(("true",)), Command),
-        (WebhookNotice("https://example.org/", {"A": "B"}), Webhook),
-        (mqtt(1883), Mqtt),
+        (CommandNotice(("true",)), CommandChannel),
+        (WebhookNotice("https://example.org/", {"A": "B"}), WebhookChannel),
+        (mqtt(1883), MqttChannel),
     ],
 )
 def test_a_channel_is_made_of_what_the_outbox_says(config: NoticeConfig, kind: type) -> None:
-    channel = channel_of(written(config), print, os.environ)
+    channel = channel_of(encode_notice(config), print, os.environ)
     assert isinstance(channel, kind)
-    assert channel_of(written(config), print) is not channel
+    assert channel_of(encode_notice(config), print) is not channel
 
 
 def test_a_channel_that_is_not_known_is_an_error_that_says_so() -> None:

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from missions.control.notes import NAME, is_stopped_since
-from missions.control.places import places
+from missions.control.notes import STAMP_FILE, was_stopped_since
+from missions.control.places import run_folders
 from missions.control.processes import identity_of
-from missions.plugins.records.recording.mend import mend
-from missions.plugins.studio.audit import Audit
-from missions.plugins.tasks.lock import holder, is_locked, locked
+from missions.plugins.records.recording.mend import repair_record
+from missions.plugins.studio.audit import AuditLog
+from missions.plugins.tasks.lock import hold_lock, is_locked, lock_holder
 
 KINDS = ("fifo", "socket", "folder", "device", "dangling", "loop")
 
@@ -38,7 +38,7 @@ def odd(path: Path, kind: str) -> Path:
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_lock_is_not_taken_and_its_path_is_named(tmp_path: Path, kind: str) -> None:
     path = odd(tmp_path / "run.lock", kind)
-    with pytest.raises(OSError, match=r"run\.lock"), locked(path):
+    with pytest.raises(OSError, match=r"run\.lock"), hold_lock(path):
         pytest.fail("it was taken")
     if kind == "dangling":
         assert not (tmp_path / "nowhere").exists()
@@ -47,18 +47,18 @@ def test_a_lock_is_not_taken_and_its_path_is_named(tmp_path: Path, kind: str) ->
     else:
         with pytest.raises(OSError, match=r"run\.lock"):
             is_locked(path)
-    assert holder(path) == ""
+    assert lock_holder(path) == ""
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_record_that_is_none_is_not_repaired(tmp_path: Path, kind: str) -> None:
     with pytest.raises(OSError, match=r"record\.mcap"):
-        mend(odd(tmp_path / "record.mcap", kind))
+        repair_record(odd(tmp_path / "record.mcap", kind))
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_log_that_is_none_costs_its_lines(tmp_path: Path, kind: str) -> None:
-    Audit(odd(tmp_path / "studio.log", kind)).tell("Ada", "operator", {"do": "stop"}, "ok")
+    AuditLog(odd(tmp_path / "studio.log", kind)).write("Ada", "operator", {"do": "stop"}, "ok")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -66,8 +66,8 @@ def test_a_stamp_of_a_stop_that_is_none_is_passed_over(
     tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    folder = places()[0].prepare()
-    odd(folder / NAME, kind)
+    folder = run_folders()[0].prepare()
+    odd(folder / STAMP_FILE, kind)
     process = identity_of(os.getpid())
     assert process is not None
-    assert not is_stopped_since(process)
+    assert not was_stopped_since(process)

@@ -9,16 +9,24 @@ from threading import Event
 
 import pytest
 
-from config.notices import CommandNotice, TerminalNotice, WebhookNotice, written
+from config.notices import CommandNotice, TerminalNotice, WebhookNotice, encode_notice
 from drivers.clock import ManualClock
 from missions.plugins.tasks.channels import channels_of
-from missions.plugins.tasks.courier import LONG, MAX_DELAY, STUBBORN, TIRED, Courier, Turns, delay
+from missions.plugins.tasks.courier import (
+    MAX_BLOCKING_TRIES,
+    MAX_NOTICE_AGE,
+    MAX_RETRY_DELAY,
+    MIN_TRIES,
+    DeliverySchedule,
+    NoticeSender,
+    retry_delay,
+)
 from missions.plugins.tasks.notice import Channel, Notice
 from missions.plugins.tasks.notices import channel_of
 from missions.plugins.tasks.outbox import Outbox
-from missions.plugins.tasks.queue import Queue
+from missions.plugins.tasks.queue import TaskQueue
 from missions.plugins.tasks.schema import open_db
-from missions.plugins.tasks.task import NewTask, Policy
+from missions.plugins.tasks.task import NewTask, RetryPolicy
 from tests.missions.service.small_queue import BERLIN, START, Shop, new, shop
 from tests.waiting import wait_until
 
@@ -50,20 +58,20 @@ class Post:
         self.restart()
 
     def restart(self) -> None:
-        self.turns = Turns(self.shop.outbox, lambda: self.shop.now, self.clock, self.told.append)
+        self.turns = DeliverySchedule(self.shop.outbox, lambda: self.shop.now, self.clock, self.told.append)
 
     def round(self) -> None:
         """Try all that is due once."""
-        while letters := self.turns.next():
+        while letters := self.turns.due_notices():
             for letter in letters:
                 self.tried.append((letter.channel, letter.notice.id))
                 if letter.channel in self.away:
-                    self.turns.refused(letter, self.away[letter.channel])
+                    self.turns.on_failed(letter, self.away[letter.channel])
                 elif letter.notice.id in self.poison:
-                    self.turns.refused(letter, "too long for me")
+                    self.turns.on_failed(letter, "too long for me")
                 else:
                     self.taken.append(self.tried[-1])
-                    self.turns.taken(letter)
+                    self.turns.on_delivered(letter)
 
     def rounds(self, number: int, seconds: float) -> None:
         """Try so many times, with so many seconds after each."""
@@ -78,7 +86,7 @@ class Post:
         for _ in range(tasks):
             number = self.shop.add(new(due=self.shop.now))
             self.shop.attempt("success")
-            found.append(self.shop.outbox.of(number)[0].notice.id)
+            found.append(self.shop.outbox.notices_of(number)[0].notice.id)
         return found
 
     def taken_by(self, channel: str) -> list[str]:
@@ -91,13 +99,21 @@ def post(queue: Shop) -> Post:
 
 
 def test_each_try_waits_twice_as_long_as_the_one_before_but_ten_minutes_at_most() -> None:
-    assert [delay(failures) for failures in (1, 2, 3, 4, 10, 11, 1000)] == [1, 2, 4, 8, 512, MAX_DELAY, MAX_DELAY]
+    assert [retry_delay(failures) for failures in (1, 2, 3, 4, 10, 11, 1000)] == [
+        1,
+        2,
+        4,
+        8,
+        512,
+        MAX_RETRY_DELAY,
+        MAX_RETRY_DELAY,
+    ]
 
 
 def test_a_notice_says_the_same_each_time_that_it_is_sent(queue: Shop) -> None:
     number = queue.add(new())
     queue.attempt("failure", "naïve “reasons”\n…")
-    (letter, _) = queue.outbox.of(number)
+    (letter, _) = queue.outbox.notices_of(number)
     assert Notice(**json.loads(letter.notice.as_json())) == letter.notice
     assert letter.notice.time == "2026-11-21T11:00:01+00:00"
 
@@ -111,14 +127,14 @@ def test_what_is_away_is_tried_again_until_it_is_there(post: Post) -> None:
     post.round()
     assert [channel for channel, _ in post.taken] == ["away"]
     post.rounds(2000, 30.0)
-    (letter, _) = post.shop.outbox.of(1)
-    assert 60_000 / MAX_DELAY <= letter.tries <= 60_000 / MAX_DELAY + 12
+    (letter, _) = post.shop.outbox.notices_of(1)
+    assert 60_000 / MAX_RETRY_DELAY <= letter.tries <= 60_000 / MAX_RETRY_DELAY + 12
     assert (letter.last_error, letter.delivered) == ("nobody answers", None)
-    assert post.shop.outbox.waiting() == 1
+    assert post.shop.outbox.pending_count() == 1
     del post.away["home"]
-    post.rounds(2, MAX_DELAY)
+    post.rounds(2, MAX_RETRY_DELAY)
     assert [channel for channel, _ in post.taken] == ["away", "home"]
-    assert post.shop.outbox.waiting() == 0
+    assert post.shop.outbox.pending_count() == 0
     assert post.told == [
         "a notice of task 1 is not delivered yet: nobody answers",
         "notices are delivered again to home",
@@ -145,12 +161,12 @@ def test_notices_come_in_the_order_in_which_things_happened_however_long_the_cha
     post.rounds(20, outage / 20)
     ids += post.done(1)
     post.away.clear()
-    post.rounds(3, MAX_DELAY)
+    post.rounds(3, MAX_RETRY_DELAY)
     assert post.taken_by("home") == ids
 
 
 def test_they_come_in_order_after_a_restart_too(post: Post) -> None:
-    number = post.shop.add(new(policy=Policy("retry")))
+    number = post.shop.add(new(policy=RetryPolicy("retry")))
     post.away["home"] = "away"
     post.shop.attempt("interrupted")
     post.round()
@@ -160,13 +176,15 @@ def test_they_come_in_order_after_a_restart_too(post: Post) -> None:
     post.shop.attempt("success")
     post.round()
     assert post.shop.kinds(number) == ["interrupted", "done"]
-    assert post.taken_by("home") == [each.notice.id for each in post.shop.outbox.of(number) if each.channel == "home"]
+    assert post.taken_by("home") == [
+        each.notice.id for each in post.shop.outbox.notices_of(number) if each.channel == "home"
+    ]
 
 
 def test_a_notice_that_is_never_taken_lets_the_others_past_after_a_while(post: Post) -> None:
     poison, *others = post.done(4)
     post.poison.add(poison)
-    post.rounds(STUBBORN + 1, 20.0)
+    post.rounds(MAX_BLOCKING_TRIES + 1, 20.0)
     assert post.taken_by("home") == others
     others += post.done(3)
     post.rounds(2, 1.0)
@@ -187,7 +205,7 @@ def test_a_clock_that_was_put_back_delays_no_notice_for_years(post: Post) -> Non
     post.round()
     post.away.clear()
     post.shop.now -= 10 * 365 * 86400.0
-    post.clock.advance(MAX_DELAY)
+    post.clock.advance(MAX_RETRY_DELAY)
     post.round()
     assert len(post.taken) == 2
 
@@ -195,18 +213,18 @@ def test_a_clock_that_was_put_back_delays_no_notice_for_years(post: Post) -> Non
 def test_after_a_week_notices_are_given_up_and_that_is_said_once(post: Post) -> None:
     post.done(3)
     post.away["home"] = "gone for good"
-    post.rounds(int(LONG / 7200.0) + 20, 7200.0)
+    post.rounds(int(MAX_NOTICE_AGE / 7200.0) + 20, 7200.0)
     assert [line for line in post.told if "week" in line] == [
         "after a week, what waits for home is given up (3): gone for good"
     ]
     tried = len(post.tried)
-    post.rounds(20, MAX_DELAY)
+    post.rounds(20, MAX_RETRY_DELAY)
     post.restart()
     post.round()
     assert len(post.tried) == tried
-    assert post.shop.outbox.waiting() == 0
-    assert [(letter.given_up, letter.delivered is None) for letter in post.shop.outbox.of(2)] == [
-        (letter.channel == "home",) * 2 for letter in post.shop.outbox.of(2)
+    assert post.shop.outbox.pending_count() == 0
+    assert [(letter.given_up, letter.delivered is None) for letter in post.shop.outbox.notices_of(2)] == [
+        (letter.channel == "home",) * 2 for letter in post.shop.outbox.notices_of(2)
     ]
     fresh = post.done(1)
     post.away.clear()
@@ -221,23 +239,26 @@ def test_a_clock_that_is_set_after_the_start_gives_nothing_up(post: Post) -> Non
     post.away["home"] = "no network"
     post.rounds(3, 2.0)
     post.shop.now = START
-    post.rounds(TIRED - 10, 2.0)
+    post.rounds(MIN_TRIES - 10, 2.0)
     post.away.clear()
-    post.rounds(2, MAX_DELAY)
+    post.rounds(2, MAX_RETRY_DELAY)
     assert len(post.taken_by("home")) == 1
 
 
 def test_the_log_names_channels_without_their_secrets(queue: Shop) -> None:
-    ways = [written(WebhookNotice("https://ntfy.sh/secret-topic")), written(CommandNotice(("mail", "secret")))]
-    number = Queue(queue.connection, lambda _: ways, BERLIN).add(new(), START)
+    ways = [
+        encode_notice(WebhookNotice("https://ntfy.sh/secret-topic")),
+        encode_notice(CommandNotice(("mail", "secret"))),
+    ]
+    number = TaskQueue(queue.connection, lambda _: ways, BERLIN).add(new(), START)
     claim = queue.claim()
-    Queue(queue.connection, lambda _: ways, BERLIN).say(claim, 1, "hello", START)
-    assert [letter.channel for letter in queue.outbox.of(number)] == ["webhook https://ntfy.sh", "command mail"]
+    TaskQueue(queue.connection, lambda _: ways, BERLIN).post_message(claim, 1, "hello", START)
+    assert [letter.channel for letter in queue.outbox.notices_of(number)] == ["webhook https://ntfy.sh", "command mail"]
     told: list[str] = []
-    turns = Turns(queue.outbox, lambda: START, ManualClock(), told.append)
-    letter = next(letter for letter in turns.next() if letter.channel == ways[0])
-    turns.refused(letter, "away")
-    turns.taken(letter)
+    turns = DeliverySchedule(queue.outbox, lambda: START, ManualClock(), told.append)
+    letter = next(letter for letter in turns.due_notices() if letter.channel == ways[0])
+    turns.on_failed(letter, "away")
+    turns.on_delivered(letter)
     assert not any("secret" in line for line in told)
     assert told[-1] == "notices are delivered again to webhook https://ntfy.sh"
 
@@ -249,10 +270,12 @@ def test_a_notice_that_a_courier_left_when_it_died_is_delivered_by_the_next(queu
     queue.add(new())
     queue.attempt("success")
     taken: list[str] = []
-    with Courier(tmp_path / "tasks.db", lambda _: lambda notice: taken.append(notice.id), lambda: queue.now, print):
+    with NoticeSender(
+        tmp_path / "tasks.db", lambda _: lambda notice: taken.append(notice.id), lambda: queue.now, print
+    ):
         wait_until(lambda: len(taken) == 2)
     assert taken[0] == taken[1]
-    assert queue.outbox.waiting() == 0
+    assert queue.outbox.pending_count() == 0
 
 
 def test_a_channel_that_hangs_holds_up_no_other(queue: Shop, tmp_path: Path) -> None:
@@ -265,7 +288,7 @@ def test_a_channel_that_hangs_holds_up_no_other(queue: Shop, tmp_path: Path) -> 
 
         return take
 
-    with Courier(tmp_path / "tasks.db", channel_of, lambda: queue.now, told.append) as courier:
+    with NoticeSender(tmp_path / "tasks.db", channel_of, lambda: queue.now, told.append) as courier:
         for _ in range(3):
             queue.add(new())
             queue.attempt("success")
@@ -274,33 +297,37 @@ def test_a_channel_that_hangs_holds_up_no_other(queue: Shop, tmp_path: Path) -> 
         go_on.set()
         courier.flush(30.0)
         assert taken[3:] == ["home 1", "home 2", "home 3"]
-    assert (told, queue.outbox.waiting()) == ([], 0)
+    assert (told, queue.outbox.pending_count()) == ([], 0)
 
 
 def test_what_was_told_last_is_tried_before_the_end(queue: Shop, tmp_path: Path) -> None:
     taken: list[str] = []
     for number in range(1, 6):
-        with Courier(tmp_path / "tasks.db", lambda _: lambda each: taken.append(each.text), lambda: queue.now, print):
+        with NoticeSender(
+            tmp_path / "tasks.db", lambda _: lambda each: taken.append(each.text), lambda: queue.now, print
+        ):
             queue.add(new())
             queue.attempt("success")
         assert len(taken) == 2 * number
-    assert queue.outbox.waiting() == 0
+    assert queue.outbox.pending_count() == 0
 
 
 @pytest.mark.real_time
 def test_a_program_that_hangs_does_not_outlive_the_courier(queue: Shop, tmp_path: Path) -> None:
     number = tmp_path / "number"
-    way = written(CommandNotice(("sh", "-c", f"sleep 600 & echo $! > {number}; wait")))
+    way = encode_notice(CommandNotice(("sh", "-c", f"sleep 600 & echo $! > {number}; wait")))
     told: list[str] = []
-    with Courier(tmp_path / "tasks.db", lambda _: channel_of(way, print), lambda: queue.now, told.append, farewell=0.1):
+    with NoticeSender(
+        tmp_path / "tasks.db", lambda _: channel_of(way, print), lambda: queue.now, told.append, flush_timeout=0.1
+    ):
         queue.add(new())
         queue.attempt("success")
         wait_until(lambda: number.exists() and number.read_text(encoding="ascii").strip())
     child = int(number.read_text(encoding="ascii"))
     wait_until(lambda: not alive(child), 5.0)
-    (letter, _) = queue.outbox.of(1)
+    (letter, _) = queue.outbox.notices_of(1)
     assert letter.last_error == "sh: had not ended when the server did"
-    assert queue.outbox.waiting() == 2
+    assert queue.outbox.pending_count() == 2
 
 
 def test_a_full_disk_is_told_once_and_what_was_delivered_is_not_sent_again(
@@ -309,7 +336,7 @@ def test_a_full_disk_is_told_once_and_what_was_delivered_is_not_sent_again(
     queue.add(new())
     queue.attempt("success")
     taken, told, room, tries = list[str](), list[str](), Event(), list[int]()
-    delivered = Outbox.delivered
+    delivered = Outbox.mark_delivered
 
     def delivered_if_there_is_room(*arguments: object) -> None:
         tries.append(1)
@@ -317,14 +344,14 @@ def test_a_full_disk_is_told_once_and_what_was_delivered_is_not_sent_again(
             raise sqlite3.OperationalError("database or disk is full")
         delivered(*arguments)  # type: ignore[arg-type]  # as they came
 
-    monkeypatch.setattr(Outbox, "delivered", delivered_if_there_is_room)
-    with Courier(
+    monkeypatch.setattr(Outbox, "mark_delivered", delivered_if_there_is_room)
+    with NoticeSender(
         tmp_path / "tasks.db", lambda _: lambda each: taken.append(each.id), lambda: queue.now, told.append
     ) as courier:
         wait_until(lambda: len(tries) > 2)
         room.set()
         courier.flush(30.0)
-    assert (len(taken), queue.outbox.waiting()) == (2, 0)
+    assert (len(taken), queue.outbox.pending_count()) == (2, 0)
     (said,) = told
     assert said.startswith(f"notices wait: {tmp_path / 'tasks.db'}: database or disk is full; trying on")
 
@@ -332,7 +359,7 @@ def test_a_full_disk_is_told_once_and_what_was_delivered_is_not_sent_again(
 def test_a_queue_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
     (tmp_path / "tasks.db").write_text("no database" * 1000, encoding="utf-8")
     told: list[str] = []
-    with Courier(tmp_path / "tasks.db", lambda _: print, lambda: 0.0, told.append) as courier:
+    with NoticeSender(tmp_path / "tasks.db", lambda _: print, lambda: 0.0, told.append) as courier:
         courier.flush(30.0)
     (line,) = told
     assert line.startswith("notices are not delivered any more: ")
@@ -351,7 +378,7 @@ def test_a_queue_that_is_damaged_meanwhile_is_told_once_and_ends_the_courier_alo
         return channels(outbox)
 
     monkeypatch.setattr(Outbox, "channels", channels_unless_broken)
-    with Courier(tmp_path / "tasks.db", lambda _: print, lambda: queue.now, told.append) as courier:
+    with NoticeSender(tmp_path / "tasks.db", lambda _: print, lambda: queue.now, told.append) as courier:
         courier.flush(30.0)
         assert told == []
         broken.set()
@@ -364,9 +391,9 @@ def test_a_channel_that_is_not_known_is_told_and_tried_again(queue: Shop, tmp_pa
     queue.add(new())
     queue.attempt("success")
     told: list[str] = []
-    with Courier(tmp_path / "tasks.db", lambda name: channel_of(name, print), lambda: queue.now, told.append):
+    with NoticeSender(tmp_path / "tasks.db", lambda name: channel_of(name, print), lambda: queue.now, told.append):
         wait_until(lambda: len(told) == 2)
-    assert queue.outbox.waiting() == 2
+    assert queue.outbox.pending_count() == 2
     assert "no way to send notices" in told[0]
 
 
@@ -376,19 +403,19 @@ def test_a_channel_that_is_not_known_is_told_and_tried_again(queue: Shop, tmp_pa
 def test_a_task_tells_where_its_robot_file_said_when_that_is_broken_later(tmp_path: Path) -> None:
     robot = tmp_path / "mine.yaml"
     robot.write_text("robot: mine\nnotices:\n  - command: [notify-send, Robot]\n", encoding="utf-8")
-    way = written(CommandNotice(("notify-send", "Robot")))
+    way = encode_notice(CommandNotice(("notify-send", "Robot")))
     with closing(open_db(tmp_path / "tasks.db")) as connection:
-        queue, outbox = Queue(connection, channels_of), Outbox(connection)
+        queue, outbox = TaskQueue(connection, channels_of), Outbox(connection)
         number = queue.add(NewTask(mission="greet", robot=str(robot), due=START), START)
         assert channels_of(queue.task(number)) == (way,)
         robot.write_text("robot: [", encoding="utf-8")
         claim = queue.claim(START)
         assert claim is not None
-        queue.say(claim, 1, "where is my file?", START)
+        queue.post_message(claim, 1, "where is my file?", START)
         assert outbox.channels() == [way]
         robot.unlink()
         assert channels_of(queue.task(number)) == (way,)
 
 
 def test_a_task_whose_robot_says_nothing_tells_on_the_terminal(queue: Shop) -> None:
-    assert channels_of(queue.queue.task(queue.add(new()))) == (written(TerminalNotice()),)
+    assert channels_of(queue.queue.task(queue.add(new()))) == (encode_notice(TerminalNotice()),)

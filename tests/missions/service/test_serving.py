@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from missions.plugins.tasks.serve import Server
-from missions.plugins.tasks.task import Claim, Outcome, Policy
+from missions.plugins.tasks.serve import TaskServer
+from missions.plugins.tasks.task import AttemptOutcome, Claim, RetryPolicy
 from missions.plugins.tasks.work import Say, Stopping
 from tests.missions.service.small_queue import Shop, new, shop
 
@@ -18,7 +18,7 @@ def queue(tmp_path: Path) -> Iterator[Shop]:
         yield opened
 
 
-def serve(queue: Shop, work: Callable[[Claim, Stopping, Say], Outcome], look: float = 0.0) -> list[str]:
+def serve(queue: Shop, work: Callable[[Claim, Stopping, Say], AttemptOutcome], look: float = 0.0) -> list[str]:
     """Serve once; return what was told. Each look at the clock takes ``look`` seconds."""
     told: list[str] = []
 
@@ -26,7 +26,7 @@ def serve(queue: Shop, work: Callable[[Claim, Stopping, Say], Outcome], look: fl
         queue.now += look
         return queue.now
 
-    Server(queue.queue, work, now, told.append).run(once=True)
+    TaskServer(queue.queue, work, now, told.append).run(once=True)
     return told
 
 
@@ -36,12 +36,12 @@ def test_it_does_all_that_is_due_in_turn_and_says_what_it_begins(queue: Shop) ->
     queue.add(new(due=queue.now + 60.0))
     order: list[int] = []
 
-    def work(claim: Claim, stopping: Stopping, say: Say) -> Outcome:
+    def work(claim: Claim, stopping: Stopping, say: Say) -> AttemptOutcome:
         order.append(claim.task.id)
         say("on my way")
         say("there")
         assert not stopping()
-        return Outcome("success")
+        return AttemptOutcome("success")
 
     assert serve(queue, work) == ["task 1: greet begins", "task 2: wander begins"]
     assert order == [1, 2]
@@ -52,19 +52,19 @@ def test_it_does_all_that_is_due_in_turn_and_says_what_it_begins(queue: Shop) ->
 def test_it_begins_with_what_the_one_before_left_behind(queue: Shop) -> None:
     queue.add(new())
     queue.claim()
-    assert serve(queue, lambda *_: Outcome("success")) == ["task 1: greet begins, attempt 2"]
+    assert serve(queue, lambda *_: AttemptOutcome("success")) == ["task 1: greet begins, attempt 2"]
     assert queue.kinds(1) == ["interrupted", "done"]
 
 
 def test_who_works_hears_that_a_task_was_cancelled(queue: Shop) -> None:
     queue.add(new(every="60 s"))
 
-    def work(claim: Claim, stopping: Stopping, say: Say) -> Outcome:
+    def work(claim: Claim, stopping: Stopping, say: Say) -> AttemptOutcome:
         del say
         assert not stopping()
         queue.queue.cancel(claim.task.id, queue.now)
         assert stopping()
-        return Outcome("interrupted", "SIGTERM")
+        return AttemptOutcome("interrupted", "SIGTERM")
 
     serve(queue, work)
     assert [task.state for task in queue.queue.tasks()] == ["cancelled"]
@@ -73,15 +73,15 @@ def test_who_works_hears_that_a_task_was_cancelled(queue: Shop) -> None:
 def test_it_ends_when_it_is_told_to_and_leaves_the_rest(queue: Shop) -> None:
     for _ in range(2):
         queue.add(new())
-    server: Server
+    server: TaskServer
 
-    def work(claim: Claim, stopping: Stopping, say: Say) -> Outcome:
+    def work(claim: Claim, stopping: Stopping, say: Say) -> AttemptOutcome:
         del claim, say
         server.stop("SIGTERM")
         assert stopping()
-        return Outcome("interrupted", "SIGTERM")
+        return AttemptOutcome("interrupted", "SIGTERM")
 
-    server = Server(queue.queue, work, lambda: queue.now, lambda _: None)
+    server = TaskServer(queue.queue, work, lambda: queue.now, lambda _: None)
     server.run()
     assert [task.state for task in queue.queue.tasks()] == ["waiting", "waiting"]
     assert queue.told(1) == ["greet (task 1) was interrupted: the server was stopped: SIGTERM; it is tried again"]
@@ -89,9 +89,9 @@ def test_it_ends_when_it_is_told_to_and_leaves_the_rest(queue: Shop) -> None:
 
 
 def test_a_run_that_cannot_be_started_has_failed(queue: Shop) -> None:
-    queue.add(new(policy=Policy(retries=1)))
+    queue.add(new(policy=RetryPolicy(retries=1)))
 
-    def work(*_: object) -> Outcome:
+    def work(*_: object) -> AttemptOutcome:
         raise OSError(12, "Cannot allocate memory")
 
     serve(queue, work, look=20.0)
@@ -102,14 +102,14 @@ def test_a_run_that_cannot_be_started_has_failed(queue: Shop) -> None:
 
 
 def test_once_waits_for_what_is_to_be_tried_again_and_does_others_meanwhile(queue: Shop) -> None:
-    queue.add(new("absent", policy=Policy(retries=1)))
+    queue.add(new("absent", policy=RetryPolicy(retries=1)))
     queue.add(new("greet"))
     order: list[str] = []
 
-    def work(claim: Claim, stopping: Stopping, say: Say) -> Outcome:
+    def work(claim: Claim, stopping: Stopping, say: Say) -> AttemptOutcome:
         del stopping, say
         order.append(claim.task.mission)
-        return Outcome("failure" if order == ["absent"] else "success")
+        return AttemptOutcome("failure" if order == ["absent"] else "success")
 
     serve(queue, work, look=4.0)
     assert order == ["absent", "greet", "absent"]
@@ -119,7 +119,7 @@ def test_a_full_disk_is_waited_for_and_what_was_done_is_not_lost(queue: Shop, mo
     queue.add(new())
     finish, full = queue.queue.finish, ["database or disk is full"] * 2
 
-    def finish_if_there_is_room(claim: Claim, outcome: Outcome, now: float) -> object:
+    def finish_if_there_is_room(claim: Claim, outcome: AttemptOutcome, now: float) -> object:
         if full:
             raise sqlite3.OperationalError(full.pop())
         return finish(claim, outcome, now)
@@ -127,10 +127,10 @@ def test_a_full_disk_is_waited_for_and_what_was_done_is_not_lost(queue: Shop, mo
     monkeypatch.setattr(queue.queue, "finish", finish_if_there_is_room)
     done: list[int] = []
 
-    def work(claim: Claim, stopping: Stopping, say: Say) -> Outcome:
+    def work(claim: Claim, stopping: Stopping, say: Say) -> AttemptOutcome:
         del stopping, say
         done.append(claim.attempt)
-        return Outcome("success")
+        return AttemptOutcome("success")
 
     told = serve(queue, work)
     assert told == [
@@ -145,7 +145,7 @@ def test_an_end_that_cannot_be_written_is_found_by_the_next_server(
     queue: Shop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     queue.add(new())
-    server: Server
+    server: TaskServer
 
     def finish(*_: object) -> None:
         server.stop("SIGTERM")
@@ -153,8 +153,8 @@ def test_an_end_that_cannot_be_written_is_found_by_the_next_server(
 
     with monkeypatch.context() as broken:
         broken.setattr(queue.queue, "finish", finish)
-        server = Server(queue.queue, lambda *_: Outcome("success"), lambda: queue.now, lambda _: None)
+        server = TaskServer(queue.queue, lambda *_: AttemptOutcome("success"), lambda: queue.now, lambda _: None)
         server.run()
     assert queue.queue.task(1).state == "running"
-    serve(queue, lambda *_: Outcome("success"))
+    serve(queue, lambda *_: AttemptOutcome("success"))
     assert [attempt.how for attempt in queue.queue.attempts(1)] == ["interrupted", "success"]

@@ -11,9 +11,9 @@ from typing import NoReturn
 import pytest
 
 from missions.library.shipped import shipped_missions
-from missions.plugins.tasks.lock import is_locked, locked
-from missions.plugins.tasks.task import Claim, How, Outcome, Task
-from missions.plugins.tasks.work import Child, arguments_of
+from missions.plugins.tasks.lock import hold_lock, is_locked
+from missions.plugins.tasks.task import AttemptOutcome, Claim, How, Task
+from missions.plugins.tasks.work import RunProcess, arguments_of
 from tests.missions.service.small_queue import START, new
 from tests.waiting import wait_until
 
@@ -43,7 +43,7 @@ class Attended:
         self.lines: list[str] = []
         self.said: list[str] = []
         begun = "import sys, os, json, signal, time\n"
-        child = Child(hold, self.lines.append, command=(sys.executable, "-c", begun + script), grace=grace)
+        child = RunProcess(hold, self.lines.append, command=(sys.executable, "-c", begun + script), stop_timeout=grace)
         heard = self.said.append if say is None else say
         self.outcome = child(claim(), lambda: stop and "ready" in self.lines and stopping(), heard)
 
@@ -72,7 +72,7 @@ def test_a_task_runs_the_mission_of_the_library_whatever_lies_beside_its_server(
 
 @pytest.mark.parametrize("how", ["success", "failure", "interrupted", "error"])
 def test_the_result_of_a_run_is_its_outcome(how: How) -> None:
-    assert Attended(RESULT.format(how)).outcome == Outcome(how, "so")
+    assert Attended(RESULT.format(how)).outcome == AttemptOutcome(how, "so")
 
 
 def test_what_it_says_is_heard_as_it_comes_and_shown() -> None:
@@ -90,12 +90,12 @@ def test_much_is_heard_whole() -> None:
 
 
 def test_a_run_that_died_without_a_result_was_interrupted() -> None:
-    assert Attended("os.kill(os.getpid(), 9)").outcome == Outcome("interrupted", "the run died: signal 9")
+    assert Attended("os.kill(os.getpid(), 9)").outcome == AttemptOutcome("interrupted", "the run died: signal 9")
 
 
 def test_a_run_that_ends_without_a_result_says_why() -> None:
     script = "print('mission: no such file', file=sys.stderr); sys.exit(2)"
-    assert Attended(script).outcome == Outcome("error", "mission: no such file")
+    assert Attended(script).outcome == AttemptOutcome("error", "mission: no such file")
     assert Attended("sys.exit(70)").outcome.reason == "the run ended with exit code 70, and said nothing"
 
 
@@ -106,15 +106,15 @@ def test_a_result_counts_even_where_the_run_dies_after_it() -> None:
 
 def test_a_run_is_stopped_with_a_signal_and_says_how_that_went() -> None:
     script = f"def end(*_): {RESULT.format('interrupted')}; sys.exit(130)\n{PATIENT.format('end')}"
-    assert Attended(script, stop=True).outcome == Outcome("interrupted", "so")
+    assert Attended(script, stop=True).outcome == AttemptOutcome("interrupted", "so")
 
 
 def test_a_run_that_does_not_stop_is_killed_with_all_that_it_started(tmp_path: Path) -> None:
     script = "import subprocess; subprocess.Popen(['sleep', '600'], close_fds=False)\n"
-    with locked(tmp_path / "run.lock") as held:
+    with hold_lock(tmp_path / "run.lock") as held:
         ran = Attended(script + PATIENT.format("signal.SIG_IGN"), stop=True, hold=(held,), grace=0.5)
     wait_until(lambda: not is_locked(tmp_path / "run.lock"))
-    assert ran.outcome == Outcome("interrupted", "it did not stop within 0.5 s, and was killed")
+    assert ran.outcome == AttemptOutcome("interrupted", "it did not stop within 0.5 s, and was killed")
 
 
 def test_a_run_comes_to_rest_before_it_is_killed_whatever_goes_wrong_in_the_server(tmp_path: Path) -> None:
@@ -147,7 +147,7 @@ def test_what_no_file_takes_is_heard_as_a_question_mark() -> None:
     script = "print(json.dumps({'notice': 'hello Ren\\udce9'})); "
     script += "print(json.dumps({'result': 'failure', 'reason': 'no \\udce9'}))"
     ran = Attended(script)
-    assert (ran.said, ran.outcome) == (["hello Ren?"], Outcome("failure", "no ?"))
+    assert (ran.said, ran.outcome) == (["hello Ren?"], AttemptOutcome("failure", "no ?"))
 
 
 def test_what_a_run_leaves_behind_does_not_keep_it_from_ending() -> None:
@@ -156,18 +156,18 @@ def test_what_a_run_leaves_behind_does_not_keep_it_from_ending() -> None:
 
 
 def test_a_run_inherits_what_the_server_holds(tmp_path: Path) -> None:
-    with locked(tmp_path / "run.lock") as held:
+    with hold_lock(tmp_path / "run.lock") as held:
         script = f"os.fstat({held}); print('ready', file=sys.stderr); {RESULT.format('success')}"
         assert Attended(script, hold=(held,)).lines == ["ready"]
 
 
 SERVER = """
 import sys
-from missions.plugins.tasks.work import Child
+from missions.plugins.tasks.work import RunProcess
 from tests.missions.service.test_task_child import claim
 script = "import sys, select, os; print(os.getpid(), file=sys.stderr, flush=True); n = int(sys.argv[2].split('=')[1]); "
 script += "select.select([n], [], []); assert os.read(n, 1) == b''"
-Child([], lambda line: print(line, flush=True), command=(sys.executable, "-c", script))(claim(), lambda: False, print)
+RunProcess([], lambda line: print(line, flush=True), command=(sys.executable, "-c", script))(claim(), lambda: False, print)
 """
 
 

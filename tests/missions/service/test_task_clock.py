@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from missions.plugins.tasks.queue import PAUSE
-from missions.plugins.tasks.task import How, NewTask, Outcome, Policy
+from missions.plugins.tasks.queue import RETRY_INTERVAL
+from missions.plugins.tasks.task import AttemptOutcome, How, NewTask, RetryPolicy
 from tests.missions.service.small_queue import START, Shop, new, shop
 
 
@@ -17,13 +17,13 @@ def queue(tmp_path: Path) -> Iterator[Shop]:
 
 
 def test_a_repetition_comes_again_however_it_ended(queue: Shop) -> None:
-    first = queue.add(new(every="day 12:00", policy=Policy("give-up")))
+    first = queue.add(new(every="day 12:00", policy=RetryPolicy("give-up")))
     hows: list[How] = ["success", "failure", "interrupted"]
     for days, how in enumerate(hows, start=1):
         queue.attempt(how)
         (task,) = queue.queue.tasks(ended=False)
         assert (task.due, task.series) == (START + days * 86400.0, first)
-        assert (task.attempts, task.failures, task.policy) == (0, 0, Policy("give-up"))
+        assert (task.attempts, task.failures, task.policy) == (0, 0, RetryPolicy("give-up"))
         queue.now = task.due
 
 
@@ -31,7 +31,7 @@ def test_repetitions_that_passed_while_it_ran_are_not_made_up_for(queue: Shop) -
     queue.add(new(every="60 s"))
     claim = queue.claim()
     queue.now += 200.0
-    queue.queue.finish(claim, Outcome("success"), queue.now)
+    queue.queue.finish(claim, AttemptOutcome("success"), queue.now)
     (task,) = queue.queue.tasks(ended=False)
     assert task.due == START + 240.0
 
@@ -74,7 +74,7 @@ def test_when_a_repetition_comes_is_known_without_a_server_that_draws_it_in(queu
     queue.attempt("success")
     (task,) = queue.queue.tasks(ended=False)
     assert task.due > right + years
-    assert queue.queue.expected(task, right) == right + 1800.0
+    assert queue.queue.expected_time(task, right) == right + 1800.0
 
 
 def test_what_is_to_begin_later_is_not_drawn_in(queue: Shop) -> None:
@@ -128,19 +128,19 @@ def test_one_that_was_begun_in_time_and_interrupted_is_not_missed(queue: Shop) -
 
 
 def test_another_try_comes_after_a_pause_in_which_others_go_on(queue: Shop) -> None:
-    number, other = queue.add(new(policy=Policy(retries=1))), queue.add(new())
-    queue.queue.finish(queue.claim(), Outcome("error", "no camera"), queue.now)
-    assert queue.queue.finish(queue.claim(), Outcome("success"), queue.now).id == other
-    queue.now += PAUSE - 1.0
+    number, other = queue.add(new(policy=RetryPolicy(retries=1))), queue.add(new())
+    queue.queue.finish(queue.claim(), AttemptOutcome("error", "no camera"), queue.now)
+    assert queue.queue.finish(queue.claim(), AttemptOutcome("success"), queue.now).id == other
+    queue.now += RETRY_INTERVAL - 1.0
     assert queue.queue.claim(queue.now) is None
-    assert queue.queue.pauses(queue.now)
+    assert queue.queue.has_pausing_task(queue.now)
     queue.now += 1.0
-    assert not queue.queue.pauses(queue.now)
+    assert not queue.queue.has_pausing_task(queue.now)
     assert queue.claim().task.id == number
 
 
 def test_a_pause_is_over_when_the_clock_is_put_back(queue: Shop) -> None:
-    number = queue.add(new(due=0.0, policy=Policy(retries=1)))
-    queue.queue.finish(queue.claim(), Outcome("error", "no camera"), queue.now)
+    number = queue.add(new(due=0.0, policy=RetryPolicy(retries=1)))
+    queue.queue.finish(queue.claim(), AttemptOutcome("error", "no camera"), queue.now)
     queue.now -= 86400.0
     assert queue.claim().task.id == number

@@ -10,7 +10,7 @@ from threading import Event
 
 import pytest
 
-from missions.plugins.tasks.lock import is_locked, locked
+from missions.plugins.tasks.lock import hold_lock, is_locked
 from missions.plugins.tasks.outbox import Outbox
 from missions.plugins.tasks.schema import open_db
 from tests.missions.command import Outcome, Process, command
@@ -224,7 +224,7 @@ def test_a_task_that_is_not_there_is_an_error(user: User, words: list[str]) -> N
 
 
 def test_a_second_server_is_refused(user: User, capsys: pytest.CaptureFixture[str]) -> None:
-    with locked(user.state / "serve.lock"):
+    with hold_lock(user.state / "serve.lock"):
         outcome = command(capsys, "task", "serve", "--once")
     assert outcome.code == 2
     assert "another `mission task serve` does the tasks" in outcome.err
@@ -306,7 +306,7 @@ def test_real_runs_survive_servers_that_are_killed(user: User) -> None:
         successes = "SELECT task, COUNT(*) FROM attempt WHERE how = 'success' GROUP BY task"
         found = [tuple(row) for row in connection.execute(successes)]
         assert found == [(number, 1) for number in range(1, 4)]
-        assert Outbox(connection).waiting() == 0
+        assert Outbox(connection).pending_count() == 0
     assert {task["state"] for task in user.tasks()} == {"done"}
 
 

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from missions.plugins.tasks.lock import Taken, is_locked, locked
-from missions.plugins.tasks.schema import VERSION, in_words, open_db, prepare
+from missions.plugins.tasks.lock import LockHeldError, hold_lock, is_locked
+from missions.plugins.tasks.schema import VERSION, open_db, prepare, queue_errors
 from missions.plugins.tasks.task import TaskError
 from tests.missions.service.small_queue import new, shop
 
@@ -139,7 +139,7 @@ def test_a_task_that_is_not_as_it_was_written_is_damage_and_no_fault_of_ours(tmp
         for wrong in ("", "7x", "[" * 100_000):
             with closing(sqlite3.connect(path)) as other, other:
                 other.execute(f"UPDATE task SET {column} = ?", (wrong,))  # noqa: S608 - ours
-            with pytest.raises(TaskError, match="task 1 is not as it was written"), in_words(path):
+            with pytest.raises(TaskError, match="task 1 is not as it was written"), queue_errors(path):
                 opened.queue.tasks()
 
 
@@ -150,7 +150,7 @@ def test_bytes_where_a_text_or_a_number_was_are_damage(tmp_path: Path, column: s
         opened.add(new())
         with closing(sqlite3.connect(path)) as other, other:
             other.execute(f"UPDATE task SET {column} = x'ff00'")  # noqa: S608 - ours
-        with pytest.raises(TaskError, match="task 1 is not as it was written"), in_words(path):
+        with pytest.raises(TaskError, match="task 1 is not as it was written"), queue_errors(path):
             opened.queue.tasks()
 
 
@@ -177,18 +177,18 @@ def test_attempts_and_notices_that_are_not_as_they_were_written_are_damage(
                 continue
             with closing(sqlite3.connect(path)) as other, other:
                 other.execute(f"UPDATE {table} SET {column} = ?", (wrong,))  # noqa: S608 - ours
-            with pytest.raises(TaskError, match=f"{what} is not as it was written"), in_words(path):
-                _ = opened.queue.attempts(1), opened.outbox.of(1)
+            with pytest.raises(TaskError, match=f"{what} is not as it was written"), queue_errors(path):
+                _ = opened.queue.attempts(1), opened.outbox.notices_of(1)
 
 
 def test_what_breaks_while_it_is_used_is_told_in_words_but_for_faults_of_our_own(tmp_path: Path) -> None:
     path = tmp_path / "tasks.db"
-    with pytest.raises(TaskError, match="is damaged") as raised, in_words(path):
+    with pytest.raises(TaskError, match="is damaged") as raised, queue_errors(path):
         raise sqlite3.DatabaseError("database disk image is malformed")
     assert raised.value.hint
-    with pytest.raises(TaskError, match=r"tasks\.db: disk I/O error"), in_words(path):
+    with pytest.raises(TaskError, match=r"tasks\.db: disk I/O error"), queue_errors(path):
         raise sqlite3.OperationalError("disk I/O error")
-    with pytest.raises(sqlite3.IntegrityError), in_words(path):
+    with pytest.raises(sqlite3.IntegrityError), queue_errors(path):
         raise sqlite3.IntegrityError("UNIQUE constraint failed")
 
 
@@ -238,13 +238,13 @@ def test_whoever_else_opens_it_in_this_process_takes_no_lock_from_us(tmp_path: P
 def test_a_lock_is_held_by_one(tmp_path: Path) -> None:
     path = tmp_path / "new" / "serve.lock"
     assert not is_locked(path)
-    with locked(path):
+    with hold_lock(path):
         assert is_locked(path)
-        taken = pytest.raises(Taken, match=r"serve\.lock: is held by process \d+")
-        with taken, locked(path, patience=0.1):
+        taken = pytest.raises(LockHeldError, match=r"serve\.lock: is held by process \d+")
+        with taken, hold_lock(path, timeout=0.1):
             pass
     assert not is_locked(path)
-    with locked(path):
+    with hold_lock(path):
         pass
     with pytest.raises(NotADirectoryError):  # a lock that cannot be looked at is not a free one
         is_locked(path / "beneath")
@@ -258,7 +258,7 @@ class Prober:
         fcntl.flock(self._number, fcntl.LOCK_SH)
         self.looks = 0
 
-    def now(self) -> float:
+    def read_value(self) -> float:
         self.looks += 1
         if self.looks == 2:
             os.close(self._number)
@@ -267,6 +267,6 @@ class Prober:
 
 def test_who_only_asks_for_the_lock_keeps_nobody_from_it(tmp_path: Path) -> None:
     prober = Prober(tmp_path / "serve.lock")
-    with locked(tmp_path / "serve.lock", clock=prober):
+    with hold_lock(tmp_path / "serve.lock", clock=prober):
         assert is_locked(tmp_path / "serve.lock")
     assert prober.looks == 2

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from missions.plugins.tasks.schema import open_db, prepare
-from missions.plugins.tasks.task import Claim, How, NewTask, Outcome, Policy, State, TaskError
+from missions.plugins.tasks.task import AttemptOutcome, Claim, How, NewTask, RetryPolicy, State, TaskError
 from tests.missions.service.small_queue import BERLIN, CHANNELS, START, Shop, new
 
 pytestmark = pytest.mark.long
@@ -57,7 +57,7 @@ ENDED = ("done", "failed", "cancelled", "given_up")
 CRASHES = st.one_of(st.none(), st.tuples(st.integers(0, 10), st.booleans()))
 """None, or after how many statements, and whether the one after them is done."""
 
-POLICIES = st.builds(Policy, st.sampled_from(["retry", "give-up"]), st.integers(1, 3), st.integers(0, 2))
+POLICIES = st.builds(RetryPolicy, st.sampled_from(["retry", "give-up"]), st.integers(1, 3), st.integers(0, 2))
 
 HOWS = st.sampled_from(["success", "failure", "error", "interrupted"])
 
@@ -108,7 +108,7 @@ class Days(RuleBasedStateMachine):
         priority=st.integers(-1, 1),
         timed=st.booleans(),
     )
-    def add(self, crash: tuple[int, bool] | None, policy: Policy, every: str, priority: int, timed: bool) -> int:
+    def add(self, crash: tuple[int, bool] | None, policy: RetryPolicy, every: str, priority: int, timed: bool) -> int:
         task: NewTask = new(due=self.now if timed else 0.0, every=every, policy=policy, priority=priority)
         number: int | None = self.do(crash, lambda: self.shop.queue.add(task, self.now))
         if number is not None:
@@ -128,7 +128,7 @@ class Days(RuleBasedStateMachine):
     def finish(self, crash: tuple[int, bool] | None, how: How) -> None:
         claim = self.running
         assert claim is not None
-        task = self.do(crash, lambda: self.shop.queue.finish(claim, Outcome(how), self.now))
+        task = self.do(crash, lambda: self.shop.queue.finish(claim, AttemptOutcome(how), self.now))
         self.running = None
         if task is not None:
             self.known[task.id] = task.state
@@ -139,7 +139,7 @@ class Days(RuleBasedStateMachine):
         try:
             state = self.do(crash, lambda: self.shop.queue.cancel(number, self.now))
         except TaskError:
-            assert number == 0 or self.shop.queue.task(number).ended
+            assert number == 0 or self.shop.queue.task(number).has_ended
         else:
             if state is not None:
                 self.known[number] = state
@@ -178,7 +178,7 @@ class Days(RuleBasedStateMachine):
     def each_end_is_told_to_every_channel_once(self) -> None:
         for task in self.shop.queue.tasks():
             ended = sum(attempt.ended is not None for attempt in self.shop.queue.attempts(task.id))
-            told = Counter(letter.channel for letter in self.shop.outbox.of(task.id))
+            told = Counter(letter.channel for letter in self.shop.outbox.notices_of(task.id))
             assert told == Counter(dict.fromkeys(CHANNELS, ended) if ended else {})
 
     @invariant()

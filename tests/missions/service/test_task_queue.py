@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from missions.plugins.tasks.task import How, Outcome, Policy, State, TaskError
+from missions.plugins.tasks.task import AttemptOutcome, How, RetryPolicy, State, TaskError
 from tests.missions.service.small_queue import CHANNELS, RETRY, START, Shop, new, shop
 
 
@@ -70,7 +70,7 @@ def test_a_mission_of_ones_own_is_called_by_its_name(queue: Shop) -> None:
     ]
     number = queue.add(new("/missions/tell.yaml"))
     queue.attempt("success")
-    (letter, _) = queue.outbox.of(number)
+    (letter, _) = queue.outbox.notices_of(number)
     assert (letter.notice.text, letter.notice.mission) == (f"tell (task {number}) is done", "/missions/tell.yaml")
 
 
@@ -82,7 +82,7 @@ def test_a_task_is_what_was_added(queue: Shop) -> None:
     assert {name: getattr(task, name) for name in type(wanted).__dataclass_fields__} == {
         name: getattr(wanted, name) for name in type(wanted).__dataclass_fields__
     }
-    assert (task.state, task.attempts, task.ended) == ("waiting", 0, False)
+    assert (task.state, task.attempts, task.has_ended) == ("waiting", 0, False)
 
 
 def test_success_is_told_to_every_channel_once(queue: Shop) -> None:
@@ -90,20 +90,20 @@ def test_success_is_told_to_every_channel_once(queue: Shop) -> None:
     assert queue.attempt("success").state == "done"
     for channel in ("home", "away"):
         assert queue.told(number, channel) == [f"greet (task {number}) is done"]
-    assert len({letter.notice.id for letter in queue.outbox.of(number)}) == 1
+    assert len({letter.notice.id for letter in queue.outbox.notices_of(number)}) == 1
 
 
 @pytest.mark.parametrize(
     ("policy", "hows", "state", "kinds"),
     [
-        (Policy(), ["failure"], "failed", ["failed"]),
-        (Policy(retries=1), ["failure", "success"], "done", ["retried", "done"]),
-        (Policy(retries=1), ["error", "failure"], "failed", ["retried", "failed"]),
+        (RetryPolicy(), ["failure"], "failed", ["failed"]),
+        (RetryPolicy(retries=1), ["failure", "success"], "done", ["retried", "done"]),
+        (RetryPolicy(retries=1), ["error", "failure"], "failed", ["retried", "failed"]),
         (RETRY, ["interrupted", "interrupted", "success"], "done", ["interrupted", "interrupted", "done"]),
         (RETRY, ["interrupted"] * 3, "given_up", ["interrupted", "interrupted", "given_up"]),
-        (Policy("give-up"), ["interrupted"], "given_up", ["given_up"]),
+        (RetryPolicy("give-up"), ["interrupted"], "given_up", ["given_up"]),
         (
-            Policy("retry", retries=1),
+            RetryPolicy("retry", retries=1),
             ["interrupted", "failure", "interrupted", "failure"],
             "failed",
             ["interrupted", "retried", "interrupted", "failed"],
@@ -111,7 +111,7 @@ def test_success_is_told_to_every_channel_once(queue: Shop) -> None:
     ],
 )
 def test_what_did_not_succeed_is_tried_again_as_its_policy_says(
-    queue: Shop, policy: Policy, hows: list[How], state: State, kinds: list[str]
+    queue: Shop, policy: RetryPolicy, hows: list[How], state: State, kinds: list[str]
 ) -> None:
     number = queue.add(new(policy=policy))
     states = [queue.attempt(how, "why").state for how in hows]
@@ -146,10 +146,10 @@ def test_an_attempt_ends_once(queue: Shop) -> None:
     claim = queue.claim()
     queue.queue.recover(queue.now)
     with pytest.raises(TaskError, match="has ended already"):
-        queue.queue.finish(claim, Outcome("success"), queue.now)
+        queue.queue.finish(claim, AttemptOutcome("success"), queue.now)
     assert queue.attempt("success").state == "done"
     with pytest.raises(TaskError, match="has ended already"):
-        queue.queue.finish(claim, Outcome("success"), queue.now)
+        queue.queue.finish(claim, AttemptOutcome("success"), queue.now)
 
 
 def test_the_database_itself_refuses_what_must_never_be(queue: Shop) -> None:
@@ -169,18 +169,24 @@ def test_the_database_itself_refuses_what_must_never_be(queue: Shop) -> None:
 
 
 def test_to_be_stopped_with_the_server_is_an_interruption_that_does_not_count(queue: Shop) -> None:
-    number = queue.add(new(policy=Policy("retry", most=2)))
+    number = queue.add(new(policy=RetryPolicy("retry", most=2)))
     for _ in range(5):
         claim = queue.claim()
-        task = queue.queue.finish(claim, Outcome("interrupted", "the server was stopped", stopped=True), queue.now)
+        task = queue.queue.finish(
+            claim, AttemptOutcome("interrupted", "the server was stopped", stopped=True), queue.now
+        )
         assert (task.state, task.interruptions) == ("waiting", 0)
     assert queue.kinds(number) == ["interrupted"] * 5
     assert queue.attempt("interrupted").state == "waiting"
-    task = queue.queue.finish(queue.claim(), Outcome("interrupted", "the server was stopped", stopped=True), queue.now)
+    task = queue.queue.finish(
+        queue.claim(), AttemptOutcome("interrupted", "the server was stopped", stopped=True), queue.now
+    )
     assert task.state == "waiting", "though the next that counts is the last"
     assert queue.attempt("interrupted").state == "given_up"
-    given_up = queue.add(new(policy=Policy("give-up")))
-    task = queue.queue.finish(queue.claim(), Outcome("interrupted", "the server was stopped", stopped=True), queue.now)
+    given_up = queue.add(new(policy=RetryPolicy("give-up")))
+    task = queue.queue.finish(
+        queue.claim(), AttemptOutcome("interrupted", "the server was stopped", stopped=True), queue.now
+    )
     assert (task.id, task.state) == (given_up, "given_up")
 
 
@@ -203,12 +209,12 @@ def test_one_that_waits_is_cancelled_at_once_and_never_runs(queue: Shop) -> None
     ],
 )
 def test_one_that_runs_is_cancelled_unless_it_ends_first(queue: Shop, how: How, state: State, kind: str) -> None:
-    number = queue.add(new(policy=Policy(retries=5), every="day 12:00"))
+    number = queue.add(new(policy=RetryPolicy(retries=5), every="day 12:00"))
     claim = queue.claim()
-    assert not queue.queue.cancelling(claim)
+    assert not queue.queue.is_cancelling(claim)
     assert queue.queue.cancel(number, queue.now) == "running"
-    assert queue.queue.cancelling(claim)
-    assert queue.queue.finish(claim, Outcome(how), queue.now).state == state
+    assert queue.queue.is_cancelling(claim)
+    assert queue.queue.finish(claim, AttemptOutcome(how), queue.now).state == state
     assert queue.kinds(number) == [kind]
     assert queue.queue.tasks(ended=False) == [], "it does not come again"
 
@@ -235,8 +241,8 @@ def test_what_a_mission_says_is_told_in_its_words(queue: Shop) -> None:
     number = queue.add(new())
     claim = queue.claim()
     for turn, text in enumerate(("Ana is here", "Ana is here"), start=1):
-        queue.queue.say(claim, turn, text, queue.now)
-    letters = [letter for letter in queue.outbox.of(number) if letter.channel == "away"]
+        queue.queue.post_message(claim, turn, text, queue.now)
+    letters = [letter for letter in queue.outbox.notices_of(number) if letter.channel == "away"]
     assert [letter.notice.text for letter in letters] == ["Ana is here", "Ana is here"]
     assert len({letter.notice.id for letter in letters}) == 2
 
@@ -249,7 +255,7 @@ def test_each_of_a_repetition_needs_an_approval_of_its_own_and_is_missed_without
     assert queue.attempt("success").state == "done"
     queue.now = START + 3600.0
     (second,) = queue.queue.tasks(ended=False)
-    assert second.unapproved
+    assert second.awaits_approval
     assert queue.queue.claim(queue.now) is None
     queue.now += 601.0
     assert queue.queue.claim(queue.now) is None

@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missions.plugins.tasks.queue import DAYS, Every, first_time, local_zone, next_time, read_at, read_every
+from missions.plugins.tasks.queue import DAYS, Repetition, first_time, local_zone, next_time, read_at, read_repetition
 from tests.missions.service.small_queue import BERLIN, START
 
 ZONES = st.sampled_from([BERLIN, ZoneInfo("America/New_York"), ZoneInfo("Australia/Lord_Howe"), ZoneInfo("UTC")])
 MOMENTS = st.integers(1_577_836_800, 1_893_456_000).map(float)  # 2020 to 2030
 EVERY_DAY = st.builds(
-    Every, day=st.sampled_from([None, *range(7)]), at=st.builds(time, st.integers(0, 23), st.integers(0, 59))
+    Repetition, day=st.sampled_from([None, *range(7)]), at=st.builds(time, st.integers(0, 23), st.integers(0, 59))
 )
-PERIODS = st.floats(1.0, 1e6).map(lambda period: Every(period=period))
+PERIODS = st.floats(1.0, 1e6).map(lambda period: Repetition(period=period))
 
 
 def berlin(text: str, fold: int = 0) -> float:
@@ -71,9 +71,9 @@ def test_what_is_no_time_to_come_is_refused_in_words(text: str, why: str) -> Non
     ],
 )
 def test_a_repetition_without_a_time_of_day_takes_that_of_its_beginning(text: str, written: str) -> None:
-    every = read_every(text, START, BERLIN)
+    every = read_repetition(text, START, BERLIN)
     assert str(every) == written
-    assert read_every(str(every), 0.0, BERLIN) == every
+    assert read_repetition(str(every), 0.0, BERLIN) == every
 
 
 @pytest.mark.parametrize(
@@ -92,11 +92,11 @@ def test_a_repetition_without_a_time_of_day_takes_that_of_its_beginning(text: st
 )
 def test_what_is_no_repetition_is_refused_in_words(text: str, why: str) -> None:
     with pytest.raises(ValueError, match=why):
-        read_every(text, START, BERLIN)
+        read_repetition(text, START, BERLIN)
 
 
 def test_a_weekday_comes_once_a_week() -> None:
-    monday = Every(day=0, at=time(9))
+    monday = Repetition(day=0, at=time(9))
     first = first_time(monday, START, BERLIN)
     assert first == berlin("2026-11-23 09:00")
     assert first_time(monday, first, BERLIN) == first
@@ -104,7 +104,7 @@ def test_a_weekday_comes_once_a_week() -> None:
 
 
 def test_a_time_that_the_clocks_leave_out_is_the_moment_at_which_they_change() -> None:
-    every = Every(at=time(2, 30))
+    every = Repetition(at=time(2, 30))
     gap = next_time(every, berlin("2026-03-28 02:30"), 0.0, BERLIN)
     assert datetime.fromtimestamp(gap, UTC) == datetime(2026, 3, 29, 1, 0, tzinfo=UTC)
     assert next_time(every, gap, gap, BERLIN) == berlin("2026-03-30 02:30"), "it does not stay at the later time"
@@ -126,7 +126,7 @@ def test_the_time_that_was_wanted_stays_also_where_it_is_left_out_the_first_time
 ) -> None:
     first = read_at(at, berlin(now), BERLIN)
     for text in ("day", "sunday"):
-        every = read_every(text, first, BERLIN, at)
+        every = read_repetition(text, first, BERLIN, at)
         assert first_time(every, first, BERLIN) == first == berlin(due)
         days = 1 if text == "day" else 7
         week = (datetime.fromisoformat(next_due) + timedelta(days=days - 1)).isoformat()
@@ -134,7 +134,7 @@ def test_the_time_that_was_wanted_stays_also_where_it_is_left_out_the_first_time
 
 
 def test_a_time_that_comes_twice_is_the_first_of_the_two_and_runs_once() -> None:
-    every = Every(at=time(2, 30))
+    every = Repetition(at=time(2, 30))
     fold = next_time(every, berlin("2026-10-24 02:30"), 0.0, BERLIN)
     assert datetime.fromtimestamp(fold, UTC) == datetime(2026, 10, 25, 0, 30, tzinfo=UTC)
     assert next_time(every, fold, fold + 3600.0, BERLIN) == berlin("2026-10-26 02:30")
@@ -142,11 +142,11 @@ def test_a_time_that_comes_twice_is_the_first_of_the_two_and_runs_once() -> None
 
 def test_half_an_hour_is_half_an_hour_whatever_the_clocks_do() -> None:
     due = berlin("2026-10-25 02:30")
-    assert next_time(Every(period=1800.0), due, due, BERLIN) == due + 1800.0
+    assert next_time(Repetition(period=1800.0), due, due, BERLIN) == due + 1800.0
 
 
 @given(every=EVERY_DAY, begin=MOMENTS, zone=ZONES)
-def test_a_daily_task_comes_on_each_of_its_days_once(every: Every, begin: float, zone: ZoneInfo) -> None:
+def test_a_daily_task_comes_on_each_of_its_days_once(every: Repetition, begin: float, zone: ZoneInfo) -> None:
     times = [first_time(every, begin, zone)]
     for _ in range(20):
         times.append(next_time(every, times[-1], times[-1], zone))
@@ -160,7 +160,7 @@ def test_a_daily_task_comes_on_each_of_its_days_once(every: Every, begin: float,
 
 
 @given(every=st.one_of(EVERY_DAY, PERIODS), due=MOMENTS, late=st.floats(-1e5, 1e7), zone=ZONES)
-def test_the_next_time_is_the_first_after_both(every: Every, due: float, late: float, zone: ZoneInfo) -> None:
+def test_the_next_time_is_the_first_after_both(every: Repetition, due: float, late: float, zone: ZoneInfo) -> None:
     found = next_time(every, due, due + late, zone)
     assert found > max(due, due + late)
     if every.period:
@@ -172,8 +172,8 @@ def test_the_next_time_is_the_first_after_both(every: Every, due: float, late: f
 
 
 @given(every=st.one_of(EVERY_DAY, PERIODS))
-def test_a_repetition_can_be_read_again(every: Every) -> None:
-    again = read_every(str(every), 0.0, BERLIN)
+def test_a_repetition_can_be_read_again(every: Repetition) -> None:
+    again = read_repetition(str(every), 0.0, BERLIN)
     assert (again.day, again.at) == (every.day, every.at)
     assert again.period == pytest.approx(every.period, rel=1e-9)
 

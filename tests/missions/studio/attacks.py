@@ -8,11 +8,11 @@ from functools import cache
 from itertools import count
 from threading import Event, Thread
 
-from missions.plugins.studio.doors import MOST_CONNECTIONS
+from missions.plugins.studio.doors import MAX_CONNECTIONS
 from tests.missions.studio.serving import PATIENCE, Served
 from tests.waiting import wait_until
 
-MANY = MOST_CONNECTIONS + 50
+MANY = MAX_CONNECTIONS + 50
 """Connections that one attack holds."""
 
 

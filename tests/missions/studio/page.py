@@ -4,14 +4,14 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from missions.plugins.studio.studio import PAGE
+from missions.plugins.studio.studio import PAGE_FOLDER
 from tests.browser import Browser, Element, Tab
 from tests.missions.studio.serving import Served
 from tests.waiting import wait_until
 
 PHONE, DESKTOP = (360, 740), (1280, 800)
 
-VIEWS = tuple(re.findall(r'<a href="#\w+">(\w+)</a>', (PAGE / "index.html").read_text(encoding="utf-8")))
+VIEWS = tuple(re.findall(r'<a href="#\w+">(\w+)</a>', (PAGE_FOLDER / "index.html").read_text(encoding="utf-8")))
 """The names of all views, as the head of the page has them."""
 
 

@@ -12,8 +12,8 @@ import pytest
 from drivers.clock import SystemClock
 from missions.control import sockets
 from missions.control.places import SYSTEM_ROOT
-from missions.control.searching import Found, search
-from missions.control.sockets import RunLink
+from missions.control.searching import FoundProcess, search_runs
+from missions.control.sockets import RunConnection
 from tests.missions.command import Process
 from tests.missions.lone_base import LONE_ROBOT, LoneBase, lone_base
 from tests.waiting import wait_until
@@ -27,37 +27,37 @@ REST = 0.5
 """Seconds within which a base is at rest whatever becomes of the link to who drives it."""
 
 
-class StampedLink(RunLink):
+class StampedLink(RunConnection):
     """A connection to a run that keeps the stamp of the newest state."""
 
     __slots__ = ("stamp",)
 
-    def hear(self) -> Mapping[str, Any]:
-        told = super().hear()
+    def receive(self) -> Mapping[str, Any]:
+        told = super().receive()
         state = told["state"] if told.get("say") == "scene" else told
         self.stamp: int | None = state.get("stamp", getattr(self, "stamp", None))
         return told
 
     def catch_up(self) -> None:
         """Read all that has come."""
-        while b"\n" in self._heard or select([self.connection], [], [], 0.0)[0]:
-            self.hear()
+        while b"\n" in self._received or select([self.connection], [], [], 0.0)[0]:
+            self.receive()
 
 
-def found_of(process: int) -> list[Found]:
+def found_of(process: int) -> list[FoundProcess]:
     """Return the runs and commands of a process that a stop would find; those of other tests may have left files."""
-    return [each for each in search().found if each.run.partition("-")[0] == str(process)]
+    return [each for each in search_runs().processes if each.run.partition("-")[0] == str(process)]
 
 
 class Client:
     """Somebody who is connected to a run, and keeps all that is said."""
 
     def __init__(self, run: str) -> None:
-        self.link = StampedLink.open(sockets.path_of(run))
+        self.link = StampedLink.open(sockets.socket_path(run))
         self.number = 0
 
     def ask(self, do: str, **members: object) -> Mapping[str, Any]:
-        return self.link.ask({"do": do, **members})
+        return self.link.request({"do": do, **members})
 
     def drive(self, ahead: float = 1.0, left: float = 0.0, pace: float = 1.0) -> Mapping[str, Any]:
         self.number += 1
@@ -78,8 +78,8 @@ class Client:
     def hear(self, wanted: Callable[[Mapping[str, Any]], object]) -> Mapping[str, Any]:
         """Return the first message from now on that is wanted."""
         clock = SystemClock()
-        while clock.now() < 20.0:
-            told = self.link.hear()
+        while clock.read_value() < 20.0:
+            told = self.link.receive()
             if wanted(told):
                 return told
         raise AssertionError("no such message came")
@@ -101,7 +101,7 @@ def run_of(folder: Path, text: str = WAITING, *more: str) -> Iterator[tuple[Proc
         base = ends.enter_context(lone_base())
         process = Process("run", str(path), "--robot", LONE_ROBOT, "--port", f"base={base.port}", *more)
         ends.callback(_end, process)
-        wait_until(lambda: sockets.path_of(str(process.process.pid)).exists() or process.process.poll() is not None)
+        wait_until(lambda: sockets.socket_path(str(process.process.pid)).exists() or process.process.poll() is not None)
         assert process.process.poll() is None, process.errors
         wait_until(lambda: _ticks(str(process.process.pid)))
         yield process, base
@@ -114,7 +114,7 @@ def simulated_run(folder: Path, text: str = WAITING) -> Iterator[Process]:
     path.write_text(text, encoding="utf-8")
     process = Process("run", str(path), "--robot", "turtlebot2", "--simulate", "fast", "--speed", "1")
     try:
-        wait_until(lambda: sockets.path_of(str(process.process.pid)).exists() or process.process.poll() is not None)
+        wait_until(lambda: sockets.socket_path(str(process.process.pid)).exists() or process.process.poll() is not None)
         assert process.process.poll() is None, process.errors
         wait_until(lambda: _ticks(str(process.process.pid)))
         yield process
@@ -124,9 +124,9 @@ def simulated_run(folder: Path, text: str = WAITING) -> Iterator[Process]:
 
 def _ticks(run: str) -> bool:
     """Whether a run has begun to tick."""
-    with sockets.linked(sockets.path_of(run)) as link:
+    with sockets.open_connection(sockets.socket_path(run)) as link:
         link.connection.sendall(b'{"do": "watch"}\n')
-        while (told := link.hear())["say"] != "scene":
+        while (told := link.receive())["say"] != "scene":
             pass
         return bool(told["state"]["tick"] > 0)
 

@@ -12,8 +12,8 @@ from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
 
-from missions.control.messages import VERSION
-from missions.control.searching import search
+from missions.control.messages import PROTOCOL_VERSION
+from missions.control.searching import search_runs
 from tests.missions.command import Process
 
 PATIENCE = 60.0
@@ -75,7 +75,7 @@ class Served:
         ) as socket:
             client = Client(socket)
             if hello:
-                client.send(do="hello", version=str(VERSION))
+                client.send(do="hello", version=str(PROTOCOL_VERSION))
                 client.welcome = client.hear(lambda told: told["say"] == "welcome")
             yield client
 
@@ -134,13 +134,16 @@ class Client:
 @contextmanager
 def studio(*more: str, trusting: SSLContext | None = None) -> Iterator[Served]:
     """Serve a studio until this is over. The runs that it began, which live on without it, are ended too."""
-    process, before = Process("studio", "--port", "0", "--record", *more), {each.key for each in search().found}
+    process, before = (
+        Process("studio", "--port", "0", "--record", *more),
+        {each.key for each in search_runs().processes},
+    )
     try:
         yield Served(process, trusting)
     finally:
         process.process.terminate()
         process.end()
-        for each in search().found:
+        for each in search_runs().processes:
             with suppress(OSError):
                 if each.key not in before:
                     each.terminate(None)

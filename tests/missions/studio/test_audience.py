@@ -6,18 +6,18 @@ from typing import Any
 import pytest
 
 from drivers.clock import ManualClock
-from missions.control.audience import IDLE, MOVING, Audience
+from missions.control.audience import IDLE_STATE_INTERVAL, MOVING_STATE_INTERVAL, Broadcaster
 from tests.cases import each
 
 
 @each(
     ("news", "pause"),
     [
-        ({"pose": [0.1, 0.0, 0.0]}, MOVING),
-        ({"joints": {"elbow": [0.5, 0.0, 30.0]}}, MOVING),
-        ({"scan": [[1.0, 0.0]]}, MOVING),
-        ({"tick": 7}, IDLE),
-        ({"driver": "Ada"}, MOVING),
+        ({"pose": [0.1, 0.0, 0.0]}, MOVING_STATE_INTERVAL),
+        ({"joints": {"elbow": [0.5, 0.0, 30.0]}}, MOVING_STATE_INTERVAL),
+        ({"scan": [[1.0, 0.0]]}, MOVING_STATE_INTERVAL),
+        ({"tick": 7}, IDLE_STATE_INTERVAL),
+        ({"driver": "Ada"}, MOVING_STATE_INTERVAL),
     ],
 )
 def test_who_watches_is_told_soon_again_while_the_robot_moves_or_somebody_drives(
@@ -26,7 +26,7 @@ def test_who_watches_is_told_soon_again_while_the_robot_moves_or_somebody_drives
     clock = ManualClock()
     outlet: Any = SimpleNamespace(news=lambda more: {**more, **news}, watched=True, listened=False)
     others: Any = SimpleNamespace(told=dict, watched=False)
-    audience = Audience("1", others, outlet, others, others, clock, {})
+    audience = Broadcaster("1", others, outlet, others, others, clock, {})
     clock.advance(1.0)
-    audience.tell()
+    audience.send_state()
     assert audience.due == pytest.approx(1.0 + pause)

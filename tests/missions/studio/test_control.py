@@ -11,8 +11,8 @@ import jsonschema
 import pytest
 
 from missions.control import sockets
-from missions.control.control import MOST_CLIENTS
-from missions.plugins.studio.wishes import protocol
+from missions.control.control import MAX_CLIENTS
+from missions.plugins.studio.wishes import protocol_schema
 from tests.missions.command import PATIENCE, Process, command
 from tests.missions.studio.running import DRIVING, REST, Client, found_of, run_of, seconds_to_rest, simulated_run
 from tests.waiting import wait_until
@@ -35,7 +35,7 @@ class _Closed(Client):
 
 def test_only_its_owner_may_use_it_and_it_goes_with_the_run(tmp_path: Path) -> None:
     with simulated_run(tmp_path) as process:
-        path = sockets.path_of(str(process.process.pid))
+        path = sockets.socket_path(str(process.process.pid))
         assert stat.S_IMODE(path.stat().st_mode) == 0o600
         assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
     assert not path.exists()
@@ -43,11 +43,11 @@ def test_only_its_owner_may_use_it_and_it_goes_with_the_run(tmp_path: Path) -> N
 
 def test_the_socket_of_a_run_that_was_killed_is_taken_away(tmp_path: Path) -> None:
     with simulated_run(tmp_path) as process:
-        path = sockets.path_of(str(process.process.pid))
+        path = sockets.socket_path(str(process.process.pid))
         process.process.kill()
         process.process.wait()
         assert path.exists()
-        with suppress(OSError), sockets.linked(path):
+        with suppress(OSError), sockets.open_connection(path):
             pytest.fail("somebody answered")
         assert not path.exists()
 
@@ -56,12 +56,12 @@ def test_a_scene_tells_all_that_is_so_far_as_the_schema_says(run: Process) -> No
     with client_of(run) as client:
         client.send(do="watch")
         scene = client.hear(lambda told: told["say"] == "scene")
-        jsonschema.validate(scene, protocol())
+        jsonschema.validate(scene, protocol_schema())
         assert scene["state"]["changed"]["1.1"][0] == "running"
         assert scene["drawing"]["mission"] == scene["mission"] == "waiting"
         assert scene["limits"]["speed"] > 0
         state = client.hear(lambda told: told["say"] == "state" and "parts" in told)
-        jsonschema.validate(state, protocol())
+        jsonschema.validate(state, protocol_schema())
         assert {part["part"] for part in state["parts"]} == {"base", "range"}
 
 
@@ -155,7 +155,7 @@ def test_a_halted_run_says_how_it_ended(tmp_path: Path) -> None:
         assert client.ask("halt", by="Ada")["ok"]
         over = client.hear(lambda told: told["say"] == "over")
         assert (over["result"], over["reason"]) == ("interrupted", "halted by Ada")
-        jsonschema.validate(over, protocol())
+        jsonschema.validate(over, protocol_schema())
 
 
 @pytest.mark.real_time
@@ -221,8 +221,8 @@ def test_a_run_whose_connections_are_all_taken_is_stopped_all_the_same(
         driver = Client(str(process.process.pid))
         ends.callback(driver.link.close)
         driver.ask("take")
-        for _ in range(2 * MOST_CLIENTS):
-            ends.enter_context(sockets.linked(sockets.path_of(str(process.process.pid))))
+        for _ in range(2 * MAX_CLIENTS):
+            ends.enter_context(sockets.open_connection(sockets.socket_path(str(process.process.pid))))
         driver.drive_until_it_moves(base)
         stopped = command(capsys, "stop")
         assert (stopped.code, "stopped (base)" in stopped.out) == (0, True)
@@ -231,7 +231,7 @@ def test_a_run_whose_connections_are_all_taken_is_stopped_all_the_same(
 
 def test_a_run_that_takes_no_more_connections_is_ended(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with simulated_run(tmp_path) as process, ExitStack() as ends:
-        for _ in range(MOST_CLIENTS):
+        for _ in range(MAX_CLIENTS):
             client = Client(str(process.process.pid))
             ends.callback(client.link.close)
             client.ask("watch")
@@ -247,11 +247,11 @@ def test_a_run_without_descriptors_lets_nobody_in_and_does_not_spin_until_it_has
     number = run.process.pid
     before = resource.prlimit(number, resource.RLIMIT_NOFILE, (3, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
     used = processor_time(number)
-    with sockets.linked(sockets.path_of(str(number))) as link:
-        assert not link.told  # for all of the second for which it is waited
-        assert processor_time(number) - used < 0.5 * sockets.PATIENCE
+    with sockets.open_connection(sockets.socket_path(str(number))) as link:
+        assert not link.run_info  # for all of the second for which it is waited
+        assert processor_time(number) - used < 0.5 * sockets.REPLY_TIMEOUT
         resource.prlimit(number, resource.RLIMIT_NOFILE, before)
-        assert link.hear()["pid"] == number
+        assert link.receive()["pid"] == number
 
 
 def processor_time(process: int) -> float:

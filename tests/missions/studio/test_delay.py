@@ -17,10 +17,10 @@ import pytest
 from drivers.base.twin import BaseTwin
 from drivers.clock import SystemClock
 from drivers.sim.timeline import Timeline
-from missions.control.audience import MOVING
-from missions.control.commands import BadMessage, Drive
+from missions.control.audience import MOVING_STATE_INTERVAL
+from missions.control.commands import BadMessage, DriveCommand
 from missions.control.pilot import MAX_STATE_AGE
-from missions.control.wheels import Wheels
+from missions.control.wheels import WheelArbiter
 from tests.missions.studio.lossy import lossy
 from tests.missions.studio.running import run_of, seconds_to_rest
 from tests.missions.studio.serving import Client, Served
@@ -47,9 +47,9 @@ class Way:
     last: float = 0.0
 
     def send(self, come: Callable[[], object]) -> None:
-        now = self.timeline.clock.now()
+        now = self.timeline.clock.read_value()
         self.last = max(self.last, now + self.delay(now))
-        self.timeline.at(self.last, come)
+        self.timeline.call_at(self.last, come)
 
 
 @dataclass
@@ -68,38 +68,38 @@ class RemoteDrive:
     def __post_init__(self) -> None:
         self.base = BaseTwin(self.timeline.clock)
         self.base.open()
-        self.wheels = Wheels(self.base, None, self.timeline.clock)
+        self.wheels = WheelArbiter(self.base, None, self.timeline.clock)
         self.wheels.take("Ada", "Ada")
         ways = Way(self.timeline, self.down), Way(self.timeline, self.up)
-        self.timeline.every(BaseTwin.PERIOD, self._step)
-        self.timeline.every(MOVING, partial(self._tell, ways[0]))
-        self.timeline.every(SENT_EVERY, partial(self._push, ways[1]))
+        self.timeline.call_every(BaseTwin.PERIOD, self._step)
+        self.timeline.call_every(MOVING_STATE_INTERVAL, partial(self._tell, ways[0]))
+        self.timeline.call_every(SENT_EVERY, partial(self._push, ways[1]))
 
     def run(self) -> float:
         """Return for how many seconds the base moves after the press."""
-        self.timeline.run(PRESSED_AT + 12.0)
+        self.timeline.run_until(PRESSED_AT + 12.0)
         return max((at - PRESSED_AT for at in self.moved), default=0.0)
 
     def _step(self) -> None:
         self.base.step()
         if self.base.body.velocity.linear:
-            self.moved.append(self.timeline.clock.now())
+            self.moved.append(self.timeline.clock.read_value())
 
     def _tell(self, way: Way) -> None:
-        if not self.paused[0] <= self.timeline.clock.now() < self.paused[1]:
+        if not self.paused[0] <= self.timeline.clock.read_value() < self.paused[1]:
             way.send(partial(setattr, self, "stamp", self.wheels.stamp()))
 
     def _push(self, way: Way) -> None:
-        if self.stamp is not None and self.timeline.clock.now() < PRESSED_AT:
+        if self.stamp is not None and self.timeline.clock.read_value() < PRESSED_AT:
             self.number += 1
-            way.send(partial(self._hear, Drive(n=self.number, stamp=self.stamp, ahead=1.0, left=0.0, pace=1.0)))
+            way.send(partial(self._hear, DriveCommand(n=self.number, stamp=self.stamp, ahead=1.0, left=0.0, pace=1.0)))
 
-    def _hear(self, command: Drive) -> None:
+    def _hear(self, command: DriveCommand) -> None:
         try:
             self.wheels.drive("Ada", command)
         except BadMessage as error:
             self.errors.add(error.error)
-        self.timeline.at(self.wheels.ends_at, lambda: self.wheels.check(self.timeline.clock.now()))
+        self.timeline.call_at(self.wheels.ends_at, lambda: self.wheels.check(self.timeline.clock.read_value()))
 
 
 def constant(delay: float) -> Delay:
@@ -211,7 +211,7 @@ TROUBLES: dict[str, Trouble] = {
 def drive_on(client: Client, run: str, seconds: float) -> None:
     """Send what a page sends while the stick is held."""
     clock, pause = SystemClock(), Event()
-    while clock.now() < seconds:
+    while clock.read_value() < seconds:
         client.drive(run)
         pause.wait(SENT_EVERY)
 

@@ -16,15 +16,15 @@ from websockets.typing import Origin
 from drivers.clock import ManualClock, SystemClock
 from missions.plugins.studio import doors
 from missions.plugins.studio.doors import (
-    ENTRY_TIME,
-    HANDSHAKE_TIME,
+    HANDSHAKE_TIMEOUT,
+    MAX_CONNECTIONS,
+    MAX_CONNECTIONS_PER_ADDRESS,
     MIN_CONNECTIONS,
-    MOST_CONNECTIONS,
-    MOST_OF_ADDRESS,
     RESERVED_DESCRIPTORS,
-    Doors,
-    Standing,
-    Visit,
+    SIGN_IN_TIMEOUT,
+    AuthLevel,
+    ClientConnection,
+    ConnectionAcceptor,
     network_of,
 )
 from tests.cases import each
@@ -37,15 +37,15 @@ FEW_DESCRIPTORS = 256
 
 
 @pytest.fixture
-def visit() -> Iterator[Callable[..., Visit]]:
+def visit() -> Iterator[Callable[..., ClientConnection]]:
     """Make connections; what is at their other end is closed after the test."""
     with ExitStack() as ends:
 
-        def made(network: str = "192.0.2.1", standing: Standing = Standing.STRANGER) -> Visit:
+        def made(network: str = "192.0.2.1", standing: AuthLevel = AuthLevel.STRANGER) -> ClientConnection:
             here, there = socket.socketpair()
             ends.callback(here.close)
             ends.callback(there.close)
-            return Visit(here, network, standing)
+            return ClientConnection(here, network, standing)
 
         yield made
 
@@ -56,11 +56,11 @@ def enough(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(resource, "getrlimit", lambda _: (1 << 20, 1 << 20))
 
 
-def is_ended(visit: Visit) -> bool:
+def is_ended(visit: ClientConnection) -> bool:
     """Return whether its own end hears that it was hung up on."""
-    visit.connection.setblocking(False)
+    visit.raw_socket.setblocking(False)
     try:
-        return visit.connection.recv(1) == b""
+        return visit.raw_socket.recv(1) == b""
     except BlockingIOError:
         return False
 
@@ -82,9 +82,9 @@ def test_all_addresses_of_a_home_count_as_one(address: tuple[object, ...], netwo
 
 
 @pytest.mark.usefixtures("enough")
-def test_of_one_address_the_oldest_stranger_goes(visit: Callable[..., Visit]) -> None:
-    there = Doors(lambda _: asyncio.Protocol())
-    made = [visit() for _ in range(MOST_OF_ADDRESS + 2)]
+def test_of_one_address_the_oldest_stranger_goes(visit: Callable[..., ClientConnection]) -> None:
+    there = ConnectionAcceptor(lambda _: asyncio.Protocol())
+    made = [visit() for _ in range(MAX_CONNECTIONS_PER_ADDRESS + 2)]
     other = visit("192.0.2.9")
     assert there.admit(other)
     assert all(there.admit(each) for each in made)
@@ -92,59 +92,63 @@ def test_of_one_address_the_oldest_stranger_goes(visit: Callable[..., Visit]) ->
 
 
 @pytest.mark.usefixtures("enough")
-def test_who_has_signed_in_never_goes_and_does_not_count_for_its_address(visit: Callable[..., Visit]) -> None:
-    there = Doors(lambda _: asyncio.Protocol())
-    inside = [visit(standing=Standing.SIGNED_IN) for _ in range(20)]
+def test_who_has_signed_in_never_goes_and_does_not_count_for_its_address(
+    visit: Callable[..., ClientConnection],
+) -> None:
+    there = ConnectionAcceptor(lambda _: asyncio.Protocol())
+    inside = [visit(standing=AuthLevel.SIGNED_IN) for _ in range(20)]
     assert all(there.admit(each) for each in inside)
-    assert all(there.admit(visit(f"192.0.2.{number % 250}")) for number in range(3 * MOST_CONNECTIONS))
-    assert all(there.admit(visit()) for _ in range(2 * MOST_OF_ADDRESS))
+    assert all(there.admit(visit(f"192.0.2.{number % 250}")) for number in range(3 * MAX_CONNECTIONS))
+    assert all(there.admit(visit()) for _ in range(2 * MAX_CONNECTIONS_PER_ADDRESS))
     assert not any(map(is_ended, inside))
-    assert len(there.visits) <= MOST_CONNECTIONS
+    assert len(there.connections) <= MAX_CONNECTIONS
 
 
 @pytest.mark.usefixtures("enough")
-def test_when_all_have_signed_in_one_more_is_refused(visit: Callable[..., Visit]) -> None:
-    there = Doors(lambda _: asyncio.Protocol())
-    inside = [visit(standing=Standing.SIGNED_IN) for _ in range(MOST_CONNECTIONS)]
+def test_when_all_have_signed_in_one_more_is_refused(visit: Callable[..., ClientConnection]) -> None:
+    there = ConnectionAcceptor(lambda _: asyncio.Protocol())
+    inside = [visit(standing=AuthLevel.SIGNED_IN) for _ in range(MAX_CONNECTIONS)]
     assert all(there.admit(each) for each in inside)
     assert not there.admit(visit())
-    inside[7].connection.close()
+    inside[7].raw_socket.close()
     assert there.admit(visit())
     assert there.admit(visit())  # in the place of the one before
 
 
 @pytest.mark.usefixtures("enough")
-def test_the_address_with_most_connections_makes_room_for_others(visit: Callable[..., Visit]) -> None:
-    there = Doors(lambda _: asyncio.Protocol())
+def test_the_address_with_most_connections_makes_room_for_others(visit: Callable[..., ClientConnection]) -> None:
+    there = ConnectionAcceptor(lambda _: asyncio.Protocol())
     alone = [visit(f"198.51.100.{number}") for number in range(10)]
-    floods = [visit(f"192.0.2.{number % 2}") for number in range(5 * MOST_CONNECTIONS)]
+    floods = [visit(f"192.0.2.{number % 2}") for number in range(5 * MAX_CONNECTIONS)]
     assert all(there.admit(each) for each in (*alone, *floods))
     assert not any(map(is_ended, alone))
     assert not is_ended(floods[-1])
 
 
 @pytest.mark.usefixtures("enough")
-def test_who_has_a_cookie_goes_after_who_has_none(visit: Callable[..., Visit]) -> None:
-    there = Doors(lambda _: asyncio.Protocol())
-    with_cookie = [visit(standing=Standing.VISITOR) for _ in range(20)]
+def test_who_has_a_cookie_goes_after_who_has_none(visit: Callable[..., ClientConnection]) -> None:
+    there = ConnectionAcceptor(lambda _: asyncio.Protocol())
+    with_cookie = [visit(standing=AuthLevel.VISITOR) for _ in range(20)]
     assert all(there.admit(each) for each in with_cookie)
-    assert all(there.admit(visit()) for _ in range(3 * MOST_OF_ADDRESS))
+    assert all(there.admit(visit()) for _ in range(3 * MAX_CONNECTIONS_PER_ADDRESS))
     assert not any(map(is_ended, with_cookie))
-    more = [visit(standing=Standing.VISITOR) for _ in range(2 * MOST_OF_ADDRESS)]  # whoever has a stolen one
+    more = [
+        visit(standing=AuthLevel.VISITOR) for _ in range(2 * MAX_CONNECTIONS_PER_ADDRESS)
+    ]  # whoever has a stolen one
     assert all(there.admit(each) for each in more)
     assert is_ended(with_cookie[0])
     assert there.admit(visit("192.0.2.9"))
 
 
 @pytest.mark.usefixtures("enough")
-def test_who_does_not_sign_in_in_time_is_hung_up_on(visit: Callable[..., Visit]) -> None:
-    there = Doors(lambda _: asyncio.Protocol(), clock=(clock := ManualClock()))
-    made = [visit(standing=standing) for standing in Standing]
+def test_who_does_not_sign_in_in_time_is_hung_up_on(visit: Callable[..., ClientConnection]) -> None:
+    there = ConnectionAcceptor(lambda _: asyncio.Protocol(), clock=(clock := ManualClock()))
+    made = [visit(standing=standing) for standing in AuthLevel]
     assert all(there.admit(each) for each in made)
-    clock.advance(ENTRY_TIME + 1.0)
+    clock.advance(SIGN_IN_TIMEOUT + 1.0)
     late = visit()
     assert there.admit(late)
-    there.end_late()
+    there.close_late()
     assert [is_ended(each) for each in (*made, late)] == [True, False, False, False]
 
 
@@ -153,8 +157,8 @@ def test_descriptors_are_kept_in_reserve(limit: int, used: int, room: int) -> No
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(resource, "getrlimit", lambda _: (limit, limit))
         patch.setattr(doors, "_open_descriptors", lambda: used)
-        assert Doors(lambda _: asyncio.Protocol(), clock=ManualClock())._room() == room
-    assert (RESERVED_DESCRIPTORS, MIN_CONNECTIONS, MOST_CONNECTIONS) == (64, 8, 200)
+        assert ConnectionAcceptor(lambda _: asyncio.Protocol(), clock=ManualClock())._capacity() == room
+    assert (RESERVED_DESCRIPTORS, MIN_CONNECTIONS, MAX_CONNECTIONS) == (64, 8, 200)
 
 
 # --- attacks, with somebody who is in, and somebody who comes --------------------------------------------------------
@@ -208,7 +212,7 @@ def test_a_handshake_that_does_not_end_is_hung_up_on(by_tls: Served) -> None:
             with suppress(OSError):
                 while each.recv(4096):
                     pass
-    assert HANDSHAKE_TIME - 1.0 < clock.now() < 3 * HANDSHAKE_TIME
+    assert HANDSHAKE_TIMEOUT - 1.0 < clock.read_value() < 3 * HANDSHAKE_TIMEOUT
 
 
 @pytest.mark.real_time

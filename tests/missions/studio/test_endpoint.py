@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from missions.control import abstract, sockets
-from missions.control.control import CHECK_INTERVAL, LISTENER, Endpoint
-from missions.control.messages import Run
-from missions.control.places import places
+from missions.control.control import CHECK_INTERVAL, LISTENER_KEY, Endpoint
+from missions.control.messages import RunMessage
+from missions.control.places import run_folders
 from tests.missions.studio.running import found_of
 
 
@@ -25,8 +25,10 @@ def run_id() -> str:
 @pytest.fixture
 def found() -> Iterator[Endpoint]:
     selector = selectors.DefaultSelector()
-    made = Endpoint(selector, Run(run=run_id(), pid=os.getpid(), mission="m", robot="r", simulated="", began=0.0))
-    made.turn(0.0)
+    made = Endpoint(
+        selector, RunMessage(run=run_id(), pid=os.getpid(), mission="m", robot="r", simulated="", began=0.0)
+    )
+    made.run_due_checks(0.0)
     assert made.trouble == ""
     yield made
     made.close()
@@ -69,29 +71,32 @@ def drain(run: Endpoint) -> None:
 def test_a_run_has_a_socket_file_an_abstract_socket_and_notes_in_all_folders(
     found: Endpoint,  # noqa: ARG001 - which has made them
 ) -> None:
-    assert addresses() == [str(sockets.path_of(run_id())), abstract.name_of(run_id(), "run", simulated=False).address]
-    assert all((place.folder / f"{run_id()}.note").exists() for place in places())
+    assert addresses() == [
+        str(sockets.socket_path(run_id())),
+        abstract.make_name(run_id(), "run", simulated=False).address,
+    ]
+    assert all((place.folder / f"{run_id()}.note").exists() for place in run_folders())
 
 
 @pytest.mark.parametrize("what", ["sock", "note"])
 def test_what_is_removed_is_made_again(found: Endpoint, what: str) -> None:
-    for place in places():
+    for place in run_folders():
         (place.folder / f"{run_id()}.{what}").unlink(missing_ok=True)
-    found.turn(CHECK_INTERVAL)
+    found.run_due_checks(CHECK_INTERVAL)
     drain(found)
     assert (sockets.socket_folder() / f"{run_id()}.{what}").exists()
-    assert answers(sockets.path_of(run_id()), found)
+    assert answers(sockets.socket_path(run_id()), found)
 
 
 def test_a_folder_that_has_gone_is_made_again_or_another_one_is_used(found: Endpoint) -> None:
-    first, second = places()[:2]
+    first, second = run_folders()[:2]
     shutil.rmtree(first.folder)
-    found.turn(CHECK_INTERVAL)
+    found.run_due_checks(CHECK_INTERVAL)
     assert (first.folder / f"{run_id()}.sock").exists()
     drain(found)
     shutil.rmtree(first.folder)
     first.folder.write_text("in the way", encoding="utf-8")
-    found.turn(2 * CHECK_INTERVAL)
+    found.run_due_checks(2 * CHECK_INTERVAL)
     drain(found)
     assert answers(second.folder / f"{run_id()}.sock", found)
     assert str(second.folder / f"{run_id()}.sock") in addresses()
@@ -100,12 +105,12 @@ def test_a_folder_that_has_gone_is_made_again_or_another_one_is_used(found: Endp
 
 
 def test_a_socket_in_the_place_of_its_own_is_replaced(found: Endpoint) -> None:
-    path = sockets.path_of(run_id())
+    path = sockets.socket_path(run_id())
     path.unlink()
     with socket.socket(socket.AF_UNIX) as thief:
         thief.bind(str(path))
         thief.listen()
-        found.turn(CHECK_INTERVAL)
+        found.run_due_checks(CHECK_INTERVAL)
         drain(found)
         assert answers(path, found)
 
@@ -113,9 +118,9 @@ def test_a_socket_in_the_place_of_its_own_is_replaced(found: Endpoint) -> None:
 def test_a_listener_that_was_closed_is_replaced(found: Endpoint) -> None:
     for listener in found.listeners:
         listener.shutdown(socket.SHUT_RDWR)
-    found.turn(CHECK_INTERVAL)
+    found.run_due_checks(CHECK_INTERVAL)
     drain(found)
-    assert answers(sockets.path_of(run_id()), found)
+    assert answers(sockets.socket_path(run_id()), found)
 
 
 @pytest.mark.parametrize("number", [errno.EMFILE, errno.ENFILE, errno.EAGAIN])
@@ -129,34 +134,34 @@ def test_a_run_that_cannot_look_keeps_what_it_has(
 
     with monkeypatch.context() as patch:
         patch.setattr("missions.control.control.socket.socket", refuse)
-        found.turn(CHECK_INTERVAL)
+        found.run_due_checks(CHECK_INTERVAL)
     assert found.listeners == before
     drain(found)
-    assert answers(sockets.path_of(run_id()), found)
+    assert answers(sockets.socket_path(run_id()), found)
 
 
 def test_a_full_disk_leaves_a_trouble_and_room_takes_it_away(found: Endpoint, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object, **__: object) -> int:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    for place in places():
+    for place in run_folders():
         shutil.rmtree(place.folder, ignore_errors=True)
     with monkeypatch.context() as patch:
         patch.setattr(Path, "mkdir", full)
-        found.turn(CHECK_INTERVAL)
+        found.run_due_checks(CHECK_INTERVAL)
         assert "No space left on device" in found.trouble
         drain(found)
-        assert answers(abstract.name_of(run_id(), "run", simulated=False).address, found)  # which needs no disk
-    found.turn(2 * CHECK_INTERVAL)
+        assert answers(abstract.make_name(run_id(), "run", simulated=False).address, found)  # which needs no disk
+    found.run_due_checks(2 * CHECK_INTERVAL)
     assert found.trouble == ""
 
 
 def test_the_selector_waits_for_the_sockets_that_there_are_now(found: Endpoint) -> None:
-    sockets.path_of(run_id()).unlink()
-    found.turn(CHECK_INTERVAL)
-    registered = {key.fileobj for key in found._selector.get_map().values() if key.data is LISTENER}
+    sockets.socket_path(run_id()).unlink()
+    found.run_due_checks(CHECK_INTERVAL)
+    registered = {key.fileobj for key in found._selector.get_map().values() if key.data is LISTENER_KEY}
     assert registered == set(found.listeners)
-    found.rest(found.listeners[0], CHECK_INTERVAL)
+    found.pause_accepting(found.listeners[0], CHECK_INTERVAL)
     assert len(found._selector.get_map()) == 1
-    found.turn(found.due)
+    found.run_due_checks(found.due)
     assert len(found._selector.get_map()) == 2

@@ -11,13 +11,13 @@ import pytest
 
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
-from drivers.sim.viewpoint import Pinhole, Viewpoint
-from drivers.sim.world import World
-from missions.control.commands import BadMessage, Command
+from drivers.sim.viewpoint import PinholeLens, Viewpoint
+from drivers.sim.world import SimulatedWorld
+from missions.control.commands import BadMessage, ClientCommand
 from missions.library.folders import state_folder
-from missions.plugins.studio.access import Access
-from missions.plugins.studio.audit import Audit
-from missions.plugins.studio.queueing import Launcher
+from missions.plugins.studio.access import StudioAccess
+from missions.plugins.studio.audit import AuditLog
+from missions.plugins.studio.queueing import RunLauncher
 from missions.plugins.studio.studio import Studio
 from missions.plugins.studio.wishes import AddPerson, ShowPerson
 from tests.browser import Browser, chromium
@@ -60,7 +60,9 @@ def test_somebody_is_known_once_the_camera_of_a_run_has_seen_them(browser: Brows
 @pytest.mark.real_time
 def test_somebody_is_known_by_the_camera_of_the_browser(tmp_path: Path) -> None:
     film = tmp_path / "face.mjpeg"
-    camera = Renderer(World(people=(Person("p", "anna", x=0.7),)), Pinhole(640, 480, radians(60)), noise=2.0)
+    camera = Renderer(
+        SimulatedWorld(people=(Person("p", "anna", x=0.7),)), PinholeLens(640, 480, radians(60)), noise=2.0
+    )
     frames = [camera.draw(Viewpoint(z=1.55, yaw=radians(turn)), 0.0) for turn in range(-8, 9, 2)]
     film.write_bytes(b"".join(cv2.imencode(".jpg", frame)[1].tobytes() for frame in frames))
     flags = ("--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream")
@@ -84,19 +86,19 @@ def test_somebody_is_known_by_the_camera_of_the_browser(tmp_path: Path) -> None:
 
 
 def test_pictures_that_are_none_are_refused(tmp_path: Path) -> None:
-    studio = Studio(Audit(tmp_path / "log"), Launcher(record=False), cast("Any", None), Access())
+    studio = Studio(AuditLog(tmp_path / "log"), RunLauncher(record=False), cast("Any", None), StudioAccess())
 
     class Somebody:
         name = "operator 1"
 
     by = cast("Any", Somebody())
 
-    def refused(command: Command) -> BadMessage:
+    def refused(command: ClientCommand) -> BadMessage:
         with pytest.raises(BadMessage) as found:
-            asyncio.run(studio.do(command, by))
+            asyncio.run(studio.run_command(command, by))
         return found.value
 
     assert refused(AddPerson(name="Ana")).hint == "show_person"
     assert refused(ShowPerson(jpeg="no base64!")).error == "bad_field"
-    asyncio.run(studio.do(ShowPerson(jpeg=base64.b64encode(b"no picture").decode()), by))
+    asyncio.run(studio.run_command(ShowPerson(jpeg=base64.b64encode(b"no picture").decode()), by))
     assert refused(AddPerson(name="Ana")).error == "no_person"

@@ -9,8 +9,8 @@ import pytest
 from missions.control import sockets
 from missions.control.commands import BadMessage
 from missions.executive.events import Event, FaultRaised
-from missions.plugins.testing.faults import Faults
-from missions.plugins.testing.stage import IN_PROCESS
+from missions.plugins.testing.faults import LiveFaults
+from missions.plugins.testing.stage import IN_PROCESS_LIMITS
 from missions.request import RunRequest
 from missions.runner import Runner
 from tests.browser import Browser
@@ -26,11 +26,11 @@ def runner_of(folder: Path, told: list[Event], simulate: str = "fast") -> Runner
     path = folder / "says.yaml"
     path.write_text(SAYS, encoding="utf-8")
     order = RunRequest(str(path), simulate="fast" if simulate == "fast" else "wire")
-    return Runner(order, listeners=[told.append], limits=IN_PROCESS)
+    return Runner(order, listeners=[told.append], limits=IN_PROCESS_LIMITS)
 
 
-def faults_of(runner: Runner) -> Faults:
-    return Faults(runner, lambda function: function())
+def faults_of(runner: Runner) -> LiveFaults:
+    return LiveFaults(runner, lambda function: function())
 
 
 def test_a_part_is_gone_for_as_long_as_was_said(tmp_path: Path) -> None:
@@ -38,7 +38,7 @@ def test_a_part_is_gone_for_as_long_as_was_said(tmp_path: Path) -> None:
     runner = runner_of(tmp_path, told)
     faults = faults_of(runner)
     assert runner.twins is not None
-    runner.twins.timeline.at(3.0, lambda: faults.strike("voice unplugged 500 ms"))
+    runner.twins.timeline.call_at(3.0, lambda: faults.inject("voice unplugged 500 ms"))
     assert runner.run().result == "success"
     notices = [(event.what, event.t) for event in told if isinstance(event, FaultRaised) and event.t > 1]
     assert [what for what, _ in notices] == ["offline", "online"]
@@ -56,7 +56,7 @@ def test_a_part_is_gone_for_as_long_as_was_said(tmp_path: Path) -> None:
 )
 def test_what_cannot_be_had_is_said_by_name(tmp_path: Path, words: str, error: str, message: str) -> None:
     with pytest.raises(BadMessage) as caught:
-        faults_of(runner_of(tmp_path, [])).strike(words)
+        faults_of(runner_of(tmp_path, [])).inject(words)
     assert caught.value.error == error
     assert message in str(caught.value)
 
@@ -64,11 +64,11 @@ def test_what_cannot_be_had_is_said_by_name(tmp_path: Path, words: str, error: s
 @pytest.mark.parametrize("robot", ["turtlebot2_arm", "humanoid"])
 def test_whatever_is_offered_can_be_had(robot: str) -> None:
     faults = faults_of(Runner(RunRequest("wave" if robot == "humanoid" else "greet", robot=robot, simulate="fast")))
-    offered = faults.told()["examples"]
+    offered = faults.examples_answer()["examples"]
     assert isinstance(offered, list)
     assert {words.partition(" ")[0] for words in offered} > {"arm", "run"}
     for words in offered:
-        faults.strike(words)
+        faults.inject(words)
 
 
 def test_virtual_devices_offer_nothing_but_the_command_for_the_same_run_in_simulated_time(
@@ -79,13 +79,14 @@ def test_virtual_devices_offer_nothing_but_the_command_for_the_same_run_in_simul
     path = folder / "says it.yaml"
     path.write_text("mission: other_name\nparams: {text: {type: text}}\ntree:\n  say: ${text}\n", encoding="utf-8")
     runner = Runner(
-        RunRequest(str(path), params={"text": "Good day"}, robot="turtlebot2", simulate="wire"), limits=IN_PROCESS
+        RunRequest(str(path), params={"text": "Good day"}, robot="turtlebot2", simulate="wire"),
+        limits=IN_PROCESS_LIMITS,
     )
     faults = faults_of(runner)
-    told = faults.told()
+    told = faults.examples_answer()
     assert told["examples"] == []
     with pytest.raises(BadMessage, match="unsupported: 'other_name' does not run in simulated time") as caught:
-        faults.strike("voice hanging")
+        faults.inject("voice hanging")
     assert caught.value.hint == told["command"]
     words = shlex.split(str(told["command"]))
     assert words[0] == "mission"
@@ -98,7 +99,7 @@ def test_a_fault_is_chosen_on_the_page_and_happens(browser: Browser, served: Ser
     path.write_text(SAYS.replace("4 s", "1000 s"), encoding="utf-8")
     process = Process("run", str(path), "--simulate", "fast", "--speed", "1", "--events", str(events))
     try:
-        wait_until(lambda: sockets.path_of(str(process.process.pid)).exists() and '"tick"' in events.read_text())
+        wait_until(lambda: sockets.socket_path(str(process.process.pid)).exists() and '"tick"' in events.read_text())
         page = Page(browser, served, view="#robot")
         page.wait_for("says", "What goes wrong")
         choose = "const what = document.querySelector('.faults select'); what.value = 'voice unplugged';"
@@ -119,7 +120,7 @@ def test_the_command_reaches_a_run_of_another_terminal(tmp_path: Path, capsys: p
     process = Process("run", str(path), "--simulate", "fast", "--speed", "1", "--events", str(events))
     try:
         run = str(process.process.pid)
-        wait_until(lambda: sockets.path_of(run).exists() and '"tick"' in events.read_text())
+        wait_until(lambda: sockets.socket_path(run).exists() and '"tick"' in events.read_text())
         assert command(capsys, "simulate", "fault", "--run", run, "voice", "unplugged", "200", "ms").code == 0
         wait_until(lambda: events.read_text().count('"online"') == 2)
         refused = command(capsys, "simulate", "fault", "--run", run, "head", "unplugged")

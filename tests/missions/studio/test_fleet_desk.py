@@ -11,10 +11,10 @@ import pytest
 
 from config.defaults import config_folder
 from config.fleet import FleetKeys
-from missions.control.commands import BadMessage, Command
+from missions.control.commands import BadMessage, ClientCommand
 from missions.plugins.studio import studio as fleet
-from missions.plugins.studio.studio import FleetDesk
-from missions.plugins.studio.wishes import Fleet, ReleaseFleet, StopFleet
+from missions.plugins.studio.studio import FleetConnection
+from missions.plugins.studio.wishes import FleetQuery, ReleaseFleet, StopFleet
 from tests.missions.service.fleets import CountingBody, free_port, local_fleet, member, router
 
 PATIENCE = 60.0
@@ -22,8 +22,8 @@ PATIENCE = 60.0
 FILE = "fleet: trial\nmode: client\nconnect: ['tcp/127.0.0.1:{port}']\nrobots: [anna, carl]\n"
 
 
-def asked(desk: FleetDesk, command: Command) -> Mapping[str, Any]:
-    return asyncio.run(desk.do(command, "viewer 1"))
+def asked(desk: FleetConnection, command: ClientCommand) -> Mapping[str, Any]:
+    return asyncio.run(desk.run_command(command, "viewer 1"))
 
 
 def write(port: int) -> None:
@@ -33,7 +33,7 @@ def write(port: int) -> None:
 
 def test_a_studio_joins_no_fleet_unasked() -> None:
     with pytest.raises(BadMessage, match=r"there is no fleet\.yaml") as refused:
-        asked(FleetDesk(), StopFleet())
+        asked(FleetConnection(), StopFleet())
     assert refused.value.error == "no_fleet"
     assert "fleet: home" in refused.value.hint
 
@@ -42,16 +42,16 @@ def test_a_file_that_is_wrong_is_told() -> None:
     config_folder().mkdir(parents=True, exist_ok=True)
     (config_folder() / "fleet.yaml").write_text("listen: ['tcp/0.0.0.0:7450']\n", encoding="utf-8")
     with pytest.raises(BadMessage, match="open to the network"):
-        asked(FleetDesk(), Fleet())
+        asked(FleetConnection(), FleetQuery())
 
 
 @pytest.mark.real_time
 def test_robots_are_listed_stopped_and_released(tmp_path: Path) -> None:
-    port, body, desk = free_port(), CountingBody(), FleetDesk()
+    port, body, desk = free_port(), CountingBody(), FleetConnection()
     write(port)
     with router(port), member(local_fleet(port), "anna", tmp_path, body):
         try:
-            listed = asked(desk, Fleet())
+            listed = asked(desk, FleetQuery())
             assert [(each["name"], each["connection"], each["robot"]) for each in listed["robots"]] == [
                 ("anna", "ONLINE", "turtlebot2")
             ]
@@ -86,9 +86,9 @@ def test_a_stop_does_not_wait_for_who_looks(monkeypatch: pytest.MonkeyPatch) -> 
             return {}, [by]
 
     write(1)
-    monkeypatch.setattr(fleet, "operating", lambda _: nullcontext(Slow()))
-    desk = FleetDesk()
-    look = Thread(target=asked, args=(desk, Fleet()))
+    monkeypatch.setattr(fleet, "connect_operator", lambda _: nullcontext(Slow()))
+    desk = FleetConnection()
+    look = Thread(target=asked, args=(desk, FleetQuery()))
     look.start()
     try:
         assert looks.wait(PATIENCE)
@@ -130,8 +130,8 @@ def test_who_stops_a_fleet_waits_for_nobody_who_opens_a_session_and_one_of_both_
         return found
 
     write(1)
-    monkeypatch.setattr(fleet, "operating", opening)
-    desk, slow = FleetDesk(), list[Mapping[str, Any]]()
+    monkeypatch.setattr(fleet, "connect_operator", opening)
+    desk, slow = FleetConnection(), list[Mapping[str, Any]]()
     first = Thread(target=lambda: slow.append(asked(desk, StopFleet())))
     first.start()
     try:
@@ -147,7 +147,7 @@ def test_who_stops_a_fleet_waits_for_nobody_who_opens_a_session_and_one_of_both_
 
 
 def test_a_session_that_was_opened_while_the_studio_ended_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
-    desk, made = FleetDesk(), list[Hurried]()
+    desk, made = FleetConnection(), list[Hurried]()
 
     def opening(_: FleetKeys) -> Hurried:
         made.append(Hurried("late"))
@@ -155,7 +155,7 @@ def test_a_session_that_was_opened_while_the_studio_ended_is_closed(monkeypatch:
         return made[0]
 
     write(1)
-    monkeypatch.setattr(fleet, "operating", opening)
+    monkeypatch.setattr(fleet, "connect_operator", opening)
     with pytest.raises(BadMessage, match="has left the fleet"):
         asked(desk, StopFleet())
     assert made[0].left

@@ -10,9 +10,9 @@ import pytest
 
 from missions.control.abstract import AbstractName
 from missions.control.processes import identity_of
-from missions.control.searching import Doubt, Found, Search
+from missions.control.searching import FoundProcess, SearchResult, StopWarning
 from missions.plugins.fleet import machine
-from missions.plugins.fleet.machine import Machine
+from missions.plugins.fleet.machine import LocalRobot
 
 
 class ThreadAtOnce:
@@ -35,14 +35,14 @@ class NoThread(ThreadAtOnce):
         raise RuntimeError("can't start new thread")
 
 
-def run() -> Found:
+def run() -> FoundProcess:
     """Return a run of this process that has no socket."""
     identity = identity_of(os.getpid())
     assert identity is not None
-    return Found("1", by_name=AbstractName(os.geteuid(), "1", identity, "run"))
+    return FoundProcess("1", abstract_name=AbstractName(os.geteuid(), "1", identity, "run"))
 
 
-def searched(*results: Search) -> Callable[..., Search]:
+def searched(*results: SearchResult) -> Callable[..., SearchResult]:
     """Return a search that has these results, and then the last one again and again."""
     left = list(results)
     return lambda **_: left.pop(0) if len(left) > 1 else left[0]
@@ -55,32 +55,32 @@ def test_a_failed_stop_of_a_new_run_is_tried_again(
 ) -> None:
     tries: list[str] = []
 
-    def stop(found: Found, by: str) -> Mapping[str, object]:
+    def stop(found: FoundProcess, by: str) -> Mapping[str, object]:
         tries.append(f"{found.run} {by}")
         return failure() if len(tries) < 3 else {"parts": ["base"]}
 
-    robot = Machine()
-    monkeypatch.setattr(machine, "search", searched(Search(), Search([run()])))
-    monkeypatch.setattr(machine, "ask_all", lambda *_, **__: {})
+    robot = LocalRobot()
+    monkeypatch.setattr(machine, "search_runs", searched(SearchResult(), SearchResult([run()])))
+    monkeypatch.setattr(machine, "send_to_all", lambda *_, **__: {})
     monkeypatch.setattr(machine, "stop_one", stop)
     monkeypatch.setattr(machine, "Thread", ThreadAtOnce)
     assert robot.stop("Ada") == (True, "stopped; nothing runs")
     monkeypatch.setattr(machine, "Thread", thread)
     for _ in range(6):
         try:
-            robot._look_round()
+            robot._update()
         except ZeroDivisionError:
             continue
     assert tries == ["1 fleet: Ada"] * 3
 
 
 def test_a_stop_that_breaks_off_is_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    robot, tries = Machine(), list[str]()
+    robot, tries = LocalRobot(), list[str]()
 
     def break_off(*_: object, **__: object) -> Mapping[object, tuple[bool, str]]:
         raise MemoryError
 
-    def stop(found: Found, _: str) -> Mapping[str, object]:
+    def stop(found: FoundProcess, _: str) -> Mapping[str, object]:
         tries.append(found.run)
         return {"parts": []}
 
@@ -88,37 +88,41 @@ def test_a_stop_that_breaks_off_is_tried_again(monkeypatch: pytest.MonkeyPatch) 
         with pytest.raises(MemoryError):
             thread._target()
 
-    monkeypatch.setattr(machine, "search", searched(Search([run()])))
-    monkeypatch.setattr(machine, "ask_all", break_off)
+    monkeypatch.setattr(machine, "search_runs", searched(SearchResult([run()])))
+    monkeypatch.setattr(machine, "send_to_all", break_off)
     monkeypatch.setattr(machine, "Thread", type("Broken", (ThreadAtOnce,), {"start": start}))
     assert robot.stop("Ada")[0] is False
     monkeypatch.setattr(machine, "Thread", ThreadAtOnce)
     monkeypatch.setattr(machine, "stop_one", stop)
-    robot._look_round()
+    robot._update()
     assert tries == ["1"]
 
 
 def test_a_search_that_fails_is_told_once_and_not_taken_for_no_run(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    robot = Machine()
-    doubt = Search([], [Doubt(f"/folder cannot be read: {os.strerror(errno.EIO)}")])
-    monkeypatch.setattr(machine, "search", searched(doubt, doubt, Search()))
+    robot = LocalRobot()
+    doubt = SearchResult([], [StopWarning(f"/folder cannot be read: {os.strerror(errno.EIO)}")])
+    monkeypatch.setattr(machine, "search_runs", searched(doubt, doubt, SearchResult()))
     with caplog.at_level(logging.WARNING):
         for _ in range(2):
-            robot._look_round()
-            assert (robot.look().runs, robot.look().mission) == (True, "")
-    assert [each.getMessage() for each in caplog.records] == [f"a run may not have been found: {doubt.doubts[0].why}"]
-    robot._look_round()
-    assert robot.look().runs is False
+            robot._update()
+            assert (robot.read_telemetry().runs, robot.read_telemetry().mission) == (True, "")
+    assert [each.getMessage() for each in caplog.records] == [
+        f"a run may not have been found: {doubt.warnings[0].reason}"
+    ]
+    robot._update()
+    assert robot.read_telemetry().runs is False
 
 
 def test_a_run_that_is_not_reached_is_a_run_and_what_a_killed_one_left_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    robot, living = Machine(), run()
-    assert living.by_name is not None
-    killed = replace(living, by_name=replace(living.by_name, identity=replace(living.by_name.identity, start=1)))
-    monkeypatch.setattr(machine, "search", searched(Search([living]), Search([killed])))
-    robot._look_round()
-    assert robot.look().runs is True
-    robot._look_round()
-    assert robot.look().runs is False
+    robot, living = LocalRobot(), run()
+    assert living.abstract_name is not None
+    killed = replace(
+        living, abstract_name=replace(living.abstract_name, identity=replace(living.abstract_name.identity, start=1))
+    )
+    monkeypatch.setattr(machine, "search_runs", searched(SearchResult([living]), SearchResult([killed])))
+    robot._update()
+    assert robot.read_telemetry().runs is True
+    robot._update()
+    assert robot.read_telemetry().runs is False

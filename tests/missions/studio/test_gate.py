@@ -18,11 +18,11 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from drivers.clock import SystemClock
-from missions.control.commands import LARGEST, MAX_REFUSED_BYTES
-from missions.plugins.studio.access import Access, keep_tokens, kept_tokens
-from missions.plugins.studio.doors import MOST_CONNECTIONS
+from missions.control.commands import MAX_COMMAND_BYTES, MAX_REFUSED_BYTES
+from missions.plugins.studio.access import StudioAccess, load_tokens, save_tokens
+from missions.plugins.studio.doors import MAX_CONNECTIONS
 from missions.plugins.studio.serving import routes
-from missions.plugins.studio.wishes import COMMANDS, protocol
+from missions.plugins.studio.wishes import COMMANDS, protocol_schema
 from tests.cases import each
 from tests.missions.command import command
 from tests.missions.studio.proxy import proxy
@@ -141,7 +141,7 @@ def test_new_links_shut_out_whoever_came_by_the_former_ones() -> None:
     with studio() as served, served.client(served.operator) as asks, served.client(served.viewer) as viewer:
         former, cookie = (served.operator, served.viewer), served.cookie(served.operator)
         answer = asks.ask("revoke")
-        jsonschema.validate(answer, protocol())
+        jsonschema.validate(answer, protocol_schema())
         new = answer["result"]
         with pytest.raises(ConnectionClosed):
             viewer.hear(lambda told: told["say"] == "answer")
@@ -154,7 +154,7 @@ def test_new_links_shut_out_whoever_came_by_the_former_ones() -> None:
 
 
 def test_a_viewer_sees_and_stops_and_nothing_else(served: Served) -> None:
-    schema = protocol()
+    schema = protocol_schema()
     with served.client(served.viewer) as client:
         jsonschema.validate(client.welcome, schema)
         for word, kind in COMMANDS.items():
@@ -203,7 +203,7 @@ def test_an_old_page_is_asked_to_reload(served: Served) -> None:
         ('{"do": "stop", "run": 5, "id": 70}', "bad_field", 70),
         ('{"do": "moment", "name": "x", "t": NaN, "id": 70}', "bad_field", 70),
         ('{"do": "tasks", "id": "70"}', "bad_field", None),
-        ('{"do": "hello", "id": 70, "version": "' + "x" * LARGEST + '"}', "too_large", 70),
+        ('{"do": "hello", "id": 70, "version": "' + "x" * MAX_COMMAND_BYTES + '"}', "too_large", 70),
         (b'{"do": "fly", "id": 70}', "unknown_command", 70),
         (b'{"do": "fly", "id": 70, "x": "\xff"}', "unknown_command", 70),
     ],
@@ -237,7 +237,7 @@ def test_a_first_message_that_is_no_hello_is_answered_with_its_id(served: Served
 @pytest.mark.real_time
 def test_messages_that_are_too_large_or_too_many_are_bounded(served: Served) -> None:
     with served.client(served.operator) as client, served.client(served.viewer) as other:
-        client.socket.send("x" * (LARGEST + 1))
+        client.socket.send("x" * (MAX_COMMAND_BYTES + 1))
         assert client.hear(lambda told: told["say"] == "answer")["error"] == "too_large"
         client.socket.send("x" * (MAX_REFUSED_BYTES + 1))
         with pytest.raises(ConnectionClosed):
@@ -261,7 +261,7 @@ def test_floods_leave_room_for_who_is_in_take_no_memory_and_do_not_disturb_a_run
                 connection = socket.create_connection(("127.0.0.1", served.port))
                 connection.settimeout(PATIENCE)
                 idle.append(connection)
-            for connection in idle[: MOST_CONNECTIONS // 2]:
+            for connection in idle[: MAX_CONNECTIONS // 2]:
                 connection.send(b"GET / HTTP/1.1\r\nHost: ")
             assert client.ask("tasks")["ok"]
             wait_until(lambda: _answers(served), 60.0)
@@ -314,12 +314,12 @@ def test_a_cookie_of_backslashes_takes_no_time_from_the_others(served: Served) -
     cookie = served.cookie(served.viewer)
     for _ in range(10):  # each took 3.5 s
         assert served.get("/", Cookie='a="' + "\\" * 15_000 + f'"; {cookie}')[0] == 200
-    assert clock.now() < 15.0
+    assert clock.read_value() < 15.0
 
 
 def test_the_token_that_a_browser_is_started_with_lets_in_once() -> None:
-    access = Access()
-    token = access.once()
+    access = StudioAccess()
+    token = access.make_once_token()
     assert token not in (access.operator, access.viewer)
     assert [access.by_token(token, "1.2.3.4") for _ in range(2)] == ["operator", None]
     assert access.by_token(access.operator, "1.2.3.4") == "operator"
@@ -432,13 +432,13 @@ def test_what_cannot_be_served_is_said_in_words(capsys: pytest.CaptureFixture[st
 
 def test_tokens_are_kept_where_the_user_wishes_that(tmp_path: Path) -> None:
     path = tmp_path / "studio.tokens"
-    tokens = kept_tokens(path)
-    assert kept_tokens(path) == tokens
+    tokens = load_tokens(path)
+    assert load_tokens(path) == tokens
     path.chmod(0o644)  # somebody may have read them
-    assert set(kept_tokens(path)).isdisjoint(tokens)
-    access = Access(*kept_tokens(path), keep=partial(keep_tokens, path=path))
+    assert set(load_tokens(path)).isdisjoint(tokens)
+    access = StudioAccess(*load_tokens(path), save=partial(save_tokens, path=path))
     access.renew()
-    assert kept_tokens(path) == (access.operator, access.viewer)
+    assert load_tokens(path) == (access.operator, access.viewer)
     path.write_text("[]", encoding="utf-8")
-    assert set(kept_tokens(path)).isdisjoint(tokens)
+    assert set(load_tokens(path)).isdisjoint(tokens)
     assert path.stat().st_mode & 0o077 == 0

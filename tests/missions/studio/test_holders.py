@@ -17,9 +17,9 @@ import pytest
 
 from missions.control import abstract, holders, notes, sockets, stopping
 from missions.control.abstract import AbstractName
-from missions.control.searching import is_own
-from missions.control.stopping import ask_all
-from missions.plugins.studio.hub import Hub
+from missions.control.searching import is_own_process
+from missions.control.stopping import send_to_all
+from missions.plugins.studio.hub import RunHub
 from tests.missions.command import Process, command
 from tests.missions.hands.teleop.test_teleop_command import driving
 from tests.missions.lone_limbs import LoneLimbs, lone_limbs
@@ -104,7 +104,7 @@ def test_a_movement_of_the_arm_is_latched_until_it_is_ended(tmp_path: Path, caps
 def test_a_run_that_hangs_is_known_by_its_name_and_told_with_what_to_type(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stopping, "RUN_END_TIME", 0.05)
+    monkeypatch.setattr(stopping, "RUN_END_TIMEOUT", 0.05)
     with run_of(tmp_path) as (process, _):
         number = process.process.pid
         process.process.send_signal(signal.SIGSTOP)
@@ -130,7 +130,7 @@ def stopped(process: int) -> bool:
 def deaf(heeds: str = "SIG_IGN") -> Iterator[int]:
     """A process that holds a robot, and hears no SIGTERM, unless it ``heeds`` it."""
     program = (
-        "import signal, sys\nfrom missions.control.holders import noted\n"
+        "import signal, sys\nfrom missions.control.holders import announce_command\n"
         f"signal.signal(signal.SIGTERM, signal.{heeds})\n"
         "with noted('teleop', 'turtlebot2'):\n    print(flush=True)\n    sys.stdin.read()\n"
     )
@@ -146,7 +146,7 @@ def deaf(heeds: str = "SIG_IGN") -> Iterator[int]:
 def test_a_command_that_does_not_end_is_told_with_what_to_type(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(notes, "END_TIME", 0.05)
+    monkeypatch.setattr(notes, "END_TIMEOUT", 0.05)
     with deaf() as number:
         told = command(capsys, "stop")
         assert told.code == 1
@@ -156,23 +156,23 @@ def test_a_command_that_does_not_end_is_told_with_what_to_type(
 
 def test_the_stop_of_a_page_ends_commands_too_once_for_all_who_ask(monkeypatch: pytest.MonkeyPatch) -> None:
     begun: list[str] = []
-    end = notes.Holder.end
+    end = notes.RobotHolder.end
 
-    def counted(self: notes.Holder, by: str) -> bool:
+    def counted(self: notes.RobotHolder, by: str) -> bool:
         begun.append(by)
         return end(self, by)
 
     async def stops() -> list[Mapping[str, object]]:
-        hub = Hub(lambda: None)
+        hub = RunHub(lambda: None)
         return list(await asyncio.gather(*(hub.stop("", f"viewer {n}") for n in range(50))))
 
-    monkeypatch.setattr(notes.Holder, "end", counted)
-    monkeypatch.setattr("missions.plugins.studio.hub.ENDING", 20.0)
+    monkeypatch.setattr(notes.RobotHolder, "end", counted)
+    monkeypatch.setattr("missions.plugins.studio.hub.COMMAND_END_TIMEOUT", 20.0)
     with deaf(heeds="SIG_DFL") as number:
         told = asyncio.run(stops())
     assert told == [{str(number): {"ended": f"{number}: teleop on turtlebot2"}}] * 50
     assert begun == ["viewer 0"]
-    monkeypatch.setattr(notes, "END_TIME", 0.05)
+    monkeypatch.setattr(notes, "END_TIMEOUT", 0.05)
     with deaf() as number:
         assert all("perhaps not stopped" in str(each[str(number)]) for each in asyncio.run(stops()))
 
@@ -192,13 +192,13 @@ def test_a_command_that_no_stop_reaches_moves_a_robot_only_where_the_user_allows
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     nowhere(tmp_path, monkeypatch)
-    monkeypatch.setattr(abstract, "mark", refuse)
+    monkeypatch.setattr(abstract, "bind_marker", refuse)
     done = []
 
     @click.command()
     @click.option("--simulated", is_flag=True)
     def look(simulated: bool) -> None:
-        with holders.holding("turtlebot2", simulated=simulated):
+        with holders.hold_robot("turtlebot2", simulated=simulated):
             done.append("looked")
             assert [each.is_command for each in found_of(os.getpid())] == [True]  # a signal of the same user ends it
 
@@ -232,6 +232,6 @@ def test_a_command_without_any_folder_is_ended_by_its_abstract_socket(
 
 
 def test_who_stops_all_others_does_not_end_itself() -> None:
-    with holders.noted("teleop", "turtlebot2"):
-        assert [(each.run, is_own(each)) for each in found_of(os.getpid())] == [(str(os.getpid()), True)]
-        assert ask_all([{"do": "stop"}], "a test") == {}
+    with holders.announce_command("teleop", "turtlebot2"):
+        assert [(each.run, is_own_process(each)) for each in found_of(os.getpid())] == [(str(os.getpid()), True)]
+        assert send_to_all([{"do": "stop"}], "a test") == {}

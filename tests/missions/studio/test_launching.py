@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from missions.plugins.records.ring import records_folder, records_in
+from missions.plugins.records.ring import list_records, records_folder
 from tests.missions.studio.running import run_of
 from tests.missions.studio.serving import Client, Served, studio
 
@@ -40,7 +40,7 @@ def test_a_run_is_recorded_and_where_it_cannot_be_it_goes_on_and_says_so(served:
             return str(told["message"])
 
         assert said_at_its_start() == ""
-        (record,) = records_in(records_folder())
+        (record,) = list_records(records_folder())
         assert record.name.startswith("short-")
         process = served.process.process.pid
         before = resource.prlimit(process, resource.RLIMIT_FSIZE)

@@ -12,8 +12,8 @@ from config.defaults import config_folder
 from missions.control.commands import BadMessage
 from missions.library.folders import checkup_file
 from missions.plugins.studio import library
-from missions.plugins.studio.library import TimeLimitError, load_with_own
-from missions.plugins.studio.wishes import Library, Mission
+from missions.plugins.studio.library import TimeLimitError, load_with_behaviours
+from missions.plugins.studio.wishes import LibraryQuery, MissionQuery
 from tests.cases import each
 
 SAYS = "mission: {}\ntree:\n  say: Hello\n"
@@ -32,13 +32,13 @@ def write(path: Path, text: str) -> Path:
 
 
 def entries(kind: str = "missions") -> dict[str, dict[str, object]]:
-    found = library.library(Library())[kind]
+    found = library.answer_library(LibraryQuery())[kind]
     assert isinstance(found, list)
     return {entry["name"]: entry for entry in found}
 
 
 def edition() -> str:
-    return str(library.library(Library())["edition"])
+    return str(library.answer_library(LibraryQuery())["edition"])
 
 
 def test_own_missions_come_first_under_their_names(here: Path) -> None:
@@ -71,7 +71,7 @@ def test_an_own_file_with_the_name_of_a_shipped_one_goes_by_its_path() -> None:
     found = entries()
     assert found[str(path)]["title"] == "my_greet"
     assert "own" not in found["greet"]
-    assert library.mission(Mission(name=str(path)))["title"] == "my_greet"
+    assert library.answer_mission(MissionQuery(name=str(path)))["title"] == "my_greet"
 
 
 @each("change", ["added", "changed", "removed", "leaves beside it", "a part in a folder", "the check-up"])
@@ -80,7 +80,7 @@ def test_a_change_of_a_file_gives_another_edition(here: Path, change: str) -> No
     leaves = write(here / "behaviours" / "mine.py", "")
     part = write(here / "parts" / "part.yaml", SAYS.format("part"))
     before = edition()
-    assert library.library(Library(edition=before)) == {"edition": before}
+    assert library.answer_library(LibraryQuery(edition=before)) == {"edition": before}
     match change:
         case "added":
             write(here / "two.yaml", SAYS.format("two"))
@@ -108,7 +108,7 @@ def test_a_mission_is_checked_again_when_the_one_in_it_changes(here: Path) -> No
 
 def test_defaults_with_errors_and_a_folder_that_is_gone_hide_no_shipped_mission(here: Path) -> None:
     write(config_folder() / "defaults.yaml", "robt: x\n")
-    assert "robt" in str(library.library(Library())["trouble"])
+    assert "robt" in str(library.answer_library(LibraryQuery())["trouble"])
     assert "greet" in entries()
     here.rename(here.with_name("gone"))
     here.with_name("gone").rename(here)
@@ -136,9 +136,9 @@ def test_a_file_that_takes_too_long_is_named_and_hides_no_other(here: Path, monk
         while name == "slow.yaml":
             with suppress(Exception):  # what handles all errors ends all the same
                 Event().wait(0.01)
-        return load_with_own(name)
+        return load_with_behaviours(name)
 
-    monkeypatch.setattr(library, "load_with_own", endless)
+    monkeypatch.setattr(library, "load_with_behaviours", endless)
     found = entries()
     assert str(found["slow.yaml"]["trouble"]).startswith("it takes more than 0.2 s to read\n  try: mission check slow")
     assert found["slow.yaml"]["title"] == "slow"
@@ -154,10 +154,10 @@ def test_a_shipped_mission_that_took_too_long_is_read_again(here: Path, monkeypa
     def busy(name: str) -> object:
         if name == "greet":
             raise TimeLimitError
-        return load_with_own(name)
+        return load_with_behaviours(name)
 
     with monkeypatch.context() as patch:
-        patch.setattr(library, "load_with_own", busy)
+        patch.setattr(library, "load_with_behaviours", busy)
         before = edition()
         assert "takes more than" in str(entries()["greet"]["trouble"])
     assert edition() != before
@@ -185,9 +185,9 @@ def test_any_error_of_one_file_is_its_own(here: Path, error: Exception, monkeypa
     def odd(name: str) -> object:
         if name == "odd.yaml":
             raise error
-        return load_with_own(name)
+        return load_with_behaviours(name)
 
-    monkeypatch.setattr(library, "load_with_own", odd)
+    monkeypatch.setattr(library, "load_with_behaviours", odd)
     found = entries()
     assert str(found["odd.yaml"]["trouble"]).startswith(f"it cannot be read: {type(error).__name__}")
     assert "trouble" not in found["greet"]

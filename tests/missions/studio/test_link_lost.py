@@ -9,7 +9,7 @@ from threading import Event, Thread
 import pytest
 from websockets.sync.client import connect
 
-from missions.control.messages import VERSION
+from missions.control.messages import PROTOCOL_VERSION
 from tests.missions.lone_base import LoneBase
 from tests.missions.studio.running import REST, run_of, seconds_to_rest
 from tests.missions.studio.serving import Client, Served, studio
@@ -58,7 +58,7 @@ def driver(served: Served, proxy: Proxy) -> Iterator[Client]:
         f"ws://{served.host}/ws", sock=proxy.driver, additional_headers=headers, compression=None, close_timeout=0.1
     ) as opened:
         client = Client(opened)
-        client.send(do="hello", version=str(VERSION))
+        client.send(do="hello", version=str(PROTOCOL_VERSION))
         yield client
 
 

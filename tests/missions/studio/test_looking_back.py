@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.api import STILL, BaseState, Health, JointState, Pose2D, Quality, RangeScan, Reading
+from drivers.api import ZERO_VELOCITY, BaseState, Health, JointState, Pose2D, Quality, RangeScan, Reading
 from missions.executive.events import Ended, Logged, NodeChanged, VariableSet
 from missions.executive.tick_record import Answer, TickRecord
 from missions.plugins.records.recording import listing
-from missions.plugins.records.recording.head import Contents
-from missions.plugins.records.recording.items import Checked, Feedback, packed, unpacked
-from missions.plugins.records.recording.writer import RecordWriter, Sink
+from missions.plugins.records.recording.head import RecordContents
+from missions.plugins.records.recording.items import FeedbackItem, HealthItem, pack_items, unpack_items
+from missions.plugins.records.recording.writer import ChunkSink, RecordWriter
 from missions.plugins.records.ring import records_folder
 from missions.plugins.studio import looking_back, moments
-from missions.plugins.studio.wishes import Moment, Records
-from missions.plugins.studio.wishes import Record as Asked
+from missions.plugins.studio.wishes import MomentQuery, RecordsQuery
+from missions.plugins.studio.wishes import RecordQuery as Asked
 from missions.trees.drawing import to_json
 from tests.missions.records.report.told_record import DRAWING, FILES, WHERE, write
 
@@ -36,29 +36,33 @@ def folder() -> Path:
 def long(path: Path, chunks: int) -> Path:
     """Write a record of so many chunks, each of a second, in which a leaf runs, and fails in every tenth."""
     with path.open("wb", buffering=0) as file:
-        writer = RecordWriter(Sink(file.fileno()), Contents(WHERE, FILES, json.dumps(to_json(DRAWING)).encode()))
+        writer = RecordWriter(
+            ChunkSink(file.fileno()), RecordContents(WHERE, FILES, json.dumps(to_json(DRAWING)).encode())
+        )
         writer.begin()
         for second in range(1, chunks):
             status = "running" if second % 10 else "failure"
             change = NodeChanged(float(second), 20 * second, "1.1", "track_face", "track_face", 1, status, "")
             heavy = VariableSet(second + 0.1, 20 * second, "", "person", "x" * 2000)
             last = Ended(second + 0.5, "m", "failure", "the end", second + 0.5, 20 * second)
-            for item in unpacked(packed([change, heavy, Feedback(second + 0.2, 20 * second, "1.1", f"of {second}")])):
+            for item in unpack_items(
+                pack_items([change, heavy, FeedbackItem(second + 0.2, 20 * second, "1.1", f"of {second}")])
+            ):
                 writer.add(item)
             if second == chunks - 1:
-                writer.add(unpacked(packed([last]))[0])
+                writer.add(unpack_items(pack_items([last]))[0])
             writer.flush()
         assert writer.close().whole
     return path
 
 
 def piece_of(name: str, start: float = -1e9) -> dict[str, Any]:
-    return looking_back.record(Asked(name=name, start=start))
+    return looking_back.answer_record(Asked(name=name, start=start))
 
 
 def test_a_name_that_is_no_text_is_listed_with_what_to_do(folder: Path) -> None:
     write(folder / os.fsdecode(b"\xff<b>.mcap"), [])
-    listed = json.dumps(looking_back.listed(Records())["records"], ensure_ascii=False)
+    listed = json.dumps(looking_back.answer_records(RecordsQuery())["records"], ensure_ascii=False)
     assert '"name": "\ufffd<b>.mcap"' in listed
     assert "rename the file" in listed
 
@@ -86,7 +90,7 @@ def read(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int]]:
 def test_before_the_first_view_of_a_record_its_index_and_a_few_chunks_are_read_however_long_it_is(
     folder: Path, read: list[tuple[int, int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(looking_back, "BUDGET", 0.0)
+    monkeypatch.setattr(looking_back, "PIECE_TIME_BUDGET", 0.0)
     counts = []
     for chunks in (50, 400):
         long(folder / "long.mcap", chunks)
@@ -99,11 +103,11 @@ def test_before_the_first_view_of_a_record_its_index_and_a_few_chunks_are_read_h
 
 def test_pieces_tell_together_what_a_record_tells(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     long(folder / "long.mcap", 31)
-    monkeypatch.setattr(looking_back, "BUDGET", inf)
+    monkeypatch.setattr(looking_back, "PIECE_TIME_BUDGET", inf)
     whole = piece_of("long.mcap")
     assert whole["failures"] == [10.0, 20.0, 30.0]
     assert "more" not in whole
-    monkeypatch.setattr(looking_back, "BUDGET", 0.0)
+    monkeypatch.setattr(looking_back, "PIECE_TIME_BUDGET", 0.0)
     piece = piece_of("long.mcap")
     lane, log = list[Any](), list[Any]()
     while True:
@@ -123,9 +127,9 @@ def test_a_moment_is_read_from_what_was_just_before_it(
     folder: Path, read: list[tuple[int, int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = long(folder / "long.mcap", 400)
-    monkeypatch.setattr(listing, "BEFORE", path.stat().st_size / 20)
+    monkeypatch.setattr(listing, "MAX_SEARCH_BYTES", path.stat().st_size / 20)
     read.clear()
-    moment = moments.moment(Moment(name="long.mcap", t=200.3))
+    moment = moments.answer_moment(MomentQuery(name="long.mcap", t=200.3))
     assert moment["changed"] == {"1.1": ["failure", "", 200.0]}
     assert sum(size for _, size in read) < path.stat().st_size / 2  # the index too: of so short chunks it is long
 
@@ -138,15 +142,19 @@ def test_a_moment_tells_of_parts_joints_and_the_range_finder(folder: Path) -> No
             "base",
             "state",
             (),
-            Reading(BaseState(Pose2D(1.0, 2.0, 0.5), STILL, battery_percent=77.0), 2.0, Quality.GOOD),
+            Reading(BaseState(Pose2D(1.0, 2.0, 0.5), ZERO_VELOCITY, battery_percent=77.0), 2.0, Quality.GOOD),
         ),
         ("arm", "states", (), {"elbow": Reading(joint, 2.0, Quality.GOOD)}),
         ("range", "scan", (), Reading(scan, 2.0, Quality.GOOD)),
     ]
     devices = {"base": Health(online=True), "arm": Health(online=False, detail="no such device", hint="plug it in")}
-    items: list[Any] = [TickRecord("tick", 40, 2.0, 0.0, 1e-4, answers), Checked(2.1, devices), Logged(9.0, "info", "")]
+    items: list[Any] = [
+        TickRecord("tick", 40, 2.0, 0.0, 1e-4, answers),
+        HealthItem(2.1, devices),
+        Logged(9.0, "info", ""),
+    ]
     write(folder / "told.mcap", items)
-    before, after = (moments.moment(Moment(name="told.mcap", t=t)) for t in (1.9, 2.2))
+    before, after = (moments.answer_moment(MomentQuery(name="told.mcap", t=t)) for t in (1.9, 2.2))
     assert (before["parts"], before["joints"], before["scan"]) == ([], {}, [])
     assert after["joints"] == {"elbow": [0.5, -0.25, 40.0]}
     assert after["scan"] == [[1.0, 0.0], [-2.0, 0.0], [0.0, -3.0]]

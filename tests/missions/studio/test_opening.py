@@ -12,9 +12,9 @@ import pytest
 
 from missions.library.folders import runtime_folder
 from missions.plugins.studio import opening
-from missions.plugins.studio.access import Access
+from missions.plugins.studio.access import StudioAccess
 from missions.plugins.studio.opening import PageOpener, page_opener
-from missions.plugins.studio.serving import Place
+from missions.plugins.studio.serving import StudioAddress
 from tests.browser import Browser
 from tests.missions.command import command
 from tests.missions.studio.serving import Served, studio
@@ -48,13 +48,13 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def link_of(token: str) -> str:
-    return Place().link(token)
+    return StudioAddress().link(token)
 
 
 def test_the_command_line_of_the_browser_has_no_token(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], started: list[str]
 ) -> None:
-    def serve(place: Place, sockets: object, begun: Callable[[], None]) -> list[int]:
+    def serve(place: StudioAddress, sockets: object, begun: Callable[[], None]) -> list[int]:
         del sockets
         begun()
         wait_until(lambda: started)
@@ -76,7 +76,7 @@ def test_the_command_line_of_the_browser_has_no_token(
 
 
 def test_the_file_goes_with_the_studio(started: list[str]) -> None:
-    with page_opener(Access(), link_of, print) as opener:
+    with page_opener(StudioAccess(), link_of, print) as opener:
         opener.open()
         wait_until(lambda: started)
         assert len(files()) == 1
@@ -88,16 +88,16 @@ def test_a_file_of_a_studio_that_was_killed_is_removed_by_the_next(started: list
     folder.mkdir(parents=True)
     for name in (f"{GONE}.html", f"{os.getppid()}.html", "mine.html"):
         (folder / name).write_text("", encoding="utf-8")
-    with page_opener(Access(), link_of, print) as opener:
+    with page_opener(StudioAccess(), link_of, print) as opener:
         opener.open()
         wait_until(lambda: started)
         assert {each.name for each in files()} == {f"{os.getppid()}.html", f"{os.getpid()}.html", "mine.html"}
 
 
 def test_a_browser_that_does_not_come_is_explained(monkeypatch: pytest.MonkeyPatch, started: list[str]) -> None:
-    monkeypatch.setattr(opening, "HINT_TIME", 0.0)
+    monkeypatch.setattr(opening, "HINT_DELAY", 0.0)
     told: list[str] = []
-    with page_opener(Access(), link_of, told.append) as opener:
+    with page_opener(StudioAccess(), link_of, told.append) as opener:
         opener.open()
         wait_until(lambda: told)
     assert "snap" in told[0]
@@ -106,8 +106,8 @@ def test_a_browser_that_does_not_come_is_explained(monkeypatch: pytest.MonkeyPat
 
 
 def test_after_its_time_the_file_is_removed(monkeypatch: pytest.MonkeyPatch, started: list[str]) -> None:
-    monkeypatch.setattr(opening, "ONCE_TIME", 0.0)
-    with page_opener(Access(), link_of, print) as opener:
+    monkeypatch.setattr(opening, "ONCE_TOKEN_LIFETIME", 0.0)
+    with page_opener(StudioAccess(), link_of, print) as opener:
         opener.open()
         wait_until(lambda: started and not files())
 
@@ -122,7 +122,7 @@ def test_without_a_browser_the_user_is_told(monkeypatch: pytest.MonkeyPatch, err
         return False
 
     monkeypatch.setattr("webbrowser.open", start)
-    with page_opener(Access(), link_of, told.append) as opener:
+    with page_opener(StudioAccess(), link_of, told.append) as opener:
         opener.open()
         wait_until(lambda: told)
     assert "no browser here" in told[0]
@@ -136,7 +136,7 @@ def test_a_browser_that_is_waited_for_holds_up_nothing(monkeypatch: pytest.Monke
         return ended.wait()
 
     monkeypatch.setattr("webbrowser.open", start)
-    opener = PageOpener(Access(), link_of, print)
+    opener = PageOpener(StudioAccess(), link_of, print)
     opener.open()
     assert begun.wait(30.0)
     opener.close()
@@ -156,7 +156,7 @@ def test_without_a_private_folder_no_browser_is_started(
         folder.mkdir()
         monkeypatch.setattr("os.geteuid", lambda: 12345)
     told: list[str] = []
-    with page_opener(Access(), link_of, told.append) as opener:
+    with page_opener(StudioAccess(), link_of, told.append) as opener:
         opener.open()
     assert "open the first link" in told[0]
     assert started == []
@@ -167,14 +167,14 @@ def test_a_link_put_there_before_is_not_followed(tmp_path: Path, started: list[s
     folder.mkdir(parents=True)
     target.write_text("mine", encoding="utf-8")
     (folder / f"{os.getpid()}.html").symlink_to(target)
-    with page_opener(Access(), link_of, print) as opener:
+    with page_opener(StudioAccess(), link_of, print) as opener:
         opener.open()
         wait_until(lambda: started)
     assert target.read_text(encoding="utf-8") == "mine"
 
 
 def test_what_is_in_the_link_is_only_text(started: list[str]) -> None:
-    with page_opener(Access(), lambda token: f'http://a"><script>/?token={token}', print) as opener:
+    with page_opener(StudioAccess(), lambda token: f'http://a"><script>/?token={token}', print) as opener:
         opener.open()
         wait_until(lambda: started)
         assert "<script>" not in files()[0].read_text(encoding="utf-8")

@@ -9,7 +9,7 @@ from websockets.sync.client import connect
 from websockets.typing import Origin
 
 from missions.plugins.records.ring import records_folder
-from missions.plugins.studio.access import TRIES
+from missions.plugins.studio.access import MAX_WRONG_TOKENS
 from tests.browser import Browser, Tab
 from tests.missions.records.report.told_record import items, write
 from tests.missions.studio.attacks import ATTACKS, attack
@@ -131,7 +131,7 @@ def test_a_page_beside_reads_nothing_and_opens_nothing(browser: Browser, served:
 
 
 def test_pictures_with_wrong_tokens_shut_nobody_out(browser: Browser, served: Served, beside: Neighbour) -> None:
-    pictures = "".join(f'<img src="http://{served.host}/?token=w{each}">' for each in range(3 * TRIES))
+    pictures = "".join(f'<img src="http://{served.host}/?token=w{each}">' for each in range(3 * MAX_WRONG_TOKENS))
     frames = f'<iframe src="http://{served.host}/?token=f"></iframe>' * 3
     beside.page = f"<!doctype html><title>storm</title>{pictures}{frames}"
     tab = browser.open(beside.address)

@@ -4,10 +4,10 @@ import re
 from itertools import product
 from pathlib import Path
 
-from missions.plugins.studio.studio import PAGE
+from missions.plugins.studio.studio import PAGE_FOLDER
 from tests.cases import each
 
-FILES = sorted(PAGE.iterdir())
+FILES = sorted(PAGE_FOLDER.iterdir())
 MOST_BYTES = 180_000
 
 
@@ -27,13 +27,13 @@ def test_no_script_makes_markup_or_scripts_of_texts(path: Path) -> None:
 
 def test_the_page_has_nothing_inline_and_nothing_from_elsewhere() -> None:
     text = "".join(path.read_text(encoding="utf-8") for path in FILES)
-    page = (PAGE / "index.html").read_text(encoding="utf-8")
+    page = (PAGE_FOLDER / "index.html").read_text(encoding="utf-8")
     assert not re.search(r"<style|\sstyle=|\son\w+=|<script(?![^>]*src=)", page)
     assert set(re.findall(r"https?://[^\"'`\s)$]+", text)) == {"http://www.w3.org/2000/svg"}
 
 
 def colours(scheme: str) -> dict[str, tuple[float, ...]]:
-    text = (PAGE / "style.css").read_text(encoding="utf-8")
+    text = (PAGE_FOLDER / "style.css").read_text(encoding="utf-8")
     day, _, night = text.partition("@media (prefers-color-scheme: dark)")
     found = dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6});", day))
     if scheme == "dark":

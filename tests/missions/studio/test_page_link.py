@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import pytest
 
-from missions.control.places import SESSION
+from missions.control.places import SESSION_SUBFOLDER
 from tests.browser import Browser
 from tests.missions.studio.lossy import Lossy, lossy
 from tests.missions.studio.page import Page
@@ -205,7 +205,7 @@ def test_stop_stays_red_under_the_mouse(browser: Browser, served: Served) -> Non
 
 
 def test_a_stop_that_has_perhaps_not_happened_is_told_in_red_until_one_has(browser: Browser, served: Served) -> None:
-    runs = Path(served.runtime) / "system/run/user" / str(os.geteuid()) / SESSION
+    runs = Path(served.runtime) / "system/run/user" / str(os.geteuid()) / SESSION_SUBFOLDER
     runs.parent.mkdir(parents=True)
     page = Page(browser, served, view="#run")
     runs.symlink_to(runs)  # a folder that nobody can read

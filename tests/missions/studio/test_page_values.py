@@ -9,7 +9,7 @@ from missions.executive.events import Ended
 from missions.library.shipped import load_mission
 from missions.plugins.records.ring import records_folder
 from missions.trees.draw import first_values
-from missions.trees.words import in_words
+from missions.trees.words import value_text
 from tests.browser import Browser
 from tests.missions.records.report.told_record import FAILED, items, write
 from tests.missions.studio.page import Page
@@ -129,7 +129,9 @@ def test_the_tree_shows_values_and_their_names_where_the_mouse_rests(
 def test_values_before_a_run_are_those_of_all_its_missions(tmp_path: Path) -> None:
     (tmp_path / "part.yaml").write_text(PART, encoding="utf-8")
     (tmp_path / "whole.yaml").write_text(WHOLE, encoding="utf-8")
-    found = {name: in_words(value) for name, value in first_values(load_mission(str(tmp_path / "whole.yaml"))).items()}
+    found = {
+        name: value_text(value) for name, value in first_values(load_mission(str(tmp_path / "whole.yaml"))).items()
+    }
     assert found == {
         "greeting": "Hello", "share": "20 %", "flag": "yes", "list": "one, two", "small": "0.00001 m",
         "1.2 word": "Hello you", "1.2 far": "20 cm", "1.3 word": "Default", "1.3 far": "20 cm",

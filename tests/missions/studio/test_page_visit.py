@@ -161,9 +161,9 @@ def test_a_record_too_large_for_a_report_says_what_to_type(monkeypatch: pytest.M
     records = records_folder()
     records.mkdir(parents=True, exist_ok=True)
     write(records / "long.mcap", items())
-    monkeypatch.setattr(looking_back, "LARGEST_WHOLE", 100)
+    monkeypatch.setattr(looking_back, "MAX_WHOLE_BYTES", 100)
     with pytest.raises(BadMessage, match=r"long\.mcap: .* too much for this") as refused:
-        looking_back.report("long.mcap")
+        looking_back.render_report("long.mcap")
     assert refused.value.hint.startswith("mission record report ")
 
 
@@ -214,10 +214,10 @@ def test_what_the_doctor_found_last_stands_beside_the_missions(
 
 
 def test_a_checkup_that_cannot_be_read_is_not_taken_for_none() -> None:
-    assert library._checkup() is None
+    assert library._last_checkup() is None
     checkup_file().parent.mkdir(parents=True, exist_ok=True)
     checkup_file().write_text("{", encoding="utf-8")
-    found = library._checkup()
+    found = library._last_checkup()
     assert found is not None
     assert "cannot be read" in str(found["ailing"])
 

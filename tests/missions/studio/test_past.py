@@ -2,7 +2,7 @@
 
 from behaviours.robot import Robot
 from drivers.api import BaseState, Pose2D, Quality, Reading, Velocity
-from missions.control.outlet import MOST_PLACES, MOST_VALUES, PLACE_EVERY, Past
+from missions.control.outlet import MAX_POSITIONS, MAX_VALUES, POSITION_INTERVAL, RunHistory
 from missions.executive.events import Ticked, VariableSet
 
 
@@ -17,26 +17,26 @@ class Rolling:
 
 
 def test_the_last_values_of_a_variable_are_told_and_when_they_were_so() -> None:
-    past = Past(Robot())
+    past = RunHistory(Robot())
     for t in range(100):
         past(VariableSet(float(t), t, "1.2", "count", t if t < 99 else None))
-    told = past.told()["past"]
+    told = past.as_dict()["past"]
     assert isinstance(told, dict)
-    assert len(told["1.2 count"]) == MOST_VALUES
+    assert len(told["1.2 count"]) == MAX_VALUES
     assert told["1.2 count"][-2:] == [[98.0, "98"], [99.0, None]]
 
 
 def test_of_a_long_way_every_second_place_is_kept_and_its_two_ends() -> None:
-    past = Past(Robot(base_part=Rolling()))  # type: ignore[arg-type]
-    for tick in range(3 * MOST_PLACES):
-        past(Ticked(tick * PLACE_EVERY, tick, "running", None))
-    way = past.told()["way"]
+    past = RunHistory(Robot(base_part=Rolling()))  # type: ignore[arg-type]
+    for tick in range(3 * MAX_POSITIONS):
+        past(Ticked(tick * POSITION_INTERVAL, tick, "running", None))
+    way = past.as_dict()["way"]
     assert isinstance(way, list)
-    assert MOST_PLACES / 2 < len(way) <= MOST_PLACES
-    assert (way[0], way[-1]) == ((0.0, 0.0), (3.0 * MOST_PLACES - 1, 0.0))
+    assert MAX_POSITIONS / 2 < len(way) <= MAX_POSITIONS
+    assert (way[0], way[-1]) == ((0.0, 0.0), (3.0 * MAX_POSITIONS - 1, 0.0))
 
 
 def test_a_robot_without_a_base_has_no_way() -> None:
-    past = Past(Robot())
+    past = RunHistory(Robot())
     past(Ticked(1.0, 1, "running", None))
-    assert past.told() == {"way": [], "past": {}}
+    assert past.as_dict() == {"way": [], "past": {}}

@@ -18,10 +18,10 @@ def free_port() -> int:
 
 def test_a_second_studio_takes_the_next_free_port_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     usual = free_port()
-    monkeypatch.setattr(studio, "PORT", usual)
+    monkeypatch.setattr(studio, "DEFAULT_PORT", usual)
     with closing(studio._listen("127.0.0.1", None)) as first, closing(studio._listen("127.0.0.1", None)) as second:
         assert first.getsockname()[1] == usual
-        assert usual < second.getsockname()[1] < usual + studio.PORTS_TRIED
+        assert usual < second.getsockname()[1] < usual + studio.MAX_PORTS_TRIED
 
 
 def test_a_port_that_was_asked_for_is_refused_with_who_has_it(capsys: pytest.CaptureFixture[str]) -> None:
@@ -45,8 +45,8 @@ def test_only_a_port_in_use_makes_it_try_the_next(
     # An address for documentation (RFC 5737), which no computer has.
     assert "port 8642: Cannot assign" in command(capsys, "studio", "--host", "192.0.2.1").err
     taken = free_port()
-    monkeypatch.setattr(studio, "PORT", taken)
-    monkeypatch.setattr(studio, "PORTS_TRIED", 1)
+    monkeypatch.setattr(studio, "DEFAULT_PORT", taken)
+    monkeypatch.setattr(studio, "MAX_PORTS_TRIED", 1)
     with closing(socket.create_server(("127.0.0.1", taken))):
         refused = command(capsys, "studio")
     assert f"port {taken}: in use" in refused.err

@@ -10,7 +10,13 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from drivers.clock import ManualClock
-from missions.plugins.studio.access import MOST_SIGN_INS, ONCE_TIME, TRIES, WINDOW, Access
+from missions.plugins.studio.access import (
+    MAX_SIGN_INS,
+    MAX_WRONG_TOKENS,
+    ONCE_TOKEN_LIFETIME,
+    WRONG_TOKEN_WINDOW,
+    StudioAccess,
+)
 from tests.cases import each
 from tests.missions.studio.serving import PATIENCE, Served
 
@@ -128,7 +134,7 @@ def test_a_host_with_a_wrong_port_is_refused(served: Served, host: str) -> None:
 @each("who", ELSEWHERE)
 def test_what_pages_of_others_fetch_is_refused_and_counts_against_nobody(served: Served, who: str) -> None:
     headers = fetched(*ELSEWHERE[who])
-    for number in range(2 * TRIES):
+    for number in range(2 * MAX_WRONG_TOKENS):
         assert served.get(f"/?token=wrong{number}", **headers)[0] == HTTPStatus.FORBIDDEN
     assert served.get(f"/?token={served.operator}", **headers)[0] == HTTPStatus.FORBIDDEN
     assert served.get(f"/?token={served.operator}")[0] == HTTPStatus.SEE_OTHER
@@ -144,7 +150,7 @@ def test_a_link_opens_the_page_from_wherever_it_is_pressed(served: Served, site:
 
 
 def test_the_right_token_opens_in_the_middle_of_wrong_ones() -> None:
-    access = Access(clock=ManualClock())
+    access = StudioAccess(clock=ManualClock())
     for number in range(1000):
         assert access.by_token(f"wrong{number}", "1.2.3.4") is None
         assert access.by_token(access.operator, "1.2.3.4") == "operator"
@@ -154,40 +160,40 @@ def test_the_right_token_opens_in_the_middle_of_wrong_ones() -> None:
 
 
 def test_right_tokens_do_not_count_as_tries_and_wrong_ones_are_forgotten() -> None:
-    access = Access(clock=(clock := ManualClock()))
-    for _ in range(10 * TRIES):
+    access = StudioAccess(clock=(clock := ManualClock()))
+    for _ in range(10 * MAX_WRONG_TOKENS):
         access.by_token(access.viewer, "1.2.3.4")
     assert not access.has_many_wrong("1.2.3.4")
-    for _ in range(TRIES):
+    for _ in range(MAX_WRONG_TOKENS):
         access.by_token("wrong", "1.2.3.4")
     assert access.has_many_wrong("1.2.3.4")
-    clock.advance(WINDOW + 1.0)
+    clock.advance(WRONG_TOKEN_WINDOW + 1.0)
     assert not access.has_many_wrong("1.2.3.4")
 
 
 @each("token", ["", " ", "\ud800", "é" * 100, "x" * 10_000, "\0"])
 def test_strange_tokens_open_nothing(token: str) -> None:
-    assert Access().by_token(token, "1.2.3.4") is None
+    assert StudioAccess().by_token(token, "1.2.3.4") is None
 
 
 def test_the_token_that_lets_in_once_does_not_wait_for_ever() -> None:
-    access = Access(clock=(clock := ManualClock()))
-    token = access.once()
-    clock.advance(ONCE_TIME + 1.0)
+    access = StudioAccess(clock=(clock := ManualClock()))
+    token = access.make_once_token()
+    clock.advance(ONCE_TOKEN_LIFETIME + 1.0)
     assert access.by_token(token, "1.2.3.4") is None
     assert not access.is_once_open
 
 
 def test_many_sign_ins_of_viewers_leave_those_of_operators() -> None:
-    access = Access()
+    access = StudioAccess()
     cookie, _ = access.sign_in("operator")
-    viewers = [access.sign_in("viewer")[0] for _ in range(MOST_SIGN_INS + 1)]
+    viewers = [access.sign_in("viewer")[0] for _ in range(MAX_SIGN_INS + 1)]
     assert access.by_cookie(cookie) is not None
     assert [access.by_cookie(each) is not None for each in (viewers[0], viewers[1], viewers[-1])] == [False, True, True]
 
 
 def test_new_links_end_all_proofs() -> None:
-    access = Access()
+    access = StudioAccess()
     cookie, sign_in = access.sign_in("operator")
     assert sign_in.is_proved("/ws", sign_in.proof("/ws"))
     assert not sign_in.is_proved("/ws", sign_in.proof("/ws?"))

@@ -6,13 +6,13 @@ from typing import Any
 import jsonschema
 import pytest
 
-from missions.codec import encode_word, members
-from missions.control.commands import LARGEST, RULES, BadMessage, Drive, id_in, read_command
-from missions.control.messages import ERRORS, MESSAGES, Answer, Over, line_of
-from missions.plugins.studio.wishes import COMMANDS, Start, protocol
+from missions.codec import encode_tagged, message_fields
+from missions.control.commands import CODEC_RULES, MAX_COMMAND_BYTES, BadMessage, DriveCommand, find_id, read_command
+from missions.control.messages import ERRORS, MESSAGES, AnswerMessage, RunOverMessage, encode_message
+from missions.plugins.studio.wishes import COMMANDS, StartRun, protocol_schema
 from tests.cases import each
 
-SCHEMA: Any = protocol()
+SCHEMA: Any = protocol_schema()
 
 WRONG_STAMPS = ("null", "true", '"5"', "5.0", "1e9", "NaN", "Infinity", "-1", str(2**53 + 1), "[5]", "{}")
 """What is no whole number, or no stamp that can be drawn."""
@@ -22,20 +22,23 @@ def test_the_schema_is_one() -> None:
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
 
 
-@each("message", [Answer(id=3, ok=True, result={"run": "1"}), Over(run="1", result="", reason="", seconds=2.0)])
+@each(
+    "message",
+    [AnswerMessage(id=3, ok=True, result={"run": "1"}), RunOverMessage(run="1", result="", reason="", seconds=2.0)],
+)
 def test_what_is_said_is_what_the_schema_describes(message: object) -> None:
-    jsonschema.validate(json.loads(line_of(message)), SCHEMA)
+    jsonschema.validate(json.loads(encode_message(message)), SCHEMA)
 
 
 def test_a_command_is_read_with_its_defaults() -> None:
     line = '{"do": "drive", "run": "7", "n": 1, "stamp": 5, "ahead": 1, "left": -0.5}'
-    assert read_command(line) == Drive(run="7", n=1, stamp=5, ahead=1, left=-0.5, pace=0.5)
+    assert read_command(line) == DriveCommand(run="7", n=1, stamp=5, ahead=1, left=-0.5, pace=0.5)
     jsonschema.validate(json.loads(line), SCHEMA)
 
 
 def test_a_command_comes_back_as_it_was_written() -> None:
-    start = Start(id=4, mission="greet", params={"patience": "5 s"}, sure=True)
-    assert read_command(json.dumps(encode_word(start, "do", RULES)), words=COMMANDS) == start
+    start = StartRun(id=4, mission="greet", params={"patience": "5 s"}, sure=True)
+    assert read_command(json.dumps(encode_tagged(start, "do", CODEC_RULES)), commands=COMMANDS) == start
 
 
 @each(
@@ -67,12 +70,12 @@ def test_a_command_comes_back_as_it_was_written() -> None:
         ('{"do": "start", "mission": "a", "params": {"\\ud800": "b"}}', "bad_field", "halves of letters"),
         (f'{{"do": "stop", "id": 1{"0" * 400}}}', "bad_field", "whole number"),
         (f'{{"do": "release", "run": "1", "stop": -1{"0" * 400}}}', "bad_field", "whole number"),
-        (json.dumps({"do": "hello", "version": "x" * LARGEST}), "too_large", "65536 bytes"),
+        (json.dumps({"do": "hello", "version": "x" * MAX_COMMAND_BYTES}), "too_large", "65536 bytes"),
     ],
 )
 def test_what_is_no_command_is_refused_by_name(line: str, error: str, said: str) -> None:
     with pytest.raises(BadMessage, match=said.replace("[", r"\[")) as refused:
-        read_command(line, words=COMMANDS)
+        read_command(line, commands=COMMANDS)
     assert refused.value.error == error
     assert error in ERRORS
 
@@ -81,7 +84,7 @@ def test_what_is_no_command_is_refused_by_name(line: str, error: str, said: str)
 def test_however_deep_a_command_is_it_is_refused_by_name(line: str) -> None:
     for depth in range(850, 1050):
         with pytest.raises(BadMessage):
-            read_command(line % ('{"a": ' * depth + "1" + "}" * depth), words=COMMANDS)
+            read_command(line % ('{"a": ' * depth + "1" + "}" * depth), commands=COMMANDS)
 
 
 @each(
@@ -117,7 +120,7 @@ def test_however_deep_a_command_is_it_is_refused_by_name(line: str) -> None:
     ],
 )
 def test_the_id_of_a_malformed_command_is_found(message: str | bytes, number: int | None) -> None:
-    assert id_in(message) == number
+    assert find_id(message) == number
 
 
 def test_a_near_miss_is_asked_about() -> None:
@@ -131,7 +134,7 @@ def test_every_member_has_a_type_in_the_schema(kind: Any) -> None:
     assert kind.__doc__
     side = "commands" if kind.word in COMMANDS else "messages"
     properties = SCHEMA["$defs"][side][kind.word]["properties"]
-    for member in members(kind):
+    for member in message_fields(kind):
         assert properties[member.name].keys() & {"type", "enum"}, member.name
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from config.defaults import FILE, config_folder, keep_default
+from config.defaults import DEFAULTS_FILE, config_folder, set_default
 from drivers.clock import time_of_day
 from missions.plugins.records import options, ring
 from missions.plugins.records.options import RecordOptions
-from missions.plugins.records.run_options import record_wish
+from missions.plugins.records.run_options import record_settings
 from missions.request import RunRequest
 from tests.missions.command import command
 from tests.missions.lone_base import LONE_ROBOT, lone_base
@@ -31,21 +31,21 @@ def test_what_is_older_than_a_month_goes_and_nothing_else_in_the_folder(tmp_path
     other = tmp_path / "notes.txt"
     other.touch()
     os.utime(other, (0, 0))
-    ring.make_room(tmp_path, 1e9)
+    ring.remove_old_records(tmp_path, 1e9)
     assert (new.exists(), old.exists(), other.exists()) == (True, False, True)
 
 
 def test_the_oldest_make_room_for_the_newest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ring, "ROOM", 25)
+    monkeypatch.setattr(ring, "MAX_TOTAL_BYTES", 25)
     files = [written(tmp_path, str(age), age=age * DAY) for age in range(4)]
-    ring.make_room(tmp_path, 1e9)
+    ring.remove_old_records(tmp_path, 1e9)
     assert [path.exists() for path in files] == [True, True, False, False]
 
 
 def test_the_newest_stays_however_large_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ring, "ROOM", 5)
+    monkeypatch.setattr(ring, "MAX_TOTAL_BYTES", 5)
     path = written(tmp_path, "one", age=100 * DAY)
-    ring.make_room(tmp_path, 1e9)
+    ring.remove_old_records(tmp_path, 1e9)
     assert path.exists()
 
 
@@ -57,16 +57,16 @@ YEAR = 365 * DAY
 def test_no_record_goes_by_its_age_while_the_clock_is_wrong_nor_after_that(tmp_path: Path, wrong: float) -> None:
     files = [written(tmp_path, str(age), age=age * DAY) for age in (1, 5, 20)]
     for hours in range(3):  # runs meanwhile
-        assert ring.make_room(tmp_path, wrong + hours * 3600.0) == []
+        assert ring.remove_old_records(tmp_path, wrong + hours * 3600.0) == []
         files.append(written(tmp_path, f"then{hours}", age=NOW - wrong - hours * 3600.0))
-    assert ring.make_room(tmp_path, NOW) == []  # the clock is right again
+    assert ring.remove_old_records(tmp_path, NOW) == []  # the clock is right again
     assert all(path.exists() for path in files)
 
 
 def test_records_from_the_future_are_kept_and_do_not_make_others_old(tmp_path: Path) -> None:
     ahead = written(tmp_path, "ahead", age=-300 * YEAR)
     near, far = written(tmp_path, "near", age=10 * DAY), written(tmp_path, "far", age=35 * DAY)
-    assert ring.make_room(tmp_path, NOW) == ["far.mcap (over 30 days old)"]
+    assert ring.remove_old_records(tmp_path, NOW) == ["far.mcap (over 30 days old)"]
     assert (ahead.exists(), near.exists(), far.exists()) == (True, True, False)
 
 
@@ -75,10 +75,10 @@ def test_the_first_made_makes_room_whatever_its_stamp_says(tmp_path: Path, monke
     stamps = (NOW, 60.0, NOW + 70 * YEAR, 30.0)  # a clock that begins in 1970 at each start, until it is set
     for name, stamp in zip(names, stamps, strict=True):
         written(tmp_path, name, age=NOW - stamp)
-        ring.make_room(tmp_path, stamp)
-    monkeypatch.setattr(ring, "ROOM", 25)
-    removed = ring.make_room(tmp_path, 90.0)
-    assert sorted(path.stem for path in ring.records_in(tmp_path)) == ["fourth", "third"]
+        ring.remove_old_records(tmp_path, stamp)
+    monkeypatch.setattr(ring, "MAX_TOTAL_BYTES", 25)
+    removed = ring.remove_old_records(tmp_path, 90.0)
+    assert sorted(path.stem for path in ring.list_records(tmp_path)) == ["fourth", "third"]
     assert sorted(each.partition(".")[0] for each in removed) == ["first", "second"]
 
 
@@ -87,13 +87,13 @@ def test_a_record_that_is_being_written_stays(tmp_path: Path) -> None:
     old = written(tmp_path, "old", age=31 * DAY)
     with old.open("ab") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
-        assert ring.make_room(tmp_path, NOW) == []
-    assert ring.make_room(tmp_path, NOW) == ["old.mcap (over 30 days old)"]
+        assert ring.remove_old_records(tmp_path, NOW) == []
+    assert ring.remove_old_records(tmp_path, NOW) == ["old.mcap (over 30 days old)"]
 
 
 @pytest.mark.parametrize("kind", ["fifo", "folder", "dangling", "binary", "device"])
 def test_what_stands_in_place_of_the_order_hangs_nothing(tmp_path: Path, kind: str) -> None:
-    order = tmp_path / ring.ORDER
+    order = tmp_path / ring.ORDER_FILE
     match kind:
         case "fifo":
             os.mkfifo(order)
@@ -106,7 +106,7 @@ def test_what_stands_in_place_of_the_order_hangs_nothing(tmp_path: Path, kind: s
         case "device":
             order.symlink_to("/dev/zero")
     new, old = written(tmp_path, "new", age=DAY), written(tmp_path, "old", age=31 * DAY)
-    assert ring.make_room(tmp_path, NOW) == ["old.mcap (over 30 days old)"]
+    assert ring.remove_old_records(tmp_path, NOW) == ["old.mcap (over 30 days old)"]
     assert (new.exists(), old.exists()) == (True, False)
 
 
@@ -117,12 +117,12 @@ def test_a_record_with_an_odd_name_keeps_its_place_in_the_order(
     first = tmp_path / os.fsdecode(name)
     first.write_bytes(b"x" * 10)
     os.utime(first, (NOW - 2 * DAY, NOW - 2 * DAY))
-    assert ring.make_room(tmp_path, NOW - 2 * DAY) == []
+    assert ring.remove_old_records(tmp_path, NOW - 2 * DAY) == []
     written(tmp_path, "second", age=3 * DAY)  # made later, by a clock that is behind
-    assert ring.make_room(tmp_path, NOW) == []
+    assert ring.remove_old_records(tmp_path, NOW) == []
     written(tmp_path, "third", age=0.0)
-    monkeypatch.setattr(ring, "ROOM", 25)
-    ring.make_room(tmp_path, NOW)
+    monkeypatch.setattr(ring, "MAX_TOTAL_BYTES", 25)
+    ring.remove_old_records(tmp_path, NOW)
     assert not first.exists()
 
 
@@ -135,18 +135,18 @@ def test_a_run_tells_which_records_it_removes(
         path = written(folder, name, age=age)
         now = time_of_day().timestamp()
         os.utime(path, (now - age, now - age))
-    monkeypatch.setenv(options.SWITCH, "yes")
-    record_wish(RecordOptions(), RunRequest("m", robot="turtlebot2"))
+    monkeypatch.setenv(options.RECORD_ENVIRONMENT_VARIABLE, "yes")
+    record_settings(RecordOptions(), RunRequest("m", robot="turtlebot2"))
     told = f"mission: removed old records from {folder}: old.mcap (over 30 days old)"
     assert capsys.readouterr().err.strip() == told
     shutil.rmtree(folder)
 
 
 def test_a_folder_that_cannot_be_read_is_an_error_and_no_empty_one(tmp_path: Path) -> None:
-    assert ring.records_in(tmp_path / "missing") == []
+    assert ring.list_records(tmp_path / "missing") == []
     (tmp_path / "file").touch()
     with pytest.raises(NotADirectoryError):
-        ring.records_in(tmp_path / "file")
+        ring.list_records(tmp_path / "file")
 
 
 def test_a_record_that_is_removed_meanwhile_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -161,7 +161,7 @@ def test_a_record_that_is_removed_meanwhile_is_left_out(tmp_path: Path, monkeypa
         return found
 
     monkeypatch.setattr(Path, "is_file", removed)
-    assert [path.name for path in ring.records_in(tmp_path)] == ["two.mcap"]
+    assert [path.name for path in ring.list_records(tmp_path)] == ["two.mcap"]
 
 
 @pytest.mark.parametrize(
@@ -179,8 +179,8 @@ def test_the_users_default_says_whether_runs_are_recorded_and_the_environment_go
 ) -> None:
     monkeypatch.setenv("MISSION_RECORD", said)
     config_folder().mkdir(parents=True, exist_ok=True)
-    (config_folder() / FILE).write_text(default, encoding="utf-8")
-    assert (options.recorded_by_default(), options.recorded_by_default(simulated=True)) == (robot, simulated)
+    (config_folder() / DEFAULTS_FILE).write_text(default, encoding="utf-8")
+    assert (options.is_recorded_by_default(), options.is_recorded_by_default(simulated=True)) == (robot, simulated)
 
 
 def test_a_run_on_a_robot_is_recorded_unless_somebody_says_no(
@@ -193,13 +193,13 @@ def test_a_run_on_a_robot_is_recorded_unless_somebody_says_no(
     with lone_base() as base:
         run = ("run", str(mission), "--robot", LONE_ROBOT, "--port", f"base={base.port}")
         assert command(capsys, *run, "--no-record").code == 0
-        keep_default("record", "false")
+        set_default("record", "false")
         assert command(capsys, *run).code == 0
         assert command(capsys, "record", "list").out.startswith("no records in ")
-        keep_default("record", "true")
+        set_default("record", "true")
         assert command(capsys, *run).code == 0
     listed = command(capsys, "record", "list").out
     assert "brief" in listed
     assert "success" in listed
-    (path,) = ring.records_in(ring.records_folder())
+    (path,) = ring.list_records(ring.records_folder())
     assert path.stat().st_mode & 0o077 == 0

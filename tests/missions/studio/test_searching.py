@@ -19,13 +19,13 @@ import pytest
 from missions.cli.root import mission
 from missions.control import abstract, places, sockets, stopping
 from missions.control.abstract import AbstractName
-from missions.control.commands import Watch
-from missions.control.notes import Notes
+from missions.control.commands import WatchCommand
+from missions.control.notes import RunNotes
 from missions.control.processes import identity_of
-from missions.control.searching import BY_HAND, Found, Search, search
+from missions.control.searching import MANUAL_STOP_HINT, FoundProcess, SearchResult, search_runs
 from missions.plugins.studio import hub
-from missions.plugins.studio.hub import UNKNOWN, Hub
-from missions.plugins.studio.watching import Hearer
+from missions.plugins.studio.hub import UNKNOWN_RUN, RunHub
+from missions.plugins.studio.watching import FeedClient
 from tests.missions.command import PATIENCE, command
 from tests.missions.studio.running import simulated_run
 from tests.waiting import wait_until
@@ -46,8 +46,8 @@ def sleeper(program: str = "import sys; sys.stdin.read()") -> Iterator[subproces
 
 NOTED = """
 import sys
-from missions.control.notes import Notes
-notes = Notes({run}, "driving", "turtlebot2", "", is_run=True)
+from missions.control.notes import RunNotes
+notes = RunNotes({run}, "driving", "turtlebot2", "", is_run=True)
 notes.write(["/nowhere/4711.sock"])
 print("noted", flush=True)
 sys.stdin.read()
@@ -86,14 +86,14 @@ def test_a_folder_that_cannot_be_read_is_a_doubt(
         assert "no mission runs" not in told.out
         assert os.strerror(number) in told.out + told.err
     assert "perhaps not stopped: " in command(capsys, "stop").out
-    found = asyncio.run(Hub(lambda: None).stop("", "a test"))
-    assert "perhaps not stopped" in str(found[UNKNOWN]["trouble"])  # type: ignore[index]
+    found = asyncio.run(RunHub(lambda: None).stop("", "a test"))
+    assert "perhaps not stopped" in str(found[UNKNOWN_RUN]["trouble"])  # type: ignore[index]
 
 
 def test_a_list_of_the_kernel_that_cannot_be_read_is_a_doubt(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(abstract, "LISTED", tmp_path / "missing")
+    monkeypatch.setattr(abstract, "SOCKET_LIST", tmp_path / "missing")
     told = command(capsys, "stop")
     assert (told.code, "missing cannot be read" in told.out) == (1, True)
 
@@ -106,7 +106,7 @@ def test_the_folder_of_another_user_holds_no_run_and_leaves_no_doubt(
     (folder / "1.note").write_text("of another user", encoding="utf-8")
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 12345)
-    monkeypatch.setattr(abstract, "names", list)
+    monkeypatch.setattr(abstract, "listed_names", list)
     assert command(capsys, "stop").out == "no mission runs\n"
 
 
@@ -116,7 +116,7 @@ def test_the_robot_of_another_user_is_a_doubt_and_a_simulated_one_is_none(
 ) -> None:
     identity = identity_of(os.getpid())
     assert identity is not None
-    monkeypatch.setattr(abstract, "names", lambda: [AbstractName(2, "4711", identity, kind)])
+    monkeypatch.setattr(abstract, "listed_names", lambda: [AbstractName(2, "4711", identity, kind)])
     monkeypatch.setattr(os, "geteuid", lambda: 1)
     told = command(capsys, "stop")
     assert told.code == doubts
@@ -183,7 +183,7 @@ def test_a_run_in_another_namespace_of_processes_is_a_doubt(
     assert own is not None
     with monkeypatch.context() as patch:
         patch.setattr("missions.control.notes.json.dumps", lambda told: write({**told, "process": [1, 2, own.boot, 3]}))
-        notes = Notes("1", "driving", "turtlebot2", "", is_run=True)
+        notes = RunNotes("1", "driving", "turtlebot2", "", is_run=True)
         notes.write()
     told = command(capsys, "stop")
     notes.close()
@@ -202,7 +202,7 @@ def in_another_container(patch: pytest.MonkeyPatch) -> None:
     """See runs as from outside of their container, with the same home: other host name, other network namespace."""
     system, _, *others = os.uname()
     patch.setattr(os, "uname", lambda: os.uname_result((system, "outside", *others)))
-    patch.setattr(abstract, "names", list)
+    patch.setattr(abstract, "listed_names", list)
 
 
 def refuse_notes(patch: pytest.MonkeyPatch) -> None:
@@ -219,8 +219,8 @@ def test_a_healthy_run_in_a_container_that_shares_the_home_is_latched_and_not_en
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     async def stop() -> Mapping[str, object]:
-        one = Hub(lambda: None)
-        await one.look()
+        one = RunHub(lambda: None)
+        await one.search()
         told = await one.stop("", "a test")
         await asyncio.gather(*(link.close() for link in one._links.values()))
         return told
@@ -240,9 +240,9 @@ def test_the_file_of_another_run_of_its_name_is_not_taken_for_that_of_a_run_with
     with sleeper() as process, Answering(lambda _: {"result": {"parts": ["base"], "stops": 1}}) as namesake:
         here = identity_of(process.pid)
         assert here is not None
-        name = AbstractName(os.geteuid(), "1", replace(here, pid=1, namespace=1), "run", here=here)
-        monkeypatch.setattr(abstract, "held", lambda: [name])
-        said = stopping.ask_all([{"do": "stop"}], "a test")
+        name = AbstractName(os.geteuid(), "1", replace(here, pid=1, namespace=1), "run", local_identity=here)
+        monkeypatch.setattr(abstract, "held_names", lambda: [name])
+        said = stopping.send_to_all([{"do": "stop"}], "a test")
         assert process.wait(PATIENCE) == -15
     assert [told["do"] for told in namesake.asked] == ["stop"]
     assert len(said) == 2
@@ -251,20 +251,20 @@ def test_the_file_of_another_run_of_its_name_is_not_taken_for_that_of_a_run_with
 def test_what_to_type_names_the_process_by_its_number_on_this_side_of_a_container(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(stopping, "RUN_END_TIME", 0.05)
+    monkeypatch.setattr(stopping, "RUN_END_TIMEOUT", 0.05)
     with sleeper("import signal; signal.signal(15, signal.SIG_IGN); print(flush=True); input()") as process:
         assert process.stdout is not None
         process.stdout.readline()
         here = identity_of(process.pid)
         assert here is not None
         inside = replace(here, pid=7, namespace=1)
-        found = Found("7", by_name=AbstractName(os.geteuid(), "7", inside, "run", here=here))
-        monkeypatch.setattr(stopping, "search", lambda: Search([found]))
+        found = FoundProcess("7", abstract_name=AbstractName(os.geteuid(), "7", inside, "run", local_identity=here))
+        monkeypatch.setattr(stopping, "search_runs", lambda: SearchResult([found]))
         trouble = str(stopping.stop_one(found, "a test")["trouble"])
         assert f"kill -9 {process.pid}" in trouble
-    unseen = Found("7", by_name=AbstractName(os.geteuid(), "7", inside, "run"))
+    unseen = FoundProcess("7", abstract_name=AbstractName(os.geteuid(), "7", inside, "run"))
     trouble = str(stopping.stop_one(unseen, "a test")["trouble"])
-    assert ("kill -9" in trouble, BY_HAND in trouble) == (False, True)
+    assert ("kill -9" in trouble, MANUAL_STOP_HINT in trouble) == (False, True)
 
 
 # --- what a run answers -----------------------------------------------------------------------------------------------
@@ -324,7 +324,7 @@ class Answering:
 @contextmanager
 def namesakes() -> Iterator[tuple[Answering, Answering]]:
     """Two runs of one name, as of two containers: the base of the second one is not stopped."""
-    first, second = (place.prepare() for place in places.places()[:2])
+    first, second = (place.prepare() for place in places.run_folders()[:2])
     with (
         Answering(lambda _: {"result": {"parts": ["head"], "stops": 1}}, first) as one,
         Answering(lambda _: {"result": {"parts": ["head"], "missing": ["base"], "stops": 1}}, second) as other,
@@ -335,9 +335,9 @@ def namesakes() -> Iterator[tuple[Answering, Answering]]:
 @pytest.mark.parametrize("linked", [False, True], ids=["searched", "linked"])
 def test_a_doubt_about_one_of_two_runs_of_one_name_is_kept(linked: bool) -> None:
     async def stop() -> list[Mapping[str, object]]:
-        one = Hub(lambda: None)
+        one = RunHub(lambda: None)
         if linked:
-            await one.look()
+            await one.search()
             assert {str(each["run"]) for each in one.runs()} == {"1", "1@2"}
         told = await one.stop("", "a test")
         await asyncio.gather(*(link.close() for link in one._links.values()))
@@ -350,35 +350,35 @@ def test_a_doubt_about_one_of_two_runs_of_one_name_is_kept(linked: bool) -> None
 
 
 def test_two_runs_of_one_name_that_are_not_reached_are_both_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hub, "may_live", lambda _: True)
-    for place in places.places()[:2]:
+    monkeypatch.setattr(hub, "may_be_alive", lambda _: True)
+    for place in places.run_folders()[:2]:
         with socket.socket(socket.AF_UNIX) as left:
             left.bind(str(place.prepare() / "1.sock"))
 
     async def look() -> list[Mapping[str, object]]:
-        one = Hub(lambda: None)
-        await one.look()
+        one = RunHub(lambda: None)
+        await one.search()
         return one.runs()
 
     found = asyncio.run(look())
-    for place in places.places()[:2]:
+    for place in places.run_folders()[:2]:
         (place.folder / "1.sock").unlink(missing_ok=True)
     assert [each["run"] for each in found] == ["1", "1@2"]
 
 
 @pytest.mark.parametrize("line", [b"[]", b"null", b"[" * 50_000, b"{"])
 def test_a_socket_that_speaks_nonsense_hides_no_other_run(line: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hub, "may_live", lambda _: True)
-    first, second = (place.prepare() for place in places.places()[:2])
+    monkeypatch.setattr(hub, "may_be_alive", lambda _: True)
+    first, second = (place.prepare() for place in places.run_folders()[:2])
 
     async def look() -> list[Mapping[str, object]]:
         async def speak(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
             writer.write(line + b"\n")
             writer.close()
 
-        one = Hub(lambda: None)
+        one = RunHub(lambda: None)
         async with await asyncio.start_unix_server(speak, second / "2.sock"):
-            await one.look()
+            await one.search()
         found = one.runs()
         await asyncio.gather(*(link.close() for link in one._links.values()))
         return found
@@ -391,17 +391,17 @@ def test_a_socket_that_speaks_nonsense_hides_no_other_run(line: bytes, monkeypat
 
 def test_commands_and_watching_reach_the_one_of_two_runs_of_one_name_that_is_shown() -> None:
     async def work() -> None:
-        one = Hub(lambda: None)
-        await one.look()
+        one = RunHub(lambda: None)
+        await one.search()
         for name in ("1", "1@2"):
             link = await one.connect(name, lambda line: asyncio.sleep(0))  # noqa: ARG005 - as of a callback
             assert link.where == one._links[name].where
-            await link.ask({"do": "pause"})
+            await link.request({"do": "pause"})
             await link.close()
-            hearer = Hearer(one.watching(name))
-            await one.watching(name).watch(hearer, Watch(run=name))
-            assert json.loads(hearer.next() or b"{}")["run"] == name
-            await one.watching(name).close()
+            hearer = FeedClient(one.feed_of(name))
+            await one.feed_of(name).watch(hearer, WatchCommand(run=name))
+            assert json.loads(hearer.next_line() or b"{}")["run"] == name
+            await one.feed_of(name).close()
         await asyncio.gather(*(link.close() for link in one._links.values()))
 
     with namesakes() as both:
@@ -421,7 +421,7 @@ def test_a_part_that_has_not_heard_the_stop_is_told(capsys: pytest.CaptureFixtur
 def test_a_release_that_is_not_answered_is_told_and_ends_nothing(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sockets, "PATIENCE", 0.1)
+    monkeypatch.setattr(sockets, "REPLY_TIMEOUT", 0.1)
     with Answering(lambda _: None):
         told = command(capsys, "stop", "--release")
     assert told.code == 1
@@ -460,10 +460,10 @@ def test_the_exit_code_tells_of_a_doubt_that_nobody_reads(monkeypatch: pytest.Mo
 
 
 def test_a_connection_that_is_made_while_a_stop_searches_is_stopped_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
-    def searched(*, thorough: bool = True) -> Search:
-        found = search(thorough=thorough)
+    def searched(*, thorough: bool = True) -> SearchResult:
+        found = search_runs(thorough=thorough)
         if thorough:  # that of a stop
-            asyncio.run_coroutine_threadsafe(looked_at.look(), loop[0]).result(PATIENCE)
+            asyncio.run_coroutine_threadsafe(looked_at.search(), loop[0]).result(PATIENCE)
         return found
 
     async def stop() -> Mapping[str, object]:
@@ -475,32 +475,34 @@ def test_a_connection_that_is_made_while_a_stop_searches_is_stopped_as_well(monk
         return told
 
     loop: list[asyncio.AbstractEventLoop] = []
-    looked_at = Hub(lambda: None)
-    monkeypatch.setattr(hub, "search", searched)
+    looked_at = RunHub(lambda: None)
+    monkeypatch.setattr(hub, "search_runs", searched)
     with Answering(lambda _: {"result": {"parts": ["base"], "stops": 1}}):
         assert asyncio.run(stop()) == {"1": {"parts": ["base"], "stops": 1}}
 
 
 def test_a_studio_that_cannot_look_says_so_to_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*, thorough: bool) -> Search:
+    def refuse(*, thorough: bool) -> SearchResult:
         raise RuntimeError(f"no threads are left, {thorough}")
 
     changes: list[object] = []
 
     async def work() -> None:
-        looked_at = Hub(lambda: changes.append(looked_at.runs()))
+        looked_at = RunHub(lambda: changes.append(looked_at.runs()))
         async with looked_at:
             while not changes:
                 await asyncio.sleep(0)
 
-    monkeypatch.setattr(hub, "search", refuse)
+    monkeypatch.setattr(hub, "search_runs", refuse)
     asyncio.run(asyncio.wait_for(work(), PATIENCE))
     why = "the studio cannot look for runs: RuntimeError: no threads are left, False"
-    assert changes[0] == [{"run": UNKNOWN, "trouble": why}]
+    assert changes[0] == [{"run": UNKNOWN_RUN, "trouble": why}]
 
 
 def test_commands_are_found_without_any_folder_or_list(monkeypatch: pytest.MonkeyPatch) -> None:
-    program = "import sys\nfrom missions.control.holders import noted\nwith noted('teleop', 'r'):\n"
+    program = (
+        "import sys\nfrom missions.control.holders import announce_command\nwith announce_command('teleop', 'r'):\n"
+    )
     with sleeper(f"{program}    print(flush=True)\n    sys.stdin.read()\n") as process:
         assert process.stdout is not None
         process.stdout.readline()
@@ -509,6 +511,6 @@ def test_commands_are_found_without_any_folder_or_list(monkeypatch: pytest.Monke
             note.unlink()
         for note in Path(os.environ[places.SYSTEM_ROOT]).rglob("*.note"):
             note.unlink()
-        monkeypatch.setattr(abstract, "names", list)  # as in another network namespace
-        assert stopping.ask_all([{"do": "stop"}], "a test") != {}
+        monkeypatch.setattr(abstract, "listed_names", list)  # as in another network namespace
+        assert stopping.send_to_all([{"do": "stop"}], "a test") != {}
         wait_until(lambda: process.poll() is not None)

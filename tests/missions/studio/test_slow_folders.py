@@ -16,13 +16,13 @@ from drivers.clock import SystemClock
 from missions.control import places as slow_folders
 from missions.control import sockets
 from missions.control.control import CHECK_INTERVAL, Endpoint
-from missions.control.messages import Run
-from missions.control.notes import is_stopped_since, write_stamp
-from missions.control.places import FolderTimeoutError, all_within, places, within
+from missions.control.messages import RunMessage
+from missions.control.notes import was_stopped_since, write_stamp
+from missions.control.places import FolderTimeoutError, call_all_with_timeout, call_with_timeout, run_folders
 from missions.control.processes import identity_of
-from missions.control.searching import search
-from missions.control.sockets import RunLink
-from missions.control.stopping import ask_all
+from missions.control.searching import search_runs
+from missions.control.sockets import RunConnection
+from missions.control.stopping import send_to_all
 from tests.missions.studio.running import DRIVING, REST, run_of, seconds_to_rest
 from tests.waiting import wait_until
 
@@ -51,13 +51,13 @@ def hanging(*folders: Path) -> Iterator[None]:
             yield
         finally:
             over.set()
-            for thread in [*slow_folders._hanging.values()]:
+            for thread in [*slow_folders._hung_threads.values()]:
                 thread.join(10.0)
 
 
 def roots() -> list[Path]:
     """Return all folders in which runs of this user can be."""
-    return [place.folder for place in places()]
+    return [place.folder for place in run_folders()]
 
 
 @pytest.mark.real_time
@@ -66,7 +66,7 @@ def test_a_stop_reaches_a_run_at_once_though_every_folder_hangs(tmp_path: Path) 
         wait_until(lambda: base.seen().top > 0.15)
         asked = base.seen().heard_at
         with hanging(*roots()):
-            said = ask_all(STOP, "test")
+            said = send_to_all(STOP, "test")
             assert seconds_to_rest(base, asked) < REST
         words = "\n".join(words for _, words in said.values())
         assert f"{process.process.pid}: driving on turtlebot2: stopped (base)" in words
@@ -78,9 +78,9 @@ def test_a_run_that_does_not_answer_by_name_is_asked_by_its_file_before_any_sign
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tried = []
-    connect = RunLink.open
+    connect = RunConnection.open
 
-    def by_file_alone(where: sockets.Address) -> RunLink:
+    def by_file_alone(where: sockets.Address) -> RunConnection:
         tried.append(where)
         if isinstance(where, str):
             raise TimeoutError("it does not answer by name")
@@ -88,8 +88,8 @@ def test_a_run_that_does_not_answer_by_name_is_asked_by_its_file_before_any_sign
 
     with run_of(tmp_path, DRIVING) as (process, base):
         wait_until(lambda: base.seen().top > 0.15)
-        monkeypatch.setattr(RunLink, "open", by_file_alone)
-        ((good, words),) = ask_all(STOP, "test").values()
+        monkeypatch.setattr(RunConnection, "open", by_file_alone)
+        ((good, words),) = send_to_all(STOP, "test").values()
         assert (good, words) == (True, f"{process.process.pid}: driving on turtlebot2: stopped (base)")
         assert {type(where) for where in tried} == {str, type(tmp_path)}
         assert process.process.poll() is None
@@ -98,35 +98,35 @@ def test_a_run_that_does_not_answer_by_name_is_asked_by_its_file_before_any_sign
 def test_a_run_that_fails_to_answer_by_one_way_is_asked_by_another(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ask = RunLink.ask
+    ask = RunConnection.request
     failed: list[object] = []
 
-    def lost_once(self: RunLink, command: Any, **more: Any) -> Any:
+    def lost_once(self: RunConnection, command: Any, **more: Any) -> Any:
         if not failed:
             failed.append(command)
             raise TimeoutError("it does not answer")
         return ask(self, command, **more)
 
-    monkeypatch.setattr(RunLink, "ask", lost_once)
+    monkeypatch.setattr(RunConnection, "request", lost_once)
     with run_of(tmp_path, DRIVING) as (process, _):
-        ((good, words),) = ask_all(STOP, "test").values()
+        ((good, words),) = send_to_all(STOP, "test").values()
         assert (good, words) == (True, f"{process.process.pid}: driving on turtlebot2: stopped (base)")
 
 
 @pytest.mark.real_time
 def test_a_run_keeps_its_sockets_and_hears_others_while_its_folders_hang() -> None:
     selector = selectors.DefaultSelector()
-    mine = Run(run=str(os.getpid()), pid=os.getpid(), mission="m", robot="r", simulated="", began=0.0)
+    mine = RunMessage(run=str(os.getpid()), pid=os.getpid(), mission="m", robot="r", simulated="", began=0.0)
     endpoint = Endpoint(selector, mine)
-    endpoint.turn(0.0)
+    endpoint.run_due_checks(0.0)
     before = endpoint.listeners
     with hanging(*roots(), Path.home()):
         clock = SystemClock()
         for turn in range(1, 20):
-            endpoint.turn(turn * CHECK_INTERVAL)
-        assert clock.now() < 2.0  # 19 looks: only the first one waits, once for each folder
+            endpoint.run_due_checks(turn * CHECK_INTERVAL)
+        assert clock.read_value() < 2.0  # 19 looks: only the first one waits, once for each folder
         assert (endpoint.listeners, endpoint.trouble) == (before, "")
-    endpoint.turn(20 * CHECK_INTERVAL)
+    endpoint.run_due_checks(20 * CHECK_INTERVAL)
     assert (endpoint.listeners, endpoint.trouble) == (before, "")
     endpoint.close()
     selector.close()
@@ -138,10 +138,10 @@ def test_what_a_hanging_folder_holds_is_a_doubt_and_no_other_folder_is_left_out(
     assert process is not None
     with hanging(first):
         write_stamp()
-        assert is_stopped_since(process)
-        (doubt,) = search().doubts
-        assert doubt.why == f"{first} cannot be read: {first} does not answer (a network disk that is gone?)"
-    for place in places():
+        assert was_stopped_since(process)
+        (doubt,) = search_runs().warnings
+        assert doubt.reason == f"{first} cannot be read: {first} does not answer (a network disk that is gone?)"
+    for place in run_folders():
         (place.folder / "newest.stop").unlink(missing_ok=True)
 
 
@@ -155,19 +155,19 @@ def test_no_second_call_is_made_on_a_folder_while_one_hangs_and_then_it_is_used_
 
     for _ in range(5):
         with pytest.raises(FolderTimeoutError):
-            within(tmp_path, work, 0.0)
+            call_with_timeout(tmp_path, work, 0.0)
     assert len(calls) == 1
     over.set()
-    slow_folders._hanging[tmp_path].join()
-    assert within(tmp_path, work) == "done"
+    slow_folders._hung_threads[tmp_path].join()
+    assert call_with_timeout(tmp_path, work) == "done"
 
 
 def test_each_folder_has_its_own_result_or_error(tmp_path: Path) -> None:
     there, gone = tmp_path, tmp_path / "gone"
-    found = all_within({there: partial(os.listdir, there), gone: partial(os.listdir, gone)})
+    found = call_all_with_timeout({there: partial(os.listdir, there), gone: partial(os.listdir, gone)})
     assert found[there] == []
     assert isinstance(found[gone], FileNotFoundError)
     with pytest.raises(FileNotFoundError):
-        within(gone, partial(os.listdir, gone))
+        call_with_timeout(gone, partial(os.listdir, gone))
     with pytest.raises(ZeroDivisionError):
-        within(there, lambda: 1 // 0)
+        call_with_timeout(there, lambda: 1 // 0)

@@ -23,7 +23,7 @@ import pytest
 
 from drivers.clock import SystemClock
 from missions.control.places import SYSTEM_ROOT
-from missions.plugins.fleet.machine import Machine
+from missions.plugins.fleet.machine import LocalRobot
 from tests.missions.command import Process
 from tests.missions.lone_base import LONE_ROBOT, LoneBase, lone_base
 from tests.missions.studio.running import DRIVING
@@ -276,7 +276,7 @@ def starve_of_descriptors(pid: int) -> None:
 
 
 def by_fleet(world: World, variables: Mapping[str, str]) -> tuple[bool, str]:
-    with living(world, variables), Machine() as machine:
+    with living(world, variables), LocalRobot() as machine:
         return machine.stop("operator 1")
 
 
@@ -400,7 +400,7 @@ def end(process: Process) -> None:
 def comes_to_rest(base: LoneBase) -> bool:
     clock = SystemClock()
     while base.seen().moving:
-        if clock.now() > REST_TIME:
+        if clock.read_value() > REST_TIME:
             return False
         Event().wait(0.05)
     Event().wait(0.3)

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from missions.control import notes
-from missions.control.notes import NAME, is_stopped_since, write_stamp
-from missions.control.places import places
+from missions.control.notes import STAMP_FILE, was_stopped_since, write_stamp
+from missions.control.places import run_folders
 from missions.control.processes import identity_of
-from missions.control.stopping import ask_all
+from missions.control.stopping import send_to_all
 from tests.missions.command import PATIENCE, command
 
 HELD_UP = "open({gate!r}).read()  # waits until somebody has written there\n"
@@ -70,12 +70,12 @@ def test_a_command_by_hand_that_started_before_a_stop_moves_nothing(
 
 
 def test_a_stop_of_one_run_leaves_no_stamp_for_others() -> None:
-    for place in places():
-        (place.folder / NAME).unlink(missing_ok=True)
-    ask_all([{"do": "stop"}], "a test", ["greet"])
+    for place in run_folders():
+        (place.folder / STAMP_FILE).unlink(missing_ok=True)
+    send_to_all([{"do": "stop"}], "a test", ["greet"])
     own = identity_of(os.getpid())
     assert own is not None
-    assert not is_stopped_since(own)
+    assert not was_stopped_since(own)
 
 
 @pytest.mark.parametrize(
@@ -92,12 +92,12 @@ def test_a_stop_of_one_run_leaves_no_stamp_for_others() -> None:
 )
 def test_a_damaged_stamp_stops_nothing(damage: str) -> None:
     write_stamp()
-    for place in places():
-        if (place.folder / NAME).exists():
-            (place.folder / NAME).write_text(damage, encoding="utf-8")
+    for place in run_folders():
+        if (place.folder / STAMP_FILE).exists():
+            (place.folder / STAMP_FILE).write_text(damage, encoding="utf-8")
     own = identity_of(os.getpid())
     assert own is not None
-    assert not is_stopped_since(own)
+    assert not was_stopped_since(own)
 
 
 def test_a_stop_that_no_folder_can_note_is_a_doubt(
@@ -106,7 +106,7 @@ def test_a_stop_that_no_folder_can_note_is_a_doubt(
     def fail(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(notes, "_write", fail)
+    monkeypatch.setattr(notes, "_write_stamp", fail)
     stopped = command(capsys, "stop")
     assert (stopped.code, "perhaps not stopped" in stopped.err) == (1, True)
 

@@ -17,16 +17,16 @@ from starlette.websockets import WebSocketDisconnect
 
 from drivers.clock import ManualClock
 from missions.control import sockets
-from missions.control.commands import BadMessage, Stop
-from missions.control.messages import Runs
-from missions.plugins.studio.access import Access
-from missions.plugins.studio.audit import Audit
-from missions.plugins.studio.queueing import Launcher
-from missions.plugins.studio.reader import Reader
-from missions.plugins.studio.session import Session
+from missions.control.commands import BadMessage, StopCommand
+from missions.control.messages import RunsMessage
+from missions.plugins.studio.access import StudioAccess
+from missions.plugins.studio.audit import AuditLog
+from missions.plugins.studio.queueing import RunLauncher
+from missions.plugins.studio.reader import FileReader
+from missions.plugins.studio.session import ClientSession
 from missions.plugins.studio.studio import Studio
-from missions.plugins.studio.watching import Link
-from missions.plugins.studio.wishes import Start, Tasks
+from missions.plugins.studio.watching import AsyncRunLink
+from missions.plugins.studio.wishes import StartRun, TasksQuery
 from tests.missions.studio.running import found_of
 
 PATIENCE = 60.0
@@ -35,7 +35,7 @@ PATIENCE = 60.0
 @pytest.fixture
 def number(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """The number of a process that stands in for a run, and has all the time that it needs to answer."""
-    monkeypatch.setattr(Link.ask, "__defaults__", (PATIENCE,))
+    monkeypatch.setattr(AsyncRunLink.request, "__defaults__", (PATIENCE,))
     with Popen(["sleep", "1000"]) as process:
         yield str(process.pid)
         process.kill()
@@ -51,12 +51,12 @@ class StandInRun:
 
     @asynccontextmanager
     async def served(self) -> AsyncIterator[None]:
-        listening = sockets.listen(sockets.path_of(self.number))
+        listening = sockets.listen(sockets.socket_path(self.number))
         server = await asyncio.start_unix_server(self._serve, sock=listening)
         async with server:
             yield
             server.close()
-        sockets.path_of(self.number).unlink()
+        sockets.socket_path(self.number).unlink()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         writer.write(json.dumps({"say": "run", "run": self.number}).encode() + b"\n")
@@ -80,15 +80,15 @@ class Deaf:
         await asyncio.Event().wait()
 
 
-def studio_of(folder: Path, launcher: Launcher | None = None) -> Studio:
-    return Studio(Audit(folder / "log"), launcher or Launcher(record=False), cast("Any", None), Access())
+def studio_of(folder: Path, launcher: RunLauncher | None = None) -> Studio:
+    return Studio(AuditLog(folder / "log"), launcher or RunLauncher(record=False), cast("Any", None), StudioAccess())
 
 
 def test_however_many_ask_for_it_a_stop_that_is_on_its_way_is_followed_by_one_more(tmp_path: Path, number: str) -> None:
     async def work() -> None:
         run, studio = StandInRun(number), studio_of(tmp_path)
         async with run.served(), studio.hub:
-            await studio.hub.look()
+            await studio.hub.search()
             first = asyncio.create_task(studio.hub.stop("", "first"))
             while not run.asked:
                 await asyncio.sleep(0)
@@ -132,8 +132,8 @@ def test_a_stop_is_done_and_written_down_although_who_asked_for_it_has_gone_at_o
         stop = {"do": "stop", "press": "a", **({"run": number} if which else {})}
         client = Leaving('{"do": "hello", "version": "2"}', json.dumps(stop))
         async with run.served(), studio.hub:
-            await studio.hub.look()
-            await Session(cast("Any", client), "viewer", "gone", studio).run()
+            await studio.hub.search()
+            await ClientSession(cast("Any", client), "viewer", "gone", studio).run()
             while not run.asked:
                 await asyncio.sleep(0)
         assert [each["by"] for each in run.asked] == ["gone"]
@@ -146,7 +146,7 @@ def test_another_press_that_shares_the_way_of_a_copy_of_the_first_is_another_sto
     async def work() -> None:
         run, studio = StandInRun(number), studio_of(tmp_path)
         async with run.served(), studio.hub:
-            await studio.hub.look()
+            await studio.hub.search()
             asked = [asyncio.create_task(studio.hub.stop("", "viewer", "a"))]
             while not run.asked:
                 await asyncio.sleep(0)
@@ -164,13 +164,13 @@ def test_a_client_that_reads_nothing_keeps_no_new_run_from_the_others(tmp_path: 
     async def work() -> None:
         run, studio, deaf = StandInRun(number), studio_of(tmp_path), Deaf()
         run.answers.set()
-        session = Session(cast("Any", deaf), "viewer", "deaf", studio)
-        session.tell(Runs(runs=[]))
-        stuck = asyncio.create_task(session._tell_on())
+        session = ClientSession(cast("Any", deaf), "viewer", "deaf", studio)
+        session.send_runs(RunsMessage(runs=[]))
+        stuck = asyncio.create_task(session._send_newest_runs())
         await deaf.reached.wait()
-        with studio.joined(session):
+        with studio.register(session):
             async with run.served(), studio.hub:
-                await studio.hub.look()
+                await studio.hub.search()
                 assert number in await studio.stop("", "viewer 2")
         stuck.cancel()
 
@@ -178,19 +178,19 @@ def test_a_client_that_reads_nothing_keeps_no_new_run_from_the_others(tmp_path: 
 
 
 def test_a_run_that_is_being_started_does_not_begin_after_a_stop(tmp_path: Path) -> None:
-    launcher = Launcher(record=False, command=(sys.executable, "-c", "import time; time.sleep(1000)"))
+    launcher = RunLauncher(record=False, command=(sys.executable, "-c", "import time; time.sleep(1000)"))
     studio = studio_of(tmp_path, launcher)
 
     async def work() -> None:
         asked_before = launcher.stops
-        start = asyncio.create_task(launcher.start(Start(mission="greet"), asked_before))
+        start = asyncio.create_task(launcher.start(StartRun(mission="greet"), asked_before))
         while not launcher.running:
             await asyncio.sleep(0.01)
         await studio.stop("", "viewer 1")
         with pytest.raises(BadMessage, match="stopped before it had begun"):
             await start
         with pytest.raises(BadMessage, match="stopped before it had begun"):
-            await launcher.start(Start(mission="greet"), asked_before)
+            await launcher.start(StartRun(mission="greet"), asked_before)
         while launcher.running:
             await asyncio.sleep(0.01)
 
@@ -203,11 +203,11 @@ def test_files_that_take_too_long_to_read_keep_no_others_from_being_read(monkeyp
         for each in hanging:
             with pytest.raises(BadMessage):
                 await each
-        monkeypatch.setattr("missions.plugins.studio.reader.PATIENCE", PATIENCE)
-        assert (await reader.do(Tasks()))["tasks"] == []
+        monkeypatch.setattr("missions.plugins.studio.reader.WORK_TIMEOUT", PATIENCE)
+        assert (await reader.do(TasksQuery()))["tasks"] == []
 
-    monkeypatch.setattr("missions.plugins.studio.reader.PATIENCE", 0.5)
-    reader = Reader()
+    monkeypatch.setattr("missions.plugins.studio.reader.WORK_TIMEOUT", 0.5)
+    reader = FileReader()
     try:
         asyncio.run(asyncio.wait_for(work(), 2 * PATIENCE))
     finally:
@@ -216,13 +216,13 @@ def test_files_that_take_too_long_to_read_keep_no_others_from_being_read(monkeyp
 
 def test_a_viewer_who_floods_the_log_pushes_nothing_out_of_it(tmp_path: Path) -> None:
     clock = ManualClock()
-    audit = Audit(tmp_path / "log", clock=clock)
-    audit.tell("operator 1", "operator", {"do": "start"}, "ok")
+    audit = AuditLog(tmp_path / "log", clock=clock)
+    audit.write("operator 1", "operator", {"do": "start"}, "ok")
     for _ in range(100_000):
-        audit.tell("viewer 1", "viewer", {"do": "start"}, "not_allowed")
-    audit.tell("viewer 2", "viewer", {"do": "stop"}, "ok")  # which what is refused does not crowd out
+        audit.write("viewer 1", "viewer", {"do": "start"}, "not_allowed")
+    audit.write("viewer 2", "viewer", {"do": "stop"}, "ok")  # which what is refused does not crowd out
     clock.advance(60.0)
-    audit.tell("viewer 1", "viewer", {"do": "start"}, "not_allowed")
+    audit.write("viewer 1", "viewer", {"do": "start"}, "not_allowed")
     lines = [json.loads(line) for line in audit.path.read_text().splitlines()]
     assert len(lines) == 1 + 20 + 1 + 1
     assert [lines[number]["who"] for number in (0, -2)] == ["operator 1", "viewer 2"]
@@ -232,15 +232,15 @@ def test_a_viewer_who_floods_the_log_pushes_nothing_out_of_it(tmp_path: Path) ->
 def test_a_press_of_stop_is_written_once_by_however_many_ways_it_comes(tmp_path: Path) -> None:
     studio = studio_of(tmp_path)
     for number, press in ((1, "a"), (2, "a"), (3, "b"), (3, ""), (3, "")):
-        client = Session(cast("Any", Deaf()), "viewer", f"viewer {number}", studio)
-        studio.tell(client, "viewer", Stop(press=press), "ok")
+        client = ClientSession(cast("Any", Deaf()), "viewer", f"viewer {number}", studio)
+        studio.log_command(client, "viewer", StopCommand(press=press), "ok")
     lines = [json.loads(line) for line in (tmp_path / "log").read_text().splitlines()]
     assert [each["who"] for each in lines] == ["viewer 1", "viewer 3", "viewer 3", "viewer 3"]
     assert not any("press" in each for each in lines)
 
 
 def test_the_socket_of_a_run_is_there_once_somebody_listens_and_not_before(monkeypatch: pytest.MonkeyPatch) -> None:
-    path = sockets.path_of(str(os.getpid()))
+    path = sockets.socket_path(str(os.getpid()))
     there = []
     listen = socket.socket.listen
 
@@ -256,7 +256,7 @@ def test_the_socket_of_a_run_is_there_once_somebody_listens_and_not_before(monke
 
 
 def test_a_socket_of_a_process_that_lives_is_not_taken_away() -> None:
-    path = sockets.path_of(str(os.getpid()))
+    path = sockets.socket_path(str(os.getpid()))
     with socket.socket(socket.AF_UNIX) as bound:
         bound.bind(str(path))
         with pytest.raises(ConnectionRefusedError):

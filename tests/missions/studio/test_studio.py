@@ -10,7 +10,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from missions.plugins.studio.wishes import protocol
+from missions.plugins.studio.wishes import protocol_schema
 from tests.missions.command import Process
 from tests.missions.lone_base import LoneBase
 from tests.missions.studio.running import DRIVING, REST, run_of, seconds_to_rest, simulated_run
@@ -86,7 +86,7 @@ def test_the_base_rests_and_the_run_goes_on_when_the_studio_is_stopped_or_killed
 
 @pytest.mark.real_time
 def test_a_viewer_stops_and_an_operator_releases(served: Served, tmp_path: Path) -> None:
-    schema = protocol()
+    schema = protocol_schema()
     with run_of(tmp_path, DRIVING) as (process, base):
         run = str(process.process.pid)
         with served.client(served.viewer) as viewer, served.client(served.operator) as operator:
@@ -138,7 +138,7 @@ def test_a_run_that_is_killed_is_told_to_be_over_without_a_word(served: Served, 
 
 
 def test_a_mission_is_chosen_started_watched_and_looked_back_at(served: Served, tmp_path: Path) -> None:
-    schema = protocol()
+    schema = protocol_schema()
     with served.client(served.operator) as client:
         library = client.ask("library")["result"]
         assert {"greet", "patrol"} <= {each["name"] for each in library["missions"]}

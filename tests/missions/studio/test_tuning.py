@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 
-from config.library import find
-from drivers.api import STILL, BaseLimits, BaseState, Curbed, HeadPose, JointLimits, Pose2D, Velocity
+from config.library import find_file
+from drivers.api import ZERO_VELOCITY, BaseLimits, BaseState, HeadPose, JointLimits, Limitable, Pose2D, Velocity
 from drivers.errors import BadRequest
 from missions.control import sockets
 from missions.control.commands import BadMessage
-from missions.control.doing import Tuning
+from missions.control.doing import TunableValues
 from missions.request import RunRequest
 from missions.runner import Runner
 from tests.browser import Browser
@@ -34,7 +34,7 @@ WAITING = (
 def file(tmp_path: Path) -> Path:
     """A robot file of somebody's own."""
     path = tmp_path / "mine.yaml"
-    path.write_text(find("robots", "turtlebot2_arm").read_text(encoding="utf-8"), encoding="utf-8")
+    path.write_text(find_file("robots", "turtlebot2_arm").read_text(encoding="utf-8"), encoding="utf-8")
     (tmp_path / "waiting.yaml").write_text(WAITING, encoding="utf-8")
     return path
 
@@ -45,36 +45,37 @@ def runner(file: Path) -> Runner:
 
 
 @pytest.fixture
-def tuning(runner: Runner) -> Tuning:
-    return Tuning(runner.config, runner.assembled.devices)
+def tuning(runner: Runner) -> TunableValues:
+    return TunableValues(runner.config, runner.assembled_robot.devices)
 
 
 def knobs(told: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     return {each["name"]: each for each in told["knobs"]}
 
 
-def test_trims_speeds_and_the_limits_of_joints_may_be_changed(tuning: Tuning) -> None:
-    found = knobs(tuning.told())
+def test_trims_speeds_and_the_limits_of_joints_may_be_changed(tuning: TunableValues) -> None:
+    found = knobs(tuning.as_dict())
     assert {"base.max_speed", "base.max_turn", "head.speed", "head.pan.trim", "head.tilt.trim"} <= set(found)
     assert found["arm.joints.elbow.upper"]["value"] == pytest.approx(radians(130))
     assert len(found) == 5 + 10 * 3
     assert not any(each["tuned"] for each in found.values())
 
 
-def test_a_base_goes_no_faster_than_it_was_tuned_to(tuning: Tuning, runner: Runner) -> None:
-    base = runner.assembled.devices["base"]
-    assert isinstance(base, Curbed)
+def test_a_base_goes_no_faster_than_it_was_tuned_to(tuning: TunableValues, runner: Runner) -> None:
+    base = runner.assembled_robot.devices["base"]
+    assert isinstance(base, Limitable)
     told = tuning.tune("base.max_speed", 0.2)
     assert (told["value"], told["tuned"]) == (0.2, True)
     assert base.limits == BaseLimits(0.2, base.limits.turn, 0.5, radians(200))
-    runner.assembled.open()
-    assert base._mux.request(Velocity(0.5, 0.0), 0.0, BaseState(Pose2D(0.0, 0.0, 0.0), STILL)) == Velocity(0.2, 0.0)  # type: ignore[attr-defined]
+    runner.assembled_robot.open()
+    state = BaseState(Pose2D(0.0, 0.0, 0.0), ZERO_VELOCITY)
+    assert base._mux.request(Velocity(0.5, 0.0), 0.0, state) == Velocity(0.2, 0.0)  # type: ignore[attr-defined]
     tuning.tune("base.max_speed", 0.5)
     assert base.limits.speed == 0.5
 
 
-def test_an_arm_goes_no_farther_and_no_faster_than_it_was_tuned_to(tuning: Tuning, runner: Runner) -> None:
-    arm: Any = runner.assembled.devices["arm"]
+def test_an_arm_goes_no_farther_and_no_faster_than_it_was_tuned_to(tuning: TunableValues, runner: Runner) -> None:
+    arm: Any = runner.assembled_robot.devices["arm"]
     tuning.tune("arm.joints.elbow.upper", radians(60))
     tuning.tune("arm.joints.elbow.speed", radians(30))
     arm.open()
@@ -86,8 +87,8 @@ def test_an_arm_goes_no_farther_and_no_faster_than_it_was_tuned_to(tuning: Tunin
     assert arm.move({"elbow": radians(100)})["elbow"] == pytest.approx(radians(100))
 
 
-def test_a_head_turns_more_slowly_at_once_and_does_not_leap(runner: Runner, tuning: Tuning) -> None:
-    head: Any = runner.assembled.devices["head"]
+def test_a_head_turns_more_slowly_at_once_and_does_not_leap(runner: Runner, tuning: TunableValues) -> None:
+    head: Any = runner.assembled_robot.devices["head"]
     way, now = head._way, 0.0
     way.look(HeadPose(radians(60), 0.0), now)
     places = []
@@ -103,7 +104,7 @@ def test_a_head_turns_more_slowly_at_once_and_does_not_leap(runner: Runner, tuni
     assert speeds[-1] == pytest.approx(radians(12))
 
 
-def test_nothing_goes_beyond_the_robot_file(tuning: Tuning, runner: Runner) -> None:
+def test_nothing_goes_beyond_the_robot_file(tuning: TunableValues, runner: Runner) -> None:
     for name, value in (
         ("base.max_speed", 0.6),
         ("base.max_speed", 0.0),
@@ -117,11 +118,11 @@ def test_nothing_goes_beyond_the_robot_file(tuning: Tuning, runner: Runner) -> N
         tuning.tune("arm.joints.elbow.upper", radians(80))
     with pytest.raises(BadMessage, match=r"nothing is called 'head\.pan\.trimm'"):
         tuning.tune("head.pan.trimm", 0.0)
-    base: Any = runner.assembled.devices["base"]
+    base: Any = runner.assembled_robot.devices["base"]
     assert base.curb(replace(base.limits, speed=9.0)).speed == 0.5
     with pytest.raises(BadRequest, match="positive"):
         base.curb(replace(base.limits, speed=-1.0))
-    arm: Any = runner.assembled.devices["arm"]
+    arm: Any = runner.assembled_robot.devices["arm"]
     with pytest.raises(BadRequest, match="elbow"):
         arm.curb({"elbow": JointLimits(1.0, 0.5, 1.0)})
 
@@ -134,7 +135,7 @@ def running(file: Path) -> Iterator[str]:
     )
     try:
         run = str(process.process.pid)
-        wait_until(lambda: sockets.path_of(run).exists())
+        wait_until(lambda: sockets.socket_path(run).exists())
         yield run
     finally:
         process.process.terminate()

@@ -55,7 +55,7 @@ def test_a_run_without_any_socket_is_still_found(
 
     nowhere(tmp_path, monkeypatch)
     monkeypatch.setattr(abstract, "listen", refuse)
-    monkeypatch.setattr(abstract, "mark", refuse)
+    monkeypatch.setattr(abstract, "bind_marker", refuse)
     monkeypatch.setattr(Runner, "run", look)
     ran = command(capsys, "run", mission_in(tmp_path), "--simulate", "fast")
     assert (ran.code, found) == (0, [False])

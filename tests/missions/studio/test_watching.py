@@ -10,8 +10,8 @@ from typing import Any
 
 from drivers.clock import ManualClock
 from missions.control import sockets
-from missions.control.commands import Watch
-from missions.plugins.studio.watching import Hearer, Link, Watching
+from missions.control.commands import WatchCommand
+from missions.plugins.studio.watching import AsyncRunLink, FeedClient, RunFeed
 
 PATIENCE = 60.0
 RUN = str(os.getpid())
@@ -27,11 +27,11 @@ class ToldRun:
 
     @asynccontextmanager
     async def served(self) -> AsyncIterator[None]:
-        server = await asyncio.start_unix_server(self._serve, sock=sockets.listen(sockets.path_of(RUN)))
+        server = await asyncio.start_unix_server(self._serve, sock=sockets.listen(sockets.socket_path(RUN)))
         async with server:
             yield
             server.close()
-        sockets.path_of(RUN).unlink()
+        sockets.socket_path(RUN).unlink()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self.watchers.append(writer)
@@ -59,8 +59,8 @@ class ToldRun:
 class Looking:
     """A client that takes what comes."""
 
-    def __init__(self, watching: Watching) -> None:
-        self.hearer = Hearer(watching)
+    def __init__(self, watching: RunFeed) -> None:
+        self.hearer = FeedClient(watching)
         self.heard: list[dict[str, Any]] = []
         self.task = asyncio.create_task(self._take())
 
@@ -80,14 +80,14 @@ async def until(condition: Callable[[], object]) -> None:
         await asyncio.sleep(0)
 
 
-def watched(work: Callable[[ToldRun, Watching, ManualClock], Awaitable[None]]) -> Callable[[], None]:
+def watched(work: Callable[[ToldRun, RunFeed, ManualClock], Awaitable[None]]) -> Callable[[], None]:
     """Make a test of what is done with a run that is watched."""
 
     def tested() -> None:
         async def whole() -> None:
             run, clock = ToldRun(), ManualClock()
             async with run.served():
-                watching = Watching(RUN, partial(Link.open, sockets.path_of(RUN)), clock)
+                watching = RunFeed(RUN, partial(AsyncRunLink.open, sockets.socket_path(RUN)), clock)
                 await work(run, watching, clock)
                 await watching.close()
                 await until(lambda: run.gone == len(run.watchers))
@@ -99,12 +99,12 @@ def watched(work: Callable[[ToldRun, Watching, ManualClock], Awaitable[None]]) -
 
 @watched
 async def test_a_run_tells_all_who_watch_it_over_one_connection(
-    run: ToldRun, watching: Watching, clock: ManualClock
+    run: ToldRun, watching: RunFeed, clock: ManualClock
 ) -> None:
     del clock
     lookers = [Looking(watching) for _ in range(3)]
     for each in lookers:
-        await watching.watch(each.hearer, Watch(run=RUN))
+        await watching.watch(each.hearer, WatchCommand(run=RUN))
     assert len(run.watchers) == 1
     run.tell(say="state", run=RUN, t=1.0)
     await until(lambda: all(each.said("state") for each in lookers))
@@ -115,28 +115,28 @@ async def test_a_run_tells_all_who_watch_it_over_one_connection(
 
 @watched
 async def test_who_takes_nothing_keeps_nothing_from_the_others_and_hears_the_newest_in_one(
-    run: ToldRun, watching: Watching, clock: ManualClock
+    run: ToldRun, watching: RunFeed, clock: ManualClock
 ) -> None:
     del clock
-    quick, slow = Looking(watching), Hearer(watching)
-    await watching.watch(slow, Watch(run=RUN))
-    await watching.watch(quick.hearer, Watch(run=RUN))
+    quick, slow = Looking(watching), FeedClient(watching)
+    await watching.watch(slow, WatchCommand(run=RUN))
+    await watching.watch(quick.hearer, WatchCommand(run=RUN))
     for tick in range(100):
         run.tell(say="state", run=RUN, t=tick, changed={str(tick % 7): ["running", "", tick]})
         await until(partial(quick.has, "state", tick + 1))
-    lines = [json.loads(line) for line in iter(slow.next, None)]
+    lines = [json.loads(line) for line in iter(slow.next_line, None)]
     assert [told["say"] for told in lines] == ["scene", "state"]
     assert (lines[1]["t"], len(lines[1]["changed"])) == (99, 7)
 
 
 @watched
 async def test_the_run_is_asked_for_what_all_together_watch_and_for_less_when_one_leaves(
-    run: ToldRun, watching: Watching, clock: ManualClock
+    run: ToldRun, watching: RunFeed, clock: ManualClock
 ) -> None:
     del clock
     one, other = Looking(watching), Looking(watching)
-    await watching.watch(one.hearer, Watch(run=RUN))
-    await watching.watch(other.hearer, Watch(run=RUN, state=False, events=True, pictures=10.0))
+    await watching.watch(one.hearer, WatchCommand(run=RUN))
+    await watching.watch(other.hearer, WatchCommand(run=RUN, state=False, events=True, pictures=10.0))
     told = run.of("watch")[-1]
     assert (told["state"], told["events"], told["pictures"]) == (True, True, 10.0)
     watching.leave(other.hearer)
@@ -151,19 +151,19 @@ async def test_the_run_is_asked_for_what_all_together_watch_and_for_less_when_on
 
 @watched
 async def test_a_picture_is_seen_when_one_has_seen_it_and_a_client_that_is_gone_holds_up_none(
-    run: ToldRun, watching: Watching, clock: ManualClock
+    run: ToldRun, watching: RunFeed, clock: ManualClock
 ) -> None:
-    quick, slow = Looking(watching), Hearer(watching)
-    await watching.watch(slow, Watch(run=RUN, pictures=10.0))
+    quick, slow = Looking(watching), FeedClient(watching)
+    await watching.watch(slow, WatchCommand(run=RUN, pictures=10.0))
     run.tell(say="picture", run=RUN, t=0.5, jpeg="")
-    await until(lambda: run.of("watch") and slow._unseen)
+    await until(lambda: run.of("watch") and slow._unseen_pictures)
     assert run.of("seen") == []  # one that is on its way is waited for
-    await watching.watch(quick.hearer, Watch(run=RUN, pictures=10.0))
+    await watching.watch(quick.hearer, WatchCommand(run=RUN, pictures=10.0))
     for number in range(1, 6):
         clock.advance(1.0)
         run.tell(say="picture", run=RUN, t=number, jpeg="")
         await until(partial(quick.has, "picture", number))
-        watching.seen(quick.hearer, float(number))
+        watching.on_seen(quick.hearer, float(number))
         await until(partial(run.was_asked, "seen", number))
     watching.leave(quick.hearer)
     asked = len(run.of("seen"))
@@ -174,11 +174,11 @@ async def test_a_picture_is_seen_when_one_has_seen_it_and_a_client_that_is_gone_
 
 @watched
 async def test_who_watches_a_run_that_dies_hears_that_it_is_over(
-    run: ToldRun, watching: Watching, clock: ManualClock
+    run: ToldRun, watching: RunFeed, clock: ManualClock
 ) -> None:
     del clock
     looker = Looking(watching)
-    await watching.watch(looker.hearer, Watch(run=RUN))
+    await watching.watch(looker.hearer, WatchCommand(run=RUN))
     run.watchers[0].close()
     await looker.task
     assert looker.heard[-1]["say"] == "over"

@@ -7,11 +7,11 @@ from random import Random
 
 import pytest
 
-from drivers.api import STILL, HeadPose, Source, Velocity
+from drivers.api import ZERO_VELOCITY, HeadPose, Source, Velocity
 from drivers.clock import ManualClock
-from missions.control.commands import BadMessage, Drive, Look
+from missions.control.commands import BadMessage, DriveCommand, LookCommand
 from missions.control.pilot import MAX_STATE_AGE
-from missions.control.wheels import KEPT_TIME, Wheels
+from missions.control.wheels import STAMP_LIFETIME, WheelArbiter
 from missions.plugins.testing.recorders import STOP, RecordedBase, RecordedHead
 from tests.machines import walk
 
@@ -23,7 +23,7 @@ class Driving:
         self.clock = ManualClock()
         self.base = RecordedBase(self.clock)
         self.head = RecordedHead(self.clock)
-        self.wheels = Wheels(self.base, self.head, self.clock)
+        self.wheels = WheelArbiter(self.base, self.head, self.clock)
         self.number = 0
 
     def drive(
@@ -31,12 +31,12 @@ class Driving:
     ) -> None:
         self.number = self.number + 1 if number is None else number
         stamp = self.wheels.stamp() if stamp is None else stamp
-        self.wheels.drive(who, Drive(n=self.number, stamp=stamp, ahead=ahead, left=0.0, pace=0.5))
+        self.wheels.drive(who, DriveCommand(n=self.number, stamp=stamp, ahead=ahead, left=0.0, pace=0.5))
 
     def look(self, who: str = "Ada", *, stamp: int | None = None) -> None:
         self.number += 1
         stamp = self.wheels.stamp() if stamp is None else stamp
-        self.wheels.look(who, Look(n=self.number, stamp=stamp, left=1.0, down=0.0))
+        self.wheels.look(who, LookCommand(n=self.number, stamp=stamp, left=1.0, down=0.0))
 
     @property
     def commands(self) -> list[object]:
@@ -45,7 +45,7 @@ class Driving:
     @property
     def stands(self) -> bool:
         """Whether the last that the base heard is to stand."""
-        return self.commands[-2:] == [STOP, (Source.TELEOP, STILL)]
+        return self.commands[-2:] == [STOP, (Source.TELEOP, ZERO_VELOCITY)]
 
 
 @pytest.fixture
@@ -74,10 +74,10 @@ def test_who_has_the_wheels_drives_at_the_pace_chosen(driving: Driving) -> None:
 def test_the_second_one_asks_and_gets_them_when_they_are_given(driving: Driving) -> None:
     driving.wheels.take("Ada", "Ada")
     assert not driving.wheels.take("Bob", "Bob")
-    assert (driving.wheels.driver, driving.wheels.asking) == ("Ada", ["Bob"])
+    assert (driving.wheels.driver, driving.wheels.waiting_names) == ("Ada", ["Bob"])
     assert refused("no_wheels", lambda: driving.drive("Bob")) == "Ada drives"
     driving.wheels.give("Ada")
-    assert (driving.wheels.driver, driving.wheels.asking) == ("Bob", [])
+    assert (driving.wheels.driver, driving.wheels.waiting_names) == ("Bob", [])
     driving.drive("Bob")
     assert refused("no_wheels", driving.drive) == "Bob drives"
 
@@ -126,12 +126,12 @@ def test_the_base_stops_once_the_newest_state_is_too_old_whether_commands_go_on_
     stamp = driving.wheels.stamp()
     driving.drive(stamp=stamp)
     for sent in times:
-        driving.clock.reach(sent)
+        driving.clock.advance_to(sent)
         driving.drive(stamp=stamp)
     assert driving.wheels.ends_at == MAX_STATE_AGE
     stood = []
     for moment in (MAX_STATE_AGE - 0.001, MAX_STATE_AGE):
-        driving.clock.reach(moment)
+        driving.clock.advance_to(moment)
         driving.wheels.check(moment)
         stood.append(driving.stands)
     assert stood == [False, True]
@@ -142,7 +142,7 @@ def test_stamps_that_were_not_issued_are_refused_whatever_they_are(driving: Driv
     driving.wheels.take("Ada", "Ada")
     driving.drive()
     newest = driving.wheels.stamp()
-    for forged in {0, 1, newest + 1, newest - 1, 2**53, int(driving.clock.now()) + 1} - {newest}:
+    for forged in {0, 1, newest + 1, newest - 1, 2**53, int(driving.clock.read_value()) + 1} - {newest}:
         driving.drive(ahead=0.0, stamp=newest)
         driving.drive(stamp=newest)
         assert "not of this run" in refused("stale", lambda stamp=forged: driving.drive(stamp=stamp))  # type: ignore[misc]
@@ -161,7 +161,7 @@ def test_a_stamp_older_than_that_of_the_last_command_is_refused(driving: Driving
 def test_stamps_are_forgotten_after_a_while_and_never_alike(driving: Driving) -> None:
     driving.wheels.take("Ada", "Ada")
     first = driving.wheels.stamp()
-    driving.clock.advance(KEPT_TIME + 0.1)
+    driving.clock.advance(STAMP_LIFETIME + 0.1)
     stamps = {driving.wheels.stamp() for _ in range(5000)}
     assert len(stamps) == 5000
     assert "over 10 s old" in refused("stale", lambda: driving.drive(stamp=first))
@@ -230,7 +230,7 @@ def test_the_head_turns_on_as_long_as_the_stick_is_pushed(driving: Driving) -> N
 
 
 def test_a_robot_without_a_base_says_so() -> None:
-    wheels = Wheels(None, None, ManualClock())
+    wheels = WheelArbiter(None, None, ManualClock())
     with pytest.raises(BadMessage, match="no base"):
         wheels.take("Ada", "Ada")
 
@@ -242,7 +242,7 @@ def test_random_commands_take_every_transition_and_no_other(monkeypatch: pytest.
 
     def let_time_pass(driving: Driving, _: Random) -> None:
         driving.clock.advance(MAX_STATE_AGE + 0.01)
-        driving.wheels.check(driving.clock.now())
+        driving.wheels.check(driving.clock.read_value())
         assert driving.wheels.ends_at == inf
 
     def stop(driving: Driving, _: Random) -> None:

@@ -3,8 +3,8 @@
 from collections.abc import Generator, Mapping, Sequence
 from pathlib import Path
 
-from missions.plugins.testing.play import Verdict, play
-from missions.plugins.testing.stage import IN_PROCESS
+from missions.plugins.testing.play import CaseVerdict, play
+from missions.plugins.testing.stage import IN_PROCESS_LIMITS
 from missions.plugins.testing.suite import Case, load_suite
 
 TRIES = "mission: m\ntree: {drive: 40 cm, retry: 2}\n"
@@ -25,19 +25,19 @@ def cases(folder: Path, mission: str, *bodies: str) -> tuple[Case, ...]:
     return load_suite(file)
 
 
-def played(folder: Path, mission: str, body: str) -> Verdict:
+def played(folder: Path, mission: str, body: str) -> CaseVerdict:
     """Play one case in this process."""
     (case,) = cases(folder, mission, body)
-    return play(case, limits=IN_PROCESS)
+    return play(case, limits=IN_PROCESS_LIMITS)
 
 
-def play_here(cases: Sequence[Case], *, jobs: int) -> Generator[Verdict]:
+def play_here(cases: Sequence[Case], *, jobs: int) -> Generator[CaseVerdict]:
     """Play cases one by one in this process, where a test is not about the processes that ``mission test`` starts."""
     del jobs
-    yield from (play(case, limits=IN_PROCESS) for case in cases)
+    yield from (play(case, limits=IN_PROCESS_LIMITS) for case in cases)
 
 
-def seen(verdict: Verdict) -> list[str]:
+def seen(verdict: CaseVerdict) -> list[str]:
     """Return what was seen instead of what was expected."""
     return [miss.message for miss in verdict.misses]
 

@@ -7,8 +7,8 @@ import pytest
 
 from missions.library.shipped import shipped_missions
 from missions.plugins.testing.play import play
-from missions.plugins.testing.report import FileCoverage, coverage, lines_of, page
-from missions.plugins.testing.stage import IN_PROCESS
+from missions.plugins.testing.report import FileCoverage, coverage, coverage_lines, coverage_page
+from missions.plugins.testing.stage import IN_PROCESS_LIMITS
 from missions.plugins.testing.suite import load_suite
 from tests.missions.command import command
 
@@ -52,17 +52,17 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def tried(folder: Path) -> FileCoverage:
     """The coverage of the one mission, by its tests as they stand."""
-    (found,) = coverage(play(case, limits=IN_PROCESS) for case in load_suite(folder / "door.test.yaml"))
+    (found,) = coverage(play(case, limits=IN_PROCESS_LIMITS) for case in load_suite(folder / "door.test.yaml"))
     return found
 
 
 def lacks(found: FileCoverage) -> dict[int, str]:
-    return {node.line: node.lacks() for node in found.nodes if node.lacks()}
+    return {node.line: node.describe_gaps() for node in found.nodes if node.describe_gaps()}
 
 
 def test_a_branch_that_was_not_taken_and_an_end_that_was_not_seen_are_told(folder: Path) -> None:
     found = tried(folder)
-    assert (found.file, found.ticked, len(found.nodes)) == ("door.yaml", 5, 7)
+    assert (found.file, found.ticked_count, len(found.nodes)) == ("door.yaml", 5, 7)
     assert lacks(found)[9] == "never reached"
     assert lacks(found)[11] == "never failed"
     assert lacks(found)[12] == "never reached"
@@ -74,7 +74,7 @@ def test_more_cases_leave_less_untried_and_keep_their_reasons(folder: Path) -> N
     assert 11 not in lacks(found)
     assert 12 not in lacks(found)  # `fail` cannot succeed: nothing is missing
     assert [list(node.reasons) for node in found.nodes if node.kind == "turn"] == [["it is <stuck>"]]
-    assert next(lines_of([found])).startswith("door.yaml: 6 of 7 nodes ticked, ")
+    assert next(coverage_lines([found])).startswith("door.yaml: 6 of 7 nodes ticked, ")
 
 
 class Reader(HTMLParser):
@@ -91,7 +91,7 @@ class Reader(HTMLParser):
 
 def test_the_page_marks_each_line_by_how_far_it_was_tried(folder: Path) -> None:
     (folder / "door.test.yaml").write_text(TESTS + MORE)
-    text = page([tried(folder)])
+    text = coverage_page([tried(folder)])
     reader = Reader()
     reader.feed(text)
     key, lines = reader.marked[:3], reader.marked[3:]
@@ -106,13 +106,13 @@ def test_the_page_marks_each_line_by_how_far_it_was_tried(folder: Path) -> None:
 def test_a_mission_that_is_gone_costs_its_lines_only(folder: Path) -> None:
     found = tried(folder)
     (folder / "door.yaml").unlink()
-    assert "cannot be read any more" in page([found])
+    assert "cannot be read any more" in coverage_page([found])
 
 
 def test_the_page_says_nothing_of_the_machine_that_it_was_made_on_and_can_be_read_by_night(folder: Path) -> None:
     (folder / "own").mkdir()
     here = [FileCoverage(str(folder / name), []) for name in ("door.yaml", "own/step.yaml")]
-    text = page([*here, FileCoverage(str(shipped_missions()["motions/square"]), [])])
+    text = coverage_page([*here, FileCoverage(str(shipped_missions()["motions/square"]), [])])
     titles = [">door.yaml<", ">own/step.yaml<", ">missions/motions/square.yaml<"]
     assert [text.count(title) for title in titles] == [2, 2, 2]
     assert str(folder) not in text

@@ -8,10 +8,10 @@ from config.faults import Mark
 from drivers.api import Pose2D
 from missions.executive.events import CommandSent, Event, FaultRaised, Logged, NodeChanged, Notified, ReflexFired
 from missions.executive.executive import Result
-from missions.plugins.testing.expectations import Expectation, Item, Place
-from missions.plugins.testing.history import History
+from missions.plugins.testing.expectations import Expectation, ExpectedItem, PoseTarget
+from missions.plugins.testing.history import CaseHistory
 from missions.plugins.testing.moments import EventSpec
-from missions.plugins.testing.play import CHECKS, judge
+from missions.plugins.testing.play import CHECKS, check_expectations
 
 
 def node(time: float, name: str, status: str, reason: str = "", *, key: str = "1.1", kind: str = "leaf") -> Event:
@@ -42,8 +42,8 @@ EVENTS: Sequence[Event] = (
 
 
 @pytest.fixture
-def history() -> History:
-    found = History()
+def history() -> CaseHistory:
+    found = CaseHistory()
     for event in EVENTS:
         found(event)
     found.result = Result("m", "failure", "nobody found", 3.0, 60)
@@ -54,9 +54,9 @@ def history() -> History:
     return found
 
 
-def misses(history: History, key: str, *values: object) -> list[str]:
-    items = tuple(Item(Mark(5, column), value) for column, value in enumerate(values, start=1))
-    return [text for _, text in judge([Expectation(key, Mark(5), items)], history)]
+def misses(history: CaseHistory, key: str, *values: object) -> list[str]:
+    items = tuple(ExpectedItem(Mark(5, column), value) for column, value in enumerate(values, start=1))
+    return [text for _, text in check_expectations([Expectation(key, Mark(5), items)], history)]
 
 
 CAME_TRUE: list[tuple[str, list[object]]] = [
@@ -93,7 +93,7 @@ CAME_TRUE: list[tuple[str, list[object]]] = [
     ("order", [EventSpec("bumper", "fires"), EventSpec("bumper", "clears"), EventSpec("say", "halts")]),
     ("reflexes", ["bumper", "bumper left"]),
     ("base", ["stopped"]),
-    ("pose", [Place(1.05, 2.0), Place(1.0, 2.0, heading=-3.1)]),
+    ("pose", [PoseTarget(1.05, 2.0), PoseTarget(1.0, 2.0, heading=-3.1)]),
     ("joints", [("elbow", 0.5, 0.0), ("elbow", 0.6, 0.11)]),
     ("returns", [("count", 2), ("name", "Anna"), ("ready", True), ("share", 0.3)]),
 ]
@@ -139,8 +139,8 @@ DID_NOT: list[tuple[str, list[object], str]] = [
     ("faults", [], 'it was not to be told that "arm disconnects: the cable is out"'),
     ("reflexes", ["bumper", "cliff"], 'the reflexes that fired were "bumper left"'),
     ("reflexes", [], 'these reflexes fired: "bumper left"'),
-    ("pose", [Place(0.8, 2.0)], "the base was at [1.00 m, 2.00 m], heading 178 deg"),
-    ("pose", [Place(1.0, 2.0, heading=1.0)], "the base was at"),
+    ("pose", [PoseTarget(0.8, 2.0)], "the base was at [1.00 m, 2.00 m], heading 178 deg"),
+    ("pose", [PoseTarget(1.0, 2.0, heading=1.0)], "the base was at"),
     ("joints", [("elbow", 0.6, 0.05)], "'elbow' was at 28.6 deg"),
     ("joints", [("wrist", 0.6, 0.05)], "the arm was not there"),
     ("returns", [("count", 3)], "'count' was 2"),
@@ -151,13 +151,13 @@ DID_NOT: list[tuple[str, list[object], str]] = [
 
 
 @pytest.mark.parametrize(("key", "values"), CAME_TRUE)
-def test_what_came_true_is_no_miss(key: str, values: list[object], history: History) -> None:
+def test_what_came_true_is_no_miss(key: str, values: list[object], history: CaseHistory) -> None:
     assert misses(history, key, *values) == []
 
 
 @pytest.mark.parametrize(("key", "values", "seen"), DID_NOT)
 def test_what_did_not_come_true_is_told_with_what_was_seen(
-    key: str, values: list[object], seen: str, history: History
+    key: str, values: list[object], seen: str, history: CaseHistory
 ) -> None:
     assert seen in misses(history, key, *values)[0]
 
@@ -167,8 +167,8 @@ def test_every_key_is_proved_to_come_true_and_to_fail() -> None:
     assert {key for key, _, _ in DID_NOT} | {"base"} == CHECKS.keys(), "for the base, see below"
 
 
-def test_a_base_that_moves_in_the_end_must_at_least_have_been_told_to_stop(history: History) -> None:
-    history.moving = True
+def test_a_base_that_moves_in_the_end_must_at_least_have_been_told_to_stop(history: CaseHistory) -> None:
+    history.is_moving = True
     assert misses(history, "base", "stopped") == ["the base was still moving when the mission ended"]
     history(CommandSent(2.9, 1, "base", "drive (1.4)", {"linear": 0.2, "angular": 0.0}))
     assert misses(history, "base", "stopped")
@@ -178,15 +178,15 @@ def test_a_base_that_moves_in_the_end_must_at_least_have_been_told_to_stop(histo
     assert misses(history, "base", "stopped") == []
 
 
-def test_misses_come_in_the_order_of_the_file(history: History) -> None:
+def test_misses_come_in_the_order_of_the_file(history: CaseHistory) -> None:
     expectations = [
-        Expectation("said", Mark(9), (Item(Mark(9), "Bye"),)),
-        Expectation("result", Mark(7), (Item(Mark(7), "success"),)),
+        Expectation("said", Mark(9), (ExpectedItem(Mark(9), "Bye"),)),
+        Expectation("result", Mark(7), (ExpectedItem(Mark(7), "success"),)),
     ]
-    assert [mark.line for mark, _ in judge(expectations, history)] == [7, 9]
+    assert [mark.line for mark, _ in check_expectations(expectations, history)] == [7, 9]
 
 
 def test_a_run_that_never_ended_is_an_error() -> None:
-    assert misses(History(), "result", "success") == ["the result was error: the run did not end"]
-    assert misses(History(), "within", 1.0)
-    assert misses(History(), "pose", Place(0.0, 0.0)) == ["the robot has no base"]
+    assert misses(CaseHistory(), "result", "success") == ["the result was error: the run did not end"]
+    assert misses(CaseHistory(), "within", 1.0)
+    assert misses(CaseHistory(), "pose", PoseTarget(0.0, 0.0)) == ["the robot has no base"]

@@ -13,10 +13,10 @@ import pytest
 
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS, USAGE
 from missions.library.shipped import shipped_missions
-from missions.plugins.testing.many import GONE, play_all
-from missions.plugins.testing.play import Verdict
+from missions.plugins.testing.many import PROCESS_ENDED, play_all
+from missions.plugins.testing.play import CaseVerdict
 from missions.plugins.testing.report import junit
-from missions.plugins.testing.suite import all_tests, load_suite, named_tests
+from missions.plugins.testing.suite import all_tests, find_tests, load_suite
 from tests.missions.command import command
 from tests.missions.testing.playing import WAITS, cases, seen, write
 
@@ -197,7 +197,7 @@ def test_a_process_that_ends_itself_is_found_out_and_the_others_are_played(tmp_p
         },
     )
     verdicts = {verdict.case.title: verdict for verdict in play_all(load_suite(tmp_path / "m.test.yaml"), jobs=2)}
-    assert verdicts["ends the process"].error == GONE
+    assert verdicts["ends the process"].error == PROCESS_ENDED
     assert verdicts["does not"].passed
 
 
@@ -245,9 +245,9 @@ def test_tests_are_found_by_file_folder_mission_and_name(folder: Path, capsys: p
         write(each, NAP)
     here, below = Path("nap.test.yaml"), Path("inner/nap.test.yaml")
     assert all_tests() == [below, here]
-    assert named_tests(".") == [below, here]
-    assert named_tests("nap.yaml") == named_tests("nap.test.yaml") == [here]
-    assert named_tests("greet")[0].name == "greet.test.yaml"
+    assert find_tests(".") == [below, here]
+    assert find_tests("nap.yaml") == find_tests("nap.test.yaml") == [here]
+    assert find_tests("greet")[0].name == "greet.test.yaml"
     (folder / "nap.test.yaml").unlink()
     (inner / "nap.test.yaml").unlink()
     assert {path.name for path in all_tests()} >= {"greet.test.yaml", "square.test.yaml"}
@@ -270,7 +270,7 @@ def test_check_reads_tests_too_and_no_mission_is_mistaken_for_one(
 
 def test_what_xml_cannot_hold_is_replaced(tmp_path: Path) -> None:
     (case,) = cases(tmp_path, WAITS, "expect: {result: success}")
-    report = read(junit([Verdict(case, error="bell \x07 and half \ud800\nValueError: \x00")]))
+    report = read(junit([CaseVerdict(case, error="bell \x07 and half \ud800\nValueError: \x00")]))
     (error,) = report.iter("error")
     assert error.get("message") == "ValueError: \ufffd"
     assert "bell \ufffd and half \ufffd" in (error.text or "")

@@ -6,19 +6,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from config.faults import Diagnostic, Mark, Source
+from config.faults import Diagnostic, Mark, SourceText
 from config.marked import Scalar
-from missions.plugins.testing.mishaps import Mishap, read_mishap
-from missions.plugins.testing.mocks import TOLD, Script, Turn, read_script
-from missions.plugins.testing.moments import EventSpec, read_moment
+from missions.plugins.testing.mishaps import FaultSpec, read_fault
+from missions.plugins.testing.mocks import DEFAULT_REASON, MockTurn, Script, read_script
+from missions.plugins.testing.moments import EventSpec, read_event
 from missions.plugins.testing.phrases import Phrase
 
-RUNS = Turn("running", seconds=math.inf, ticks=math.inf)
+RUNS = MockTurn("running", seconds=math.inf, ticks=math.inf)
 
 
 def phrase(text: str) -> tuple[Phrase, list[Diagnostic]]:
     faults: list[Diagnostic] = []
-    return Phrase(Source("a.test.yaml", text), Scalar(Mark(1, 1, len(text)), text, text), faults), faults
+    return Phrase(SourceText("a.test.yaml", text), Scalar(Mark(1, 1, len(text)), text, text), faults), faults
 
 
 def script(text: str) -> Script:
@@ -32,17 +32,17 @@ def known(name: str) -> str:
     return "" if name in {"gesture", "greet the person", "say"} else f"no '{name}'"
 
 
-def mishap(text: str) -> Mishap:
+def mishap(text: str) -> FaultSpec:
     words, faults = phrase(text)
-    read = read_mishap(words, known)
+    read = read_fault(words, known)
     assert not faults, faults[0]
     return read
 
 
 def moment(text: str) -> EventSpec:
     words, faults = phrase(text)
-    read = read_moment(words, known)
-    words.end()
+    read = read_event(words, known)
+    words.expect_end()
     assert not faults, faults[0]
     return read
 
@@ -50,28 +50,28 @@ def moment(text: str) -> EventSpec:
 @pytest.mark.parametrize(
     ("text", "turns"),
     [
-        ("succeeds", [Turn("success")]),
-        ("fails", [Turn("failure", reason=TOLD)]),
+        ("succeeds", [MockTurn("success")]),
+        ("fails", [MockTurn("failure", reason=DEFAULT_REASON)]),
         ("runs", [RUNS]),
-        ("fails twice, then succeeds", [Turn("failure", 2, reason=TOLD), Turn("success")]),
-        ("succeeds 3 times, then runs", [Turn("success", 3), RUNS]),
-        ('fails because "out of reach, alas"', [Turn("failure", reason="out of reach, alas")]),
-        ("succeeds after 2 s", [Turn("success", seconds=2.0)]),
-        ("succeeds after 500ms", [Turn("success", seconds=0.5)]),
-        ('fails once after 3 ticks because "x"', [Turn("failure", ticks=3, reason="x")]),
-        ("runs for 2 s, then fails", [Turn("failure", seconds=2.0, reason=TOLD)]),
+        ("fails twice, then succeeds", [MockTurn("failure", 2, reason=DEFAULT_REASON), MockTurn("success")]),
+        ("succeeds 3 times, then runs", [MockTurn("success", 3), RUNS]),
+        ('fails because "out of reach, alas"', [MockTurn("failure", reason="out of reach, alas")]),
+        ("succeeds after 2 s", [MockTurn("success", seconds=2.0)]),
+        ("succeeds after 500ms", [MockTurn("success", seconds=0.5)]),
+        ('fails once after 3 ticks because "x"', [MockTurn("failure", ticks=3, reason="x")]),
+        ("runs for 2 s, then fails", [MockTurn("failure", seconds=2.0, reason=DEFAULT_REASON)]),
         (
             "runs for 1 tick, then succeeds twice, then fails",
-            [Turn("success", 2, ticks=1), Turn("failure", reason=TOLD)],
+            [MockTurn("success", 2, ticks=1), MockTurn("failure", reason=DEFAULT_REASON)],
         ),
-        ("runs once, then succeeds", [RUNS, Turn("success")]),
+        ("runs once, then succeeds", [RUNS, MockTurn("success")]),
     ],
 )
-def test_a_script_reads_as_it_is_said(text: str, turns: list[Turn]) -> None:
+def test_a_script_reads_as_it_is_said(text: str, turns: list[MockTurn]) -> None:
     assert script(text) == tuple(turns)
 
 
-def written(turn: Turn) -> str:
+def written(turn: MockTurn) -> str:
     if turn.end == "running":
         return f"runs {turn.times} times"
     text = f"{'succeeds' if turn.end == 'success' else 'fails'} {turn.times} times"
@@ -90,42 +90,42 @@ WAITS = st.one_of(
 )
 REASONS = st.text(st.characters(codec="utf-8", exclude_characters='"')).map(lambda text: " ".join(text.split()))
 TURNS = st.one_of(
-    TIMES.map(lambda times: Turn("running", times, math.inf, math.inf)),
-    st.builds(lambda times, wait: Turn("success", times, wait[0], wait[1]), TIMES, WAITS),
-    st.builds(lambda times, wait, reason: Turn("failure", times, wait[0], wait[1], reason), TIMES, WAITS, REASONS),
+    TIMES.map(lambda times: MockTurn("running", times, math.inf, math.inf)),
+    st.builds(lambda times, wait: MockTurn("success", times, wait[0], wait[1]), TIMES, WAITS),
+    st.builds(lambda times, wait, reason: MockTurn("failure", times, wait[0], wait[1], reason), TIMES, WAITS, REASONS),
 )
 
 
 @given(st.lists(TURNS, min_size=1, max_size=5))
-def test_every_script_can_be_written_and_read_back(turns: list[Turn]) -> None:
+def test_every_script_can_be_written_and_read_back(turns: list[MockTurn]) -> None:
     assert script(", then ".join(map(written, turns))) == tuple(turns)
 
 
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("camera frozen from 5 s to 8 s", Mishap("camera", "frozen", start=5.0, seconds=3.0)),
-        ("arm unplugged at 3 s", Mishap("arm", "unplugged", start=3.0)),
-        ("head unplugged for 2 s", Mishap("head", "unplugged", seconds=2.0)),
-        ("voice unplugged", Mishap("voice", "unplugged")),
-        ("base bumped", Mishap("base", "bumped", "centre")),
-        ("base cliff left at 1 s for 500 ms", Mishap("base", "cliff", "left", start=1.0, seconds=0.5)),
-        ("base lifted from 1 min", Mishap("base", "lifted", start=60.0)),
-        ("base battery at 10 % at 3 s", Mishap("base", "battery", amount=0.1, start=3.0)),
-        ("arm overloaded elbow at 3 s", Mishap("arm", "overloaded", "elbow", start=3.0)),
-        ("arm turned elbow to 0.5 rad at 3 s", Mishap("arm", "turned", "elbow", 0.5, start=3.0)),
-        ("arm turned elbow to -1 rad", Mishap("arm", "turned", "elbow", -1.0)),
+        ("camera frozen from 5 s to 8 s", FaultSpec("camera", "frozen", start=5.0, seconds=3.0)),
+        ("arm unplugged at 3 s", FaultSpec("arm", "unplugged", start=3.0)),
+        ("head unplugged for 2 s", FaultSpec("head", "unplugged", seconds=2.0)),
+        ("voice unplugged", FaultSpec("voice", "unplugged")),
+        ("base bumped", FaultSpec("base", "bumped", "centre")),
+        ("base cliff left at 1 s for 500 ms", FaultSpec("base", "cliff", "left", start=1.0, seconds=0.5)),
+        ("base lifted from 1 min", FaultSpec("base", "lifted", start=60.0)),
+        ("base battery at 10 % at 3 s", FaultSpec("base", "battery", amount=0.1, start=3.0)),
+        ("arm overloaded elbow at 3 s", FaultSpec("arm", "overloaded", "elbow", start=3.0)),
+        ("arm turned elbow to 0.5 rad at 3 s", FaultSpec("arm", "turned", "elbow", 0.5, start=3.0)),
+        ("arm turned elbow to -1 rad", FaultSpec("arm", "turned", "elbow", -1.0)),
         (
             "base bumped right when greet the person starts for 1 s",
-            Mishap("base", "bumped", "right", seconds=1.0, moment=EventSpec("greet the person", "starts")),
+            FaultSpec("base", "bumped", "right", seconds=1.0, trigger=EventSpec("greet the person", "starts")),
         ),
         (
             'camera covered when says "Hello"',
-            Mishap("camera", "covered", moment=EventSpec("robot", "says", "Hello")),
+            FaultSpec("camera", "covered", trigger=EventSpec("robot", "says", "Hello")),
         ),
     ],
 )
-def test_a_mishap_reads_as_it_is_said(text: str, expected: Mishap) -> None:
+def test_a_mishap_reads_as_it_is_said(text: str, expected: FaultSpec) -> None:
     assert mishap(text) == expected
 
 
@@ -193,7 +193,7 @@ def test_a_mistake_in_a_script_is_shown_at_its_word(text: str, column: int, mess
 )
 def test_a_mistake_in_a_mishap_is_shown_at_its_word(text: str, column: int, message: str) -> None:
     words, faults = phrase(text)
-    read_mishap(words, known)
+    read_fault(words, known)
     (fault,) = faults
     assert fault.mark.column == column
     assert message in fault.message
@@ -201,7 +201,7 @@ def test_a_mistake_in_a_mishap_is_shown_at_its_word(text: str, column: int, mess
 
 @given(st.text(st.characters(codec="utf-8"), max_size=60))
 def test_nothing_that_is_typed_breaks_a_reader(text: str) -> None:
-    for read in (read_script, lambda words: read_mishap(words, known), lambda words: read_moment(words, known)):
+    for read in (read_script, lambda words: read_fault(words, known), lambda words: read_event(words, known)):
         words, faults = phrase(text)
         read(words)
         assert len(faults) <= 1, "what follows from a mistake is not told"
@@ -212,5 +212,5 @@ def test_nothing_that_is_typed_breaks_a_reader(text: str) -> None:
 def test_where_the_file_writes_a_text_otherwise_the_whole_of_it_is_marked() -> None:
     faults: list[Diagnostic] = []
     node = Scalar(Mark(1, 1, 20), "camera frozn", "camera frozn", quoted=True)
-    read_mishap(Phrase(Source("a.yaml", '"camera \\x66rozn"'), node, faults), known)
+    read_fault(Phrase(SourceText("a.yaml", '"camera \\x66rozn"'), node, faults), known)
     assert faults[0].mark == Mark(1, 1, 20)

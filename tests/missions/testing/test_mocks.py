@@ -5,113 +5,115 @@ from py_trees.common import Status
 
 from behaviours.basics import Set, Wait
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
-from behaviours.playing import Gesture
+from behaviours.playing import GestureLeaf
 from behaviours.sight import FindFace
-from config.faults import Diagnostic, Mark, Source
+from config.faults import Diagnostic, Mark, SourceText
 from config.marked import Scalar
 from missions.language.plan import Step
-from missions.plugins.testing.mocks import Cast, MockSpec, fits, read_script
+from missions.plugins.testing.mocks import MockSpec, MockSubstitution, matches_step, read_script
 from missions.plugins.testing.phrases import Phrase
-from missions.plugins.testing.recorders import Bench
+from missions.plugins.testing.recorders import LeafTestBench
 from perception.api import Face
 
 
 @pytest.fixture
-def bench() -> Bench:
-    return Bench()
+def bench() -> LeafTestBench:
+    return LeafTestBench()
 
 
 def spec(target: str, text: str, result: dict[str, object] | None = None) -> MockSpec:
     faults: list[Diagnostic] = []
-    script = read_script(Phrase(Source("a", text), Scalar(Mark(), text, text), faults))
+    script = read_script(Phrase(SourceText("a", text), Scalar(Mark(), text, text), faults))
     assert not faults
     return MockSpec(target, script, result)
 
 
 def step(leaf: type[Leaf], name: str = "") -> Step:
-    return Step(leaf.word, name or leaf.word, Mark(), Source("a", ""), leaf=leaf)
+    return Step(leaf.tag, name or leaf.tag, Mark(), SourceText("a", ""), leaf=leaf)
 
 
-def cast_for(cast: Cast, for_step: Step, leaf: Leaf) -> Leaf:
+def cast_for(cast: MockSubstitution, for_step: Step, leaf: Leaf) -> Leaf:
     """Return what stands in the place of a leaf."""
     found = cast(for_step, leaf)
     assert found is not None
     return found
 
 
-def mocked(bench: Bench, text: str, leaf: type[Leaf] = Gesture, result: dict[str, object] | None = None) -> Leaf:
-    stand_in = cast_for(Cast([spec(leaf.word, text, result)]), step(leaf), leaf(leaf.word))
+def mocked(
+    bench: LeafTestBench, text: str, leaf: type[Leaf] = GestureLeaf, result: dict[str, object] | None = None
+) -> Leaf:
+    stand_in = cast_for(MockSubstitution([spec(leaf.tag, text, result)]), step(leaf), leaf(leaf.tag))
     assert type(stand_in) is not leaf
     return bench.put(stand_in)
 
 
-def outcomes(bench: Bench, leaf: Leaf, ticks: int, *, after: float = 0.1) -> list[Status]:
+def outcomes(bench: LeafTestBench, leaf: Leaf, ticks: int, *, after: float = 0.1) -> list[Status]:
     return [bench.tick(leaf, after=after) for _ in range(ticks)]
 
 
-def test_a_mock_takes_its_turns_one_start_after_another_and_stays_with_the_last(bench: Bench) -> None:
+def test_a_mock_takes_its_turns_one_start_after_another_and_stays_with_the_last(bench: LeafTestBench) -> None:
     leaf = mocked(bench, 'fails twice because "stuck", then succeeds')
     assert outcomes(bench, leaf, 2) == [FAILURE, FAILURE]
     assert leaf.reason == "stuck"
     assert outcomes(bench, leaf, 3) == [SUCCESS] * 3
 
 
-def test_a_mock_runs_for_as_many_ticks_or_seconds_as_it_is_told(bench: Bench) -> None:
+def test_a_mock_runs_for_as_many_ticks_or_seconds_as_it_is_told(bench: LeafTestBench) -> None:
     assert outcomes(bench, mocked(bench, "succeeds after 2 ticks"), 3) == [RUNNING, RUNNING, SUCCESS]
     assert outcomes(bench, mocked(bench, "runs for 300 ms, then fails"), 4) == [RUNNING, RUNNING, RUNNING, FAILURE]
 
 
-def test_a_turn_that_was_halted_is_over(bench: Bench) -> None:
+def test_a_turn_that_was_halted_is_over(bench: LeafTestBench) -> None:
     leaf = mocked(bench, "runs once, then succeeds")
     assert outcomes(bench, leaf, 50) == [RUNNING] * 50
     assert bench.halt(leaf)
     assert outcomes(bench, leaf, 1) == [SUCCESS]
 
 
-def test_all_leaves_that_a_mock_stands_for_share_its_script(bench: Bench) -> None:
-    cast = Cast([spec("gesture", "fails, then succeeds")])
-    first, second = (bench.put(cast_for(cast, step(Gesture), Gesture("gesture"))) for _ in range(2))
+def test_all_leaves_that_a_mock_stands_for_share_its_script(bench: LeafTestBench) -> None:
+    cast = MockSubstitution([spec("gesture", "fails, then succeeds")])
+    first, second = (bench.put(cast_for(cast, step(GestureLeaf), GestureLeaf("gesture"))) for _ in range(2))
     assert (bench.tick(first), bench.tick(second)) == (FAILURE, SUCCESS)
 
 
-def test_a_mock_may_be_for_one_leaf_by_its_name(bench: Bench) -> None:
-    cast = Cast([spec("wave", "fails")])
-    assert bench.tick(bench.put(cast_for(cast, step(Gesture, "wave"), Gesture("wave")))) is FAILURE
-    other = Gesture("bow")
-    assert cast(step(Gesture, "bow"), other) is other
+def test_a_mock_may_be_for_one_leaf_by_its_name(bench: LeafTestBench) -> None:
+    cast = MockSubstitution([spec("wave", "fails")])
+    assert bench.tick(bench.put(cast_for(cast, step(GestureLeaf, "wave"), GestureLeaf("wave")))) is FAILURE
+    other = GestureLeaf("bow")
+    assert cast(step(GestureLeaf, "bow"), other) is other
 
 
-def test_a_mock_claims_what_it_stands_for_and_moves_nothing(bench: Bench) -> None:
+def test_a_mock_claims_what_it_stands_for_and_moves_nothing(bench: LeafTestBench) -> None:
     leaf = mocked(bench, "runs")
     assert leaf.claims == {"arm"}
     bench.tick(leaf)
-    assert leaf.acting
+    assert leaf.is_acting
     bench.halt(leaf)
     assert bench.arm.commands == []
 
 
-def test_what_a_mock_keeps_is_a_face_where_a_face_is_found(bench: Bench) -> None:
+def test_what_a_mock_keeps_is_a_face_where_a_face_is_found(bench: LeafTestBench) -> None:
     leaf = mocked(bench, "succeeds", FindFace, {"id": 7, "yaw": 0.2})
-    leaf.keep_as = "person"
+    leaf.output_variable = "person"
     bench.tick(leaf)
     face = bench.run.variables["person"]
     assert isinstance(face, Face)
-    assert (face.id, face.yaw, face.stamp) == (7, 0.2, bench.clock.now())
+    assert (face.id, face.yaw, face.stamp) == (7, 0.2, bench.clock.read_value())
 
 
-def test_what_another_mock_keeps_is_what_it_was_told(bench: Bench) -> None:
+def test_what_another_mock_keeps_is_what_it_was_told(bench: LeafTestBench) -> None:
     leaf = mocked(bench, "fails, then succeeds", Wait, {"count": 3})
-    leaf.keep_as = "seen"
+    leaf.output_variable = "seen"
     bench.tick(leaf)
     assert "seen" not in bench.run.variables
     bench.tick(leaf)
     assert bench.run.variables["seen"] == {"count": 3}
 
 
-def test_a_mocked_mission_that_fails_hands_its_results_back_as_one_that_is_run(bench: Bench) -> None:
+def test_a_mocked_mission_that_fails_hands_its_results_back_as_one_that_is_run(bench: LeafTestBench) -> None:
     for keep_as, kept in ((None, {"gone": 2.0}), ("way", {"way": {"gone": 2.0}})):
-        mission = Step("mission", "go", Mark(), Source("a", ""), text="go", keep_as=keep_as)
-        stand_in = Cast([spec("go", "fails", {"gone": 2.0})])(mission, None)
+        mission = Step("mission", "go", Mark(), SourceText("a", ""), text="go", output_variable=keep_as)
+        stand_in = MockSubstitution([spec("go", "fails", {"gone": 2.0})])(mission, None)
         assert stand_in is not None
         leaf = bench.put(stand_in)
         leaf.scope.clear()
@@ -119,7 +121,7 @@ def test_a_mocked_mission_that_fails_hands_its_results_back_as_one_that_is_run(b
         assert leaf.scope == kept
 
 
-def test_the_arguments_of_a_mocked_leaf_are_still_computed(bench: Bench) -> None:
+def test_the_arguments_of_a_mocked_leaf_are_still_computed(bench: LeafTestBench) -> None:
     def unknown() -> object:
         raise LookupError("'x' is not set")
 
@@ -131,9 +133,9 @@ def test_the_arguments_of_a_mocked_leaf_are_still_computed(bench: Bench) -> None
 
 
 def test_a_pattern_stands_for_leaves_and_missions_and_a_name_for_composites() -> None:
-    mission = Step("mission", "look for them", Mark(), Source("a", ""), text="find_person")
-    named, plain = (Step("sequence", name, Mark(), Source("a", "")) for name in ("greet them", "sequence"))
-    timed = Step("timeout", "greet them", Mark(), Source("a", ""), (named,))
+    mission = Step("mission", "look for them", Mark(), SourceText("a", ""), text="find_person")
+    named, plain = (Step("sequence", name, Mark(), SourceText("a", "")) for name in ("greet them", "sequence"))
+    timed = Step("timeout", "greet them", Mark(), SourceText("a", ""), (named,))
     stands = {
         "find_*": [step(FindFace), mission],
         "look*": [mission],
@@ -146,4 +148,4 @@ def test_a_pattern_stands_for_leaves_and_missions_and_a_name_for_composites() ->
         "*": [step(FindFace), mission],
     }
     every = [step(FindFace), mission, named, plain, timed]
-    assert {target: [each for each in every if fits(target, each)] for target in stands} == stands
+    assert {target: [each for each in every if matches_step(target, each)] for target in stands} == stands

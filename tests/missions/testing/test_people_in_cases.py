@@ -53,7 +53,7 @@ def room(tmp_path: Path) -> Path:
 )
 def test_what_is_expected_comes_true(room: Path, body: str) -> None:
     verdict = played(room, ASKS, f"world: room.yaml, {body}")
-    assert verdict.passed, [*seen(verdict), verdict.error, *verdict.last]
+    assert verdict.passed, [*seen(verdict), verdict.error, *verdict.last_events]
 
 
 @pytest.mark.parametrize(

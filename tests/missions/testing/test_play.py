@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from behaviours.driving.motion import Drive
+from behaviours.driving.motion import DriveLeaf
 from missions.executive.events import Ticked
-from missions.plugins.testing.history import History
+from missions.plugins.testing.history import CaseHistory
 from missions.plugins.testing.play import play
-from missions.plugins.testing.recorders import Bench
-from missions.plugins.testing.stage import IN_PROCESS, Stage
+from missions.plugins.testing.recorders import LeafTestBench
+from missions.plugins.testing.stage import IN_PROCESS_LIMITS, CaseRunner
 from tests.missions.testing.playing import BLINKS, DRIVES, LOOKS, SPEAKS, TRIES, WAITS, WAVES, cases, played, seen
 
 
@@ -47,7 +47,7 @@ from tests.missions.testing.playing import BLINKS, DRIVES, LOOKS, SPEAKS, TRIES,
 )
 def test_what_is_given_happens_and_what_is_expected_comes_true(mission: str, body: str, tmp_path: Path) -> None:
     verdict = played(tmp_path, mission, body)
-    assert verdict.passed, [*seen(verdict), verdict.error, *verdict.last]
+    assert verdict.passed, [*seen(verdict), verdict.error, *verdict.last_events]
 
 
 def test_a_battery_can_be_low(tmp_path: Path) -> None:
@@ -62,9 +62,9 @@ def test_a_verdict_shows_the_line_and_what_happened_last(tmp_path: Path) -> None
     (miss,) = verdict.misses
     assert str(miss).splitlines()[1].endswith("- {case: case 1, expect: {said: Three}}")
     assert seen(verdict) == ['it never said "Three"; it said "One", "Two"']
-    assert len(verdict.last) <= 10
-    assert verdict.last[-1].endswith("m ends: success")
-    assert any('says "Two"' in line for line in verdict.last)
+    assert len(verdict.last_events) <= 10
+    assert verdict.last_events[-1].endswith("m ends: success")
+    assert any('says "Two"' in line for line in verdict.last_events)
 
 
 def test_a_run_that_goes_on_is_ended_by_its_timeout(tmp_path: Path) -> None:
@@ -77,7 +77,7 @@ def test_the_same_case_is_the_same_run_and_another_seed_is_another(tmp_path: Pat
     mission = "mission: m\ntree: {random_sequence: [{say: A}, {say: B}, {say: C}, {say: D}]}\n"
     told = []
     for case in cases(tmp_path, mission, *(f"seed: {seed}, expect: {{result: success}}" for seed in (1, 1, 2))):
-        stage = Stage(case, IN_PROCESS)
+        stage = CaseRunner(case, IN_PROCESS_LIMITS)
         stage.run()
         told.append([event.as_dict() for event in stage.history.events])
     assert told[0] == told[1]
@@ -87,11 +87,11 @@ def test_the_same_case_is_the_same_run_and_another_seed_is_another(tmp_path: Pat
 def test_a_leaf_that_breaks_fails_and_a_fault_of_our_own_is_an_error(tmp_path: Path) -> None:
     (case,) = cases(tmp_path, WAITS, "expect: {result: success}")
     Path(case.mission).unlink()
-    verdict = play(case, limits=IN_PROCESS)
+    verdict = play(case, limits=IN_PROCESS_LIMITS)
     assert not verdict.passed
     assert "Traceback" in verdict.error
     Path(case.mission).write_text("mission: m\ntree: nonsense\n", encoding="utf-8")
-    assert seen(play(case, limits=IN_PROCESS)) == ["unknown behaviour 'nonsense'"]
+    assert seen(play(case, limits=IN_PROCESS_LIMITS)) == ["unknown behaviour 'nonsense'"]
 
 
 def test_what_became_of_every_node_is_told_for_coverage(tmp_path: Path) -> None:
@@ -144,22 +144,22 @@ def test_loops_counts_and_switches_are_tried_like_any_node(body: str, tmp_path: 
 
 
 def test_two_leaves_that_drive_one_part_at_a_time_are_noticed() -> None:
-    bench = Bench()
-    root = bench.put(Drive("root"), distance=1.0)
-    other = bench.put(Drive("other"), distance=1.0)
-    history = History()
-    history.watch(root)
+    bench = LeafTestBench()
+    root = bench.put(DriveLeaf("root"), distance=1.0)
+    other = bench.put(DriveLeaf("other"), distance=1.0)
+    history = CaseHistory()
+    history.attach(root)
     history._leaves.append(other)
     bench.tick(root)
     history(Ticked(1.0, 1, "running"))
-    assert history.claimed == "", "the other has not begun"
+    assert history.claim_conflict == "", "the other has not begun"
     bench.tick(other)
     history(Ticked(2.0, 2, "running"))
-    assert history.claimed == "at 2.00 s root and other both drive the base"
+    assert history.claim_conflict == "at 2.00 s root and other both drive the base"
 
 
 def test_an_event_that_was_not_heard_is_no_reason_to_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(History, "_tick", lambda *_: 1 / 0)
+    monkeypatch.setattr(CaseHistory, "_on_tick", lambda *_: 1 / 0)
     verdict = played(tmp_path, WAITS, "expect: {result: success}")
     assert "not all events were heard: History: division by zero" in verdict.error
 

@@ -11,7 +11,7 @@ import pytest
 
 from missions.plugins.records.recording.faults import InvalidRecordError
 from missions.plugins.records.recording.read import open_record
-from missions.plugins.tasks.queue import Queue
+from missions.plugins.tasks.queue import TaskQueue
 from missions.plugins.tasks.schema import open_db
 from tests.power import ACKNOWLEDGED, Call, after_cut, recordable, recorded
 
@@ -23,18 +23,18 @@ CUTS = int(os.environ.get("CUTS", "25"))
 QUEUE = """
 import sys
 from pathlib import Path
-from missions.plugins.tasks.queue import Queue
+from missions.plugins.tasks.queue import TaskQueue
 from missions.plugins.tasks.schema import open_db
-from missions.plugins.tasks.task import NewTask, Outcome, Policy
+from missions.plugins.tasks.task import NewTask, AttemptOutcome, RetryPolicy
 
-queue = Queue(open_db(Path(sys.argv[1]) / "tasks.db"), lambda _: ())
+queue = TaskQueue(open_db(Path(sys.argv[1]) / "tasks.db"), lambda _: ())
 for number in range(int(sys.argv[2])):
-    queue.add(NewTask(mission="note", due=0.0, policy=Policy("retry", 9)), 0.0)
+    queue.add(NewTask(mission="note", due=0.0, policy=RetryPolicy("retry", 9)), 0.0)
     print(f"acknowledged {number + 1}:waiting", flush=True)
     if number % 3 == 2:
         claim = queue.claim(1.0)
         print(f"acknowledged {claim.task.id}:running", flush=True)
-        queue.finish(claim, Outcome("success", ""), 2.0)
+        queue.finish(claim, AttemptOutcome("success", ""), 2.0)
         print(f"acknowledged {claim.task.id}:done", flush=True)
 """
 
@@ -68,7 +68,7 @@ def lost_tasks(folder: Path, done: list[Call], at: int, chance: Random | None, i
     if not wanted and not (into / "tasks.db").exists():
         return []
     with closing(open_db(into / "tasks.db")) as connection:
-        found = {task.id: str(task.state) for task in Queue(connection, lambda _: ()).tasks()}
+        found = {task.id: str(task.state) for task in TaskQueue(connection, lambda _: ()).tasks()}
     return [
         f"task {number} was {state}, and is {found.get(number, 'gone')}"
         for number, state in wanted.items()
@@ -94,7 +94,7 @@ def test_no_task_that_was_acknowledged_is_lost_by_a_power_cut(
 def times(path: Path) -> list[float]:
     """Return the times of the moments in a record; none where it is none."""
     try:
-        return [moment.t for moment in open_record(path).moments]
+        return [moment.t for moment in open_record(path).tick_records]
     except (InvalidRecordError, OSError):
         return []
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import ManualClock
-from drivers.sim.world import World
-from missions.plugins.testing.ran import Ran
-from missions.plugins.testing.recorders import STOP, Bench, drive
+from drivers.sim.world import SimulatedWorld
+from missions.plugins.testing.ran import MissionRun
+from missions.plugins.testing.recorders import STOP, LeafTestBench, drive
 from tests.missions.testing.playing import write
 
 pytest_plugins = ["pytester"]
@@ -70,7 +70,7 @@ def test_the_python_of_the_docs_passes(pytester: pytest.Pytester) -> None:
     pytester.runpytest_inprocess(*ALONE).assert_outcomes(passed=3)
 
 
-def test_a_mission_that_is_run_shows_what_it_did(run_mission: Callable[..., Ran], tmp_path: Path) -> None:
+def test_a_mission_that_is_run_shows_what_it_did(run_mission: Callable[..., MissionRun], tmp_path: Path) -> None:
     write(tmp_path, {"m.yaml": "mission: m\nparams: {far: 1 m}\ntree: {sequence: [{say: Off}, {drive: '${far}'}]}\n"})
     ran = run_mission(
         tmp_path / "m.yaml", params={"far": "20 cm"}, world="empty", given=[{"say": "succeeds after 1 s"}]
@@ -85,7 +85,7 @@ def test_a_mission_that_is_run_shows_what_it_did(run_mission: Callable[..., Ran]
     assert (again.result, again.reason, again.said) == ("failure", "bumped into something", ["Off"])
 
 
-def test_what_is_wrong_with_an_order_is_told(run_mission: Callable[..., Ran]) -> None:
+def test_what_is_wrong_with_an_order_is_told(run_mission: Callable[..., MissionRun]) -> None:
     with pytest.raises(
         ValueError, match=r"run_mission\('greet'\):\d+:\d+: what happens to the camera cannot be 'frozn'"
     ):
@@ -94,7 +94,7 @@ def test_what_is_wrong_with_an_order_is_told(run_mission: Callable[..., Ran]) ->
         run_mission("greet", world="moon")
 
 
-def test_the_robot_of_recorders_stands_by_the_clock(robot: Bench, clock: ManualClock) -> None:
+def test_the_robot_of_recorders_stands_by_the_clock(robot: LeafTestBench, clock: ManualClock) -> None:
     robot.base.drive(drive(0.2, 0.0))
     clock.advance(1.0)
     robot.base.stop()
@@ -104,6 +104,6 @@ def test_the_robot_of_recorders_stands_by_the_clock(robot: Bench, clock: ManualC
     assert robot.base.commands != [drive(0.2, 0.0), STOP, STOP], "too many expected"
 
 
-def test_worlds_are_given_by_name(world: Callable[[str], World]) -> None:
+def test_worlds_are_given_by_name(world: Callable[[str], SimulatedWorld]) -> None:
     assert len(world("two_people").people_at(0.0)) == 2
     assert len(world("empty").people_at(0.0)) == 0

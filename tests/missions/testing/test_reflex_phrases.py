@@ -5,17 +5,17 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import Diagnostic, InvalidFileError, Mark, Source
+from config.faults import Diagnostic, InvalidFileError, Mark, SourceText
 from config.marked import Scalar
-from missions.plugins.testing.mishaps import Mishap, read_mishap
-from missions.plugins.testing.moments import EventSpec, read_moment
+from missions.plugins.testing.mishaps import FaultSpec, read_fault
+from missions.plugins.testing.moments import EventSpec, read_event
 from missions.plugins.testing.phrases import Phrase
 from tests.missions.testing.playing import DRIVES, cases, played, seen
 
 
 def phrase(text: str) -> tuple[Phrase, list[Diagnostic]]:
     faults: list[Diagnostic] = []
-    return Phrase(Source("a.test.yaml", text), Scalar(Mark(1, 1, len(text)), text, text), faults), faults
+    return Phrase(SourceText("a.test.yaml", text), Scalar(Mark(1, 1, len(text)), text, text), faults), faults
 
 
 def known(name: str) -> str:
@@ -25,23 +25,23 @@ def known(name: str) -> str:
 @pytest.mark.parametrize(
     ("text", "read"),
     [
-        ("base button 0 pressed at 2 s", Mishap("base", "button", "0", start=2.0)),
-        ("base button 2 pressed from 1 s to 2 s", Mishap("base", "button", "2", start=1.0, seconds=1.0)),
-        ("base docked from 3 s", Mishap("base", "docked", start=3.0)),
-        ("base battery at 8 % from 3 s", Mishap("base", "battery", amount=0.08, start=3.0)),
-        ("base blocked from 2 s", Mishap("base", "blocked", start=2.0)),
-        ("base drifting at 180 deg/s from 1 s", Mishap("base", "drifting", amount=math.pi, start=1.0)),
-        ("base late by 0.5 s from 1 s", Mishap("base", "late", amount=0.5, start=1.0)),
-        ("range unplugged at 3 s", Mishap("range", "unplugged", start=3.0)),
+        ("base button 0 pressed at 2 s", FaultSpec("base", "button", "0", start=2.0)),
+        ("base button 2 pressed from 1 s to 2 s", FaultSpec("base", "button", "2", start=1.0, seconds=1.0)),
+        ("base docked from 3 s", FaultSpec("base", "docked", start=3.0)),
+        ("base battery at 8 % from 3 s", FaultSpec("base", "battery", amount=0.08, start=3.0)),
+        ("base blocked from 2 s", FaultSpec("base", "blocked", start=2.0)),
+        ("base drifting at 180 deg/s from 1 s", FaultSpec("base", "drifting", amount=math.pi, start=1.0)),
+        ("base late by 0.5 s from 1 s", FaultSpec("base", "late", amount=0.5, start=1.0)),
+        ("range unplugged at 3 s", FaultSpec("range", "unplugged", start=3.0)),
         (
             "range unplugged when bumper fires for 1 s",
-            Mishap("range", "unplugged", seconds=1.0, moment=EventSpec("bumper", "fires")),
+            FaultSpec("range", "unplugged", seconds=1.0, trigger=EventSpec("bumper", "fires")),
         ),
     ],
 )
-def test_what_befalls_a_base_and_its_range_finder(text: str, read: Mishap) -> None:
+def test_what_befalls_a_base_and_its_range_finder(text: str, read: FaultSpec) -> None:
     words, faults = phrase(text)
-    assert read_mishap(words, known) == read
+    assert read_fault(words, known) == read
     assert not faults
 
 
@@ -57,7 +57,7 @@ def test_what_befalls_a_base_and_its_range_finder(text: str, read: Mishap) -> No
 )
 def test_a_mistake_with_a_mishap_is_shown_at_its_word(text: str, column: int, message: str, suggestion: str) -> None:
     words, faults = phrase(text)
-    read_mishap(words, known)
+    read_fault(words, known)
     (fault,) = faults
     assert (fault.mark.column, fault.message, fault.suggestion) == (column, message, suggestion)
 
@@ -74,8 +74,8 @@ def test_a_mistake_with_a_mishap_is_shown_at_its_word(text: str, column: int, me
 )
 def test_a_reflex_is_a_moment_even_where_a_behaviour_has_its_name(text: str, read: EventSpec) -> None:
     words, faults = phrase(text)
-    assert read_moment(words, known) == read
-    words.end()
+    assert read_event(words, known) == read
+    words.expect_end()
     assert not faults
 
 
@@ -90,7 +90,7 @@ def test_a_reflex_is_a_moment_even_where_a_behaviour_has_its_name(text: str, rea
 )
 def test_a_mistake_with_a_moment_says_what_it_can_be(text: str, message: str, suggestion: str) -> None:
     words, faults = phrase(text)
-    read_moment(words, known)
+    read_event(words, known)
     (fault,) = faults
     assert (fault.message, fault.suggestion) == (message, suggestion)
 
@@ -108,7 +108,7 @@ def test_a_mistake_with_a_moment_says_what_it_can_be(text: str, message: str, su
 )
 def test_reflexes_that_fired_are_expected(body: str, tmp_path: Path) -> None:
     verdict = played(tmp_path, DRIVES, body)
-    assert verdict.passed, [*seen(verdict), verdict.error, *verdict.last]
+    assert verdict.passed, [*seen(verdict), verdict.error, *verdict.last_events]
 
 
 def test_reflexes_that_did_not_fire_are_missed(tmp_path: Path) -> None:

@@ -8,13 +8,13 @@ from functools import cache
 
 import pytest
 
-from config.library import DEFAULT_ROBOT, find
+from config.library import DEFAULT_ROBOT, find_file
 from missions.library.drivers import load_robot
 from missions.library.shipped import shipped_missions
 from missions.plugins.records.replay.rerun import rerun
-from missions.plugins.testing.mocks import Cast
-from missions.plugins.testing.report import failure
-from missions.plugins.testing.suite import Case, beside, load_suite
+from missions.plugins.testing.mocks import MockSubstitution
+from missions.plugins.testing.report import failure_text
+from missions.plugins.testing.suite import Case, load_suite, test_file_of
 from tests.missions.records.replay.past import Past, past_of_case
 
 SHARE = 4
@@ -28,7 +28,7 @@ def shares() -> list[tuple[str, int, int]]:
     """Return of each mission its name, and of each share of its cases the first case and the step to the next."""
     found = []
     for name, path in shipped_missions().items():
-        count = -(-beside(path).read_text(encoding="utf-8").count("- case:") // SHARE)
+        count = -(-test_file_of(path).read_text(encoding="utf-8").count("- case:") // SHARE)
         found += [(name, first, count) for first in range(count)]
     return found
 
@@ -36,15 +36,17 @@ def shares() -> list[tuple[str, int, int]]:
 @cache
 def cases_of(name: str) -> tuple[Case, ...]:
     """Return the cases of a mission, which are read once for all shares."""
-    return load_suite(beside(shipped_missions()[name]))
+    return load_suite(test_file_of(shipped_missions()[name]))
 
 
 def decided_again(case: Case, past: Past) -> str:
     """Decide a case again from what was told of its run; return what is not as it was then."""
-    config = load_robot(find("robots", case.robot or DEFAULT_ROBOT))
-    again = rerun(past, past.runner.plan, config, seed=case.seed, substitute=Cast(case.mocks))
-    whole = again.ticks == len({moment.tick for moment in past.moments})
-    alike = again.same and again.words == 0 and again.nodes == sum(1 for _ in past.runner.plan.tree.walk())
+    config = load_robot(find_file("robots", case.robot or DEFAULT_ROBOT))
+    again = rerun(past, past.runner.plan, config, seed=case.seed, substitute=MockSubstitution(case.mocks))
+    whole = again.ticks == len({moment.tick for moment in past.tick_records})
+    alike = (
+        again.is_identical and again.reworded_count == 0 and again.nodes == sum(1 for _ in past.runner.plan.tree.walk())
+    )
     return "" if whole and alike else f"{case}: decided again, {again}"
 
 
@@ -55,7 +57,7 @@ def test_every_shipped_mission_passes_its_tests_and_decides_the_same_again(
     wrong = []
     for case in cases_of(name)[first::step]:
         verdict, past = past_of_case(case, monkeypatch)
-        wrong.append(decided_again(case, past) if verdict.passed else failure(verdict))
+        wrong.append(decided_again(case, past) if verdict.passed else failure_text(verdict))
     assert wrong
     assert not any(wrong), "\n".join(wrong)
 

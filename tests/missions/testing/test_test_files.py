@@ -9,8 +9,8 @@ from config.faults import InvalidFileError
 from missions.language.plan import Plan
 from missions.library.shipped import load_mission
 from missions.plugins.testing import context
-from missions.plugins.testing.expectations import Place
-from missions.plugins.testing.mishaps import Mishap
+from missions.plugins.testing.expectations import PoseTarget
+from missions.plugins.testing.mishaps import FaultSpec
 from missions.plugins.testing.moments import EventSpec
 from missions.plugins.testing.suite import Case, load_suite
 
@@ -37,7 +37,7 @@ def read(folder: Path, text: str) -> tuple[Case, ...]:
 def mistakes(folder: Path, text: str) -> list[str]:
     with pytest.raises(InvalidFileError) as caught:
         read(folder, text)
-    return [f"{fault.mark.line}:{fault.mark.column}: {fault.message}" for fault in caught.value.faults]
+    return [f"{fault.mark.line}:{fault.mark.column}: {fault.message}" for fault in caught.value.diagnostics]
 
 
 def one_case(lines: str, *, params: str = "{times: 2}") -> str:
@@ -63,7 +63,10 @@ cases:
     )
     assert (first.title, first.params, first.seed) == ("one", {"text": "Hi", "times": "5"}, 3)
     assert (first.world, first.eyes, first.timeout) == (str(tmp_path / "hall.yaml"), "truth", 10.0)
-    assert first.mishaps == (Mishap("voice", "unplugged", seconds=1.0), Mishap("head", "unplugged", start=1.0))
+    assert first.injected_faults == (
+        FaultSpec("voice", "unplugged", seconds=1.0),
+        FaultSpec("head", "unplugged", start=1.0),
+    )
     assert (second.params, second.world) == ({"times": "2", "text": "Hi"}, "empty")
     assert first.mission == str(tmp_path / "nod.yaml")
 
@@ -97,9 +100,9 @@ def test_every_expectation_is_read_into_plain_values(tmp_path: Path) -> None:
     assert values["order"][0] == EventSpec("nod", "starts")
     assert values["faults"] == []
     (place,) = values["pose"]
-    assert isinstance(place, Place)
-    assert (place.x, place.y, place.within) == (1.0, -0.5, 0.1)
-    assert (place.heading, place.askew) == pytest.approx((1.5708, 0.0873), abs=1e-4)
+    assert isinstance(place, PoseTarget)
+    assert (place.x, place.y, place.max_distance) == (1.0, -0.5, 0.1)
+    assert (place.heading, place.max_angle) == pytest.approx((1.5708, 0.0873), abs=1e-4)
     assert values["returns"] == [("done", 2)]
     assert values["said"] == ["Hello"]
 
@@ -183,7 +186,7 @@ def test_the_mistakes_of_the_mission_itself_are_told_once(tmp_path: Path) -> Non
     file.write_text(f"tests: bad\ncases: [{case % 'a'}, {case % 'b'}]\n", encoding="utf-8")
     with pytest.raises(InvalidFileError) as caught:
         load_suite(file)
-    (fault,) = caught.value.faults
+    (fault,) = caught.value.diagnostics
     assert fault.source.name.endswith("bad.yaml")
     assert "wiat" in fault.message
 

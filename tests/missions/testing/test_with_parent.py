@@ -12,9 +12,9 @@ from tests.waiting import wait_until
 
 PLAYS = """
 import time
-from missions.plugins.testing.many import do_all
+from missions.plugins.testing.many import run_parallel
 print("started", flush=True)
-list(do_all(time.sleep, [600.0, 600.0], float, jobs=2))
+list(run_parallel(time.sleep, [600.0, 600.0], float, jobs=2))
 """
 
 

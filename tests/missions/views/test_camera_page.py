@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from drivers.api import Image
-from missions.plugins.setup.camera_page.served import WIDEST, CameraPage
+from missions.plugins.setup.camera_page.served import MAX_PICTURE_WIDTH, CameraPage
 from tests.browser import Browser
 from tests.waiting import wait_until
 
@@ -50,19 +50,19 @@ def test_who_does_not_know_its_link_sees_nothing(page: CameraPage) -> None:
         other.open()
         assert urlsplit(other.link).port != urlsplit(page.link).port
         assert status(other, urlsplit(page.link).path) == 404, "each has a name of its own"
-    assert not page.watched
+    assert not page.has_viewers
 
 
 def test_a_large_picture_is_sent_smaller_and_the_end_is_told(page: CameraPage) -> None:
-    page.show(red(2 * WIDEST), "1 face")
+    page.show(red(2 * MAX_PICTURE_WIDTH), "1 face")
     connection, response = ask(page, urlsplit(page.link).path + "events")
     with closing(connection):
-        wait_until(lambda: page.watched)
+        wait_until(lambda: page.has_viewers)
         news = json.loads(next(line for line in iter(response.readline, b"") if line.startswith(b"data: "))[6:])
         assert news["told"] == "1 face"
         image = cv2.imdecode(np.frombuffer(base64.b64decode(news["jpeg"]), np.uint8), cv2.IMREAD_COLOR)
         assert image is not None
-        assert image.shape == (WIDEST // 2, WIDEST, 3)
+        assert image.shape == (MAX_PICTURE_WIDTH // 2, MAX_PICTURE_WIDTH, 3)
         page.close()
         assert b'data: {"told": "the camera is closed"}' in response.read()
     assert page.link == ""
@@ -70,7 +70,7 @@ def test_a_large_picture_is_sent_smaller_and_the_end_is_told(page: CameraPage) -
 
 def test_a_browser_shows_the_picture_and_what_was_found(page: CameraPage, browser: Browser) -> None:
     tab = browser.open(page.link, size=(640, 480))
-    wait_until(lambda: page.watched)
+    wait_until(lambda: page.has_viewers)
     page.show(red(640), "1 face: Anna")
     wait_until(lambda: "1 face: Anna" in tab.text())
     wait_until(lambda: tab.evaluate("document.querySelector('#picture').naturalWidth") == 640)

@@ -10,8 +10,14 @@ from rich.live import Live
 from rich.text import Text
 
 from missions.cli.console import console
-from missions.cli.printable import PrintableStream, all_printable, printable, printable_streams, show_over
-from missions.cli.root import guarded, mission
+from missions.cli.printable import (
+    PrintableStream,
+    make_all_printable,
+    make_printable,
+    overwrite_line,
+    use_printable_streams,
+)
+from missions.cli.root import mission, run_guarded
 from tests.missions.records.recording.small_record import write
 from tests.missions.records.replay.test_malicious_records import ESCAPES, hostile_items
 
@@ -19,10 +25,10 @@ OBEYED = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\u202a-\u20
 
 
 def test_codes_are_written_out_and_all_else_stays() -> None:
-    assert printable("a\x1b[31mb\x9bc\u202ed\x7f\r") == "a\\u001b[31mb\\u009bc\\u202ed\\u007f\\u000d"
-    assert printable("Zoë 愛 שלום\t👩‍🚀\r\n") == "Zoë 愛 שלום\t👩‍🚀\r\n"
-    assert json.loads(printable(json.dumps({"name": ESCAPES}, ensure_ascii=False))) == {"name": ESCAPES}
-    assert all_printable({"log": ["\x1b"], "\x1b": 1}) == {"log": ["\\u001b"], "\\u001b": 1}
+    assert make_printable("a\x1b[31mb\x9bc\u202ed\x7f\r") == "a\\u001b[31mb\\u009bc\\u202ed\\u007f\\u000d"
+    assert make_printable("Zoë 愛 שלום\t👩‍🚀\r\n") == "Zoë 愛 שלום\t👩‍🚀\r\n"
+    assert json.loads(make_printable(json.dumps({"name": ESCAPES}, ensure_ascii=False))) == {"name": ESCAPES}
+    assert make_all_printable({"log": ["\x1b"], "\x1b": 1}) == {"log": ["\\u001b"], "\\u001b": 1}
 
 
 def test_colours_of_our_own_reach_the_terminal_and_those_in_texts_do_not(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -41,8 +47,8 @@ def test_colours_of_our_own_reach_the_terminal_and_those_in_texts_do_not(monkeyp
 
 
 def test_a_line_that_is_shown_over_another_is_printable_too(capsys: pytest.CaptureFixture[str]) -> None:
-    with printable_streams():
-        show_over("\x1b[2Jhi")
+    with use_printable_streams():
+        overwrite_line("\x1b[2Jhi")
     assert capsys.readouterr().out in {
         "\r\x1b[K\\u001b[2Jhi",
         "\r\\u001b[2Jhi",
@@ -51,8 +57,8 @@ def test_a_line_that_is_shown_over_another_is_printable_too(capsys: pytest.Captu
 
 def outputs(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     """Run the command as a process does it; return all that it prints."""
-    with printable_streams():
-        guarded(lambda: mission.main(list(arguments), standalone_mode=False))
+    with use_printable_streams():
+        run_guarded(lambda: mission.main(list(arguments), standalone_mode=False))
     printed = capsys.readouterr()
     return printed.out + printed.err
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.hearing.acceptance import LEARNED, Acceptance, learned
-from perception.hearing.features import FRAME, Decoding, features
-from perception.hearing.lexicon import edits
+from perception.hearing.acceptance import MODEL_FILE, AcceptanceModel, load_acceptance
+from perception.hearing.features import DECODER_FRAME, Decoding, acceptance_features
+from perception.hearing.lexicon import edit_distance
 from perception.hearing.sound import Clip
 
 letters = st.lists(st.sampled_from("ABC"), max_size=6)
@@ -33,7 +33,7 @@ def answer(**others: Any) -> dict[str, Any]:
 
 def clip(loud: slice = slice(20, 50)) -> Clip:
     rng = np.random.default_rng(0)
-    sound = rng.standard_normal((60, FRAME)) * 30
+    sound = rng.standard_normal((60, DECODER_FRAME)) * 30
     sound[loud] *= 100
     noise = rng.standard_normal(RATE_HALF) * 30
     return Clip(1.0, 1.3, 0.2, sound.ravel().astype(np.int16), noise.astype(np.int16))
@@ -43,9 +43,9 @@ RATE_HALF = 8000
 
 
 def figures(**others: Any) -> dict[str, float]:
-    said = Decoding.of(answer(**others))
+    said = Decoding.from_answer(answer(**others))
     assert said is not None
-    return features(said, clip())
+    return acceptance_features(said, clip())
 
 
 def test_the_figures_are_what_they_say() -> None:
@@ -64,9 +64,9 @@ def test_the_figures_are_what_they_say() -> None:
 
 
 def test_loud_sound_beside_the_words_shows() -> None:
-    said = Decoding.of(answer())
+    said = Decoding.from_answer(answer())
     assert said is not None
-    within, beside = features(said, clip()), features(said, clip(slice(0, 60)))
+    within, beside = acceptance_features(said, clip()), acceptance_features(said, clip(slice(0, 60)))
     assert beside["outside"] > within["outside"] + 1
     assert beside["covered"] < 0.7
 
@@ -87,28 +87,28 @@ def test_silence_that_fits_worse_than_some_phone_shows() -> None:
     ],
 )
 def test_what_was_not_understood_has_no_figures(nothing: dict[str, Any]) -> None:
-    assert Decoding.of(answer(**nothing)) is None
+    assert Decoding.from_answer(answer(**nothing)) is None
 
 
 @given(letters, letters, letters)
 def test_changes_are_a_distance(one: list[str], two: list[str], three: list[str]) -> None:
-    assert edits(one, one) == 0
-    assert edits(one, two) == edits(two, one) <= max(len(one), len(two))
-    assert edits(one, three) <= edits(one, two) + edits(two, three)
-    assert edits(one, [*one, "D"]) == 1
+    assert edit_distance(one, one) == 0
+    assert edit_distance(one, two) == edit_distance(two, one) <= max(len(one), len(two))
+    assert edit_distance(one, three) <= edit_distance(one, two) + edit_distance(two, three)
+    assert edit_distance(one, [*one, "D"]) == 1
 
 
 def test_what_is_usual_scores_the_bias_and_nothing_decides_alone() -> None:
-    taught = Acceptance(("a", "b"), (1.0, 2.0), (0.5, 1.0), (2.0, -1.0), 0.25)
+    taught = AcceptanceModel(("a", "b"), (1.0, 2.0), (0.5, 1.0), (2.0, -1.0), 0.25)
     assert taught.score({"a": 1.0, "b": 2.0}) == pytest.approx(0.25)
     assert taught.score({"a": 1.5, "b": 2.0}) == pytest.approx(2.25)
     assert taught.score({"a": 1e9, "b": 2.0}) == pytest.approx(8.25)
 
 
 def test_what_was_learned_knows_every_figure_and_believes_better_fits() -> None:
-    taught = learned()
+    taught = load_acceptance()
     assert sorted(taught.names) == sorted(figures())
-    assert json.loads(LEARNED.read_text())["names"] == list(taught.names)
+    assert json.loads(MODEL_FILE.read_text())["names"] == list(taught.names)
     good = figures(loop=answer()["aligned"])
     misfit = [[name, start, length, score * 5] for name, start, length, score in answer()["aligned"]]
     bad = figures(aligned=misfit, loop=[["SIL", 0, 20, -200.0], ["AA", 20, 30, -90.0], ["M", 50, 10, -20.0]])
@@ -118,4 +118,4 @@ def test_what_was_learned_knows_every_figure_and_believes_better_fits() -> None:
 def test_what_was_learned_is_read_from_a_file(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     path.write_text('{"names": ["a"], "mean": [0], "deviation": [1], "weights": [3], "bias": 1}')
-    assert learned(path).score({"a": 2.0}) == pytest.approx(7)
+    assert load_acceptance(path).score({"a": 2.0}) == pytest.approx(7)

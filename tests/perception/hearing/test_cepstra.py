@@ -7,7 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.hearing.acoustic_model import COUNT, HOP, USUAL, WEIGHT, WINDOW, cepstra, normalised, with_slopes
+from perception.hearing.acoustic_model import (
+    CEPSTRUM_SIZE,
+    HOP_SAMPLES,
+    TYPICAL_CEPSTRA,
+    TYPICAL_ROWS,
+    WINDOW_SAMPLES,
+    add_slopes,
+    cepstra,
+    normalise_cepstra,
+)
 from perception.hearing.sound import RATE, Samples
 
 
@@ -19,11 +28,11 @@ def voice(seconds: float = 1.0, loudness: float = 1000.0) -> Samples:
     return np.asarray(loudness * (buzz * np.abs(np.sin(9 * time)) + 0.02 * hiss), np.int16)
 
 
-@given(st.integers(WINDOW, 5000))
+@given(st.integers(WINDOW_SAMPLES, 5000))
 def test_there_is_a_row_for_each_10_ms(count: int) -> None:
     rows = cepstra(voice()[:count])
-    assert rows.shape[1] == COUNT
-    assert abs(len(rows) - count / HOP) <= 2
+    assert rows.shape[1] == CEPSTRUM_SIZE
+    assert abs(len(rows) - count / HOP_SAMPLES) <= 2
 
 
 def test_they_are_those_of_pocketsphinx(tmp_path: Path) -> None:
@@ -37,7 +46,7 @@ def test_they_are_those_of_pocketsphinx(tmp_path: Path) -> None:
     engine.process_raw(voice().tobytes(), no_search=False, full_utt=True)
     engine.end_utt()
     (log,) = tmp_path.iterdir()
-    theirs = np.frombuffer(log.read_bytes(), ">f4", offset=4).reshape(-1, COUNT)
+    theirs = np.frombuffer(log.read_bytes(), ">f4", offset=4).reshape(-1, CEPSTRUM_SIZE)
     assert np.allclose(cepstra(voice()), theirs, atol=0.01)
 
 
@@ -49,14 +58,14 @@ def test_a_louder_voice_differs_in_the_first_alone() -> None:
 
 
 def test_the_mean_of_a_long_sound_is_taken_away_and_of_a_short_one_in_part() -> None:
-    rows = np.tile(np.array(USUAL) + 2.0, (WEIGHT, 1))
-    assert normalised(rows) == pytest.approx(np.full((WEIGHT, COUNT), 1.0))
-    assert np.abs(normalised(np.tile(rows, (99, 1)))).max() == pytest.approx(0.02)
+    rows = np.tile(np.array(TYPICAL_CEPSTRA) + 2.0, (TYPICAL_ROWS, 1))
+    assert normalise_cepstra(rows) == pytest.approx(np.full((TYPICAL_ROWS, CEPSTRUM_SIZE), 1.0))
+    assert np.abs(normalise_cepstra(np.tile(rows, (99, 1)))).max() == pytest.approx(0.02)
 
 
 def test_slopes_are_of_5_rows_and_theirs_of_7() -> None:
-    rows = np.arange(20.0)[:, None] ** 2 * np.ones(COUNT)
-    found = with_slopes(rows)
-    assert found.shape == (20, 3, COUNT)
+    rows = np.arange(20.0)[:, None] ** 2 * np.ones(CEPSTRUM_SIZE)
+    found = add_slopes(rows)
+    assert found.shape == (20, 3, CEPSTRUM_SIZE)
     assert found[10, :, 0] == pytest.approx([100, 12**2 - 8**2, 13**2 - 11**2 - 9**2 + 7**2])
-    assert not with_slopes(np.ones((9, COUNT)))[:, 1:].any()
+    assert not add_slopes(np.ones((9, CEPSTRUM_SIZE)))[:, 1:].any()

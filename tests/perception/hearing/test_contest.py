@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from perception.hearing.acoustic_model import STATES, AcousticModel, Contest, Fits
+from perception.hearing.acoustic_model import STATES_PER_PHONE, AcousticModel, StateLikelihoods, WordContest
 from perception.hearing.lexicon import model_folder
-from perception.hearing.sound import RATE, Floats, Samples, clarified, dithered
+from perception.hearing.sound import RATE, Floats, Samples, add_noise, enhance_speech
 from tests.benchmarks.speaking import Speaking
 
 pytest.importorskip("pocketsphinx")
@@ -23,22 +23,24 @@ def model() -> AcousticModel:
     return AcousticModel(folder / "en-us")
 
 
-def contest(model: AcousticModel, *words: str) -> Contest:
-    return Contest(model, [(word, WAYS[word].split()) for word in words])
+def contest(model: AcousticModel, *words: str) -> WordContest:
+    return WordContest(model, [(word, WAYS[word].split()) for word in words])
 
 
 def surrounded(sound: Samples) -> Samples:
     quiet = np.zeros(RATE // 3, np.int16)
-    return dithered(clarified(np.concatenate([quiet, sound, quiet]), quiet), 20.0)
+    return add_noise(enhance_speech(np.concatenate([quiet, sound, quiet]), quiet), 20.0)
 
 
 def test_the_word_that_was_said_wins_and_stands_once(model: AcousticModel) -> None:
     pytest.importorskip("espeakng_loader")
-    arena = Contest(model, [*((word, ways.split()) for word, ways in WAYS.items()), ("stop", ["S", "T", "AO", "P"])])
+    arena = WordContest(
+        model, [*((word, ways.split()) for word, ways in WAYS.items()), ("stop", ["S", "T", "AO", "P"])]
+    )
     with Speaking() as speaking:
         for word in WAYS:
             sound = speaking.say(word, "en-us", 150)
-            entries = arena.entries(surrounded(sound))
+            entries = arena.rank_words(surrounded(sound))
             assert entries[0].word == word
             assert sorted(entry.word for entry in entries) == sorted(WAYS)
             assert [entry.score for entry in entries] == sorted((entry.score for entry in entries), reverse=True)
@@ -47,35 +49,41 @@ def test_the_word_that_was_said_wins_and_stands_once(model: AcousticModel) -> No
 
 def test_who_else_competes_changes_nobodys_score(model: AcousticModel) -> None:
     sound = np.random.default_rng(1).normal(0, 900, RATE).astype(np.int16)
-    few, many = ({each.word: each.score for each in contest(model, *words).entries(sound)} for words in (("on",), WAYS))
+    few, many = (
+        {each.word: each.score for each in contest(model, *words).rank_words(sound)} for words in (("on",), WAYS)
+    )
     assert few["on"] == pytest.approx(many["on"], rel=1e-5)
 
 
 def test_a_sound_too_short_for_a_word_leaves_it_last(model: AcousticModel) -> None:
-    (on, hello) = contest(model, "on", "hello").entries(np.zeros(1600, np.int16))
+    (on, hello) = contest(model, "on", "hello").rank_words(np.zeros(1600, np.int16))
     assert (on.word, hello.word, hello.frames) == ("on", "hello", 0)
     assert np.isfinite(on.score)
 
 
 def test_a_phone_has_other_states_at_the_ends_of_words_and_between_others(model: AcousticModel) -> None:
-    no, nine, on = (model.states(WAYS[word].split()) for word in ("no", "nine", "on"))
-    assert [len(each.which) for each in (no, nine, on)] == [2 * STATES, 3 * STATES, 2 * STATES]
-    firsts = [tuple(no.which[:3]), tuple(nine.which[:3]), tuple(nine.which[-3:]), tuple(on.which[-3:])]
+    no, nine, on = (model.word_states(WAYS[word].split()) for word in ("no", "nine", "on"))
+    assert [len(each.numbers) for each in (no, nine, on)] == [
+        2 * STATES_PER_PHONE,
+        3 * STATES_PER_PHONE,
+        2 * STATES_PER_PHONE,
+    ]
+    firsts = [tuple(no.numbers[:3]), tuple(nine.numbers[:3]), tuple(nine.numbers[-3:]), tuple(on.numbers[-3:])]
     assert len(set(firsts)) > 2
-    assert set(model.phone_of[no.which[:3]]) == set(model.phone_of[on.which[-3:]])
-    assert np.exp(no.stay) + np.exp(no.leave) == pytest.approx(np.ones(6))
+    assert set(model.phone_of[no.numbers[:3]]) == set(model.phone_of[on.numbers[-3:]])
+    assert np.exp(no.log_stay) + np.exp(no.log_leave) == pytest.approx(np.ones(6))
 
 
 def test_a_phone_between_others_that_the_model_never_heard_is_the_plain_one(model: AcousticModel) -> None:
-    odd = model.states(["ZH", "ZH", "ZH"]).which
-    assert len(odd) == 3 * STATES
+    odd = model.word_states(["ZH", "ZH", "ZH"]).numbers
+    assert len(odd) == 3 * STATES_PER_PHONE
     with pytest.raises(KeyError):
-        model.states(["XX"])
+        model.word_states(["XX"])
 
 
 def test_a_state_weighs_all_gaussians_of_its_phone_and_fits_its_own_means_best(model: AcousticModel) -> None:
-    which = model.states(["S", "IY"]).which
-    fits = Fits(model, which.tolist())
+    which = model.word_states(["S", "IY"]).numbers
+    fits = StateLikelihoods(model, which.tolist())
     hiss, vowel = (int(model.phone_of[state]) for state in (which[1], which[4]))
     features = np.array([_mean(model, phone) for phone in (hiss, vowel)])
     found = fits(features)[:, fits.columns(which)]

@@ -5,7 +5,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.hearing.sound import LOUD, RATE, WINDOW, Floats, Samples, clarified, dithered, filtered, levels
+from perception.hearing.sound import (
+    RATE,
+    TARGET_LEVEL,
+    WINDOW_SAMPLES,
+    Floats,
+    Samples,
+    add_noise,
+    enhance_speech,
+    levels,
+    wiener_filter,
+)
 
 
 def hiss(count: int, loudness: float, seed: int = 0) -> Floats:
@@ -27,7 +37,7 @@ def power(sound: Floats) -> float:
 def test_noise_becomes_much_weaker_and_speech_hardly(loudness: float) -> None:
     speech = words()
     noisy = speech + hiss(len(speech), loudness)
-    clean = filtered(noisy, hiss(RATE // 2, loudness, seed=1))
+    clean = wiener_filter(noisy, hiss(RATE // 2, loudness, seed=1))
     assert len(clean) == len(noisy)
     silent = np.flatnonzero(speech == 0)
     assert power(clean[silent]) < 0.1 * power(noisy[silent])
@@ -37,30 +47,30 @@ def test_noise_becomes_much_weaker_and_speech_hardly(loudness: float) -> None:
 @given(st.integers(1, 4000))
 def test_without_noise_a_sound_stays_what_it_is(count: int) -> None:
     sound = hiss(count, 1000.0)
-    assert np.allclose(filtered(sound, np.zeros(WINDOW)), sound, atol=1.0)
+    assert np.allclose(wiener_filter(sound, np.zeros(WINDOW_SAMPLES)), sound, atol=1.0)
 
 
 @pytest.mark.parametrize("gain", [0.02, 0.1, 1.0, 5.0])
 def test_how_loud_the_microphone_is_changes_little(gain: float) -> None:
-    sound = clarified(np.asarray(words() * gain, np.int16), np.zeros(0, np.int16))
-    assert np.percentile(levels(sound), 95) == pytest.approx(LOUD, abs=1.5)
+    sound = enhance_speech(np.asarray(words() * gain, np.int16), np.zeros(0, np.int16))
+    assert np.percentile(levels(sound), 95) == pytest.approx(TARGET_LEVEL, abs=1.5)
 
 
 @given(st.integers(0, 3000), st.integers(0, 3000))
 def test_any_sound_before_any_noise_stays_a_sound(count: int, before: int) -> None:
     sound: Samples = np.asarray(hiss(count, 9000.0), np.int16)
-    clear = clarified(sound, np.asarray(hiss(before, 50.0), np.int16))
+    clear = enhance_speech(sound, np.asarray(hiss(before, 50.0), np.int16))
     assert clear.dtype == np.int16
     assert clear.shape == sound.shape
 
 
 def test_digital_silence_gets_as_much_noise_as_was_asked_for() -> None:
-    clear = dithered(clarified(np.zeros(RATE, np.int16), np.zeros(RATE // 2, np.int16)), 40.0)
+    clear = add_noise(enhance_speech(np.zeros(RATE, np.int16), np.zeros(RATE // 2, np.int16)), 40.0)
     assert clear.dtype == np.int16
     assert np.std(clear) == pytest.approx(40, rel=0.1)
 
 
 def test_the_same_clip_gives_the_same_sound() -> None:
     sound, noise = np.asarray(words(), np.int16), np.asarray(hiss(RATE, 30.0), np.int16)
-    one, other = (dithered(clarified(sound, noise), 40.0) for _ in range(2))
+    one, other = (add_noise(enhance_speech(sound, noise), 40.0) for _ in range(2))
     assert np.array_equal(one, other)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from perception.hearing.sound import LEAD, RATE, TAIL, Clip, EndPointer, Gate, Samples
+from perception.hearing.sound import LEAD_TIME, RATE, TAIL_TIME, Clip, EndPointer, Samples, SpeechGate
 
 LOUD = 3000.0
 
@@ -25,7 +25,9 @@ def scene(*spoken: tuple[float, float], seconds: float, loudness: float = 100.0)
 def cut(sound: Samples, *, piece: int = 320, start: float = 0.0) -> list[Clip]:
     pointer = EndPointer()
     return [
-        clip for at in range(0, len(sound), piece) for clip in pointer.take(sound[at : at + piece], start + at / RATE)
+        clip
+        for at in range(0, len(sound), piece)
+        for clip in pointer.process(sound[at : at + piece], start + at / RATE)
     ]
 
 
@@ -34,8 +36,8 @@ def test_speech_is_cut_out_with_what_is_around_it() -> None:
     (clip,) = cut(sound, start=100.0)
     assert clip.start == pytest.approx(102.0, abs=0.03)
     assert clip.end == pytest.approx(102.8, abs=0.03)
-    assert clip.lead == pytest.approx(LEAD)
-    assert len(clip.samples) / RATE == pytest.approx(LEAD + 0.8 + TAIL, abs=0.05)
+    assert clip.lead == pytest.approx(LEAD_TIME)
+    assert len(clip.samples) / RATE == pytest.approx(LEAD_TIME + 0.8 + TAIL_TIME, abs=0.05)
     begin = round((clip.start - clip.lead - 100.0) * RATE)
     assert np.array_equal(clip.samples, sound[begin : begin + len(clip.samples)])
     assert len(clip.noise) > 0.3 * RATE
@@ -72,7 +74,7 @@ def test_a_noise_that_goes_on_becomes_the_background_before_which_speech_is_hear
     clips = cut(sound)
     assert (round(clips[-1].start, 1), round(clips[-1].end, 1)) == (14.0, 14.6)
     assert len(clips) <= 3
-    assert all(clip.end - clip.start <= Gate().longest + 0.1 for clip in clips)
+    assert all(clip.end - clip.start <= SpeechGate().longest + 0.1 for clip in clips)
 
 
 def test_after_a_long_speech_the_next_word_is_heard() -> None:
@@ -91,9 +93,9 @@ def test_the_voices_of_others_in_the_distance_do_not_keep_it_from_ending() -> No
 
 def test_after_a_reset_the_beginning_is_forgotten_and_the_background_known() -> None:
     sound, pointer = scene((1.0, 3.0), (5.0, 5.5), seconds=7), EndPointer()
-    assert pointer.take(sound[: 2 * RATE], 0.0) == []
+    assert pointer.process(sound[: 2 * RATE], 0.0) == []
     pointer.reset()
-    (clip,) = pointer.take(sound[round(4.9 * RATE) :], 4.9)
+    (clip,) = pointer.process(sound[round(4.9 * RATE) :], 4.9)
     assert clip.start == pytest.approx(5.0, abs=0.03)
     assert clip.lead == pytest.approx(0.1, abs=0.03)
     assert len(clip.noise) > 0.3 * RATE

@@ -12,11 +12,19 @@ import numpy as np
 import pytest
 
 from drivers.clock import SystemClock
-from drivers.transport.pipe import Worker
-from perception.hearing.acceptance import learned
-from perception.hearing.engines import BEATEN, NOTHING, Modelled, Sherpa, Sphinx, Vosk, weighed
-from perception.hearing.grammar import Grammar
-from perception.hearing.lexicon import Lexicon, english
+from drivers.transport.pipe import WorkerProcess
+from perception.hearing.acceptance import load_acceptance
+from perception.hearing.engines import (
+    DECOY_TOLERANCE,
+    NO_PHRASE,
+    ModelEngine,
+    SherpaEngine,
+    SphinxEngine,
+    VoskEngine,
+    limit_by_decoys,
+)
+from perception.hearing.grammar import PhraseGrammar
+from perception.hearing.lexicon import Lexicon, load_english
 from perception.hearing.sound import Clip
 from tests.waiting import wait_until
 
@@ -52,15 +60,15 @@ class Ear:
         self.starts = 0
         self.got: list[Mapping[str, Any]] = []
 
-    def started(self) -> None:
+    def on_started(self) -> None:
         self.starts += 1
 
-    def received(self, message: Mapping[str, Any], body: bytes) -> None:
+    def on_message(self, message: Mapping[str, Any], body: bytes) -> None:
         assert not body
         self.got.append(message)
 
-    def lost(self, why: str) -> None:
-        raise AssertionError(why)
+    def on_exit(self, reason: str) -> None:
+        raise AssertionError(reason)
 
 
 def clip(count: int) -> Clip:
@@ -103,29 +111,31 @@ class OnlineRecognizer:
 FILES = ("tokens.txt", "encoder-1.onnx", "encoder-1.int8.onnx", "decoder-1.onnx", "joiner-1.onnx")
 
 
-def isolated(engine: Modelled, beside: Path) -> Worker:
+def isolated(engine: ModelEngine, beside: Path) -> WorkerProcess:
     """The program of an engine, which finds its library in the folder ``beside``."""
     code = f"import sys, runpy; sys.path.insert(0, {str(beside)!r}); runpy.run_path(sys.argv[1], None, '__main__')"
-    return Worker("ears", engine.program, SystemClock(), command=(sys.executable, "-I", "-c", code))
+    return WorkerProcess("ears", engine.program, SystemClock(), command=(sys.executable, "-I", "-c", code))
 
 
-@pytest.mark.parametrize(("kind", "library", "stand_in"), [(Vosk, "vosk", VOSK), (Sherpa, "sherpa_onnx", SHERPA)])
+@pytest.mark.parametrize(
+    ("kind", "library", "stand_in"), [(VoskEngine, "vosk", VOSK), (SherpaEngine, "sherpa_onnx", SHERPA)]
+)
 def test_an_engine_is_given_the_phrases_and_the_users_model(
-    kind: type[Modelled], library: str, stand_in: str, tmp_path: Path
+    kind: type[ModelEngine], library: str, stand_in: str, tmp_path: Path
 ) -> None:
     (tmp_path / f"{library}.py").write_text(stand_in)
     model = tmp_path / "model"
     model.mkdir()
     for name in FILES:
         (model / name).touch()
-    engine = kind(Grammar.of(["yes", "thank you"]), model)
+    engine = kind(PhraseGrammar.from_texts(["yes", "thank you"]), model)
     worker, ear = isolated(engine, tmp_path), Ear()
     worker.open(ear)
     try:
         wait_until(lambda: ear.starts)
-        worker.send(engine.instructions())
+        worker.send(engine.setup_message())
         for number in range(3):
-            worker.send({"decode": number}, engine.sound(clip(1000 * number)))
+            worker.send({"decode": number}, engine.prepare_sound(clip(1000 * number)))
         wait_until(lambda: len(ear.got) == 4)
     finally:
         worker.close()
@@ -135,7 +145,7 @@ def test_an_engine_is_given_the_phrases_and_the_users_model(
     judged = [engine.judge(clip(0), answer) for answer in answers[:2]]
     assert [phrase for phrase, _ in judged] == ["yes", "thank you"]
     assert [score for _, score in judged] == pytest.approx([log(3), log(3)])
-    assert engine.judge(clip(2000), answers[2]) == NOTHING
+    assert engine.judge(clip(2000), answers[2]) == NO_PHRASE
 
 
 @pytest.mark.parametrize(
@@ -146,73 +156,75 @@ def test_a_folder_without_a_transducer_is_told(files: tuple[str, ...], complaint
     (tmp_path / "sherpa_onnx.py").write_text(SHERPA)
     for name in files:
         (tmp_path / name).touch()
-    engine = Sherpa(Grammar.of(["yes"]), tmp_path)
+    engine = SherpaEngine(PhraseGrammar.from_texts(["yes"]), tmp_path)
     worker, lost = isolated(engine, tmp_path), Event()
     told: list[str] = []
 
     class Lost(Ear):
-        def lost(self, why: str) -> None:
-            told.append(why)
+        def on_exit(self, reason: str) -> None:
+            told.append(reason)
             lost.set()
 
     ear = Lost()
     worker.open(ear)
     try:
         wait_until(lambda: ear.starts)
-        worker.send(engine.instructions())
+        worker.send(engine.setup_message())
         assert lost.wait(20)
     finally:
         worker.close()
     assert re.search(complaint, told[0])
 
 
-@pytest.mark.parametrize("kind", [Vosk, Sherpa])
+@pytest.mark.parametrize("kind", [VoskEngine, SherpaEngine])
 @pytest.mark.parametrize(
     ("answer", "judged"),
     [
-        ({"phrase": "", "sure": []}, NOTHING),
-        ({"phrase": "yes [unk]", "sure": [0.9, 0.9]}, NOTHING),
+        ({"phrase": "", "sure": []}, NO_PHRASE),
+        ({"phrase": "yes [unk]", "sure": [0.9, 0.9]}, NO_PHRASE),
         ({"phrase": "thank you", "sure": [0.9, 0.5]}, ("thank you", 0.0)),
         ({"phrase": " Thank you.", "sure": [0.9, 0.9, 0.5]}, ("thank you", 0.0)),
-        ({"phrase": "yes", "sure": []}, NOTHING),
+        ({"phrase": "yes", "sure": []}, NO_PHRASE),
         ({"phrase": "yes", "sure": [1.0]}, ("yes", pytest.approx(log(999)))),
     ],
 )
-def test_an_answer_is_as_sure_as_its_least_sure_part(kind: type[Modelled], answer: dict[str, Any], judged: Any) -> None:
-    assert kind(Grammar.of(["yes", "thank you"]), Path("model")).judge(clip(0), answer) == judged
+def test_an_answer_is_as_sure_as_its_least_sure_part(
+    kind: type[ModelEngine], answer: dict[str, Any], judged: Any
+) -> None:
+    assert kind(PhraseGrammar.from_texts(["yes", "thank you"]), Path("model")).judge(clip(0), answer) == judged
 
 
 def test_words_that_nobody_can_say_are_told_before_anything_runs() -> None:
     with pytest.raises(ValueError, match="cannot listen for 'rodney': nobody says how it is pronounced"):
-        Sphinx(Grammar.of(["hello rodney"]), Lexicon("hello HH AH L OW\n"), learned())
+        SphinxEngine(PhraseGrammar.from_texts(["hello rodney"]), Lexicon("hello HH AH L OW\n"), load_acceptance())
 
 
 def test_an_answer_without_an_understanding_is_nothing() -> None:
-    engine = Sphinx(Grammar.of(["hello"]), Lexicon("hello HH AH L OW\n"), learned())
-    assert engine.judge(clip(16000), {"decoded": 1, "phrase": ""}) == NOTHING
+    engine = SphinxEngine(PhraseGrammar.from_texts(["hello"]), Lexicon("hello HH AH L OW\n"), load_acceptance())
+    assert engine.judge(clip(16000), {"decoded": 1, "phrase": ""}) == NO_PHRASE
 
 
 def test_a_word_is_no_surer_than_the_decoys_leave_it() -> None:
-    assert weighed(3.0, None) == 3.0
-    assert weighed(3.0, 1000.0) == 3.0
-    assert weighed(3.0, -BEATEN) == 0.0
-    assert weighed(-2.0, -BEATEN) == -2.0
-    assert weighed(3.0, -BEATEN - 20) < 0
+    assert limit_by_decoys(3.0, None) == 3.0
+    assert limit_by_decoys(3.0, 1000.0) == 3.0
+    assert limit_by_decoys(3.0, -DECOY_TOLERANCE) == 0.0
+    assert limit_by_decoys(-2.0, -DECOY_TOLERANCE) == -2.0
+    assert limit_by_decoys(3.0, -DECOY_TOLERANCE - 20) < 0
 
 
 def test_pocketsphinx_hears_no_phrase_in_noise_and_says_what_that_cost() -> None:
     pytest.importorskip("pocketsphinx")
-    lexicon = english()
+    lexicon = load_english()
     assert lexicon is not None
-    engine = Sphinx(Grammar.of(["yes", "hello robot"]), lexicon, learned())
-    worker, ear = Worker("ears", engine.program, SystemClock()), Ear()
+    engine = SphinxEngine(PhraseGrammar.from_texts(["yes", "hello robot"]), lexicon, load_acceptance())
+    worker, ear = WorkerProcess("ears", engine.program, SystemClock()), Ear()
     noise = Clip(1.0, 2.0, 0.3, np.random.default_rng(0).normal(0, 900, 24000).astype(np.int16), np.zeros(0, np.int16))
     worker.open(ear)
     try:
         wait_until(lambda: ear.starts)
-        worker.send({"decode": 1}, engine.sound(noise))
-        worker.send(engine.instructions())
-        worker.send({"decode": 2}, engine.sound(noise))
+        worker.send({"decode": 1}, engine.prepare_sound(noise))
+        worker.send(engine.setup_message())
+        worker.send({"decode": 2}, engine.prepare_sound(noise))
         wait_until(lambda: len(ear.got) == 3)
     finally:
         worker.close()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from perception.api import Hearing
-from perception.hearing.listener import CLIP_TIMEOUT, START, Ears, Listener, RecogniserState
+from perception.hearing.listener import CLIP_TIMEOUT, START_TIMEOUT, Ears, RecogniserState, SpeechListener
 from perception.hearing.sound import RATE, Piece
 from tests.machines import walk
 from tests.perception.hearing.workers import LengthEngine, ScriptedWorker, bits, talk
@@ -19,7 +19,9 @@ class Scene:
         self.worker = ScriptedWorker()
         self.changes = 0
         self.speaking = (0.0, 0.0)
-        self.listener = Listener(self.worker, LengthEngine(), threshold=threshold, deaf=self.deaf, changed=self.changed)
+        self.listener = SpeechListener(
+            self.worker, LengthEngine(), threshold=threshold, is_deaf=self.deaf, changed=self.changed
+        )
 
     def deaf(self, start: float, end: float) -> bool:
         return start < self.speaking[1] and end > self.speaking[0]
@@ -28,16 +30,16 @@ class Scene:
         self.changes += 1
 
     def begin(self) -> None:
-        self.listener.started()
-        self.listener.received({"ready": True}, b"")
+        self.listener.on_started()
+        self.listener.on_message({"ready": True}, b"")
 
     def hear(self, *spoken: tuple[float, float], seconds: float, first: int = 0) -> None:
         for piece in bits(talk(*spoken, seconds=seconds), first=first, start=first * 0.02):
-            self.listener.take(piece)
+            self.listener.process(piece)
 
     def answer(self, phrase: str, score: float) -> None:
         asked = self.worker.sent[-1][0]["decode"]
-        self.listener.received({"decoded": asked, "phrase": phrase, "score": score}, b"")
+        self.listener.on_message({"decoded": asked, "phrase": phrase, "score": score}, b"")
 
 
 @pytest.fixture
@@ -61,13 +63,13 @@ def test_before_the_recogniser_is_ready_nobody_listens(scene: Scene) -> None:
 def test_what_is_said_is_recognised_and_kept_with_its_times(scene: Scene) -> None:
     scene.begin()
     scene.hear((1.0, 1.5), seconds=3)
-    assert scene.listener.pending
+    assert scene.listener.is_pending
     assert scene.listener.words() == ()
     scene.answer("yes", 2.5)
     (words,) = scene.listener.words()
     assert (words.id, words.phrase, words.score, words.who) == (1, "yes", 2.5, "")
     assert [words.start, words.stamp] == pytest.approx([1.0, 1.5], abs=0.03)
-    assert (scene.listener.refused(), scene.changes, scene.listener.pending) == ((), 1, False)
+    assert (scene.listener.refused(), scene.changes, scene.listener.is_pending) == ((), 1, False)
 
 
 @pytest.mark.parametrize(("threshold", "accepted"), [(0.9, True), (1.0, True), (1.1, False)])
@@ -106,7 +108,7 @@ def test_it_does_not_hear_what_the_robot_says_itself(scene: Scene) -> None:
     scene.hear((1.0, 1.9), (3.0, 3.5), seconds=5)
     scene.answer("yes", 1.0)
     assert [round(words.start) for words in scene.listener.words()] == [3]
-    assert not scene.listener.pending
+    assert not scene.listener.is_pending
     assert scene.listener.listened() == pytest.approx(5.0)
 
 
@@ -114,7 +116,7 @@ def test_sound_that_was_lost_does_not_join_what_was_before_to_what_was_after(sce
     scene.begin()
     pieces = bits(talk((1.0, 3.0), seconds=5))
     for piece in (*pieces[:75], *pieces[125:]):  # half a second is missing
-        scene.listener.take(piece)
+        scene.listener.process(piece)
     scene.answer("yes", 1.0)
     (words,) = scene.listener.words()
     assert words.start == pytest.approx(2.5, abs=0.03)
@@ -123,24 +125,24 @@ def test_sound_that_was_lost_does_not_join_what_was_before_to_what_was_after(sce
 def test_a_recogniser_that_dies_costs_what_it_was_asked_and_no_more(scene: Scene) -> None:
     scene.begin()
     scene.hear((1.0, 1.5), (3.0, 3.5), seconds=5)
-    scene.listener.lost("killed")
+    scene.listener.on_exit("killed")
     before = scene.listener.listened()
     scene.hear(seconds=1, first=250)
     assert scene.listener.listened() == before
     scene.begin()
     scene.answer("yes", 1.0)
     assert [round(words.start) for words in scene.listener.words()] == [3]
-    assert not scene.listener.pending
+    assert not scene.listener.is_pending
 
 
 def test_a_recogniser_that_cannot_be_told_does_no_harm(scene: Scene) -> None:
     scene.begin()
     scene.worker.broken = True
     scene.hear((1.0, 1.5), seconds=3)
-    scene.listener.lost("gone")
-    scene.listener.started()
+    scene.listener.on_exit("gone")
+    scene.listener.on_started()
     assert scene.listener.words() == ()
-    assert not scene.listener.ready
+    assert not scene.listener.is_ready
 
 
 def test_a_recogniser_that_hangs_is_killed_and_meanwhile_nobody_listens(scene: Scene) -> None:
@@ -154,35 +156,35 @@ def test_a_recogniser_that_hangs_is_killed_and_meanwhile_nobody_listens(scene: S
 
 def test_a_recogniser_that_hangs_before_it_is_ready_is_killed_too(scene: Scene) -> None:
     scene.hear(seconds=0.1, first=50 * 100)
-    scene.listener.started()
+    scene.listener.on_started()
     scene.hear(seconds=0.1, first=50 * 200)  # its time counts from the first sound on
-    scene.hear(seconds=0.1, first=round(50 * (199 + START)))
+    scene.hear(seconds=0.1, first=round(50 * (199 + START_TIMEOUT)))
     assert scene.worker.kills == 0
-    scene.hear(seconds=0.1, first=round(50 * (201 + START)))
+    scene.hear(seconds=0.1, first=round(50 * (201 + START_TIMEOUT)))
     assert scene.worker.kills > 0
 
 
 def test_a_recogniser_that_is_killed_or_gets_ready_in_time_is_left_alone(scene: Scene) -> None:
-    scene.listener.started()
+    scene.listener.on_started()
     scene.hear(seconds=0.1)
-    scene.listener.lost("killed")
-    scene.hear(seconds=0.1, first=round(50 * (START + 1)))
+    scene.listener.on_exit("killed")
+    scene.hear(seconds=0.1, first=round(50 * (START_TIMEOUT + 1)))
     scene.begin()
-    scene.hear(seconds=0.1, first=round(50 * 2 * (START + 1)))
+    scene.hear(seconds=0.1, first=round(50 * 2 * (START_TIMEOUT + 1)))
     assert scene.worker.kills == 0
 
 
 def test_a_new_recogniser_knows_nothing_of_what_the_last_was_asked(scene: Scene) -> None:
     scene.begin()
     scene.hear((1.0, 1.5), seconds=3)
-    scene.listener.started()  # closed and opened: nobody tells that the last was lost
-    assert not scene.listener.ready
-    assert not scene.listener.pending
+    scene.listener.on_started()  # closed and opened: nobody tells that the last was lost
+    assert not scene.listener.is_ready
+    assert not scene.listener.is_pending
 
 
 def test_an_answer_that_nobody_asked_for_is_dropped(scene: Scene) -> None:
     scene.begin()
-    scene.listener.received({"decoded": 7, "phrase": "yes", "score": 9.0}, b"")
+    scene.listener.on_message({"decoded": 7, "phrase": "yes", "score": 9.0}, b"")
     assert (scene.listener.words(), scene.changes) == ((), 0)
 
 
@@ -198,10 +200,10 @@ def test_the_level_is_that_of_the_last_moment(scene: Scene) -> None:
     assert scene.listener.level() == -90
     full = np.where(np.arange(3200) % 2, 32767, -32767).astype(np.int16)
     for piece in bits(full):
-        scene.listener.take(piece)
+        scene.listener.process(piece)
     assert scene.listener.level() == pytest.approx(0, abs=0.01)
     for piece in bits(np.zeros(1600, np.int16), first=10):
-        scene.listener.take(piece)
+        scene.listener.process(piece)
     assert scene.listener.level() == -90
 
 
@@ -264,21 +266,21 @@ def test_ears_listen_on_a_thread_of_their_own_and_survive_trouble(scene: Scene) 
 
 def test_random_events_of_a_recogniser_take_every_transition_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
     def live(scene: Scene, _: Random) -> None:
-        scene.listener.started()
+        scene.listener.on_started()
 
     def get_ready(scene: Scene, _: Random) -> None:
         if scene.listener._state is not RecogniserState.ABSENT:
-            scene.listener.received({"ready": True}, b"")
+            scene.listener.on_message({"ready": True}, b"")
 
     def talk_to_it(scene: Scene, _: Random) -> None:
         scene.hear((0.1, 0.4), seconds=1.0)
 
     def answer(scene: Scene, _: Random) -> None:
-        if scene.listener.ready and scene.listener.pending and "decode" in scene.worker.sent[-1][0]:
+        if scene.listener.is_ready and scene.listener.is_pending and "decode" in scene.worker.sent[-1][0]:
             scene.answer("yes", 1.0)
 
     def lose(scene: Scene, _: Random) -> None:
-        scene.listener.lost("killed")
+        scene.listener.on_exit("killed")
 
     actions = [live, lose, *[get_ready, answer, answer] * 2, talk_to_it]
     table = walk(monkeypatch, "perception.hearing.listener.TRANSITIONS", Scene, actions, walks=12)

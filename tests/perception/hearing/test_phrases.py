@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.hearing.grammar import END, START, Grammar, fault_of, normalised
-from perception.hearing.lexicon import KIND_OF, VOWELS, Lexicon, confusable, phones_of, variants
+from perception.hearing.grammar import END, START, PhraseGrammar, normalise, phrase_error
+from perception.hearing.lexicon import KIND_OF, VOWELS, Lexicon, british_variants, espeak_to_phones, find_confusable
 
 DICTIONARY = """stop S T AA P
 start S T AA R T
@@ -35,32 +35,32 @@ phrases = st.lists(st.lists(st.sampled_from(["go", "left", "the", "stop"]), min_
     ],
 )
 def test_a_phrase_is_what_is_spoken_of_a_text(text: str, phrase: str) -> None:
-    assert normalised(text) == phrase
+    assert normalise(text) == phrase
 
 
 @given(texts)
 def test_a_phrase_is_its_own_phrase(text: str) -> None:
-    assert normalised(normalised(text)) == normalised(text)
+    assert normalise(normalise(text)) == normalise(text)
 
 
 @pytest.mark.parametrize(("text", "fault"), [("?!", "no word"), ("go 3 steps", "write them out"), ("yes", "")])
 def test_what_cannot_be_said_is_told(text: str, fault: str) -> None:
-    assert fault in fault_of(text)
-    assert bool(fault) == bool(fault_of(text))
+    assert fault in phrase_error(text)
+    assert bool(fault) == bool(phrase_error(text))
 
 
 def test_a_grammar_of_what_cannot_be_said_is_refused() -> None:
     with pytest.raises(ValueError, match="cannot listen for 'go 3 steps': it has digits"):
-        Grammar.of(["yes", "go 3 steps"])
+        PhraseGrammar.from_texts(["yes", "go 3 steps"])
 
 
 def test_phrases_that_sound_alike_count_once() -> None:
-    assert Grammar.of(["Yes!", "yes", "no"]).phrases == ("yes", "no")
+    assert PhraseGrammar.from_texts(["Yes!", "yes", "no"]).phrases == ("yes", "no")
 
 
 @given(phrases)
 def test_the_network_allows_just_the_phrases(some: list[list[str]]) -> None:
-    grammar = Grammar.of(" ".join(words) for words in some)
+    grammar = PhraseGrammar.from_texts(" ".join(words) for words in some)
     arcs, found = grammar.arcs(), set()
     walks: list[tuple[int, tuple[str, ...]]] = [(START, ())]
     while walks:
@@ -86,16 +86,16 @@ def test_the_network_allows_just_the_phrases(some: list[list[str]]) -> None:
     ],
 )
 def test_a_phrase_is_found_in_a_text_that_says_little_else(text: str, phrase: str) -> None:
-    assert Grammar.of(["yes", "thank you", "no"]).find(text) == phrase
+    assert PhraseGrammar.from_texts(["yes", "thank you", "no"]).find(text) == phrase
 
 
 def test_of_several_phrases_in_a_text_the_longest_counts() -> None:
-    assert Grammar.of(["thank", "thank you"]).find("thank you") == "thank you"
+    assert PhraseGrammar.from_texts(["thank", "thank you"]).find("thank you") == "thank you"
 
 
 @given(texts)
 def test_no_phrase_is_found_in_a_text_without_its_words(text: str) -> None:
-    assert Grammar.of(["stop here"]).find(text) == ""
+    assert PhraseGrammar.from_texts(["stop here"]).find(text) == ""
 
 
 @pytest.mark.parametrize(
@@ -113,12 +113,12 @@ def test_no_phrase_is_found_in_a_text_without_its_words(text: str) -> None:
     ],
 )
 def test_british_speakers_drop_their_r_and_round_their_o(american: str, british: list[str]) -> None:
-    assert variants(american.split()) == [tuple(each.split()) for each in british]
+    assert british_variants(american.split()) == [tuple(each.split()) for each in british]
 
 
 @given(st.lists(st.sampled_from(sorted(KIND_OF)), min_size=1, max_size=8))
 def test_other_ways_to_say_a_word_are_new_and_have_its_syllables(phones: list[str]) -> None:
-    ways = variants(phones)
+    ways = british_variants(phones)
     assert tuple(phones) not in ways
     assert len(set(ways)) == len(ways)
     for way in ways:
@@ -131,14 +131,14 @@ def test_a_word_is_said_in_all_the_ways_of_the_dictionary_and_in_british() -> No
     assert lexicon.pronunciations("the") == [("DH", "AH"), ("DH", "IY")]
     assert lexicon.pronunciations("stop") == [("S", "T", "AA", "P"), ("S", "T", "AO", "P")]
     assert lexicon.pronunciations("op") == []
-    assert lexicon.unknown(["stop", "rodney", "very"]) == ["rodney"]
+    assert lexicon.unknown_words(["stop", "rodney", "very"]) == ["rodney"]
 
 
 def test_phrases_that_differ_by_one_sound_are_easily_confused() -> None:
     lexicon = Lexicon("go G OW\nno N OW\nyes Y EH S\nturn T ER N\nburn B ER N\nup AH P\n")
-    assert confusable(["go", "no", "yes"], lexicon) == [("go", "no")]
-    assert confusable(["turn up", "burn up", "burn"], lexicon) == [("turn up", "burn up")]
-    assert confusable(["yes", "rodney", "rodney go"], lexicon) == []
+    assert find_confusable(["go", "no", "yes"], lexicon) == [("go", "no")]
+    assert find_confusable(["turn up", "burn up", "burn"], lexicon) == [("turn up", "burn up")]
+    assert find_confusable(["yes", "rodney", "rodney go"], lexicon) == []
 
 
 def test_the_robot_file_says_how_a_name_is_said() -> None:
@@ -163,10 +163,10 @@ def test_a_pronunciation_with_unknown_phones_is_refused(said: str, what: str) ->
     ],
 )
 def test_a_synthesiser_says_how_a_name_is_said(mnemonics: str, phones: str) -> None:
-    assert " ".join(phones_of(mnemonics.split())) == phones
-    assert set(phones_of(mnemonics.split())) <= KIND_OF.keys()
+    assert " ".join(espeak_to_phones(mnemonics.split())) == phones
+    assert set(espeak_to_phones(mnemonics.split())) <= KIND_OF.keys()
 
 
 def test_the_phonemes_of_another_language_are_refused() -> None:
     with pytest.raises(ValueError, match="phoneme 'y:' is none of the voice en-us"):
-        phones_of(["t", "y:"])
+        espeak_to_phones(["t", "y:"])

@@ -8,12 +8,19 @@ import pytest
 pytest.importorskip("pocketsphinx")
 
 from perception.hearing import recogniser_worker
-from perception.hearing.acoustic_model import Entry
-from perception.hearing.engines import BEATEN
-from perception.hearing.grammar import Grammar
-from perception.hearing.lexicon import english
-from perception.hearing.recogniser_worker import COMMON, CONNECTED, SHORT, Recogniser, decoys, margin
-from perception.hearing.sound import RATE, Samples, clarified
+from perception.hearing.acoustic_model import WordScore
+from perception.hearing.engines import DECOY_TOLERANCE
+from perception.hearing.grammar import PhraseGrammar
+from perception.hearing.lexicon import load_english
+from perception.hearing.recogniser_worker import (
+    CONNECTED_MARGIN,
+    MAX_COMMON_WORDS,
+    MAX_DECOY_PHONES,
+    SpeechRecogniser,
+    find_decoys,
+    margin,
+)
+from perception.hearing.sound import RATE, Samples, enhance_speech
 from tests.benchmarks.speaking import Speaking
 from tests.benchmarks.spoken import HISS, levelled, trimmed
 
@@ -24,17 +31,17 @@ class Ruled:
     def __init__(self, word: str) -> None:
         self.word = word
 
-    def entries(self, samples: Samples) -> list[Entry]:
+    def entries(self, samples: Samples) -> list[WordScore]:
         assert len(samples) > RATE / 2
-        return [Entry("maybe", 40, -100.0), Entry(self.word, 30, -130.0)]
+        return [WordScore("maybe", 40, -100.0), WordScore(self.word, 30, -130.0)]
 
 
-def listening(*phrases: str) -> Recogniser:
-    grammar, lexicon = Grammar.of(phrases), english()
+def listening(*phrases: str) -> SpeechRecogniser:
+    grammar, lexicon = PhraseGrammar.from_texts(phrases), load_english()
     assert lexicon is not None
     words = {word: [" ".join(way) for way in lexicon.pronunciations(word)] for word in grammar.words}
-    recogniser = Recogniser()
-    recogniser.listen_for(words, [list(arc) for arc in grammar.arcs()])
+    recogniser = SpeechRecogniser()
+    recogniser.set_grammar(words, [list(arc) for arc in grammar.arcs()])
     return recogniser
 
 
@@ -54,7 +61,7 @@ def test_the_contest_decides_between_single_words_and_weighs_each_word_of_longer
     assert (overruled["phrase"], overruled["margin"]) == ("no", pytest.approx(-1))
     assert {phone[0] for phone in overruled["aligned"]} >= {"N", "OW"}
     assert longer["phrase"] == "thank you"
-    assert longer["margin"] > -BEATEN
+    assert longer["margin"] > -DECOY_TOLERANCE
 
 
 def test_words_that_sound_a_little_like_a_phrase_fit_worse_than_common_words() -> None:
@@ -65,26 +72,33 @@ def test_words_that_sound_a_little_like_a_phrase_fit_worse_than_common_words() -
         for text in ("go forward", "yellow flowers", "slow water", "mellow powers"):
             sound = np.concatenate([quiet, levelled(trimmed(speaking.say(text, "en-us", 160))), quiet])
             noisy = np.asarray(sound + hiss.standard_normal(len(sound)) * HISS, np.int16)
-            found = recogniser.decode(clarified(noisy, np.zeros(0, np.int16)))["margin"]
-            assert (found is not None and found > -BEATEN) is (text == "go forward"), text
+            found = recogniser.decode(enhance_speech(noisy, np.zeros(0, np.int16)))["margin"]
+            assert (found is not None and found > -DECOY_TOLERANCE) is (text == "go forward"), text
 
 
 def test_a_margin_is_over_the_best_decoy_for_each_frame_and_words_of_a_phrase_have_some_more() -> None:
-    entries = [Entry("no", 30, -90.0), Entry("maybe", 30, -100.0), Entry("often", 30, -101.0), Entry("yes", 2, -120.0)]
+    entries = [
+        WordScore("no", 30, -90.0),
+        WordScore("maybe", 30, -100.0),
+        WordScore("often", 30, -101.0),
+        WordScore("yes", 2, -120.0),
+    ]
     assert margin("no", entries, ("yes", "no")) == pytest.approx(10 / 30)
     assert margin("yes", entries, ("yes", "no")) == pytest.approx(-20 / 5)
-    recogniser = Recogniser()
+    recogniser = SpeechRecogniser()
     recogniser.contest = Ruled("no")  # type: ignore[assignment]
     words = [("<sil>", 0, 40, 0.0), ("no(2)", 40, 60, 0.0)]
-    assert recogniser.connected("no no", words, np.zeros(2 * RATE, np.int16)) == pytest.approx(-1 + CONNECTED)
+    assert recogniser.connected_margin("no no", words, np.zeros(2 * RATE, np.int16)) == pytest.approx(
+        -1 + CONNECTED_MARGIN
+    )
 
 
 def test_decoys_are_short_common_words_that_sound_like_no_phrase() -> None:
-    found = decoys({"no": ["N OW"]})
-    assert COMMON / 2 < len(found) < COMMON
+    found = find_decoys({"no": ["N OW"]})
+    assert MAX_COMMON_WORDS / 2 < len(found) < MAX_COMMON_WORDS
     assert {"the", "yes", "go"} <= set(found)
     assert not {"no", "know"} & set(found)
-    assert all(len(ways[0].split()) <= SHORT for ways in found.values())
+    assert all(len(ways[0].split()) <= MAX_DECOY_PHONES for ways in found.values())
 
 
 @pytest.mark.parametrize("error", [ValueError("trained on other features"), FileNotFoundError("no sendump")])

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from perception.hearing.engines import Judgement
-from perception.hearing.listener import Talker
+from perception.hearing.listener import RecogniserHandler
 from perception.hearing.sound import RATE, Clip, Piece, Samples
 
 
@@ -38,15 +38,15 @@ class ScriptedWorker:
 
     def __init__(self) -> None:
         self.sent: list[tuple[Mapping[str, Any], bytes]] = []
-        self.talker: Talker | None = None
+        self.talker: RecogniserHandler | None = None
         self.broken = False
         self.kills = 0
 
     def kill(self) -> None:
         self.kills += 1
 
-    def open(self, talker: Talker) -> None:
-        self.talker = talker
+    def open(self, handler: RecogniserHandler) -> None:
+        self.talker = handler
 
     def close(self) -> None:
         self.talker = None
@@ -61,10 +61,10 @@ class ScriptedWorker:
 class LengthEngine:
     """Understands "yes" of what is answered so, as surely as the answer says."""
 
-    def instructions(self) -> Mapping[str, Any]:
+    def setup_message(self) -> Mapping[str, Any]:
         return {"phrases": ["yes"]}
 
-    def sound(self, clip: Clip) -> bytes:
+    def prepare_sound(self, clip: Clip) -> bytes:
         return clip.samples.tobytes()
 
     def judge(self, clip: Clip, answer: Mapping[str, Any]) -> Judgement:

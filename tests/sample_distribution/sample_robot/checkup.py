@@ -2,15 +2,15 @@
 
 from collections.abc import Iterator
 
-from drivers.api.driver import Finding, Site, wrong
+from drivers.api.driver import DriverContext, Finding, failure
 from drivers.api.probing import Ask
-from drivers.finding.asking import OpenedPort
+from drivers.finding.asking import ExclusivePort
 from sample_robot.declared import RoverKeys
 
 
-def rover(keys: RoverKeys, site: Site) -> Iterator[Finding]:
+def rover(keys: RoverKeys, site: DriverContext) -> Iterator[Finding]:
     """Count its reports."""
-    port = OpenedPort(site.port, site.clock)
+    port = ExclusivePort(site.port, site.clock)
     try:
         reports = port.ask(Ask(keys.baud, wait=0.5)).count(b"\no ")
     finally:
@@ -18,4 +18,4 @@ def rover(keys: RoverKeys, site: Site) -> Iterator[Finding]:
     if reports:
         yield Finding("reports", f"{2 * reports} a second")
     else:
-        yield wrong("reports", "it is silent", "switch it on, then: mission doctor --robot ROBOT")
+        yield failure("reports", "it is silent", "switch it on, then: mission doctor --robot ROBOT")

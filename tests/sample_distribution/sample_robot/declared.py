@@ -4,11 +4,11 @@ from collections.abc import Iterator, Mapping
 
 from drivers.api.driver import Driver
 from drivers.api.keys import Mistake, key, keys
-from drivers.api.sections import ArmKeys, BaseKeys, HeadKeys, Wired
+from drivers.api.sections import ArmKeys, BaseKeys, HeadKeys, SerialKeys
 
 
 @keys
-class RoverKeys(BaseKeys, Wired):
+class RoverKeys(BaseKeys, SerialKeys):
     """The ``base`` section of a robot on a rover."""
 
     baud: int = key(default=38_400, low=1, help="The rate of the port, in bits per second.")

@@ -2,12 +2,12 @@
 
 from collections.abc import Generator
 
-from drivers.api.probing import Answer, Ask
+from drivers.api.probing import ProbeRequest, ProbeResult
 
 BAUD = 38_400
 
 
-def rover() -> Generator[Ask, bytes, Answer | None]:
+def rover() -> Generator[ProbeRequest, bytes, ProbeResult | None]:
     """Listen for its reports, of which it sends fifty a second."""
-    heard = yield Ask(BAUD, wait=0.2, enough=lambda heard: heard.count(b"\no ") > 1)
-    return Answer("a rover", {"baud": BAUD}) if heard.count(b"\no ") > 1 else None
+    heard = yield ProbeRequest(BAUD, wait=0.2, enough=lambda heard: heard.count(b"\no ") > 1)
+    return ProbeResult("a rover", {"baud": BAUD}) if heard.count(b"\no ") > 1 else None

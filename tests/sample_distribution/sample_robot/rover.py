@@ -8,13 +8,13 @@ from drivers.api import BaseState, Pose2D, Tune, Velocity
 from drivers.api.driver import Site
 from drivers.base.arbitrated import settings_of
 from drivers.base.diff_drive import DiffDriveBase, DiffDriveProtocol, Parsed
-from drivers.transport.link import Link
+from drivers.transport.link import SerialLink
 from sample_robot.declared import RoverKeys
 
 
 def make(keys: RoverKeys, site: Site) -> DiffDriveBase:
     """Return the driver."""
-    link = Link("base", site.port, keys.baud, report=site.report)
+    link = SerialLink("base", site.port, keys.baud, report=site.report)
     return DiffDriveBase(link, site.clock, RoverProtocol(horn=keys.horn), **settings_of(keys, site))
 
 

@@ -2,17 +2,17 @@
 
 from drivers.base.twin import BaseTwin, make
 from drivers.servos.twin import NeckTwin
-from drivers.sim.stage import Stage
+from drivers.sim.stage import SimContext
 from sample_robot.declared import PeriscopeKeys, RoverKeys
 from sample_robot.periscope import axes
 
 
-def rover(keys: RoverKeys, stage: Stage) -> BaseTwin:
+def rover(keys: RoverKeys, stage: SimContext) -> BaseTwin:
     """Return the twin of the rover: that of any base on two wheels."""
     return make(keys, stage)
 
 
-def periscope(keys: PeriscopeKeys, stage: Stage) -> NeckTwin:
+def periscope(keys: PeriscopeKeys, stage: SimContext) -> NeckTwin:
     """Return the twin of the periscope, over the arm's."""
     arm = stage.parts["arm"]
     pan, tilt = axes(keys, arm)

@@ -4,7 +4,7 @@ from math import cos, sin
 
 from drivers.api import HeadPose, Pose2D
 from drivers.sim.body import Body
-from drivers.sim.stage import Stage
+from drivers.sim.stage import SimContext
 from drivers.virtual.plugged import Plugged
 from sample_robot.declared import PeriscopeKeys, RoverKeys
 
@@ -56,13 +56,13 @@ class VirtualRover:
         return self._body.advance(time)
 
 
-def rover(keys: RoverKeys, stage: Stage) -> Plugged:
+def rover(keys: RoverKeys, stage: SimContext) -> Plugged:
     """Return a virtual rover."""
     device = VirtualRover(keys.baud, stage.body())
     return Plugged(device, "rover", pose=device.pose)
 
 
-def periscope(keys: PeriscopeKeys, stage: Stage) -> Plugged:
+def periscope(keys: PeriscopeKeys, stage: SimContext) -> Plugged:
     """Return the periscope, which sits on the arm's wire, and looks where its joints are."""
     arm = stage.parts["arm"]
 

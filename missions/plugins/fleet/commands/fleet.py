@@ -8,14 +8,14 @@ from threading import Event
 import click
 
 from missions.cli.commands import LazyGroup
-from missions.cli.printable import in_columns
+from missions.cli.printable import format_columns
 from missions.cli.root import FAILURE, SUCCESS
 from missions.plugins.fleet.commands import fleet_tasks
-from missions.plugins.fleet.commands.fleet_tasks import AS_JSON, FLEET, at
-from missions.plugins.fleet.line import Member
+from missions.plugins.fleet.commands.fleet_tasks import AS_JSON, FLEET, open_operator
+from missions.plugins.fleet.line import RosterEntry
 from missions.plugins.fleet.operator import Operator
 
-WATCH = 0.2
+WATCH_INTERVAL = 0.2
 """Seconds from one look at the list to the next."""
 
 
@@ -30,12 +30,12 @@ def command() -> None:
 @AS_JSON
 def list_command(name: str | None, watch: bool, as_json: bool) -> int:
     """List the robots: how each is connected, what it does, its battery, and where it is by its own odometry."""
-    with at(name) as operator:
-        operator.meet()
+    with open_operator(name) as operator:
+        operator.discover()
         _show(operator, as_json=as_json)
         version, pause = operator.roster.version, Event()
         while watch:
-            pause.wait(WATCH)
+            pause.wait(WATCH_INTERVAL)
             if version != operator.roster.version:
                 version = operator.roster.version
                 click.echo()
@@ -54,17 +54,17 @@ def _show(operator: Operator, *, as_json: bool) -> None:
         return
     names = [each.address.name for each in members]
     rows = [list(_row(each, twice=names.count(each.address.name) > 1)) for each in members]
-    rows += [[name, "OFFLINE", "-", "-", "-", "-", "nobody has met it"] for name in operator.missing()]
+    rows += [[name, "OFFLINE", "-", "-", "-", "-", "nobody has met it"] for name in operator.missing_robots()]
     if not rows:
         click.echo(
             f"nobody is in fleet '{operator.fleet.fleet}'\n  try: mission task serve --fleet {operator.fleet.fleet}"
         )
         return
     headings = ("name", "connection", "robot", "mission", "battery", "at", "state")
-    click.echo(in_columns(headings, rows, left=frozenset(headings)))
+    click.echo(format_columns(headings, rows, left=frozenset(headings)))
 
 
-def _row(member: Member, *, twice: bool) -> Iterator[str]:
+def _row(member: RosterEntry, *, twice: bool) -> Iterator[str]:
     """Yield the cells of a robot; two of one name are told apart by their numbers."""
     state = member.state
     yield str(member.address) if twice else member.address.name
@@ -87,10 +87,10 @@ def stop(name: str | None) -> int:
 
     Each confirms it; those that do not are named, and were perhaps not reached: go there, or press their stop.
     """
-    with at(name) as operator:
+    with open_operator(name) as operator:
         answers, silent = operator.stop()
     for address, answer in sorted(answers.items()):
-        click.echo(f"{address.name}: {answer.why}")
+        click.echo(f"{address.name}: {answer.reason}")
     for each in silent:
         click.echo(f"{each}: DID NOT ANSWER\n  try: mission stop, at that robot", err=True)
     if not answers and not silent:
@@ -108,10 +108,10 @@ def release(robots: tuple[str, ...], name: str | None, resume: bool) -> int:
 
     NAME/NUMBER is one of two robots of one name, as the list shows them.
     """
-    with at(name) as operator:
+    with open_operator(name) as operator:
         answers = operator.release(robots, resume=resume)
     for address, answer in sorted(answers.items()):
-        click.echo(f"{address.name}: {answer.why}", err=not answer.ok)
+        click.echo(f"{address.name}: {answer.reason}", err=not answer.ok)
     missing = set(robots) - {each.name for each in answers} - {str(each) for each in answers}
     for each in sorted(missing):
         click.echo(f"{each}: did not answer\n  try: mission fleet list", err=True)

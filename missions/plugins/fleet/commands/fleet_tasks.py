@@ -15,13 +15,13 @@ from config.fleet import FleetKeys, load_fleet
 from config.library import UnknownNameError
 from missions.cli.commands import SharingCommand, shared_option
 from missions.cli.declared import params_option
-from missions.cli.numbers import Whole
-from missions.cli.printable import in_columns
+from missions.cli.numbers import WholeNumber
+from missions.cli.printable import format_columns
 from missions.cli.root import FAILURE, SUCCESS
 from missions.language.expressions import ExpressionError, parse
 from missions.library.shipped import MISSION_NAME, load_mission
-from missions.plugins.fleet.operator import Operator, operating
-from missions.plugins.fleet.words import TASK, Address, Keep, ToldTask
+from missions.plugins.fleet.operator import Operator, connect_operator
+from missions.plugins.fleet.words import TASK_ID_PATTERN, Address, FleetTaskInfo, KeepTask
 from missions.plugins.tasks.task import Interrupted, TaskError
 
 # Being at a fleet for a command of a terminal.
@@ -37,17 +37,17 @@ def fleet_of(name: str | None) -> FleetKeys:
 
 
 @contextmanager
-def at(name: str | None) -> Iterator[Operator]:
+def open_operator(name: str | None) -> Iterator[Operator]:
     """Give an operator of a fleet while this is entered; say what is wrong in words."""
     try:
-        with operating(fleet_of(name)) as operator:
+        with connect_operator(fleet_of(name)) as operator:
             yield operator
     except TaskError as error:
         hint = f"\n  try: {error.hint}" if error.hint else ""
         raise click.ClickException(f"{error}{hint}") from error
 
 
-READ = frozenset({"battery", "x", "y", "name", "robot", "parts", "simulated"})
+READABLE_FIELDS = frozenset({"battery", "x", "y", "name", "robot", "parts", "simulated"})
 """What `--where` may read of a robot."""
 
 
@@ -63,7 +63,7 @@ READ = frozenset({"battery", "x", "y", "name", "robot", "parts", "simulated"})
     type=click.Choice(["retry", "give-up"]),
     help="What to do where nobody knows how far it came. Else as its mission says, or retry.",
 )
-@click.option("--retry", type=Whole(min=0, max=1000), default=0, metavar="TIMES", help="Try again when it fails.")
+@click.option("--retry", type=WholeNumber(min=0, max=1000), default=0, metavar="TIMES", help="Try again when it fails.")
 @click.option("--id", "number", metavar="TASK", help="The ID of a task that was perhaps given: it is not given twice.")
 def run(
     mission: str,
@@ -81,21 +81,21 @@ def run(
     """
     _check(mission, where, on, number)
     policy = interrupted or _policy(mission)
-    with at(name) as operator:
-        operator.meet()
-        names = sorted(a.name for a, each in operator.members().items() if each.online) if on == "all" else [on]
+    with open_operator(name) as operator:
+        operator.discover()
+        names = sorted(a.name for a, each in operator.members().items() if each.is_online) if on == "all" else [on]
         code = SUCCESS
         for each in names:
-            keeper = operator.keeper(each) if number is None else Address.read(number.rpartition("/")[0])
+            keeper = operator.choose_allocator(each) if number is None else Address.read(number.rpartition("/")[0])
             task = number or f"{keeper}/{secrets.token_hex(6)}"
-            wanted = Keep(
+            wanted = KeepTask(
                 task=task, mission=mission, params=params, on=each, where=where,
                 if_interrupted=policy, retries=retry, by=operator.by,
             )  # fmt: skip
-            answer = operator.give(wanted, keeper)
+            answer = operator.submit(wanted, keeper)
             code = code if answer.ok else FAILURE
             click.echo(
-                f"task {task}: {mission} on {each}" if answer.ok else f"refused: {answer.why}", err=not answer.ok
+                f"task {task}: {mission} on {each}" if answer.ok else f"refused: {answer.reason}", err=not answer.ok
             )
         if not names:
             click.echo("nobody is in this fleet\n  try: mission fleet list", err=True)
@@ -107,14 +107,16 @@ def _check(mission: str, where: str, on: str, number: str | None) -> None:
     """Raise click.UsageError for what no robot would understand."""
     if not MISSION_NAME.fullmatch(mission):
         raise click.UsageError(f"'{mission}' is no name in a library: a fleet's robots read no other's files")
-    if number is not None and (not TASK.fullmatch(number) or on == "all"):
+    if number is not None and (not TASK_ID_PATTERN.fullmatch(number) or on == "all"):
         raise click.UsageError("--id is that of one task, as `mission fleet run` printed it")
     try:
-        unknown = set(parse(where).names) - READ if where else set()
+        unknown = set(parse(where).names) - READABLE_FIELDS if where else set()
     except ExpressionError as error:
         raise click.UsageError(f"--where: {error}") from error
     if unknown:
-        raise click.UsageError(f"--where: '{min(unknown)}' is not known of a robot; known: {', '.join(sorted(READ))}")
+        raise click.UsageError(
+            f"--where: '{min(unknown)}' is not known of a robot; known: {', '.join(sorted(READABLE_FIELDS))}"
+        )
 
 
 def _policy(mission: str) -> Interrupted:
@@ -132,7 +134,7 @@ def _policy(mission: str) -> Interrupted:
 @AS_JSON
 def tasks(name: str | None, ended: bool, as_json: bool) -> int:
     """List the tasks that the robots keep that are there: who has each, and how it goes."""
-    with at(name) as operator:
+    with open_operator(name) as operator:
         told = operator.tasks(ended=ended)
     found = sorted(told.tasks, key=lambda each: each.id)
     for each in sorted(told.more):
@@ -145,11 +147,11 @@ def tasks(name: str | None, ended: bool, as_json: bool) -> int:
         click.echo("no tasks" if ended else "no tasks wait or run; --all shows those that have ended")
     else:
         headings = ("task", "state", "mission", "on", "robot", "reason")
-        click.echo(in_columns(headings, [_row(each) for each in found], left=frozenset(headings)))
+        click.echo(format_columns(headings, [_row(each) for each in found], left=frozenset(headings)))
     return SUCCESS
 
 
-def _row(task: ToldTask) -> list[str]:
+def _row(task: FleetTaskInfo) -> list[str]:
     return [task.id, task.state, task.mission, task.on, task.robot.partition("/")[0] or "-", task.reason]
 
 
@@ -162,15 +164,15 @@ def decide(number: str, what: Literal["hand-on", "give-up"], name: str | None) -
 
     Handed on, it is done twice if the lost robot goes on with it: look first.
     """
-    with at(name) as operator:
-        answer = operator.decide(_whole(operator, number), what)
-    click.echo(f"task {number}: {answer.why}", err=not answer.ok)
+    with open_operator(name) as operator:
+        answer = operator.decide(_full_id(operator, number), what)
+    click.echo(f"task {number}: {answer.reason}", err=not answer.ok)
     return SUCCESS if answer.ok else FAILURE
 
 
-def _whole(operator: Operator, number: str) -> str:
+def _full_id(operator: Operator, number: str) -> str:
     """Return the ID that a piece of it means. Raises TaskError."""
-    if TASK.fullmatch(number):
+    if TASK_ID_PATTERN.fullmatch(number):
         return number
     found = [each.id for each in operator.tasks(ended=False).tasks if number in each.id.rpartition("/")[2]]
     if len(found) != 1:

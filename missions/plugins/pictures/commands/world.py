@@ -6,21 +6,21 @@ from pathlib import Path
 import click
 import cv2
 
-from config.library import find
+from config.library import find_file
 from config.reading import save_file
 from config.robot import RobotConfig
 from config.world import WorldConfig, load_world
 from drivers.api import Image
 from drivers.sim.render import Renderer
-from drivers.sim.viewpoint import Pinhole, Viewpoint, mounted
-from missions.cli.outputs import writing
+from drivers.sim.viewpoint import PinholeLens, Viewpoint, camera_viewpoint
+from missions.cli.outputs import report_write_errors
 from missions.library.drivers import load_robot
 from missions.library.worlds import build_world
-from missions.plugins.pictures.plan import plan
+from missions.plugins.pictures.plan import plan_svg
 from missions.plugins.pictures.png import png
-from missions.plugins.pictures.words import lines_about
+from missions.plugins.pictures.words import describe_world
 
-ZOOM = 1.5
+PNG_ZOOM = 1.5
 """Pixels of a PNG to a unit of the plan."""
 
 FORMS = (".svg", ".png")
@@ -28,11 +28,11 @@ FORMS = (".svg", ".png")
 
 def show_world(name: str, output: Path | None, time: float, robot: str, *, camera: bool) -> None:
     """Print what is in a world, or draw it into ``output``: from above, or as the ``camera`` of a robot sees it."""
-    config = load_world(find("worlds", name))
+    config = load_world(find_file("worlds", name))
     if output is None:
         if camera:
             raise click.UsageError(f"--camera draws a picture: say where, such as -o {config.name}.png")
-        for line in lines_about(config):
+        for line in describe_world(config):
             click.echo(line)
         click.echo(f"\nTo draw it: mission show {name} -o {config.name}.svg")
         return
@@ -41,22 +41,22 @@ def show_world(name: str, output: Path | None, time: float, robot: str, *, camer
     if output.suffix == ".svg":
         data = _plan(config, time).encode()
     elif camera:
-        data = _png(_seen(config, load_robot(find("robots", robot)), time))
+        data = _png(_camera_view(config, load_robot(find_file("robots", robot)), time))
     else:
-        data = _drawn(_plan(config, time), output)
-    with writing(output, "-o"):
+        data = _plan_png(_plan(config, time), output)
+    with report_write_errors(output, "-o"):
         save_file(output, data)
     click.echo(f"drew {output}")
 
 
 def _plan(config: WorldConfig, time: float) -> str:
-    return plan(config.name, build_world(config), config.summary, time)
+    return plan_svg(config.name, build_world(config), config.summary, time)
 
 
-def _drawn(svg: str, output: Path) -> bytes:
+def _plan_png(svg: str, output: Path) -> bytes:
     """Return a plan as a PNG."""
     try:
-        return png(svg, zoom=ZOOM)
+        return png(svg, zoom=PNG_ZOOM)
     except ImportError as error:
         instead = shlex.quote(str(output.with_suffix(".svg")))
         raise click.UsageError(
@@ -64,13 +64,13 @@ def _drawn(svg: str, output: Path) -> bytes:
         ) from error
 
 
-def _seen(config: WorldConfig, robot: RobotConfig, time: float) -> Image:
+def _camera_view(config: WorldConfig, robot: RobotConfig, time: float) -> Image:
     """Draw what the camera sees while the robot stands where it starts and its head looks ahead."""
     if robot.camera is None:
         raise click.UsageError(f"{robot.name} has no camera: choose another --robot")
     world, camera = build_world(config), robot.camera.upright()
-    lens = Pinhole(camera.width, camera.height, camera.field_of_view)
-    view: Viewpoint = mounted(world.start, 0.0, 0.0, camera.position)
+    lens = PinholeLens(camera.width, camera.height, camera.field_of_view)
+    view: Viewpoint = camera_viewpoint(world.start, 0.0, 0.0, camera.position)
     return Renderer(world, lens, noise=config.noise).draw(view, time)
 
 

@@ -37,10 +37,10 @@ def tag(element: str, *content: str, **attributes: str | int | bool | None) -> M
     Names of attributes lose a final underscore, and the others become hyphens. An attribute that is None or False is
     left out, one that is True stands without a value.
     """
-    return Markup(f"{start(element, **attributes)}{join(*content)}</{element}>")
+    return Markup(f"{start_tag(element, **attributes)}{join(*content)}</{element}>")
 
 
-def start(element: str, **attributes: str | int | bool | None) -> Markup:
+def start_tag(element: str, **attributes: str | int | bool | None) -> Markup:
     """Return only the start tag: all there is of ``input`` and ``meta``."""
     written = (
         f" {name.rstrip('_').replace('_', '-')}" + ("" if value is True else f'="{escape(str(value))}"')
@@ -50,7 +50,7 @@ def start(element: str, **attributes: str | int | bool | None) -> Markup:
     return Markup(f"<{element}{''.join(written)}>")
 
 
-PAGE = files(__name__.rpartition(".")[0])
+PAGE_FOLDER = files(__name__.rpartition(".")[0])
 """The folder of ``page.css`` and ``page.js``."""
 
 ICON = "data:,"
@@ -67,21 +67,21 @@ def document(
     Raises:
         ValueError: ``data`` holds a number that JSON does not have, infinite or not a number.
     """
-    carried = [PAGE / "page.css", PAGE / "page.js", *assets]
+    carried = [PAGE_FOLDER / "page.css", PAGE_FOLDER / "page.js", *assets]
     styles = [asset for asset in carried if asset.name.endswith(".css")]
     scripts = [asset for asset in carried if asset.name.endswith(".js")]
     head = tag(
         "head",
-        start("meta", charset="utf-8"),
-        start("meta", http_equiv="Content-Security-Policy", content=_policy(scripts)),
-        start("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        start("meta", name="color-scheme", content="light dark"),
-        start("link", rel="icon", href=ICON),
+        start_tag("meta", charset="utf-8"),
+        start_tag("meta", http_equiv="Content-Security-Policy", content=_content_policy(scripts)),
+        start_tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        start_tag("meta", name="color-scheme", content="light dark"),
+        start_tag("link", rel="icon", href=ICON),
         tag("title", title),
-        *(_carried("style", asset) for asset in styles),
+        *(_inline_asset("style", asset) for asset in styles),
     )
     ending = [_json(data)] if data is not None else []
-    ending += [_carried("script", asset) for asset in scripts]
+    ending += [_inline_asset("script", asset) for asset in scripts]
     return f"<!doctype html>\n{tag('html', head, tag('body', tag('main', body), *ending), lang='en')}\n"
 
 
@@ -91,7 +91,7 @@ def without_assets(page: str) -> str:
     return re.sub(r"sha256-[A-Za-z0-9+/=]+", "{hash}", named)
 
 
-def _policy(scripts: Sequence[Traversable]) -> str:
+def _content_policy(scripts: Sequence[Traversable]) -> str:
     """Allow these very scripts, styles and pictures within the page, and nothing from anywhere."""
     hashes = (base64.b64encode(hashlib.sha256(_text(script).encode()).digest()).decode() for script in scripts)
     allowed = " ".join(f"'sha256-{digest}'" for digest in hashes)
@@ -101,7 +101,7 @@ def _policy(scripts: Sequence[Traversable]) -> str:
     )
 
 
-def _carried(element: str, asset: Traversable) -> Markup:
+def _inline_asset(element: str, asset: Traversable) -> Markup:
     """Return a style or script with its text as it is: HTML knows no escapes within them."""
     return tag(element, Markup(_text(asset)), data_file=asset.name)
 

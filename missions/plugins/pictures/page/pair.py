@@ -1,23 +1,23 @@
 """The page of two missions: one tree of pairs, the left mission's node at the left and the right one's at the right."""
 
-from missions.plugins.pictures.compare import CHANGES, Comparison, Pair
+from missions.plugins.pictures.compare import CHANGES, NodePair, TreeComparison
 from missions.plugins.pictures.page.document import Markup, document, join, tag
-from missions.plugins.pictures.page.tree import button, card, item, toolbar, tools, tree, unfold, window
-from missions.trees.drawing import Box, Drawing
+from missions.plugins.pictures.page.tree import button, card, item, toolbar, tools, tree, unfold_button, window
+from missions.trees.drawing import TreeBox, TreeDrawing
 
 # The page of one mission: its tree, to be looked at, searched and folded.
 
 
-def page(drawing: Drawing) -> str:
+def page(drawing: TreeDrawing) -> str:
     """Return the page of a mission, or of a moment of a record."""
     title = f"Mission {drawing.mission}"
     count = drawing.root.nodes
     facts = [drawing.file, f"{count} nodes" if count > 1 else "1 node"]
-    facts += [f"as it stood{moment(drawing)}"] if drawing.time is not None else []
+    facts += [f"as it stood{time_suffix(drawing)}"] if drawing.time is not None else []
     return document(title, join(header(title, drawing.summary, facts), tools(drawing), tree(drawing, label=title)))
 
 
-def moment(drawing: Drawing) -> str:
+def time_suffix(drawing: TreeDrawing) -> str:
     """Return " at 5.00 s" for a drawing of a moment of a run, nothing for one of a mission at rest."""
     return "" if drawing.time is None else f" at {drawing.time:.2f} s"
 
@@ -28,16 +28,16 @@ def header(title: str, summary: str, facts: list[str]) -> Markup:
     return tag("header", tag("h1", title), said, tag("p", " · ".join(facts), class_="facts"))
 
 
-def pair_page(comparison: Comparison) -> str:
+def pair_page(comparison: TreeComparison) -> str:
     """Return the page of a comparison."""
     left, right = comparison.left, comparison.right
     title = f"{left.mission} and {right.mission}" if left.mission != right.mission else f"{left.mission}, two versions"
     bar = toolbar(
         button("Next change", data_next='[data-change]:not([data-change="same"])'),
         button("Fold what is the same", data_fold="[data-alike]"),
-        unfold(),
+        unfold_button(),
     )
-    sides = tag("div", *(tag("b", f"{each.file}{moment(each)}") for each in (left, right)), class_="sides")
+    sides = tag("div", *(tag("b", f"{each.file}{time_suffix(each)}") for each in (left, right)), class_="sides")
     root = _item(comparison.root, "0", (left.time, right.time))
     content = join(
         header(title, comparison.summary.capitalize() + ".", [left.file, right.file]),
@@ -47,7 +47,7 @@ def pair_page(comparison: Comparison) -> str:
     return document(title, content)
 
 
-def _item(pair: Pair, key: str, times: tuple[float | None, float | None], level: int = 0) -> Markup:
+def _item(pair: NodePair, key: str, times: tuple[float | None, float | None], level: int = 0) -> Markup:
     """Return the item of a pair, at the ``times`` of its two sides.
 
     Its key is its place in this tree: the two nodes have keys of their own.
@@ -58,15 +58,15 @@ def _item(pair: Pair, key: str, times: tuple[float | None, float | None], level:
     mark = tag(
         "span",
         tag("span", CHANGES[pair.change], aria_hidden="true"),
-        _unseen(pair.change),
+        _screen_reader_text(pair.change),
         class_="mark",
         title=pair.change,
     )
     again = pair.change == "same" and times == (None, None)
-    what = tag("span", pair.what, class_="what") if pair.what else ""
+    what = tag("span", pair.differences, class_="what") if pair.differences else ""
     return item(
         key,
-        join(mark, _half(pair.left, times[0]), _half(pair.right, times[1], again=again), what),
+        join(mark, _pair_side(pair.left, times[0]), _pair_side(pair.right, times[1], hidden=again), what),
         children,
         first=level == 0,
         style=f"--level:{level}",
@@ -75,12 +75,15 @@ def _item(pair: Pair, key: str, times: tuple[float | None, float | None], level:
     )
 
 
-def _half(box: Box | None, time: float | None, *, again: bool = False) -> Markup:
+def _pair_side(box: TreeBox | None, time: float | None, *, hidden: bool = False) -> Markup:
     """Return one side of a pair; to the ear only if it does not say the other's ``again``."""
     return tag(
-        "div", card(box, time) if box is not None else _unseen("nothing"), class_="half", aria_hidden=again and "true"
+        "div",
+        card(box, time) if box is not None else _screen_reader_text("nothing"),
+        class_="half",
+        aria_hidden=hidden and "true",
     )
 
 
-def _unseen(word: str) -> Markup:
+def _screen_reader_text(word: str) -> Markup:
     return tag("span", word, class_="unseen")

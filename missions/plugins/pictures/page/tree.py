@@ -6,10 +6,10 @@ Style and script find all that they need by its roles and attributes. A page has
 import json
 from collections.abc import Iterator, Mapping, Sequence
 
-from missions.plugins.pictures.page.document import Markup, join, start, tag
+from missions.plugins.pictures.page.document import Markup, join, start_tag, tag
 from missions.plugins.pictures.svg import kind_of
 from missions.trees.draw import legend
-from missions.trees.drawing import SIGNS, Badge, Box, Drawing, Status
+from missions.trees.drawing import SIGNS, Badge, Status, TreeBox, TreeDrawing
 
 # A node as the page shows it: a card with all that is known of it. To a screen reader that is the node's name.
 #
@@ -17,19 +17,19 @@ from missions.trees.drawing import SIGNS, Badge, Box, Drawing, Status
 # hidden from screen readers; a word that only they need is "unseen".
 
 
-def card(box: Box, time: float | None = None) -> Markup:
+def card(box: TreeBox, time: float | None = None) -> Markup:
     """Return the lines of a card. At a ``time`` it says how the node stands, and for how long."""
-    return join(*_lines(box, time))
+    return join(*_card_lines(box, time))
 
 
-def _lines(box: Box, time: float | None) -> Iterator[Markup]:
+def _card_lines(box: TreeBox, time: float | None) -> Iterator[Markup]:
     live = time is not None
     if box.case:
         yield tag("span", box.case if box.case == "else" else f"case {box.case}", class_="case")
     yield _title(box, live=live)
     if time is not None:
         yield _state(box.status, box.reason, "" if box.since is None else _age(box.status, time - box.since))
-    for name, text in box.untold.items():
+    for name, text in box.untitled_arguments.items():
         yield _argument(name, text)
     if box.keep_as:
         yield _argument("as", box.keep_as)
@@ -43,7 +43,7 @@ def _argument(name: str, text: str) -> Markup:
     return tag("span", tag("i", name), " ", text, class_="argument")
 
 
-def _title(box: Box, *, live: bool) -> Markup:
+def _title(box: TreeBox, *, live: bool) -> Markup:
     kind, _, name = box.title.partition(": ")
     named = [tag("b", kind), f" {name}" if name else "", *(["\u00a0", _sign(box.status)] if live else [])]
     return tag(
@@ -107,18 +107,20 @@ STATUSES: Mapping[Status, str] = {
 """What each status says of a node."""
 
 
-def tools(drawing: Drawing) -> Markup:
+def tools(drawing: TreeDrawing) -> Markup:
     """Return the tools for ``tree(drawing)``, and a legend of the signs in it."""
     missions = any(box.mission and box.children for box in drawing.root.walk())
     fold = button("Fold sub-missions", data_fold="[data-mission]") if missions else ""
-    return join(toolbar(fold, unfold(), button("Outline", data_outline=True, aria_pressed="true")), _legend(drawing))
+    return join(
+        toolbar(fold, unfold_button(), button("Outline", data_outline=True, aria_pressed="true")), _legend(drawing)
+    )
 
 
 def toolbar(*buttons: str) -> Markup:
     """Return a bar with the search, these buttons, and the zoom."""
     finder = tag(
         "span",
-        start("input", type="search", aria_label="Search nodes", placeholder="Search  /", autocomplete="off"),
+        start_tag("input", type="search", aria_label="Search nodes", placeholder="Search  /", autocomplete="off"),
         tag("span", role="status", class_="count"),
         class_="finder",
     )
@@ -138,12 +140,12 @@ def button(text: str, **attributes: str | bool | None) -> Markup:
     return tag("button", text, type="button", **attributes)
 
 
-def unfold() -> Markup:
+def unfold_button() -> Markup:
     """Return the button that unfolds all."""
     return button("Unfold all", data_unfold=True)
 
 
-def _legend(drawing: Drawing) -> Markup:
+def _legend(drawing: TreeDrawing) -> Markup:
     """Return what the signs mean, those that are in the drawing."""
     used = {box.symbol for box in drawing.root.walk()}
     rows = [(sign, word, what) for sign, word, what in legend() if sign in used]
@@ -154,7 +156,7 @@ def _legend(drawing: Drawing) -> Markup:
     return tag("details", tag("summary", "Legend"), tag("dl", *terms), class_="legend")
 
 
-def tree(drawing: Drawing, *, label: str) -> Markup:
+def tree(drawing: TreeDrawing, *, label: str) -> Markup:
     """Return the tree; ``label`` is its name to a screen reader.
 
     A drawing that has a ``time`` says how each node stands, and ``missiontree.showStates`` may change that later.
@@ -193,7 +195,7 @@ def item(
     )
 
 
-def _item(box: Box, time: float | None, *, first: bool = False) -> Markup:
+def _item(box: TreeBox, time: float | None, *, first: bool = False) -> Markup:
     live = time is not None
     return item(
         box.key,
@@ -201,7 +203,7 @@ def _item(box: Box, time: float | None, *, first: bool = False) -> Markup:
         [_item(child, time) for child in box.children],
         first=first,
         data_status=box.status if live else None,
-        data_outer=box.outer if live else None,
+        data_outer=box.outer_status if live else None,
         data_mission=box.mission or None,
         data_sort=kind_of(box),
     )

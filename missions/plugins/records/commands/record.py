@@ -12,12 +12,12 @@ import click
 
 from missions.cli.commands import LazyGroup
 from missions.cli.options import SECONDS
-from missions.cli.outputs import check_folder, wrote
-from missions.cli.printable import in_columns
+from missions.cli.outputs import check_folder, written_message
+from missions.cli.printable import format_columns
 from missions.library.private_files import ExistsError
 from missions.plugins.records.recording.export import to_csv, to_folder, to_jsonl
 from missions.plugins.records.recording.faults import InvalidRecordError
-from missions.plugins.records.recording.info import lines_about
+from missions.plugins.records.recording.info import record_lines
 from missions.plugins.records.recording.read import open_record
 
 RECORD = click.argument("path", metavar="RECORD", type=click.Path(path_type=Path))
@@ -37,7 +37,7 @@ def command() -> None:
 
 
 @contextmanager
-def _in_words() -> Iterator[None]:
+def _report_errors() -> Iterator[None]:
     """Tell what goes wrong with a record or a file."""
     try:
         yield
@@ -57,36 +57,40 @@ def list_command(folder: Path | None) -> None:
     Those are kept for 30 days, and 2 GB of them. `mission run --no-record` keeps nothing; `record: false` in
     defaults.yaml, or MISSION_RECORD=no in the environment, nothing of any run, unless --record asks for it.
     """
-    from missions.plugins.records.recording.listing import entry  # noqa: PLC0415 - it needs mcap, as open_record says
-    from missions.plugins.records.ring import records_folder, records_in  # noqa: PLC0415
+    from missions.plugins.records.recording.listing import list_entry  # noqa: PLC0415 - it needs mcap, as open_record says
+    from missions.plugins.records.ring import list_records, records_folder  # noqa: PLC0415
 
     where = records_folder() if folder is None else folder
-    with _in_words():
-        rows = [_row(entry(path)) for path in records_in(where)]
+    with _report_errors():
+        rows = [_row(list_entry(path)) for path in list_records(where)]
     if not rows:
         click.echo(f"no records in {where}")
         return
-    click.echo(in_columns(("began", "mission", "robot", "seconds", "MB", "result", "record"), rows, left=LEFT))
+    click.echo(
+        format_columns(
+            ("began", "mission", "robot", "seconds", "MB", "result", "record"), rows, left=LEFT_ALIGNED_COLUMNS
+        )
+    )
     click.echo(f"\nin {where}")
 
 
-LEFT = frozenset({"began", "mission", "robot", "result", "record"})
+LEFT_ALIGNED_COLUMNS = frozenset({"began", "mission", "robot", "result", "record"})
 
 
-def _row(found: Mapping[str, Any]) -> tuple[str, ...]:
+def _row(entry_facts: Mapping[str, Any]) -> tuple[str, ...]:
     """Return what the list says of a record."""
-    began = datetime.fromtimestamp(found["began"]).astimezone()
-    result = found.get("result") or "cut off"
-    reason = f": {found['reason']}" if found.get("reason") else ""
-    simulated = f" ({found['simulated']})" if found.get("simulated") else ""
+    began = datetime.fromtimestamp(entry_facts["began"]).astimezone()
+    result = entry_facts.get("result") or "cut off"
+    reason = f": {entry_facts['reason']}" if entry_facts.get("reason") else ""
+    simulated = f" ({entry_facts['simulated']})" if entry_facts.get("simulated") else ""
     return (
         f"{began:%Y-%m-%d %H:%M}",
-        found.get("mission", "-"),
-        f"{found.get('robot', '-')}{simulated}",
-        f"{found.get('seconds', 0.0):.0f}",
-        f"{found['bytes'] / 1e6:.1f}",
-        found.get("trouble") or f"{result}{reason}",
-        found["name"],
+        entry_facts.get("mission", "-"),
+        f"{entry_facts.get('robot', '-')}{simulated}",
+        f"{entry_facts.get('seconds', 0.0):.0f}",
+        f"{entry_facts['bytes'] / 1e6:.1f}",
+        entry_facts.get("trouble") or f"{result}{reason}",
+        entry_facts["name"],
     )
 
 
@@ -94,8 +98,8 @@ def _row(found: Mapping[str, Any]) -> tuple[str, ...]:
 @RECORD
 def info(path: Path) -> None:
     """Say what a record is of, what is in it, what is missing, and what can be done with it."""
-    with _in_words():
-        for line in lines_about(open_record(path)):
+    with _report_errors():
+        for line in record_lines(open_record(path)):
             click.echo(line)
 
 
@@ -106,16 +110,16 @@ def repair(path: Path) -> None:
 
     It may be stopped at any moment, and done again: nothing that can be read is lost.
     """
-    with _in_words():
+    with _report_errors():
         open_record(path)  # says in words what is none of ours
-        from missions.plugins.records.recording.mend import mend as mend_file  # noqa: PLC0415 - it needs mcap, as open_record says
+        from missions.plugins.records.recording.mend import repair_record as mend_file  # noqa: PLC0415 - it needs mcap, as open_record says
 
         mended = mend_file(path)
-        until = open_record(path).until
-    if mended.already:
+        until = open_record(path).end_time
+    if mended.already_closed:
         click.echo(f"{path} was closed properly: there is nothing to mend")
         return
-    skipped = f", without {mended.skipped} damaged stretches" if mended.skipped else ""
+    skipped = f", without {mended.skipped_spans} damaged stretches" if mended.skipped_spans else ""
     click.echo(f"mended {path}: it is whole up to {until:.2f} s{skipped}\n  try: mission record info {path}")
 
 
@@ -141,17 +145,17 @@ def export(path: Path, tables: Path | None, lines: Path | None, folder: Path | N
     for option, place in (("--csv", tables), ("--folder", folder)):
         if place is not None:
             check_folder(place, option, f"{option} {shlex.quote(str(place.with_suffix('')))}")
-    with _in_words():
+    with _report_errors():
         record = open_record(path)
         if tables is not None:
             count = len(to_csv(record, tables, force=force))
-            click.echo(wrote(tables, what=f"{count} tables to "))
+            click.echo(written_message(tables, subject=f"{count} tables to "))
         if lines is not None:
             count = to_jsonl(record, lines, force=force)
-            click.echo(wrote(lines, what=f"{count} lines to "))
+            click.echo(written_message(lines, subject=f"{count} lines to "))
         if folder is not None:
             pictures, files, made = to_folder(record, folder, force=force)
-            click.echo(wrote(folder, what=f"{pictures} pictures, {files} files and {made} tables to "))
+            click.echo(written_message(folder, subject=f"{pictures} pictures, {files} files and {made} tables to "))
 
 
 @command.command(epilog="Example: mission record joints monday.mcap")
@@ -164,11 +168,11 @@ def joints(path: Path, as_what: str | None) -> None:
     `mission record export FILE --csv FOLDER` has every sample, in state_arm.csv; `mission record report` draws them.
     """
     from missions.plugins.records.report import tables as joint_tables  # noqa: PLC0415 - a report needs more than the others do
-    from missions.plugins.records.report.joints import figures_of, tracks_of  # noqa: PLC0415
+    from missions.plugins.records.report.joints import joint_figures, joint_samples  # noqa: PLC0415
 
-    with _in_words():
+    with _report_errors():
         record = open_record(path)
-        found = figures_of(record, tracks_of(record))
+        found = joint_figures(record, joint_samples(record))
     if as_what == "json":
         click.echo(json.dumps(joint_tables.as_json(found), indent=2, ensure_ascii=False))
     elif as_what == "csv":
@@ -189,11 +193,11 @@ def compare(path: Path, other: Path, json_wanted: bool) -> None:
     their goals, and where the base went. That a leaf takes longer is no decision; that it ends otherwise is one.
     """
     from missions.plugins.records.comparison import words  # noqa: PLC0415 - as for joints
-    from missions.plugins.records.comparison.runs import IncomparableError, compared  # noqa: PLC0415
+    from missions.plugins.records.comparison.runs import IncomparableError, compare_runs  # noqa: PLC0415
 
     try:
-        with _in_words():
-            found = compared(open_record(path), open_record(other))
+        with _report_errors():
+            found = compare_runs(open_record(path), open_record(other))
     except IncomparableError as error:
         raise click.UsageError(str(error)) from error
     if json_wanted:
@@ -216,16 +220,16 @@ def cut(path: Path, start: float, end: float, output: Path, force: bool) -> None
 
     What cuts off the beginning cannot be run again by `mission record rerun`: a tree remembers.
     """
-    with _in_words():
+    with _report_errors():
         record = open_record(path)
         if not start < end:
             raise click.UsageError(f"the piece ends before it begins: from {start:g} s to {end:g} s")
-        if start > record.until:
-            raise click.UsageError(f"{path} ends at {record.until:.2f} s, before {start:g} s")
+        if start > record.end_time:
+            raise click.UsageError(f"{path} ends at {record.end_time:.2f} s, before {start:g} s")
         if output.exists() and output.samefile(path):
             raise click.UsageError(f"{output} is the record itself: name another file with -o")
-        from missions.plugins.records.recording.cut import cut as cut_piece  # noqa: PLC0415 - it needs mcap, as open_record says
+        from missions.plugins.records.recording.cut import cut_record as cut_piece  # noqa: PLC0415 - it needs mcap, as open_record says
 
         count = cut_piece(record, start, end, output, force=force)
-    told = wrote(output, what=f"{count} messages to ")
+    told = written_message(output, subject=f"{count} messages to ")
     click.echo(f"{told}; to look into it: mission record info {output}")

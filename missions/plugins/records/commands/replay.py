@@ -15,21 +15,21 @@ from rich.live import Live
 from drivers.clock import SystemClock
 from missions.cli.console import console
 from missions.cli.declared import behaviours_option
-from missions.cli.keys import Keys, interruptible
+from missions.cli.keys import KeyReader, interruptible
 from missions.cli.names import MISSION
-from missions.cli.numbers import Real
+from missions.cli.numbers import RealNumber
 from missions.cli.options import SECONDS
 from missions.cli.root import FAILURE, SUCCESS, USAGE
-from missions.plugins.pictures.movie import Movie, check_place
-from missions.plugins.records.recording.read import Record, open_record
+from missions.plugins.pictures.movie import Movie, check_output
+from missions.plugins.records.recording.read import RunRecord, open_record
 
 if TYPE_CHECKING:
-    from missions.plugins.records.replay.sources import Sources
+    from missions.plugins.records.replay.sources import RerunFiles
 
-RATE = 12.5
+FILM_RATE = 12.5
 """Pictures a second in a film."""
 
-REFRESH = 0.1
+REFRESH_INTERVAL = 0.1
 """Seconds between two drawings of the player's screen."""
 
 
@@ -41,7 +41,7 @@ RECORD = click.argument("file", metavar="RECORD", type=click.Path(exists=True, d
 @click.option("--at", type=SECONDS, default=0.0, metavar="TIME", help="Begin there, such as 12.5s.")
 @click.option(
     "--speed",
-    type=Real(min=0, min_open=True, max=1000),
+    type=RealNumber(min=0, min_open=True, max=1000),
     default=1.0,
     metavar="TIMES",
     help="Play it so many times as fast as it was.",
@@ -61,8 +61,8 @@ def replay(file: Path, at: float, speed: float, frames: Path | None) -> int:
     """
     if frames is None:
         return _play(open_record(file), at, speed)
-    check_place(frames, "--frames")
-    return _film(open_record(file), frames)
+    check_output(frames, "--frames")
+    return _write_film(open_record(file), frames)
 
 
 @click.command(epilog="Example: mission record rerun monday.mcap")
@@ -88,122 +88,136 @@ def rerun(
 
     Exit code 0 is that all is as it was, 1 that something is not, 2 that it cannot be said.
     """
-    again = _Again(code=files, recorded=recorded, trusted=trust_code)
-    return (_look if look else _decide)(open_record(file), mission, again)
+    again = _RerunOptions(code=files, recorded=recorded, trusted=trust_code)
+    return (_rerun_perception if look else _rerun_decisions)(open_record(file), mission, again)
 
 
-def _play(record: Record, at: float, speed: float) -> int:
+def _play(record: RunRecord, at: float, speed: float) -> int:
     """Play it with keys or, without a terminal, write all that happened from ``at`` on."""
-    from missions.plugins.records.replay.play import Player  # noqa: PLC0415 - as below, what one option needs is not loaded for all
-    from missions.plugins.records.replay.screen import Screen, lines  # noqa: PLC0415
+    from missions.plugins.records.replay.play import RecordPlayer  # noqa: PLC0415 - as below, what one option needs is not loaded for all
+    from missions.plugins.records.replay.screen import PlayerScreen, event_lines  # noqa: PLC0415
 
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        for line in lines(record, at):
+        for line in event_lines(record, at):
             click.echo(line)
         return SUCCESS
-    player, screen, shown_on, clock = Player(record, at=at, speed=speed), Screen(record), console(), SystemClock()
+    player, screen, shown_on, clock = (
+        RecordPlayer(record, at=at, speed=speed),
+        PlayerScreen(record),
+        console(),
+        SystemClock(),
+    )
     with (
         interruptible(),
-        Keys(sys.stdin.fileno()) as keys,
+        KeyReader(sys.stdin.fileno()) as keys,
         Live(console=shown_on, screen=True, auto_refresh=False) as live,
     ):
-        shown = clock.now()
+        shown = clock.read_value()
         going_on = True
         while going_on:
             live.update(screen.draw(player, shown_on.size.height), refresh=True)
-            key = keys.read(REFRESH)
-            before, shown = shown, clock.now()
-            player.go_on(shown - before)
+            key = keys.read(REFRESH_INTERVAL)
+            before, shown = shown, clock.read_value()
+            player.advance(shown - before)
             going_on = not key or player.press(key)
     return SUCCESS
 
 
-def _film(record: Record, path: Path) -> int:
-    from missions.plugins.records.replay.frames import annotated, steady  # noqa: PLC0415
+def _write_film(record: RunRecord, path: Path) -> int:
+    from missions.plugins.records.replay.frames import annotate_frames, resample_frames  # noqa: PLC0415
 
-    with Movie(path, rate=RATE, option="--frames") as movie:
-        pictures = annotated(record)
-        for picture in steady(pictures, RATE) if movie.is_film else (picture for _, picture in pictures):
+    with Movie(path, rate=FILM_RATE, option="--frames") as movie:
+        pictures = annotate_frames(record)
+        for picture in resample_frames(pictures, FILM_RATE) if movie.is_film else (picture for _, picture in pictures):
             movie.write(picture)
     if not movie.pictures:
-        raise click.UsageError(_no_pictures(record))
-    if movie.trouble:
-        raise click.ClickException(movie.trouble)
+        raise click.UsageError(_no_pictures_message(record))
+    if movie.error:
+        raise click.ClickException(movie.error)
     click.echo(f"wrote {movie.pictures} pictures to {path}")
     return SUCCESS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Again:
-    """With which files a record is decided or seen again: see ``missions.plugins.records.replay.sources.Sources``."""
+class _RerunOptions:
+    """With which files a record is decided or seen again: see ``missions.plugins.records.replay.sources.RerunFiles``."""
 
     code: Sequence[Path]
     recorded: bool
     trusted: bool
 
 
-def _decide(record: Record, mission: str | None, again: _Again) -> int:
+def _rerun_decisions(record: RunRecord, mission: str | None, options: _RerunOptions) -> int:
     """Decide it again, and say whether all is as it was."""
     from missions.plugins.records.replay.rerun import rerun as decide  # noqa: PLC0415
-    from missions.plugins.records.replay.words import about_rerun  # noqa: PLC0415
+    from missions.plugins.records.replay.words import rerun_lines  # noqa: PLC0415
 
-    if problem := _undecidable(record):
+    if problem := _rerun_obstacle(record):
         raise click.UsageError(problem)
-    with _sources(record, again) as sources:
+    with _unpack_sources(record, options) as sources:
         config = sources.robot()
-        found = decide(record, sources.plan(config, mission), config, seed=record.head.seed, lag=record.head.lag)
-        for line in about_rerun(found, sources):
+        found = decide(record, sources.plan(config, mission), config, seed=record.header.seed, lag=record.header.lag)
+        for line in rerun_lines(found, sources):
             click.echo(line)
-    if not found.nodes or found.unheard:
+    if not found.nodes or found.unanswered:
         return USAGE
-    return SUCCESS if found.same else FAILURE
+    return SUCCESS if found.is_identical else FAILURE
 
 
-def _look(record: Record, mission: str | None, again: _Again) -> int:
+def _rerun_perception(record: RunRecord, mission: str | None, options: _RerunOptions) -> int:
     """Search the pictures again, and say whether all is found that was."""
     from missions.library.interests import interests_of  # noqa: PLC0415
-    from missions.plugins.records.replay.see import see  # noqa: PLC0415
-    from missions.plugins.records.replay.words import about_sight  # noqa: PLC0415
+    from missions.plugins.records.replay.see import rerun_perception  # noqa: PLC0415
+    from missions.plugins.records.replay.words import perception_lines  # noqa: PLC0415
 
-    with _sources(record, again) as sources:
+    with _unpack_sources(record, options) as sources:
         config = sources.robot()
         if config.camera is None:
             raise click.UsageError(f"{config.name} has no camera")
         try:
-            seen = see(record, config.camera, interests_of(sources.plan(config, mission).tree, config.camera))
+            seen = rerun_perception(
+                record, config.camera, interests_of(sources.plan(config, mission).tree, config.camera)
+            )
         except FileNotFoundError as error:  # of a detector
             raise click.UsageError(str(error)) from error
-        if not seen.pictures:
-            raise click.UsageError(_no_pictures(record))
-        for line in about_sight(seen):
+        if not seen.picture_count:
+            raise click.UsageError(_no_pictures_message(record))
+        for line in perception_lines(seen):
             click.echo(line)
-    return FAILURE if seen.lost else SUCCESS
+    return FAILURE if seen.lost_tracks else SUCCESS
 
 
 @contextmanager
-def _sources(record: Record, again: _Again) -> Iterator["Sources"]:
+def _unpack_sources(record: RunRecord, options: _RerunOptions) -> Iterator["RerunFiles"]:
     """Unpack the files of a record for as long as they are needed, and say which are others today.
 
     Raises click.UsageError for a record with code that nobody has said to trust, and lists it.
     """
-    from missions.plugins.records.replay.sources import Sources  # noqa: PLC0415
+    from missions.plugins.records.replay.sources import RerunFiles  # noqa: PLC0415
 
     with TemporaryDirectory(prefix="mission-replay-") as folder:
-        sources = Sources(
-            record.head, record.files, Path(folder), recorded=again.recorded, code=again.code, trusted=again.trusted
+        sources = RerunFiles(
+            record.header,
+            record.files,
+            Path(folder),
+            recorded=options.recorded,
+            code=options.code,
+            trusted=options.trusted,
         )
         if code := sources.foreign_code():
             told = "".join(f"\n  {line}" for line in code)
-            if not again.trusted:
-                raise click.UsageError(f"{record.path} holds Python that would be run:{told}\n{_look_first(record)}")
+            if not options.trusted:
+                raise click.UsageError(
+                    f"{record.path} holds Python that would be run:{told}\n{_inspection_hint(record)}"
+                )
             click.echo(f"running the Python of {record.path}:{told}")
         sources.unpack()
-        for line in () if again.recorded else sources.changed():
+        for line in () if options.recorded else sources.changed_files():
             click.echo(line)
         yield sources
 
 
-def _look_first(record: Record) -> str:
+def _inspection_hint(record: RunRecord) -> str:
     path = shlex.quote(str(record.path))
     return (
         f"  try: mission record export {path} --folder FOLDER, and look into it;\n"
@@ -211,19 +225,21 @@ def _look_first(record: Record) -> str:
     )
 
 
-def _undecidable(record: Record) -> str:
+def _rerun_obstacle(record: RunRecord) -> str:
     """Say why a record is not enough to decide it again; nothing where it is."""
-    if record.cut_from is not None:
-        return f"{record.path} is a piece from {record.cut_from:g} s on: decisions need the record from its beginning"
-    if record.head.mocks:
-        return f"{record.path} is of a test with mocks ({', '.join(record.head.mocks)}), which no mission file tells of"
-    lost = {topic: count for topic, count in record.lost().items() if topic in ("/moments", "/nodes") and count}
+    if record.cut_start is not None:
+        return f"{record.path} is a piece from {record.cut_start:g} s on: decisions need the record from its beginning"
+    if record.header.mocks:
+        return (
+            f"{record.path} is of a test with mocks ({', '.join(record.header.mocks)}), which no mission file tells of"
+        )
+    lost = {topic: count for topic, count in record.lost_counts().items() if topic in ("/moments", "/nodes") and count}
     if lost:
         counts = ", ".join(f"{count} of {topic}" for topic, count in lost.items())
         return f"{record.path} has lost messages while it was written: {counts}"
     return ""
 
 
-def _no_pictures(record: Record) -> str:
-    eyes = " with --eyes truth, which needs none" if record.head.eyes == "truth" else ""
+def _no_pictures_message(record: RunRecord) -> str:
+    eyes = " with --eyes truth, which needs none" if record.header.eyes == "truth" else ""
     return f"{record.path} has no pictures: it was recorded{eyes or ' without a camera, or with --record-frames 0'}"

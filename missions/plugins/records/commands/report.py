@@ -5,14 +5,14 @@ from pathlib import Path
 
 import click
 
-from config.reading import PRIVATE, save_file
-from missions.cli.numbers import Whole
-from missions.cli.outputs import check_folder, writing, wrote
+from config.reading import PRIVATE_MODE, save_file
+from missions.cli.numbers import WholeNumber
+from missions.cli.outputs import check_folder, report_write_errors, written_message
 from missions.plugins.records.recording.read import open_record
-from missions.plugins.records.report.page import page
-from missions.plugins.records.report.summary import MOST_PICTURES, Study, study
+from missions.plugins.records.report.page import report_page
+from missions.plugins.records.report.summary import MAX_PICTURES, RecordStudy, study_record
 
-PAGES = (".html", ".htm")
+PAGE_SUFFIXES = (".html", ".htm")
 """What the name of a report may end in."""
 
 
@@ -27,8 +27,8 @@ PAGES = (".html", ".htm")
 )
 @click.option(
     "--pictures",
-    type=Whole(min=0),
-    default=MOST_PICTURES,
+    type=WholeNumber(min=0),
+    default=MAX_PICTURES,
     show_default=True,
     metavar="N",
     help="At most so many pictures of the camera: before failures, and evenly.",
@@ -47,29 +47,29 @@ def report(file: Path, output: Path | None, pictures: int, plots: Path | None) -
     """
     if output is None and plots is None:
         output = file.with_name(f"{file.stem}_report.html")  # not the name of a picture of the mission
-    elif output is not None and output.suffix.lower() not in PAGES:
+    elif output is not None and output.suffix.lower() not in PAGE_SUFFIXES:
         raise click.BadParameter(
             f"{output}: a report is a page of HTML\n  try: -o {shlex.quote(str(output.with_suffix('.html')))}",
             param_hint="-o",
         )
     if plots is not None:
         check_folder(plots, "--plots", f"--plots {shlex.quote(str(plots.with_suffix('')))}")
-    found = study(open_record(file), most_pictures=pictures if output is not None else 0)
+    found = study_record(open_record(file), max_pictures=pictures if output is not None else 0)
     try:
         if output is not None:
-            with writing(output, "-o"):
-                save_file(output, page(found).encode(errors="backslashreplace"), PRIVATE)
-            click.echo(wrote(output))
+            with report_write_errors(output, "-o"):
+                save_file(output, report_page(found).encode(errors="backslashreplace"), PRIVATE_MODE)
+            click.echo(written_message(output))
         if plots is not None:
             _plot(found, plots)
     except OSError as error:
         raise click.UsageError(f"{error.filename or output or plots}: {error.strerror or error}") from error
 
 
-def _plot(found: Study, folder: Path) -> None:
+def _plot(study: RecordStudy, folder: Path) -> None:
     try:
-        from missions.plugins.records.report.papers import draw  # noqa: PLC0415 - needs an extra
+        from missions.plugins.records.report.papers import draw_plots  # noqa: PLC0415 - needs an extra
     except ImportError as error:
         raise click.UsageError("plots need Matplotlib\n  try: pip install 'missiontree[plots]'") from error
-    for path in draw(found, folder):
-        click.echo(wrote(path))
+    for path in draw_plots(study, folder):
+        click.echo(written_message(path))

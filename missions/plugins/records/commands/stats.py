@@ -9,8 +9,8 @@ import click
 from missions.cli.root import SUCCESS, USAGE
 from missions.plugins.records.recording.faults import InvalidRecordError
 from missions.plugins.records.recording.read import open_record
-from missions.plugins.records.statistics.figures import Stats, merge
-from missions.plugins.records.statistics.gather import gather
+from missions.plugins.records.statistics.figures import Stats, merge_stats
+from missions.plugins.records.statistics.gather import compute_stats
 from missions.plugins.records.statistics.table import as_csv, as_json, lines_of
 
 
@@ -31,7 +31,7 @@ def stats(paths: Sequence[Path], as_what: str | None) -> int:
     2 then.
     """
     unread: list[Path] = []
-    found = merge(_gathered(paths, unread))
+    found = merge_stats(_read_stats(paths, unread))
     if as_what == "json":
         click.echo(json.dumps([as_json(each) for each in found], indent=2, ensure_ascii=False))
     elif as_what == "csv":
@@ -43,11 +43,11 @@ def stats(paths: Sequence[Path], as_what: str | None) -> int:
     return USAGE if unread else SUCCESS
 
 
-def _gathered(paths: Sequence[Path], unread: list[Path]) -> Iterator[Stats]:
+def _read_stats(paths: Sequence[Path], unread: list[Path]) -> Iterator[Stats]:
     """Yield the figures of each record, one at a time in memory; tell of those that cannot be read."""
     for path in paths:
         try:
-            yield gather(open_record(path))
+            yield compute_stats(open_record(path))
         except (InvalidRecordError, OSError) as error:
             unread.append(path)
             click.echo(f"mission: {error}", err=True)

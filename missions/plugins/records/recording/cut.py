@@ -12,46 +12,46 @@ from typing import Any, BinaryIO
 from mcap.writer import Writer
 
 from missions.library.private_files import new_file
-from missions.plugins.records.recording.container import Message
-from missions.plugins.records.recording.faults import message_in, understanding
-from missions.plugins.records.recording.moments import Restored, Shortened
-from missions.plugins.records.recording.read import CUT, PROFILE, Record, began_at
+from missions.plugins.records.recording.container import McapMessage
+from missions.plugins.records.recording.faults import parse_message, reject_malformed
+from missions.plugins.records.recording.moments import TickDecoder, TickEncoder
+from missions.plugins.records.recording.read import CUT_METADATA, MCAP_PROFILE, RunRecord, start_time_ns
 
-KEYS = {"/mission": (), "/nodes": ("node",), "/feedback": ("node",), "/variables": ("scope", "name")}
+STATE_KEYS = {"/mission": (), "/nodes": ("node",), "/feedback": ("node",), "/variables": ("scope", "name")}
 """Of which messages the newest holds on: of those that have these members in common. So do all on ``/state/...``."""
 
 
-def cut(record: Record, start: float, end: float, output: Path, *, force: bool = False) -> int:
+def cut_record(record: RunRecord, start: float, end: float, output: Path, *, force: bool = False) -> int:
     """Write the piece from ``start`` to ``end`` (seconds of the run, both included); return how many messages it has.
 
     Raises ExistsError where ``output`` is there already, InvalidRecordError, OSError.
     """
-    piece = _Piece(record, start, end)
+    piece = _Excerpt(record, start, end)
     with new_file(output, force=force) as file:
         return piece.write(file)
 
 
-class _Piece:
+class _Excerpt:
     """The piece of ``record`` from ``start`` to ``end``."""
 
-    def __init__(self, record: Record, start: float, end: float) -> None:
+    def __init__(self, record: RunRecord, start: float, end: float) -> None:
         self._record = record
         self._start = start
         self._end = end
-        self._first = began_at(record.head) + round(start * 1e9)
-        self._last = began_at(record.head) + round(end * 1e9)
-        self._restored = Restored()
-        self._shortened = Shortened()
+        self._first = start_time_ns(record.header) + round(start * 1e9)
+        self._last = start_time_ns(record.header) + round(end * 1e9)
+        self._decoder = TickDecoder()
+        self._encoder = TickEncoder()
 
     def write(self, file: BinaryIO) -> int:
         """Write it all; return how many messages there are."""
         container = self._record.container
-        held = [message._replace(time=max(message.time, self._first)) for message in self._held()]
+        held = [message._replace(time=max(message.time, self._first)) for message in self._initial_state()]
         # All channels are known now that every chunk was read. Any, since only half of the writer is typed.
         writer: Any = Writer(file, chunk_size=1 << 40)  # a chunk ends where one of the record does
-        writer.start(profile=PROFILE, library=PROFILE)
+        writer.start(profile=MCAP_PROFILE, library=MCAP_PROFILE)
         span = {"from": str(self._start), "to": str(self._end), "of": self._record.path.name}
-        for name, table in ({**container.metadata(), CUT: span}).items():
+        for name, table in ({**container.metadata(), CUT_METADATA: span}).items():
             writer.add_metadata(name, dict(table))
         for each in container.attachments():
             writer.add_attachment(each.create_time, each.log_time, each.name, each.media_type, each.data)
@@ -72,35 +72,35 @@ class _Piece:
         writer.finish()
         return count
 
-    def _held(self) -> list[Message]:
+    def _initial_state(self) -> list[McapMessage]:
         """Return what holds when the piece begins, the head of the record first."""
-        held: dict[tuple[str, ...], Message] = {}
-        with understanding(self._record.path):
+        held: dict[tuple[str, ...], McapMessage] = {}
+        with reject_malformed(self._record.path):
             for message in self._record.container.messages():
                 topic = message.topic
                 if topic == "/mission" or (
-                    message.time < self._first and (topic in KEYS or topic.startswith("/state/"))
+                    message.time < self._first and (topic in STATE_KEYS or topic.startswith("/state/"))
                 ):
-                    data = message_in(message.data) if KEYS.get(topic) else {}
-                    held[(topic, *(str(data[name]) for name in KEYS.get(topic, ())))] = message
+                    data = parse_message(message.data) if STATE_KEYS.get(topic) else {}
+                    held[(topic, *(str(data[name]) for name in STATE_KEYS.get(topic, ())))] = message
         return list(held.values())
 
-    def _chunks(self) -> Iterator[list[Message]]:
+    def _chunks(self) -> Iterator[list[McapMessage]]:
         """Yield the messages of its time, those of each chunk together."""
         container = self._record.container
         for _, _, data in container.chunks():
             messages = [message for message in container.messages_in(data) if message.topic != "/mission"]
             if any(self._first <= message.time <= self._last for message in messages):
-                self._shortened.forget()
-                yield [kept for message in messages if (kept := self._kept(message)) is not None]
+                self._encoder.reset()
+                yield [kept for message in messages if (kept := self._convert(message)) is not None]
 
-    def _kept(self, message: Message) -> Message | None:
+    def _convert(self, message: McapMessage) -> McapMessage | None:
         """Return a message as it is in the piece; None for one of another time.
 
         A moment may have answers that stand in an earlier one of its chunk only, so it is written anew.
         """
         if message.topic == "/moments":
-            with understanding(self._record.path):
-                moment = self._restored.read(message_in(message.data))
-            message = message._replace(data=self._shortened.written(moment)) if message.time >= self._first else message
+            with reject_malformed(self._record.path):
+                moment = self._decoder.decode(parse_message(message.data))
+            message = message._replace(data=self._encoder.encode(moment)) if message.time >= self._first else message
         return message if self._first <= message.time <= self._last else None

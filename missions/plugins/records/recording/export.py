@@ -9,31 +9,31 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
-from config.reading import PRIVATE, save_file, whole_file
-from missions.library.private_files import inside, new_file, new_folder
-from missions.plugins.records.recording.faults import InvalidRecordError, message_in, understanding
-from missions.plugins.records.recording.read import Record, began_at
+from config.reading import PRIVATE_MODE, replace_file, save_file
+from missions.library.private_files import new_file, new_folder, path_inside
+from missions.plugins.records.recording.faults import InvalidRecordError, parse_message, reject_malformed
+from missions.plugins.records.recording.read import RunRecord, start_time_ns
 
-NO_TABLE = frozenset({"/camera", "/camera/marks"})
+TOPICS_WITHOUT_TABLE = frozenset({"/camera", "/camera/marks"})
 """Topics that no table is made of."""
 
-ESCAPED = "backslashreplace"
+ENCODING_ERRORS = "backslashreplace"
 """What becomes of half a letter, which UTF-8 does not have: what JSON writes for it."""
 
-MOST_COLUMNS, MOST_TABLES = 2000, 200
+MAX_COLUMNS, MAX_TABLES = 2000, 200
 """Columns of a table, and tables: ours have some dozens."""
 
-_TROUBLE = re.compile(r"[/\\\x00-\x1f\x7f]")
+_UNSAFE_CHARACTERS = re.compile(r"[/\\\x00-\x1f\x7f]")
 """What no name of a file should have."""
 
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+_FORMULA_PREFIXES = ("=", "+", "-", "@", "\t", "\r")
 """How texts begin that a spreadsheet takes for a formula, and does."""
 
-LEFT_OUT = frozenset({("/moments", "answers")})
+OMITTED_FIELDS = frozenset({("/moments", "answers")})
 """What of the others is left out of tables: the answers to a moment's questions are many, and nested."""
 
 
-def to_jsonl(record: Record, output: Path, *, force: bool = False) -> int:
+def to_jsonl(record: RunRecord, output: Path, *, force: bool = False) -> int:
     """Write every message as a line ``{"topic": ..., "t": ..., "message": ...}``; return how many there are.
 
     Raises ExistsError, InvalidRecordError, OSError.
@@ -42,12 +42,12 @@ def to_jsonl(record: Record, output: Path, *, force: bool = False) -> int:
     with new_file(output, force=force) as file:
         for topic, t, data in _messages(record):
             line = json.dumps({"topic": topic, "t": t, "message": data}, ensure_ascii=False)
-            file.write(line.encode(errors=ESCAPED) + b"\n")
+            file.write(line.encode(errors=ENCODING_ERRORS) + b"\n")
             count += 1
     return count
 
 
-def to_csv(record: Record, folder: Path, *, force: bool = False) -> list[Path]:
+def to_csv(record: RunRecord, folder: Path, *, force: bool = False) -> list[Path]:
     """Write a table of each topic that has one; return their files. Raises as ``to_jsonl`` does.
 
     The first column is the time in seconds of the run. Members of members have both names, as in ``pose.position.x``;
@@ -56,18 +56,24 @@ def to_csv(record: Record, folder: Path, *, force: bool = False) -> list[Path]:
     new_folder(folder, force=force)
     columns: dict[str, dict[str, None]] = {}  # in the order of their first use
     for topic, _, data in _messages(record):
-        if topic not in NO_TABLE:
+        if topic not in TOPICS_WITHOUT_TABLE:
             known = columns.setdefault(topic, {})
             known.update(dict.fromkeys(_row(topic, data)))
-            if len(known) > MOST_COLUMNS:
-                raise InvalidRecordError(f"{record.path}: a table of {topic:.80} has more than {MOST_COLUMNS} columns")
-    if len(columns) > MOST_TABLES:
-        raise InvalidRecordError(f"{record.path}: has more than {MOST_TABLES} topics")
-    paths = {topic: folder / f"{_TROUBLE.sub('_', topic.strip('/')):.100}.csv" for topic in sorted(columns)}
+            if len(known) > MAX_COLUMNS:
+                raise InvalidRecordError(f"{record.path}: a table of {topic:.80} has more than {MAX_COLUMNS} columns")
+    if len(columns) > MAX_TABLES:
+        raise InvalidRecordError(f"{record.path}: has more than {MAX_TABLES} topics")
+    paths = {topic: folder / f"{_UNSAFE_CHARACTERS.sub('_', topic.strip('/')):.100}.csv" for topic in sorted(columns)}
     with ExitStack() as files:
         tables = {
             topic: csv.DictWriter(
-                TextIOWrapper(files.enter_context(whole_file(path, PRIVATE)), "utf-8", ESCAPED, "", write_through=True),
+                TextIOWrapper(
+                    files.enter_context(replace_file(path, PRIVATE_MODE)),
+                    "utf-8",
+                    ENCODING_ERRORS,
+                    "",
+                    write_through=True,
+                ),
                 ["t", *columns[topic]],
             )
             for topic, path in paths.items()
@@ -80,7 +86,7 @@ def to_csv(record: Record, folder: Path, *, force: bool = False) -> list[Path]:
     return list(paths.values())
 
 
-def to_folder(record: Record, folder: Path, *, force: bool = False) -> tuple[int, int, int]:
+def to_folder(record: RunRecord, folder: Path, *, force: bool = False) -> tuple[int, int, int]:
     """Write pictures, files and tables into folders of these names; return how many. Raises as ``to_jsonl`` does."""
     new_folder(folder, force=force)
     pictures, files = folder / "pictures", folder / "files"
@@ -88,38 +94,38 @@ def to_folder(record: Record, folder: Path, *, force: bool = False) -> tuple[int
         each.mkdir(mode=0o700, exist_ok=True)
     count = 0
     for stamp, jpeg in record.frames():
-        save_file(pictures / f"{stamp:010.3f}.jpg", jpeg, PRIVATE, durable=False)
+        save_file(pictures / f"{stamp:010.3f}.jpg", jpeg, PRIVATE_MODE, durable=False)
         count += 1
     for name, data in record.files.items():
-        path = files / inside(name)
+        path = files / path_inside(name)
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        save_file(path, data, PRIVATE, durable=False)
+        save_file(path, data, PRIVATE_MODE, durable=False)
     return count, len(record.files), len(to_csv(record, folder / "tables", force=force))
 
 
-def _messages(record: Record) -> Iterator[tuple[str, float, Any]]:
+def _messages(record: RunRecord) -> Iterator[tuple[str, float, Any]]:
     """Yield of each message the topic, the time in seconds of the run, and what it says."""
-    began = began_at(record.head)
+    began = start_time_ns(record.header)
     for topic, time, data in record.container.messages():
-        with understanding(record.path):
-            found = message_in(data)
+        with reject_malformed(record.path):
+            found = parse_message(data)
         yield topic, found.pop("t", (time - began) / 1e9), found
 
 
-def _row(topic: str, data: Mapping[str, Any], before: str = "") -> dict[str, object]:
+def _row(topic: str, data: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
     """Return the cells of a message by the names of their columns."""
     cells: dict[str, object] = {}
     for name, value in data.items():
         if isinstance(value, dict):
-            cells |= _row(topic, value, f"{before}{name}.")
-        elif (topic, name) not in LEFT_OUT:
-            told = json.dumps(value, ensure_ascii=False) if isinstance(value, list) else cell(value)
-            cells[before + name] = told
+            cells |= _row(topic, value, f"{prefix}{name}.")
+        elif (topic, name) not in OMITTED_FIELDS:
+            told = json.dumps(value, ensure_ascii=False) if isinstance(value, list) else safe_cell(value)
+            cells[prefix + name] = told
     return cells
 
 
-def cell(value: object) -> object:
+def safe_cell(value: object) -> object:
     """Return what a cell may hold: no text of it is done by a spreadsheet, which an apostrophe tells it."""
-    if not isinstance(value, str) or not value.startswith(_FORMULA) or value in ("-", "-inf"):
+    if not isinstance(value, str) or not value.startswith(_FORMULA_PREFIXES) or value in ("-", "-inf"):
         return value
     return f"'{value}"

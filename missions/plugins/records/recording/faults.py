@@ -8,7 +8,7 @@ from typing import Any
 
 from config.faults import InvalidInputError
 
-MAX_TIME = 1e9
+MAX_SECONDS = 1e9
 """Seconds that no run lasts: thirty years. No figure of a robot is as large either."""
 
 
@@ -17,7 +17,7 @@ class InvalidRecordError(InvalidInputError):
 
 
 @contextmanager
-def understanding(path: Path) -> Iterator[None]:
+def reject_malformed(path: Path) -> Iterator[None]:
     """Raise InvalidRecordError where what a record holds is not what it should be."""
     try:
         yield
@@ -28,26 +28,26 @@ def understanding(path: Path) -> Iterator[None]:
         raise InvalidRecordError(f"{path}: holds what this MissionTree does not understand: {said:.200}") from error
 
 
-def message_in(data: bytes) -> Any:
+def parse_message(data: bytes) -> Any:
     """Return what a message says. Raises ValueError for what is no object, or has a time at which no run is."""
-    found = strict_json(data)
+    found = parse_strict_json(data)
     if not isinstance(found, dict):
         raise ValueError(f"a message is no object: {data[:80]!r}")
-    seconds(found.get("t", 0.0))
+    check_time(found.get("t", 0.0))
     return found
 
 
-def seconds(value: object) -> float:
+def check_time(value: object) -> float:
     """Return a time of a run. Raises ValueError for what is none."""
-    if not isinstance(value, int | float) or not -MAX_TIME < value < MAX_TIME:
+    if not isinstance(value, int | float) or not -MAX_SECONDS < value < MAX_SECONDS:
         raise ValueError(f"{str(value)[:40]!r} is no time of a run")
     return value
 
 
-def strict_json(data: bytes) -> Any:
+def parse_strict_json(data: bytes) -> Any:
     """Return what JSON says. Raises ValueError for NaN and Infinity, too, which Python reads and no record has."""
-    return json.loads(data, parse_constant=_no_number)
+    return json.loads(data, parse_constant=_reject_constant)
 
 
-def _no_number(word: str) -> float:
+def _reject_constant(word: str) -> float:
     raise ValueError(f"{word} is no number of JSON")

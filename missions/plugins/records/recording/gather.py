@@ -7,28 +7,28 @@ from datetime import datetime
 from pathlib import Path
 from typing import Protocol
 
-from config.faults import InvalidFileError, Source
-from config.library import SHEETS
+from config.faults import InvalidFileError, SourceText
+from config.library import SHEET_SUFFIXES
 from config.marked import Mapping as Marked
 from config.marked import compose
 from config.reading import read_regular
 from config.robot import RobotConfig
 from drivers.api.secrets import without_secrets
-from missions.assembly.models import YUNET, folder
-from missions.assembly.together import eye
-from missions.language.expressions import shown
+from missions.assembly.models import YUNET, models_folder
+from missions.assembly.together import camera_position
+from missions.language.expressions import format_value
 from missions.language.plan import Plan
 from missions.library.shipped import behaviour_files
-from missions.plugins.records.recording.head import Contents, Head
+from missions.plugins.records.recording.head import RecordContents, RecordHeader
 from missions.trees.draw import drawing_of
 from missions.trees.drawing import to_json
-from perception.faults import MAX_MODEL
+from perception.faults import MAX_MODEL_BYTES
 
-KINDS = ("mission", "world", "gesture", "gait", "controller", "object", "move", "robot")
+FILE_KINDS = ("mission", "world", "gesture", "gait", "controller", "object", "move", "robot")
 """The kinds of files of a run: the first of these words that stands in one as a key."""
 
 
-class Asked(Protocol):
+class RecordedRequest(Protocol):
     """A request to run, as far as a record tells of it: a ``missions.request.RunRequest``."""
 
     @property
@@ -68,7 +68,7 @@ class Asked(Protocol):
 
 
 def contents_of(
-    order: Asked,
+    request: RecordedRequest,
     plan: Plan,
     config: RobotConfig,
     files: Mapping[Path, bytes],
@@ -77,43 +77,43 @@ def contents_of(
     command: Sequence[str] = (),
     mocks: Sequence[str] = (),
     lag: float | None = None,
-) -> Contents:
+) -> RecordContents:
     """Return what a record of a run begins with.
 
-    ``files`` are those that were read for it, as ``config.reading.files_read`` has them; ``started`` is the time of day
+    ``files`` are those that were read for it, as ``config.reading.collect_read_files`` has them; ``started`` is the time of day
     at which its clock showed 0, ``command`` what was typed, ``mocks`` the leaves that a test has replaced, ``lag`` what
     was known of the base's.
     """
-    names = dict(_named(files, {path.resolve() for path in behaviour_files(order.mission, order.behaviours)}))
+    names = dict(_name_files(files, {path.resolve() for path in behaviour_files(request.mission, request.behaviours)}))
     mission = Path(plan.source.name).resolve()
     chosen = plan.tree.parts & config.parts
-    simulation = order.simulation
-    head = Head(
+    simulation = request.simulation
+    head = RecordHeader(
         mission=plan.mission,
         file=next((name for name, path in names.items() if path == mission), f"mission/{mission.name}"),
         robot=config.name,
-        world=order.world_name,
-        params=dict(order.params),
-        seed=order.seed,
+        world=request.world_name,
+        params=dict(request.params),
+        seed=request.seed,
         simulate=simulation or "",
-        eyes="" if "camera" not in chosen else order.eyes if simulation == "fast" else "pixels",
+        eyes="" if "camera" not in chosen else request.eyes if simulation == "fast" else "pixels",
         rate=config.rate,
         started=started.isoformat(),
         command=tuple(map(without_secrets, command)),
         parts=tuple(sorted(chosen)),
-        values={name: shown(value) for name, value in plan.params.items()},
+        values={name: format_value(value) for name, value in plan.params.items()},
         behaviours=tuple(name for name in names if name.startswith("behaviours/")),
         paths={name: str(path) for name, path in names.items()},
-        models=_models(config),
+        models=_model_checksums(config),
         mocks=tuple(mocks),
-        eye=eye(config),
+        eye=camera_position(config),
         lag=lag,
     )
     tree = json.dumps(to_json(drawing_of(plan)), ensure_ascii=False).encode()
-    return Contents(head, {name: _told(files[path]) for name, path in names.items()}, tree)
+    return RecordContents(head, {name: _without_passwords(files[path]) for name, path in names.items()}, tree)
 
 
-def _told(data: bytes) -> bytes:
+def _without_passwords(data: bytes) -> bytes:
     """Return a file as it is kept: without the passwords of addresses."""
     try:
         return without_secrets(data.decode()).encode() if b"://" in data else data
@@ -121,11 +121,11 @@ def _told(data: bytes) -> bytes:
         return data
 
 
-def _named(files: Mapping[Path, bytes], python: set[Path]) -> Iterator[tuple[str, Path]]:
+def _name_files(files: Mapping[Path, bytes], python: set[Path]) -> Iterator[tuple[str, Path]]:
     """Yield each file with its name in the record: ``mission/greet.yaml``; the second of one name is numbered."""
     taken: set[str] = set()
     for path, data in files.items():
-        kind = "behaviours" if path in python else _kind(path, data)
+        kind = "behaviours" if path in python else _file_kind(path, data)
         name, number = f"{kind}/{path.name}", 1
         while name in taken:
             number += 1
@@ -134,24 +134,24 @@ def _named(files: Mapping[Path, bytes], python: set[Path]) -> Iterator[tuple[str
         yield name, path
 
 
-def _kind(path: Path, data: bytes) -> str:
+def _file_kind(path: Path, data: bytes) -> str:
     """Return what a file is, by what it says itself."""
-    if path.suffix.lower() in SHEETS:
+    if path.suffix.lower() in SHEET_SUFFIXES:
         return "move"
     try:
-        root = compose(Source(str(path), data.decode("utf-8-sig")))
+        root = compose(SourceText(str(path), data.decode("utf-8-sig")))
     except (InvalidFileError, UnicodeDecodeError):
         return "file"
     keys = set(root.keys()) if isinstance(root, Marked) else set()
-    return next((kind for kind in KINDS if kind in keys), "file")
+    return next((kind for kind in FILE_KINDS if kind in keys), "file")
 
 
-def _models(config: RobotConfig) -> dict[str, str]:
+def _model_checksums(config: RobotConfig) -> dict[str, str]:
     """Return the model that finds faces, by its sum."""
     if config.camera is None or config.camera.detector != "yunet":
         return {}
-    path = Path(config.camera.model).expanduser() if config.camera.model else folder() / YUNET.file
+    path = Path(config.camera.model).expanduser() if config.camera.model else models_folder() / YUNET.file
     try:
-        return {path.name: hashlib.sha256(read_regular(path, MAX_MODEL)).hexdigest()}
+        return {path.name: hashlib.sha256(read_regular(path, MAX_MODEL_BYTES)).hexdigest()}
     except OSError:  # then there are no eyes either, and who makes them says so
         return {}

@@ -8,24 +8,24 @@ from dataclasses import field
 
 from drivers.api.quick import dataclass
 
-FORMAT = 2
+FORMAT_VERSION = 2
 """Layout of records; a reader refuses any other number."""
 
-METADATA = "missiontree"
+VERSIONS_METADATA = "missiontree"
 """The name of the metadata that say what has made a record: versions, seed, format."""
 
-FILES = "files"
+FILES_METADATA = "files"
 """The name of the metadata that say where each attached file was found."""
 
-LIMIT = "limit"
+LIMIT_METADATA = "limit"
 """The name of the metadata that say that a record was as large as it might get, and when that was."""
 
-TREE = "tree.json"
+TREE_ATTACHMENT = "tree.json"
 """The attachment with the drawing of the mission's tree."""
 
 
 @dataclass(frozen=True, slots=True)
-class Head:
+class RecordHeader:
     """What was run, and how.
 
     ``file`` is the attachment that is the mission, ``params`` those that the caller gave, as texts, ``values`` all of
@@ -58,13 +58,13 @@ class Head:
     mocks: tuple[str, ...] = ()
     eye: tuple[float, float, float] = (0.0, 0.0, 1.0)
     lag: float | None = None
-    format: int = FORMAT
+    format: int = FORMAT_VERSION
 
 
 @dataclass(frozen=True, slots=True)
-class Contents:
+class RecordContents:
     """What stands before the first moment of a record: its head, the files of the run, and the drawing of its tree."""
 
-    head: Head
+    header: RecordHeader
     files: Mapping[str, bytes]
     tree: bytes = b""

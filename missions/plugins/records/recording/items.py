@@ -2,7 +2,7 @@
 
 The way over is pickle: it is by far the quickest for whoever ticks. But the writer shall not import what makes a run,
 py_trees and cv2 above all; so of the classes in there only those of drivers and perception's values come back as they
-were. All others, events among them, become ``Other``: the name of the class, and its fields.
+were. All others, events among them, become ``OpaqueValue``: the name of the class, and its fields.
 """
 
 import io
@@ -15,18 +15,18 @@ from drivers.api import Health
 from missions.executive.tick_record import TickRecord
 from perception.api import Gaze, View
 
-HEADER = struct.Struct("<Q")
+BATCH_HEADER = struct.Struct("<Q")
 """What stands before a batch of items in a pipe: how many bytes it has."""
 
 
-class Seen(NamedTuple):
+class ViewItem(NamedTuple):
     """What perception found, and when it said so."""
 
     t: float
     view: View
 
 
-class Picture(NamedTuple):
+class PictureItem(NamedTuple):
     """A searched frame as JPEG, when it was taken, and where the camera looked then as far as that was known."""
 
     t: float
@@ -34,14 +34,14 @@ class Picture(NamedTuple):
     gaze: Gaze | None
 
 
-class Checked(NamedTuple):
+class HealthItem(NamedTuple):
     """How the devices were."""
 
     t: float
     health: Mapping[str, Health]
 
 
-class Feedback(NamedTuple):
+class FeedbackItem(NamedTuple):
     """The message of a node that goes on running, where it is another than before: when, in which tick, of which."""
 
     t: float
@@ -50,14 +50,14 @@ class Feedback(NamedTuple):
     reason: str
 
 
-class Missed(NamedTuple):
+class LossItem(NamedTuple):
     """How many messages will not come into the record, by topic, and why."""
 
     counts: Mapping[str, int]
-    why: str
+    reason: str
 
 
-class Other:
+class OpaqueValue:
     """A value of a class that is not imported here, as far as its fields tell of it."""
 
     def __new__(cls, *_args: object) -> Self:
@@ -79,7 +79,7 @@ class Other:
         return f"<{type(self).__name__}>"
 
 
-class Number(float):
+class PlainNumber(float):
     """A number that knew more of itself, such as its unit."""
 
     def __new__(cls, value: float, *_more: object) -> Self:
@@ -87,7 +87,7 @@ class Number(float):
         return super().__new__(cls, value)
 
 
-EVENTS: Mapping[str, str] = {
+EVENT_TOPICS: Mapping[str, str] = {
     "NodeChanged": "/nodes",
     "VariableSet": "/variables",
     "CommandSent": "/commands",
@@ -99,22 +99,22 @@ EVENTS: Mapping[str, str] = {
 }
 """The topic of each event that has one; the others are contained in the head, the moments and the views."""
 
-ITEMS: Mapping[type, str] = {
+ITEM_TOPICS: Mapping[type, str] = {
     TickRecord: "/moments",
-    Seen: "/percepts",
-    Picture: "/camera",
-    Checked: "/state/devices",
-    Feedback: "/feedback",
+    ViewItem: "/percepts",
+    PictureItem: "/camera",
+    HealthItem: "/state/devices",
+    FeedbackItem: "/feedback",
 }
 """The main topic of everything else."""
 
 
 def topic_of(item: object) -> str:
     """Return the topic of an item, that under which it is counted where it is lost."""
-    return ITEMS.get(type(item)) or EVENTS[type(item).__name__]
+    return ITEM_TOPICS.get(type(item)) or EVENT_TOPICS[type(item).__name__]
 
 
-def packed(items: Sequence[object]) -> bytes:
+def pack_items(items: Sequence[object]) -> bytes:
     """Return items as bytes. Raises whatever a class raises that cannot be pickled.
 
     Ways of pickling that libraries have registered for the whole program do not count: Dask has one for exceptions.
@@ -126,14 +126,23 @@ def packed(items: Sequence[object]) -> bytes:
     return file.getvalue()
 
 
-def unpacked(data: bytes) -> list[Any]:
-    """Return what ``packed`` made bytes of; only for what this program has packed itself."""
+def unpack_items(data: bytes) -> list[Any]:
+    """Return what ``pack_items`` made bytes of; only for what this program has packed itself."""
     found: list[Any] = _Unpickler(io.BytesIO(data)).load()
     return found
 
 
-_KNOWN = ("builtins", "collections", "copyreg", "_codecs", "enum", "numpy", "drivers.api", "drivers.errors")
-_KNOWN_WHOLE = (
+_IMPORTABLE_PACKAGES = (
+    "builtins",
+    "collections",
+    "copyreg",
+    "_codecs",
+    "enum",
+    "numpy",
+    "drivers.api",
+    "drivers.errors",
+)
+_IMPORTABLE_MODULES = (
     "perception.api",
     "missions.executive.tick_record",
     "missions.plugins.records.recording.items",
@@ -145,6 +154,8 @@ class _Unpickler(pickle.Unpickler):
     """Imports what is known and light, and nothing else."""
 
     def find_class(self, module: str, name: str) -> Any:
-        if module in _KNOWN_WHOLE or any(module == known or module.startswith(f"{known}.") for known in _KNOWN):
+        if module in _IMPORTABLE_MODULES or any(
+            module == known or module.startswith(f"{known}.") for known in _IMPORTABLE_PACKAGES
+        ):
             return super().find_class(module, name)
-        return Number if module == "config.units" else type(name, (Other,), {"__module__": module})
+        return PlainNumber if module == "config.units" else type(name, (OpaqueValue,), {"__module__": module})

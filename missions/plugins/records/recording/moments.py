@@ -9,86 +9,86 @@ from functools import lru_cache
 from typing import Any, get_args
 
 from missions.codec import number
-from missions.executive.tick_record import Answer, Kind, TickRecord
-from missions.plugins.records.recording.faults import seconds
-from missions.plugins.records.recording.tagged_values import dumps, from_json, tagged, untagged
+from missions.executive.tick_record import Answer, TickKind, TickRecord
+from missions.plugins.records.recording.faults import check_time
+from missions.plugins.records.recording.tagged_values import dumps, from_json, tag_value, untag_value
 
-KINDS = frozenset(get_args(Kind))
+TICK_KINDS = frozenset(get_args(TickKind))
 """What moments there are."""
 
-SAME = 3
+QUESTION_LENGTH = 3
 """As long is an answer of which only the question is written."""
 
 
-class Shortened:
+class TickEncoder:
     """Writes moments."""
 
     def __init__(self) -> None:
-        self._before: dict[bytes, bytes] = {}
+        self._last_answers: dict[bytes, bytes] = {}
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Write the next answer to every question in full."""
-        self._before.clear()
+        self._last_answers.clear()
 
-    def written(self, moment: TickRecord) -> bytes:
+    def encode(self, tick_record: TickRecord) -> bytes:
         """Return a moment as the bytes of a message."""
         fields = {
-            "t": moment.t,
-            "kind": moment.kind,
-            "tick": moment.tick,
-            "late": number(moment.late),
-            "spent": number(moment.spent),
-            "overheld": moment.overheld,
+            "t": tick_record.t,
+            "kind": tick_record.kind,
+            "tick": tick_record.tick,
+            "late": number(tick_record.late),
+            "spent": number(tick_record.spent),
+            "overheld": tick_record.overheld,
         }
         try:
-            answers = b",".join(self._answer(*answer) for answer in moment.answers)
+            answers = b",".join(self._encode_answer(*answer) for answer in tick_record.answers)
         except Exception:
-            self.forget()  # none of its answers will stand there
+            self.reset()  # none of its answers will stand there
             raise
         return dumps(fields)[:-1] + b',"answers":[' + answers + b"]}"
 
-    def _answer(self, part: str, what: str, arguments: tuple[object, ...], value: object) -> bytes:
-        question = _question(part, what, arguments) if arguments else _plain(part, what)
-        told = dumps(tagged(value))
-        if self._before.get(question) == told:
+    def _encode_answer(self, part: str, what: str, arguments: tuple[object, ...], value: object) -> bytes:
+        question = _question(part, what, arguments) if arguments else _cached_question(part, what)
+        told = dumps(tag_value(value))
+        if self._last_answers.get(question) == told:
             return question
-        self._before[question] = told
+        self._last_answers[question] = told
         return question[:-1] + b"," + told + b"]"
 
 
 def _question(part: str, what: str, arguments: tuple[object, ...]) -> bytes:
-    return dumps([part, what, [tagged(each) for each in arguments]])
+    return dumps([part, what, [tag_value(each) for each in arguments]])
 
 
 @lru_cache(maxsize=256)
-def _plain(part: str, what: str) -> bytes:
+def _cached_question(part: str, what: str) -> bytes:
     """Return a question without arguments: a run asks the same few in every tick."""
     return _question(part, what, ())
 
 
-class Restored:
+class TickDecoder:
     """Reads moments, in the order in which they were written."""
 
     def __init__(self) -> None:
-        self._before: dict[Any, object] = {}
+        self._last_answers: dict[Any, object] = {}
 
-    def read(self, data: Mapping[str, Any]) -> TickRecord:
+    def decode(self, data: Mapping[str, Any]) -> TickRecord:
         """Return the moment of a message. Raises LookupError, TypeError or ValueError for what is none."""
         overheld, kind = data["overheld"], data["kind"]
-        if kind not in KINDS:
+        if kind not in TICK_KINDS:
             raise ValueError(f"{kind!s:.40} is no kind of moment")
         return TickRecord(
             kind,
             from_json(data["tick"], int),
             data["t"],
-            seconds(data["late"]),
-            seconds(data["spent"]),
-            [self._answer(answer) for answer in data["answers"]],
+            check_time(data["late"]),
+            check_time(data["spent"]),
+            [self._decode_answer(answer) for answer in data["answers"]],
             None if overheld is None else (overheld[0], overheld[1]),
         )
 
-    def _answer(self, data: list[Any]) -> Answer:
-        question = dumps(data[:SAME])
-        if len(data) > SAME:
-            self._before[question] = untagged(data[SAME])
-        return data[0], data[1], tuple(untagged(each) for each in data[2]), self._before[question]
+    def _decode_answer(self, data: list[Any]) -> Answer:
+        question = dumps(data[:QUESTION_LENGTH])
+        if len(data) > QUESTION_LENGTH:
+            self._last_answers[question] = untag_value(data[QUESTION_LENGTH])
+        return data[0], data[1], tuple(untag_value(each) for each in data[2]), self._last_answers[question]

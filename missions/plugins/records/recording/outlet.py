@@ -17,31 +17,31 @@ from typing import Any, Final
 
 from drivers.api.quick import dataclass
 from drivers.clock import SystemClock
-from missions.plugins.records.recording.head import Contents
-from missions.plugins.records.recording.items import HEADER, packed
+from missions.plugins.records.recording.head import RecordContents
+from missions.plugins.records.recording.items import BATCH_HEADER, pack_items
 
 
 @dataclass(frozen=True, slots=True)
-class Loss:
-    """What is missing in a record: messages by topic, and why. ``ended`` is when it reached its limit (s), or None."""
+class RecordLoss:
+    """What is missing in a record: messages by topic, and why. ``limit_reached_at`` is when it reached its limit (s), or None."""
 
     counts: Mapping[str, int] = field(default_factory=dict)
-    why: str = ""
-    ended: float | None = None
+    reason: str = ""
+    limit_reached_at: float | None = None
 
     def __bool__(self) -> bool:
-        return bool(self.counts or self.why or self.ended is not None)
+        return bool(self.counts or self.reason or self.limit_reached_at is not None)
 
     def __str__(self) -> str:
         """Say it in a line for people; nothing where nothing is missing."""
         said = []
         if self.counts:
             named = ", ".join(f"{count} on {topic}" for topic, count in sorted(self.counts.items()))
-            said.append(f"{sum(self.counts.values())} messages are missing ({self.why or 'lost'}): {named}")
-        elif self.why:
-            said.append(self.why)
-        if self.ended is not None:
-            said.append(f"it reached its limit at {self.ended:.1f} s and ends there")
+            said.append(f"{sum(self.counts.values())} messages are missing ({self.reason or 'lost'}): {named}")
+        elif self.reason:
+            said.append(self.reason)
+        if self.limit_reached_at is not None:
+            said.append(f"it reached its limit at {self.limit_reached_at:.1f} s and ends there")
         return "; ".join(said)
 
 
@@ -68,13 +68,13 @@ TRANSITIONS: Final = {
     (WriterState.RECORDING, WriterEvent.CLOSE): WriterState.CLOSED,
 }
 
-GLANCE = 0.1
+POLL_INTERVAL = 0.1
 """Seconds within which a pipe that is full sees that its process has been given up."""
 
-PIPE = 1 << 20
+PIPE_BYTES = 1 << 20
 """Bytes that the pipe is to hold, so that a picture does not fill it."""
 
-_BLOCK = 1 << 16
+_READ_BYTES = 1 << 16
 
 
 class CannotRecordError(RuntimeError):
@@ -85,43 +85,43 @@ class CannotRecordError(RuntimeError):
         self.hint = hint
 
 
-class Outlet:
-    """One writing process: ``open``, ``send`` and ``hear`` from one thread, then ``finish``; ``give_up`` from any.
+class RecordWriterClient:
+    """One writing process: ``open``, ``send`` and ``receive`` from one thread, then ``finish``; ``abandon`` from any.
 
-    ``counts`` are the messages in a closed record, ``lost`` those that could not be written, and ``why``. ``ended`` is
-    the time (s) at which the record reached its limit. ``troubles`` are still to be reported. The process has
+    ``counts`` are the messages in a closed record, ``lost`` those that could not be written, and ``reason``. ``limit_reached_at`` is
+    the time (s) at which the record reached its limit. ``problems`` are still to be reported. The process has
     ``start_time`` seconds to begin.
     """
 
-    def __init__(self, path: Path, *, limit: float, overwrite: bool, start_time: float) -> None:
-        self.troubles: deque[str] = deque()
+    def __init__(self, path: Path, *, limit: float, overwrite: bool, start_timeout: float) -> None:
+        self.problems: deque[str] = deque()
         self.counts: Mapping[str, int] = {}
         self.lost: Mapping[str, int] = {}
-        self.why = ""
-        self.ended: float | None = None
+        self.reason = ""
+        self.limit_reached_at: float | None = None
         self.state = WriterState.NEW
         self.path = path
         self._overwrite = overwrite
-        self._start_time = start_time
+        self._start_timeout = start_timeout
         self._arguments = [str(path.resolve()), repr(float(limit)), "overwrite" if overwrite else "new"]
         self._process: subprocess.Popen[bytes] | None = None
-        self._to = self._from = -1
-        self._heard = b""
-        self._said = ""  # the last words of an interpreter that fails
-        self._silent = False  # the process has closed its output
-        self._given_up = ""
+        self._input_fd = self._output_fd = -1
+        self._received = b""
+        self._last_output = ""  # the last words of an interpreter that fails
+        self._output_closed = False  # the process has closed its output
+        self._abandon_reason = ""
 
     @property
-    def takes(self) -> bool:
+    def accepts_items(self) -> bool:
         """Whether the process takes items."""
         return self.state in (WriterState.STARTING, WriterState.RECORDING)
 
     @property
-    def process(self) -> int | None:
+    def process_id(self) -> int | None:
         """The number of its process; None where there is none."""
         return None if self._process is None else self._process.pid
 
-    def open(self, contents: Contents) -> None:
+    def open(self, contents: RecordContents) -> None:
         """Start the process, and wait until the beginning of the record is in its file. Raises CannotRecordError."""
         if find_spec("mcap") is None:
             raise CannotRecordError("records need mcap, which is missing", hint="pip install 'missiontree[records]'")
@@ -133,13 +133,13 @@ class Outlet:
             folder = self.path.parent
             raise CannotRecordError(f"{self.path}: there is no folder {folder}", hint=f"mkdir -p {folder}")
         self._start()
-        self.send(packed([contents]))
+        self.send(pack_items([contents]))
         wall = SystemClock()
-        while self.state is WriterState.STARTING and wall.now() < self._start_time:
-            self.hear(GLANCE)
+        while self.state is WriterState.STARTING and wall.read_value() < self._start_timeout:
+            self.receive(POLL_INTERVAL)
         if self.state in (WriterState.STARTING, WriterState.ABORTED):
-            why = self.why or f"its process did not begin within {self._start_time:.0f} s"
-            self.give_up(why)
+            why = self.reason or f"its process did not begin within {self._start_timeout:.0f} s"
+            self.abandon(why)
             self.finish()
             raise CannotRecordError(f"{self.path}: cannot be written: {why}", hint="another folder or disk, with room")
 
@@ -156,40 +156,40 @@ class Outlet:
         )
         if process.stdin is None or process.stdout is None:
             raise CannotRecordError(f"{self.path}: its process has no pipes")
-        self._to, self._from = process.stdin.fileno(), process.stdout.fileno()
-        os.set_blocking(self._to, False)
+        self._input_fd, self._output_fd = process.stdin.fileno(), process.stdout.fileno()
+        os.set_blocking(self._input_fd, False)
         with suppress(OSError, AttributeError):  # where the system has such a thing, and allows so much
-            fcntl.fcntl(self._to, fcntl.F_SETPIPE_SZ, PIPE)
+            fcntl.fcntl(self._input_fd, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
         self._advance(WriterEvent.START)
 
     def send(self, batch: bytes) -> bool:
         """Send a batch, however long the process takes to accept it; say whether it has."""
-        left = memoryview(HEADER.pack(len(batch)) + batch)
-        while left and self.takes and not self._given_up:
-            if select.select([], [self._to], [], GLANCE)[1]:
+        left = memoryview(BATCH_HEADER.pack(len(batch)) + batch)
+        while left and self.accepts_items and not self._abandon_reason:
+            if select.select([], [self._input_fd], [], POLL_INTERVAL)[1]:
                 with suppress(BlockingIOError, BrokenPipeError):  # a broken one is heard of below
-                    left = left[os.write(self._to, left) :]
-            self.hear()
+                    left = left[os.write(self._input_fd, left) :]
+            self.receive()
         return not left
 
-    def hear(self, timeout: float = 0.0) -> None:
+    def receive(self, timeout: float = 0.0) -> None:
         """Take in what the process tells, waiting up to ``timeout`` seconds for it."""
-        if self._silent or not select.select([self._from], [], [], timeout)[0]:
+        if self._output_closed or not select.select([self._output_fd], [], [], timeout)[0]:
             return
-        data = os.read(self._from, _BLOCK)
-        *lines, self._heard = (self._heard + data).split(b"\n")
+        data = os.read(self._output_fd, _READ_BYTES)
+        *lines, self._received = (self._received + data).split(b"\n")
         for line in lines:
-            self._take(line)
+            self._handle_line(line)
         if not data:
-            self._silent = True
-            if self.takes:
-                self._stop(f"its process has ended{self._last_words()}")
+            self._output_closed = True
+            if self.accepts_items:
+                self._stop(f"its process has ended{self._exit_description()}")
 
-    def _take(self, line: bytes) -> None:
+    def _handle_line(self, line: bytes) -> None:
         try:
             told: Any = json.loads(line)
         except ValueError:
-            self._said = line.decode(errors="replace").strip()
+            self._last_output = line.decode(errors="replace").strip()
             return
         match told:
             case {"ready": True}:
@@ -198,36 +198,36 @@ class Outlet:
                 self._stop(why)
             case {"lost": dict(lost), "why": str(why)}:
                 if not self.lost:
-                    self.troubles.append(f"{why}: messages are being lost")
-                self.lost, self.why = lost, why
+                    self.problems.append(f"{why}: messages are being lost")
+                self.lost, self.reason = lost, why
             case {"renamed": str(name)}:
                 self.path = self.path.with_name(name)
             case {"trouble": str(why)}:
-                self.troubles.append(why)
+                self.problems.append(why)
             case {"closed": {"counts": dict(counts), "ended": ended}}:
-                self.counts, self.ended = counts, ended
+                self.counts, self.limit_reached_at = counts, ended
                 self._advance(WriterEvent.CLOSE)
                 if ended is not None:
-                    self.troubles.append(f"the record has reached its limit at {ended:.1f} s, and ends there")
+                    self.problems.append(f"the record has reached its limit at {ended:.1f} s, and ends there")
 
-    def _stop(self, why: str) -> None:
+    def _stop(self, reason: str) -> None:
         """Note that the process takes no more, though the run goes on."""
-        was_recording, self.why = self.state is WriterState.RECORDING, why
+        was_recording, self.reason = self.state is WriterState.RECORDING, reason
         self._advance(WriterEvent.END)
         if was_recording:
-            self.troubles.append(f"{why}: nothing more is recorded")
+            self.problems.append(f"{reason}: nothing more is recorded")
 
     def _advance(self, event: WriterEvent) -> None:
         self.state = TRANSITIONS.get((self.state, event), self.state)
 
-    def _last_words(self) -> str:
+    def _exit_description(self) -> str:
         code = None if self._process is None else self._process.poll()
         killed = f", killed by signal {-code}" if code is not None and code < 0 else ""
-        return f"{killed}: {self._said}" if self._said else killed
+        return f"{killed}: {self._last_output}" if self._last_output else killed
 
-    def give_up(self, why: str) -> None:
+    def abandon(self, reason: str) -> None:
         """Wait for the process no longer: let ``send`` and ``finish`` end it. Safe more than once."""
-        self._given_up = self._given_up or why
+        self._abandon_reason = self._abandon_reason or reason
 
     def finish(self) -> None:
         """Let the process write what it has, and wait until it has ended. Safe more than once."""
@@ -235,11 +235,11 @@ class Outlet:
         if process is None or process.stdin is None or process.stdout is None:
             return
         process.stdin.close()
-        while not self._silent and not self._given_up:
-            self.hear(GLANCE)
+        while not self._output_closed and not self._abandon_reason:
+            self.receive(POLL_INTERVAL)
         self._advance(WriterEvent.END)
-        if not self._silent:
-            self.why = self._given_up
+        if not self._output_closed:
+            self.reason = self._abandon_reason
             process.kill()
         process.wait()
         process.stdout.close()

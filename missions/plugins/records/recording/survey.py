@@ -16,157 +16,163 @@ from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, Chunk, ChunkIndex, MetadataIndex
 
 from missions.plugins.records.recording.container import (
-    HEAD,
     MAX_RECORD_SIZE,
-    Container,
+    RECORD_HEADER,
     DamagedError,
-    Span,
-    body,
-    parsed,
-    records_in,
-    unpacked,
+    McapContainer,
+    RecordSpan,
+    decompress_chunk,
+    parse_record,
+    read_body,
+    split_records,
 )
 
-MAGIC = b"\x89MCAP0\r\n"
+MCAP_MAGIC = b"\x89MCAP0\r\n"
 """How every such file begins, and ends once it is closed."""
 
-FOREIGN = 0x80
+FIRST_PRIVATE_OPCODE = 0x80
 """From here on, kinds of records are for anybody to use; readers skip those that they do not know."""
 
 _FOOTER = struct.Struct("<BQQQI")  # what and how long; where the index begins, and its table of contents; its checksum
-_PACKING = b"\x04\x00\x00\x00zstd"
-_BEFORE_PACKING = HEAD.size + 28  # of a chunk: its two times, its size and its checksum
+_COMPRESSION_FIELD = b"\x04\x00\x00\x00zstd"
+_COMPRESSION_OFFSET = RECORD_HEADER.size + 28  # of a chunk: its two times, its size and its checksum
 _DATA_END = (Opcode.DATA_END, 4)
-_BLOCK = 1024 * 1024
+_READ_BYTES = 1024 * 1024
 
-PATIENCE = 4 * 1024**3
+MAX_SEARCHED_BYTES = 4 * 1024**3
 """Bytes that are looked through for sound chunks behind damage; what lies behind those is lost."""
 
-MOST_SPANS = 5_000_000
+MAX_SPANS = 5_000_000
 """Records that a file may have: a week's run has a third of that."""
 
 
-def survey(path: Path) -> Container | None:
+def scan_file(path: Path) -> McapContainer | None:
     """Return what is in the file; None where it does not begin as an MCAP file does. Raises OSError."""
     if path.exists() and not path.is_file() and not path.is_dir():
         return None  # a pipe would be waited for
     with path.open("rb") as file:
-        if file.read(len(MAGIC)) != MAGIC:
+        if file.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
             return None
         size = path.stat().st_size
-        return _by_index(path, file, size) or _by_walking(path, file, size)
+        return _read_by_index(path, file, size) or _read_by_walking(path, file, size)
 
 
-def _by_index(path: Path, file: BinaryIO, size: int) -> Container | None:
+def _read_by_index(path: Path, file: BinaryIO, size: int) -> McapContainer | None:
     """Return what the index at the end says; None where there is none, or one that is not sound."""
-    footer_at = size - _FOOTER.size - len(MAGIC)
-    if footer_at < len(MAGIC):
+    footer_at = size - _FOOTER.size - len(MCAP_MAGIC)
+    if footer_at < len(MCAP_MAGIC):
         return None
     file.seek(footer_at)
     footer = file.read(_FOOTER.size)
     opcode, _, start, _, checksum = _FOOTER.unpack(footer)
-    if opcode != Opcode.FOOTER or file.read() != MAGIC or not len(MAGIC) < start < footer_at <= start + MAX_RECORD_SIZE:
+    if (
+        opcode != Opcode.FOOTER
+        or file.read() != MCAP_MAGIC
+        or not len(MCAP_MAGIC) < start < footer_at <= start + MAX_RECORD_SIZE
+    ):
         return None
     file.seek(start)
     index = file.read(footer_at - start)
     if checksum not in (0, zlib.crc32(index + footer[:-4])):
         return None
     header = next(_walk(file, start), None)
-    found = Container(path, True, start, [] if header is None else [header])
+    found = McapContainer(path, True, start, [] if header is None else [header])
     try:
-        spans = [*found.spans, *_listed(found, index)]
+        spans = [*found.spans, *_spans_in_index(found, index)]
     except DamagedError:
         return None
     spans.sort(key=lambda span: span.start)
-    ends = [len(MAGIC), *(span.end for span in spans)]
+    ends = [len(MCAP_MAGIC), *(span.end for span in spans)]
     if not all(end <= span.start < span.end <= start for end, span in zip(ends, spans, strict=False)):
         return None  # it lies, or names one chunk a million times
     return replace(found, spans=spans)
 
 
-def _listed(found: Container, index: bytes) -> Iterator[Span]:
+def _spans_in_index(found: McapContainer, index: bytes) -> Iterator[RecordSpan]:
     """Yield where the index says that records stand, and let ``found`` learn the channels, and when each chunk is."""
-    for opcode, start, end in records_in(index):
+    for opcode, start, end in split_records(index):
         data = index[start:end]
         match opcode:
             case Opcode.CHUNK_INDEX:
-                chunk = parsed(ChunkIndex.read, data)
-                found.times[chunk.chunk_start_offset] = chunk.message_start_time, chunk.message_end_time
-                yield Span(Opcode.CHUNK, chunk.chunk_start_offset, chunk.chunk_start_offset + chunk.chunk_length)
+                chunk = parse_record(ChunkIndex.read, data)
+                found.chunk_times[chunk.chunk_start_offset] = chunk.message_start_time, chunk.message_end_time
+                yield RecordSpan(Opcode.CHUNK, chunk.chunk_start_offset, chunk.chunk_start_offset + chunk.chunk_length)
             case Opcode.ATTACHMENT_INDEX:
-                file = parsed(AttachmentIndex.read, data)
-                yield Span(Opcode.ATTACHMENT, file.offset, file.offset + file.length)
+                file = parse_record(AttachmentIndex.read, data)
+                yield RecordSpan(Opcode.ATTACHMENT, file.offset, file.offset + file.length)
             case Opcode.METADATA_INDEX:
-                table = parsed(MetadataIndex.read, data)
-                yield Span(Opcode.METADATA, table.offset, table.offset + table.length)
+                table = parse_record(MetadataIndex.read, data)
+                yield RecordSpan(Opcode.METADATA, table.offset, table.offset + table.length)
             case _:
-                found.learn(opcode, data)
+                found.register(opcode, data)
 
 
-def _by_walking(path: Path, file: BinaryIO, size: int) -> Container:
+def _read_by_walking(path: Path, file: BinaryIO, size: int) -> McapContainer:
     """Go from record to record, and over what is none."""
-    spans: list[Span] = []
-    spoilt: list[Span] = []
-    at, search = len(MAGIC), _Search(file, size)
+    spans: list[RecordSpan] = []
+    spoilt: list[RecordSpan] = []
+    at, search = len(MCAP_MAGIC), _ChunkSearch(file, size)
     while True:
-        spans += islice(_walk(file, size, at), MOST_SPANS - len(spans))
+        spans += islice(_walk(file, size, at), MAX_SPANS - len(spans))
         at = spans[-1].end if spans else at
         if spans and spans[-1].opcode == Opcode.DATA_END:
             at = spans.pop().start
             break
         following = search.next_chunk(at)
-        if following is None or len(spans) >= MOST_SPANS:
+        if following is None or len(spans) >= MAX_SPANS:
             break
-        spoilt.append(Span(FOREIGN, at, following))
+        spoilt.append(RecordSpan(FIRST_PRIVATE_OPCODE, at, following))
         at = following
-    return Container(path, False, at, spans, spoilt)
+    return McapContainer(path, False, at, spans, spoilt)
 
 
-def _walk(file: BinaryIO, size: int, at: int = len(MAGIC)) -> Iterator[Span]:
+def _walk(file: BinaryIO, size: int, at: int = len(MCAP_MAGIC)) -> Iterator[RecordSpan]:
     """Yield the records from ``at`` on, to the end of the data or to what is no whole record."""
     opcode = 0
-    while opcode != Opcode.DATA_END and at + HEAD.size <= size:
+    while opcode != Opcode.DATA_END and at + RECORD_HEADER.size <= size:
         file.seek(at)
-        opcode, length = HEAD.unpack(file.read(HEAD.size))
-        start, at = at, at + HEAD.size + length
-        known = Opcode.HEADER <= opcode < Opcode.DATA_END or opcode >= FOREIGN or (opcode, length) == _DATA_END
+        opcode, length = RECORD_HEADER.unpack(file.read(RECORD_HEADER.size))
+        start, at = at, at + RECORD_HEADER.size + length
+        known = (
+            Opcode.HEADER <= opcode < Opcode.DATA_END or opcode >= FIRST_PRIVATE_OPCODE or (opcode, length) == _DATA_END
+        )
         if not known or length == 0 or length > MAX_RECORD_SIZE or at > size:
             return
-        yield Span(opcode, start, at)
+        yield RecordSpan(opcode, start, at)
 
 
-class _Search:
-    """Looks for sound chunks behind damage, in ``PATIENCE`` bytes altogether: each false one may cost 64 MB."""
+class _ChunkSearch:
+    """Looks for sound chunks behind damage, in ``MAX_SEARCHED_BYTES`` bytes altogether: each false one may cost 64 MB."""
 
     def __init__(self, file: BinaryIO, size: int) -> None:
         self._file, self._size = file, size
-        self._left = PATIENCE
+        self._left = MAX_SEARCHED_BYTES
 
     def next_chunk(self, at: int) -> int | None:
         """Return where the next sound chunk begins that is not at ``at`` itself."""
-        place = at + HEAD.size + _BEFORE_PACKING
+        place = at + RECORD_HEADER.size + _COMPRESSION_OFFSET
         while place < self._size and self._left > 0:
             self._file.seek(place)
-            block = self._file.read(_BLOCK)
-            found = block.find(_PACKING)
+            block = self._file.read(_READ_BYTES)
+            found = block.find(_COMPRESSION_FIELD)
             if found < 0:
                 self._left -= len(block)
-                place += max(len(block) - len(_PACKING) + 1, 1)
+                place += max(len(block) - len(_COMPRESSION_FIELD) + 1, 1)
                 continue
-            start = place + found - _BEFORE_PACKING
-            if self._sound(start):
+            start = place + found - _COMPRESSION_OFFSET
+            if self._is_sound(start):
                 return start
-            self._left -= found + len(_PACKING)
+            self._left -= found + len(_COMPRESSION_FIELD)
             place += found + 1
         return None
 
-    def _sound(self, start: int) -> bool:
+    def _is_sound(self, start: int) -> bool:
         span = next(_walk(self._file, self._size, start), None)
         if span is None or span.opcode != Opcode.CHUNK:
             return False
         self._left -= span.end - span.start
         try:
-            unpacked(parsed(Chunk.read, body(self._file, span)))
+            decompress_chunk(parse_record(Chunk.read, read_body(self._file, span)))
         except DamagedError:
             return False
         return True

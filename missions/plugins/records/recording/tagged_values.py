@@ -23,14 +23,14 @@ import drivers.api
 import perception.api
 from drivers.api.measures import Array
 from drivers.errors import BadRequest, DeviceFault, DriverError, NoReply, NotConnected, SensorSilent
-from missions.codec import Coder, Rules, coder, decode, encode, number, unchanged
+from missions.codec import Coder, Rules, coder, decode, encode, identity, number
 
 T = TypeVar("T")
 
 TAG = "$"
 """Under which name a value carries its kind."""
 
-NAMED: Mapping[str, type[Any]] = {
+TYPES_BY_NAME: Mapping[str, type[Any]] = {
     name: found
     for module in (drivers.api, perception.api)
     for name, found in vars(module).items()
@@ -38,7 +38,7 @@ NAMED: Mapping[str, type[Any]] = {
 }
 """The values of drivers and perception by the names of their types."""
 
-ERRORS: Mapping[str, type[DriverError]] = {
+ERRORS_BY_NAME: Mapping[str, type[DriverError]] = {
     error.__name__: error for error in (NotConnected, SensorSilent, NoReply, DeviceFault, BadRequest, DriverError)
 }
 """What can go wrong with a device, by name."""
@@ -57,13 +57,13 @@ def from_json(data: object, kind: type[T]) -> T:
         raise ValueError(f"no {getattr(kind, '__name__', kind)}: {json.dumps(data):.80}: {error}") from error
 
 
-def view_in(message: Mapping[str, object]) -> perception.api.View:
+def decode_view(message: Mapping[str, object]) -> perception.api.View:
     """Return the view of a message on /percepts, which has its own time beside it. Raises ValueError."""
     return from_json({name: value for name, value in message.items() if name != "t"}, perception.api.View)
 
 
-def tagged(value: object) -> object:
-    """Return a value of any type as ``untagged`` reads it; one of an unknown type becomes its text."""
+def tag_value(value: object) -> object:
+    """Return a value of any type as ``untag_value`` reads it; one of an unknown type becomes its text."""
     kind: Any = type(value)
     return _tagger(kind)(value)
 
@@ -72,18 +72,18 @@ def tagged(value: object) -> object:
 def _tagger(kind: Any) -> Callable[[Any], object]:
     """Return the writer of values of a type; cached, since it is needed for every answer."""
     name: str = kind.__name__
-    known = NAMED.get(name) is kind
+    known = TYPES_BY_NAME.get(name) is kind
     if issubclass(kind, Enum):
         return (lambda value: {TAG: name, "of": value.value}) if known else _tag_text
     if issubclass(kind, bool | int | str | types.NoneType):
-        return unchanged
+        return identity
     ways: Sequence[tuple[type[Any], Callable[[Any], object]]] = (
         (float, lambda value: value if isfinite(value) else _tag("float", number(value))),
-        (list, lambda value: [tagged(each) for each in value]),
-        (tuple, lambda value: _tag("tuple", [tagged(each) for each in value])),
+        (list, lambda value: [tag_value(each) for each in value]),
+        (tuple, lambda value: _tag("tuple", [tag_value(each) for each in value])),
         (Mapping, _tag_mapping),
         (DriverError, _tag_error),
-        (AbstractSet, lambda value: _tag("set", [tagged(each) for each in value])),
+        (AbstractSet, lambda value: _tag("set", [tag_value(each) for each in value])),
     )
     if known:
         return partial(_tag_known, name, coder(kind, RULES).encode)
@@ -97,24 +97,24 @@ def _numpy_tagger(kind: type[Any]) -> Callable[[Any], object]:
     import numpy as np  # noqa: PLC0415 - see the module
 
     if issubclass(kind, np.generic):
-        return lambda value: tagged(value.item())
-    return (lambda value: _tag("array", _array(value))) if issubclass(kind, np.ndarray) else _tag_text
+        return lambda value: tag_value(value.item())
+    return (lambda value: _tag("array", _encode_array(value))) if issubclass(kind, np.ndarray) else _tag_text
 
 
-def untagged(data: object) -> Any:
-    """Return the value that ``tagged`` has written so. Raises LookupError, TypeError or ValueError for other data."""
+def untag_value(data: object) -> Any:
+    """Return the value that ``tag_value`` has written so. Raises LookupError, TypeError or ValueError for other data."""
     if isinstance(data, list):
-        return [untagged(each) for each in data]
+        return [untag_value(each) for each in data]
     if not isinstance(data, dict):
         return data
     name = data.get(TAG)
     if name is None:
-        return {key: untagged(value) for key, value in data.items()}
-    if name in _CONTAINERS:
-        return _CONTAINERS[name](data["of"])
-    if name in ERRORS:
-        return ERRORS[name](data["of"], hint=data["hint"])
-    kind: Any = NAMED[name]
+        return {key: untag_value(value) for key, value in data.items()}
+    if name in _CONTAINER_DECODERS:
+        return _CONTAINER_DECODERS[name](data["of"])
+    if name in ERRORS_BY_NAME:
+        return ERRORS_BY_NAME[name](data["of"], hint=data["hint"])
+    kind: Any = TYPES_BY_NAME[name]
     members = data["of"] if issubclass(kind, Enum) else {key: value for key, value in data.items() if key != TAG}
     return coder(kind, RULES).decode(members)
 
@@ -124,7 +124,7 @@ def dumps(data: object) -> bytes:
     return _JSON.encode(data).encode()
 
 
-def _plain(value: object) -> object:
+def _plain_number(value: object) -> object:
     """Return a number of numpy, which some perception gives where a plain one is declared, as a plain one."""
     import numpy as np  # noqa: PLC0415 - see the module
 
@@ -133,17 +133,17 @@ def _plain(value: object) -> object:
     raise TypeError(f"cannot be written: {value!r:.80}")
 
 
-_JSON = json.JSONEncoder(separators=(",", ":"), allow_nan=False, check_circular=False, default=_plain)
+_JSON = json.JSONEncoder(separators=(",", ":"), allow_nan=False, check_circular=False, default=_plain_number)
 """Its input was just made, and holds nothing that holds itself."""
 
 
-def _array(value: Any) -> object:
+def _encode_array(value: Any) -> object:
     exact = value.astype(value.dtype.newbyteorder("<"), copy=False)
     data = base64.b64encode(exact.tobytes()).decode()
     return {"dtype": exact.dtype.str, "shape": list(value.shape), "data": data}
 
 
-def _from_array(data: Any) -> Any:
+def _decode_array(data: Any) -> Any:
     import numpy as np  # noqa: PLC0415 - see the module
 
     kind = np.dtype(data["dtype"])
@@ -157,12 +157,12 @@ def _tag(name: str, data: object) -> object:
 
 def _tag_mapping(value: Mapping[Any, Any]) -> object:
     if TAG not in value and all(isinstance(key, str) for key in value):
-        return {str(key): tagged(each) for key, each in value.items()}
-    return _tag("mapping", [[tagged(key), tagged(each)] for key, each in value.items()])
+        return {str(key): tag_value(each) for key, each in value.items()}
+    return _tag("mapping", [[tag_value(key), tag_value(each)] for key, each in value.items()])
 
 
 def _tag_error(error: DriverError) -> object:
-    name = next(kind.__name__ for kind in type(error).__mro__ if kind in ERRORS.values())
+    name = next(kind.__name__ for kind in type(error).__mro__ if kind in ERRORS_BY_NAME.values())
     return {TAG: name, "of": str(error), "hint": error.hint}
 
 
@@ -175,17 +175,17 @@ def _tag_text(value: object) -> object:
     return _tag("text", str(value))
 
 
-_CONTAINERS: Mapping[str, Callable[[Any], Any]] = {
-    "tuple": lambda data: tuple(untagged(each) for each in data),
-    "set": lambda data: frozenset(untagged(each) for each in data),
-    "mapping": lambda data: {untagged(key): untagged(each) for key, each in data},
-    "array": _from_array,
+_CONTAINER_DECODERS: Mapping[str, Callable[[Any], Any]] = {
+    "tuple": lambda data: tuple(untag_value(each) for each in data),
+    "set": lambda data: frozenset(untag_value(each) for each in data),
+    "mapping": lambda data: {untag_value(key): untag_value(each) for key, each in data},
+    "array": _decode_array,
     "float": float,
     "text": str,
 }
 """Readers of the kinds that are not the name of a type."""
 
-_ARRAY, _TAGGED = Coder(_array, _from_array), Coder(tagged, untagged)
+_ARRAY, _TAGGED = Coder(_encode_array, _decode_array), Coder(tag_value, untag_value)
 
 RULES = Rules(finite=False, other=lambda kind: _ARRAY if kind is Array else _TAGGED)
 """How records are written and read: numbers that JSON lacks as texts, and any value with its kind."""

@@ -15,36 +15,52 @@ from typing import Any, NamedTuple
 
 from mcap.writer import Writer
 
-from drivers.api import COMMAND_LIFE, STILL, BaseState, HeadPose, JointState, RangeScan, Reading, Velocity
-from drivers.api.joints import joint_called
+from drivers.api import COMMAND_TIMEOUT, ZERO_VELOCITY, BaseState, HeadPose, JointState, RangeScan, Reading, Velocity
+from drivers.api.joints import qualified_joint_name
 from missions.codec import number
 from missions.executive.tick_record import TickRecord
 from missions.plugins.records.recording import foxglove
 from missions.plugins.records.recording.foxglove import Epoch, Json
-from missions.plugins.records.recording.head import FILES, LIMIT, METADATA, TREE, Contents, Head
-from missions.plugins.records.recording.items import EVENTS, Checked, Feedback, Missed, Other, Picture, Seen, topic_of
-from missions.plugins.records.recording.moments import Shortened
+from missions.plugins.records.recording.head import (
+    FILES_METADATA,
+    LIMIT_METADATA,
+    TREE_ATTACHMENT,
+    VERSIONS_METADATA,
+    RecordContents,
+    RecordHeader,
+)
+from missions.plugins.records.recording.items import (
+    EVENT_TOPICS,
+    FeedbackItem,
+    HealthItem,
+    LossItem,
+    OpaqueValue,
+    PictureItem,
+    ViewItem,
+    topic_of,
+)
+from missions.plugins.records.recording.moments import TickEncoder
 from missions.plugins.records.recording.schemas import schema
-from missions.plugins.records.recording.tagged_values import dumps, tagged, to_json
+from missions.plugins.records.recording.tagged_values import dumps, tag_value, to_json
 from perception.api import Gaze, View
 
 # The state of the robot over time, to plot and to look at, from what its parts have answered.
 #
-# The answers are all in the moments already, exactly; these are for people. So they are fewer: ``PERIOD`` seconds
-# apart at least, and ``UNCHANGED`` seconds while a part only says again what it said.
+# The answers are all in the moments already, exactly; these are for people. So they are fewer: ``STATE_INTERVAL`` seconds
+# apart at least, and ``UNCHANGED_INTERVAL`` seconds while a part only says again what it said.
 
-PERIOD = 0.1
+STATE_INTERVAL = 0.1
 """Seconds between two figures of one part, at least."""
 
-TF_PERIOD = 0.05
+TRANSFORM_INTERVAL = 0.05
 """Seconds between two places of a frame, at least."""
 
 
-UNCHANGED = 0.5
+UNCHANGED_INTERVAL = 0.5
 """Seconds between two of them that say the same, at least."""
 
 
-class Figure(NamedTuple):
+class PartStateMessage(NamedTuple):
     """A message to be: on which topic, when, and what it says."""
 
     topic: str
@@ -52,59 +68,65 @@ class Figure(NamedTuple):
     data: Json
 
 
-class Figures:
+class StateSampler:
     """Follows the parts of one robot. ``eye`` is where its camera sits (m)."""
 
     def __init__(self, epoch: Epoch, eye: tuple[float, float, float]) -> None:
         self._epoch = epoch
         self._eye = eye
-        self._told: dict[str, float] = {}  # by topic and frame, when it was told last
+        self._sent_at: dict[str, float] = {}  # by topic and frame, when it was told last
         self._stamps: dict[str, float] = {}  # and of when that was
         self._values: dict[str, object] = {}  # and what it said
-        self._wanted = self._given = STILL
-        self._driven = float("-inf")
-        self._looking: HeadPose | None = None
+        self._requested = self._applied = ZERO_VELOCITY
+        self._driven_at = float("-inf")
+        self._head_goal: HeadPose | None = None
 
-    def of(self, moment: TickRecord) -> Iterator[Figure]:
+    def sample(self, tick_record: TickRecord) -> Iterator[PartStateMessage]:
         """Yield the figures that a moment brings."""
         newest: dict[tuple[str, str], object] = {}
-        for part, what, arguments, value in moment.answers:
+        for part, what, arguments, value in tick_record.answers:
             newest[part, what] = value
-            self._command(moment.t, part, what, arguments, value)
+            self._track_command(tick_record.t, part, what, arguments, value)
         joints: dict[str, object] = {}
         for (part, what), value in newest.items():
             if what == "states" and isinstance(value, Mapping):
-                joints |= {joint_called(part, name): state for name, state in value.items()}
+                joints |= {qualified_joint_name(part, name): state for name, state in value.items()}
             match value:
                 case Reading(value=BaseState() as state) as reading:
-                    yield from self._base(moment.t, reading.stamp, str(reading.quality), state)
+                    yield from self._base_messages(tick_record.t, reading.stamp, str(reading.quality), state)
                 case Reading(value=HeadPose() as pose) as reading if part == "head":
-                    yield from self._head(moment.t, reading.stamp, str(reading.quality), pose)
-                case Reading(value=RangeScan() as scan) if self._due("/scan", moment.t, scan.stamp, scan.number):
-                    yield Figure("/scan", moment.t, foxglove.scan(self._epoch.stamp(scan.stamp), scan))
-        yield from self._arms(moment.t, joints)
+                    yield from self._head_messages(tick_record.t, reading.stamp, str(reading.quality), pose)
+                case Reading(value=RangeScan() as scan) if self._accept(
+                    "/scan", tick_record.t, scan.stamp, scan.number
+                ):
+                    yield PartStateMessage(
+                        "/scan", tick_record.t, foxglove.scan_message(self._epoch.stamp(scan.stamp), scan)
+                    )
+        yield from self._arm_messages(tick_record.t, joints)
 
-    def _command(self, t: float, part: str, what: str, arguments: tuple[object, ...], value: object) -> None:
+    def _track_command(self, t: float, part: str, what: str, arguments: tuple[object, ...], value: object) -> None:
         """Take in what a part was told, and what came of it."""
         match part, what, value:
             case "base", "drive", Velocity():
                 asked = arguments[0]
-                self._wanted = asked if isinstance(asked, Velocity) else value
-                self._given, self._driven = value, t
+                self._requested = asked if isinstance(asked, Velocity) else value
+                self._applied, self._driven_at = value, t
             case "base", "stop" | "latch" | "rest", _:
-                self._wanted = self._given = STILL
+                self._requested = self._applied = ZERO_VELOCITY
             case "head", "look", HeadPose():
-                self._looking = value
+                self._head_goal = value
 
-    def _base(self, t: float, stamp: float, quality: str, state: BaseState) -> Iterator[Figure]:
+    def _base_messages(self, t: float, stamp: float, quality: str, state: BaseState) -> Iterator[PartStateMessage]:
         pose = state.pose
-        if foxglove.is_finite(pose.x, pose.y, pose.heading) and self._due("odom", t, stamp, pose, TF_PERIOD):
+        if foxglove.is_finite(pose.x, pose.y, pose.heading) and self._accept(
+            "odom", t, stamp, pose, TRANSFORM_INTERVAL
+        ):
             at = self._epoch.stamp(stamp)
-            yield Figure("/tf", t, foxglove.base_transform(at, pose))
-            yield Figure("/base/pose", t, foxglove.base_pose(at, pose))
-        commanded = t - self._driven <= COMMAND_LIFE
-        wanted, given = (self._wanted, self._given) if commanded else (STILL, STILL)
-        if self._due("/state/base", t, stamp, (quality, state, wanted, given)):
+            yield PartStateMessage("/tf", t, foxglove.base_transform(at, pose))
+            yield PartStateMessage("/base/pose", t, foxglove.pose_message(at, pose))
+        commanded = t - self._driven_at <= COMMAND_TIMEOUT
+        wanted, given = (self._requested, self._applied) if commanded else (ZERO_VELOCITY, ZERO_VELOCITY)
+        if self._accept("/state/base", t, stamp, (quality, state, wanted, given)):
             numbers = {
                 "x": pose.x,
                 "y": pose.y,
@@ -127,17 +149,17 @@ class Figures:
                 "reckoned": state.reckoned,
             }
             head = {"t": t, "stamp": stamp, "quality": quality}
-            yield Figure(
+            yield PartStateMessage(
                 "/state/base", t, {**head, **{name: number(value) for name, value in numbers.items()}, **words}
             )
 
-    def _head(self, t: float, stamp: float, quality: str, pose: HeadPose) -> Iterator[Figure]:
-        if foxglove.is_finite(pose.pan, pose.tilt) and self._due("camera", t, stamp, pose, TF_PERIOD):
+    def _head_messages(self, t: float, stamp: float, quality: str, pose: HeadPose) -> Iterator[PartStateMessage]:
+        if foxglove.is_finite(pose.pan, pose.tilt) and self._accept("camera", t, stamp, pose, TRANSFORM_INTERVAL):
             gaze = Gaze(pose.pan, pose.tilt)
-            yield Figure("/tf", t, foxglove.camera_transform(self._epoch.stamp(stamp), self._eye, gaze))
-        wanted = self._looking
-        if self._due("/state/head", t, stamp, (quality, pose, wanted)):
-            yield Figure(
+            yield PartStateMessage("/tf", t, foxglove.camera_transform(self._epoch.stamp(stamp), self._eye, gaze))
+        wanted = self._head_goal
+        if self._accept("/state/head", t, stamp, (quality, pose, wanted)):
+            yield PartStateMessage(
                 "/state/head",
                 t,
                 {
@@ -151,25 +173,25 @@ class Figures:
                 },
             )
 
-    def _arms(self, t: float, states: Mapping[str, object]) -> Iterator[Figure]:
+    def _arm_messages(self, t: float, states: Mapping[str, object]) -> Iterator[PartStateMessage]:
         joints = {
             name: {"stamp": reading.stamp, "quality": str(reading.quality), **_fields(reading.value)}
             for name, reading in states.items()
             if isinstance(reading, Reading) and isinstance(reading.value, JointState)
         }
         stamp = max((reading.stamp for reading in states.values() if isinstance(reading, Reading)), default=0.0)
-        if joints and self._due("/state/arm", t, stamp, joints):
-            yield Figure("/state/arm", t, {"t": t, "joints": joints})
+        if joints and self._accept("/state/arm", t, stamp, joints):
+            yield PartStateMessage("/state/arm", t, {"t": t, "joints": joints})
 
-    def _due(self, what: str, t: float, stamp: float, value: object, period: float = PERIOD) -> bool:
+    def _accept(self, key: str, t: float, stamp: float, value: object, interval: float = STATE_INTERVAL) -> bool:
         """Say whether something is to be told now; then it counts as told."""
-        if self._stamps.get(what) == stamp:
+        if self._stamps.get(key) == stamp:
             return False
         # A tick may come a little early: what is due within a tenth of a period is due.
-        wait = UNCHANGED if self._values.get(what) == value else period
-        if t < self._told.get(what, float("-inf")) + 0.9 * wait:
+        wait = UNCHANGED_INTERVAL if self._values.get(key) == value else interval
+        if t < self._sent_at.get(key, float("-inf")) + 0.9 * wait:
             return False
-        self._told[what], self._stamps[what], self._values[what] = t, stamp, value
+        self._sent_at[key], self._stamps[key], self._values[key] = t, stamp, value
         return True
 
 
@@ -181,24 +203,24 @@ def _fields(state: JointState) -> Json:
 # The end of a record's file: what is written to it is there as a whole, or not at all.
 
 
-class Sink(BytesIO):
+class ChunkSink(BytesIO):
     """Collects what is written until ``flush``, which brings all of it to the file ``number``, or nothing.
 
-    A disk that is full, a limit or a fault leave the file as it was after the last flush that succeeded; ``trouble`` is
+    A disk that is full, a limit or a fault leave the file as it was after the last flush that succeeded; ``error`` is
     then what went wrong with the newest flush, and what was collected is gone. Positions are those in the file. It does
     not own the file.
     """
 
-    def __init__(self, number: int) -> None:
+    def __init__(self, fd: int) -> None:
         super().__init__()
-        self.good = 0
+        self.written_bytes = 0
         """Bytes that are in the file."""
-        self.trouble: OSError | None = None
-        self._number = number
+        self.error: OSError | None = None
+        self._fd = fd
 
     def tell(self) -> int:
         """Return where in the file the next byte will be."""
-        return self.good + super().tell()
+        return self.written_bytes + super().tell()
 
     def flush(self) -> None:
         """Bring what was collected to the file; never raises."""
@@ -206,20 +228,20 @@ class Sink(BytesIO):
         size = len(left)
         self.seek(0)
         self.truncate()
-        self.trouble = None
+        self.error = None
         try:
             while left:
-                left = left[os.write(self._number, left) :]
+                left = left[os.write(self._fd, left) :]
         except OSError as error:
-            self.trouble = error
-            os.ftruncate(self._number, self.good)
-            os.lseek(self._number, self.good, os.SEEK_SET)
+            self.error = error
+            os.ftruncate(self._fd, self.written_bytes)
+            os.lseek(self._fd, self.written_bytes, os.SEEK_SET)
         else:
-            self.good += size
+            self.written_bytes += size
 
     def sync(self) -> None:
         """Wait until what is in the file is on the disk. Raises OSError."""
-        os.fdatasync(self._number)
+        os.fdatasync(self._fd)
 
 
 # From what a run hands over to the messages of its record.
@@ -227,7 +249,7 @@ class Sink(BytesIO):
 # Each message is JSON, with ``t`` in seconds of the run where it is ours; its topic's schema stands in
 # ``missions.plugins.records.recording.schemas``. An event is its fields, as ``missions.executive.events`` has them.
 
-SCHEMAS: Mapping[str, str] = {
+TOPIC_SCHEMAS: Mapping[str, str] = {
     "/mission": "missiontree.Mission",
     "/moments": "missiontree.Moment",
     "/nodes": "missiontree.NodeChanged",
@@ -253,11 +275,11 @@ SCHEMAS: Mapping[str, str] = {
 }
 """The schema of every topic."""
 
-VIEWS_KEPT = 16
+MAX_KEPT_VIEWS = 16
 """So many views wait for the picture that they were found in: a picture is there later, once it is packed."""
 
 
-class Message(NamedTuple):
+class RecordMessage(NamedTuple):
     """What is to be written: on which topic, of when, and what."""
 
     topic: str
@@ -265,85 +287,87 @@ class Message(NamedTuple):
     data: bytes
 
 
-class Topics:
+class MessageBuilder:
     """Makes messages of the items of one run."""
 
-    def __init__(self, head: Head) -> None:
-        self.epoch = Epoch(round(datetime.fromisoformat(head.started).timestamp() * 1e6) * 1000)
-        self._head = head
-        self._moments = Shortened()
-        self._figures = Figures(self.epoch, head.eye)
+    def __init__(self, header: RecordHeader) -> None:
+        self.epoch = Epoch(round(datetime.fromisoformat(header.started).timestamp() * 1e6) * 1000)
+        self._header = header
+        self._tick_encoder = TickEncoder()
+        self._state_sampler = StateSampler(self.epoch, header.eye)
         self._views: dict[float, View] = {}
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Let what comes next be read without what was before."""
-        self._moments.forget()
+        self._tick_encoder.reset()
 
-    def first(self) -> Message:
+    def header_message(self) -> RecordMessage:
         """Return the message at the beginning of a record."""
-        return Message("/mission", 0.0, dumps(to_json(self._head)))
+        return RecordMessage("/mission", 0.0, dumps(to_json(self._header)))
 
-    def lost(self, t: float, counts: Mapping[str, int], why: str) -> Message:
+    def loss_message(self, t: float, counts: Mapping[str, int], reason: str) -> RecordMessage:
         """Return the message that says that others are missing."""
-        return Message("/lost", t, dumps({"t": t, "counts": dict(counts), "why": why}))
+        return RecordMessage("/lost", t, dumps({"t": t, "counts": dict(counts), "why": reason}))
 
-    def messages(self, item: Any) -> Iterator[Message]:
+    def messages(self, item: Any) -> Iterator[RecordMessage]:
         """Yield the messages that an item makes."""
         match item:
             case TickRecord():
-                yield Message("/moments", item.t, self._moments.written(item))
-                for topic, t, data in self._figures.of(item):
-                    yield Message(topic, t, dumps(data))
-            case Seen():
-                yield from self._seen(item)
-            case Picture():
-                yield from self._picture(item)
-            case Checked():
+                yield RecordMessage("/moments", item.t, self._tick_encoder.encode(item))
+                for topic, t, data in self._state_sampler.sample(item):
+                    yield RecordMessage(topic, t, dumps(data))
+            case ViewItem():
+                yield from self._view_messages(item)
+            case PictureItem():
+                yield from self._picture_messages(item)
+            case HealthItem():
                 devices = {name: to_json(health) for name, health in item.health.items()}
-                yield Message("/state/devices", item.t, dumps({"t": item.t, "devices": devices}))
-            case Feedback():
-                yield Message("/feedback", item.t, dumps(item._asdict()))
-            case Other() if type(item).__name__ == "Logged":
-                yield self._logged(**vars(item))
-            case Other():
-                topic, values = EVENTS[type(item).__name__], vars(item)
-                yield Message(topic, values["t"], dumps({name: tagged(value) for name, value in values.items()}))
+                yield RecordMessage("/state/devices", item.t, dumps({"t": item.t, "devices": devices}))
+            case FeedbackItem():
+                yield RecordMessage("/feedback", item.t, dumps(item._asdict()))
+            case OpaqueValue() if type(item).__name__ == "Logged":
+                yield self._log_message(**vars(item))
+            case OpaqueValue():
+                topic, values = EVENT_TOPICS[type(item).__name__], vars(item)
+                yield RecordMessage(
+                    topic, values["t"], dumps({name: tag_value(value) for name, value in values.items()})
+                )
 
-    def _seen(self, seen: Seen) -> Iterator[Message]:
-        view = seen.view
+    def _view_messages(self, item: ViewItem) -> Iterator[RecordMessage]:
+        view = item.view
         if view.looked is not None:
             self._views[view.looked] = view
-            while len(self._views) > VIEWS_KEPT:
+            while len(self._views) > MAX_KEPT_VIEWS:
                 del self._views[next(iter(self._views))]
         written = to_json(view)
-        yield Message("/percepts", seen.t, dumps({"t": seen.t, **(written if isinstance(written, dict) else {})}))
+        yield RecordMessage("/percepts", item.t, dumps({"t": item.t, **(written if isinstance(written, dict) else {})}))
 
-    def _picture(self, picture: Picture) -> Iterator[Message]:
+    def _picture_messages(self, picture: PictureItem) -> Iterator[RecordMessage]:
         stamp, gaze = self.epoch.stamp(picture.t), picture.gaze
         looked = None if gaze is None else {"yaw": number(gaze.yaw), "pitch": number(gaze.pitch)}
-        image = foxglove.image(stamp, picture.jpeg)
-        yield Message("/camera", picture.t, dumps({**image, "t": picture.t, "gaze": looked}))
+        image = foxglove.image_message(stamp, picture.jpeg)
+        yield RecordMessage("/camera", picture.t, dumps({**image, "t": picture.t, "gaze": looked}))
         view = self._views.pop(picture.t, None)
         if view is not None:
-            yield Message("/camera/marks", picture.t, dumps(foxglove.marks(stamp, view)))
+            yield RecordMessage("/camera/marks", picture.t, dumps(foxglove.annotations_message(stamp, view)))
 
-    def _logged(self, t: float, level: str, text: str) -> Message:
-        line = foxglove.log(self.epoch.stamp(t), level, text, self._head.file)
-        return Message("/log", t, dumps({**line, "t": t, "kind": level}))
+    def _log_message(self, t: float, level: str, text: str) -> RecordMessage:
+        line = foxglove.log_message(self.epoch.stamp(t), level, text, self._header.file)
+        return RecordMessage("/log", t, dumps({**line, "t": t, "kind": level}))
 
 
-CHUNK = 1_000_000
+MAX_CHUNK_BYTES = 1_000_000
 """Bytes of messages after which a chunk is written, at the latest."""
 
-OVERHEAD = 64
+MESSAGE_OVERHEAD = 64
 """Bytes that a message takes beside what it says; and in the index, a chunk for each topic in it."""
 
-LOST = "/lost"
+LOST_TOPIC = "/lost"
 """The topic that tells what is missing."""
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
+class WriteResult:
     """What became of a record: the messages written and lost by topic, why they were lost, and whether it was closed.
 
     ``ended`` is when it reached its limit, in seconds of the run; None where it did not.
@@ -359,71 +383,71 @@ class Written:
 class RecordWriter:
     """Writes one record of at most ``limit`` bytes. For one thread.
 
-    ``ended`` is when it reached that, and ``lost`` what is missing, and ``why``; it is ``failing`` while it cannot
+    ``ended`` is when it reached that, and ``lost`` what is missing, and ``why``; it is ``is_failing`` while it cannot
     write. Nothing but ``begin`` raises for what is wrong with the disk. A record that the disk lost something of lacks
     its index: mend it.
     """
 
-    def __init__(self, sink: Sink, contents: Contents, *, limit: float = float("inf")) -> None:
-        self.ended: float | None = None
-        self.failing = False
+    def __init__(self, sink: ChunkSink, contents: RecordContents, *, limit: float = float("inf")) -> None:
+        self.limit_reached_at: float | None = None
+        self.is_failing = False
         self.lost: Counter[str] = Counter()
         self._sink = sink
         self._contents = contents
         self._limit = limit
-        self._most = min(CHUNK, limit / 20)
+        self._max_chunk_bytes = min(MAX_CHUNK_BYTES, limit / 20)
         # Any, since only half of it is typed. When a chunk ends is said here.
-        self._writer: Any = Writer(sink, chunk_size=64 * CHUNK)
-        self._topics = Topics(contents.head)
+        self._writer: Any = Writer(sink, chunk_size=64 * MAX_CHUNK_BYTES)
+        self._builder = MessageBuilder(contents.header)
         self._channels: dict[str, int] = {}
         self._counts: Counter[str] = Counter()
-        self._chunk: Counter[str] = Counter()  # messages in the chunk in progress
-        self._untold: Counter[str] = Counter()  # messages lost of which the record does not tell yet
+        self._chunk_counts: Counter[str] = Counter()  # messages in the chunk in progress
+        self._unrecorded_losses: Counter[str] = Counter()  # messages lost of which the record does not tell yet
         self._reasons: dict[str, None] = {}
-        self._holes = False  # of which the library does not know, so that the index that it would write is wrong
-        self._size = self._index = 0
-        self._t = 0.0
+        self._has_gaps = False  # of which the library does not know, so that the index that it would write is wrong
+        self._chunk_bytes = self._index_bytes = 0
+        self._last_time = 0.0
 
     @property
-    def why(self) -> str:
+    def loss_reason(self) -> str:
         """Why something is missing: every reason that there was, once."""
         return "; ".join(self._reasons)
 
     def begin(self) -> None:
         """Write what stands at the beginning. Raises OSError where that cannot be."""
-        writer, head = self._writer, self._contents.head
+        writer, head = self._writer, self._contents.header
         writer.start(profile="missiontree", library="missiontree")
-        began = self._topics.epoch.nanoseconds(0.0)
-        writer.add_metadata(METADATA, {**head.versions, "seed": str(head.seed), "format": str(head.format)})
-        writer.add_metadata(FILES, dict(head.paths))
+        began = self._builder.epoch.nanoseconds(0.0)
+        writer.add_metadata(VERSIONS_METADATA, {**head.versions, "seed": str(head.seed), "format": str(head.format)})
+        writer.add_metadata(FILES_METADATA, dict(head.paths))
         for name, data in self._contents.files.items():
             writer.add_attachment(began, began, name, "application/octet-stream", data)
         if self._contents.tree:
-            writer.add_attachment(began, began, TREE, "application/json", self._contents.tree)
+            writer.add_attachment(began, began, TREE_ATTACHMENT, "application/json", self._contents.tree)
         # All channels stand in the first chunk, so that no chunk that may be lost has one that another needs.
-        for topic, name in SCHEMAS.items():
+        for topic, name in TOPIC_SCHEMAS.items():
             data = schema(name)
             number = writer.register_schema(name, "jsonschema", data)
             self._channels[topic] = writer.register_channel(topic, "json", number)
-            self._index += len(data) + OVERHEAD
-        self._put(self._topics.first())
+            self._index_bytes += len(data) + MESSAGE_OVERHEAD
+        self._write_message(self._builder.header_message())
         self.flush()
-        if self._sink.trouble is not None:
-            raise self._sink.trouble
+        if self._sink.error is not None:
+            raise self._sink.error
 
     def add(self, item: object) -> None:
         """Write an item; once the limit is reached, none."""
-        if isinstance(item, Missed):
-            self._lose(Counter(item.counts), item.why)
-        elif self.ended is None:
-            for message in self._topics.messages(item):
-                self._put(message)
-            if self._size > self._most:
+        if isinstance(item, LossItem):
+            self._count_losses(Counter(item.counts), item.reason)
+        elif self.limit_reached_at is None:
+            for message in self._builder.messages(item):
+                self._write_message(message)
+            if self._chunk_bytes > self._max_chunk_bytes:
                 self.flush()
 
-    def refuse(self, item: object, why: str) -> None:
+    def reject(self, item: object, reason: str) -> None:
         """Count an item as lost that cannot be written."""
-        self._lose(Counter({topic_of(item): 1}), why)
+        self._count_losses(Counter({topic_of(item): 1}), reason)
 
     def sync(self) -> None:
         """Wait until what was written is on the disk. What goes wrong with that, the next flush is told too."""
@@ -432,51 +456,51 @@ class RecordWriter:
 
     def flush(self) -> None:
         """Bring the chunk in progress to the file, or count what was in it as lost."""
-        if self.ended is not None:
+        if self.limit_reached_at is not None:
             return
-        telling, self._untold = self._untold, Counter()
+        telling, self._unrecorded_losses = self._unrecorded_losses, Counter()
         if telling:
-            self._put(self._topics.lost(self._t, telling, self.why))
-        if not self._chunk:
+            self._write_message(self._builder.loss_message(self._last_time, telling, self.loss_reason))
+        if not self._chunk_counts:
             return
-        self._topics.forget()
+        self._builder.reset()
         self._writer.flush()
-        chunk, self._chunk, self._size = self._chunk, Counter(), 0
-        self._index += OVERHEAD * (2 + len(chunk))
-        trouble = self._sink.trouble
-        self.failing = trouble is not None
+        chunk, self._chunk_counts, self._chunk_bytes = self._chunk_counts, Counter(), 0
+        self._index_bytes += MESSAGE_OVERHEAD * (2 + len(chunk))
+        trouble = self._sink.error
+        self.is_failing = trouble is not None
         if trouble is None:
             self._counts += chunk
         else:
-            self._holes = True
-            del chunk[LOST]
-            self._untold = telling
-            self._lose(chunk, trouble.strerror or str(trouble))
-        if self._sink.good + self._index + self._most > self._limit:
-            self.ended = self._t
-            self._writer.add_metadata(LIMIT, {"t": f"{self._t:.3f}", "bytes": f"{self._limit:.0f}"})
+            self._has_gaps = True
+            del chunk[LOST_TOPIC]
+            self._unrecorded_losses = telling
+            self._count_losses(chunk, trouble.strerror or str(trouble))
+        if self._sink.written_bytes + self._index_bytes + self._max_chunk_bytes > self._limit:
+            self.limit_reached_at = self._last_time
+            self._writer.add_metadata(LIMIT_METADATA, {"t": f"{self._last_time:.3f}", "bytes": f"{self._limit:.0f}"})
 
-    def close(self) -> Written:
+    def close(self) -> WriteResult:
         """Close the record as far as that is possible; return what became of it. Once."""
         self.flush()
-        if self._untold:
+        if self._unrecorded_losses:
             self.flush()  # for what was lost there was no room, but there may be for the news of it
-        whole = not self._holes
+        whole = not self._has_gaps
         if whole:
             self._writer.finish()
             self._sink.flush()
-            whole = self._sink.trouble is None
-        return Written(dict(self._counts), dict(self.lost), self.why, whole, self.ended)
+            whole = self._sink.error is None
+        return WriteResult(dict(self._counts), dict(self.lost), self.loss_reason, whole, self.limit_reached_at)
 
-    def _put(self, message: Message) -> None:
+    def _write_message(self, message: RecordMessage) -> None:
         topic, t, data = message
-        time, number = self._topics.epoch.nanoseconds(t), self._counts[topic] + self._chunk[topic]
+        time, number = self._builder.epoch.nanoseconds(t), self._counts[topic] + self._chunk_counts[topic]
         self._writer.add_message(self._channels[topic], time, data, time, number)
-        self._chunk[topic] += 1
-        self._size += len(data) + OVERHEAD
-        self._t = max(self._t, t)
+        self._chunk_counts[topic] += 1
+        self._chunk_bytes += len(data) + MESSAGE_OVERHEAD
+        self._last_time = max(self._last_time, t)
 
-    def _lose(self, counts: Counter[str], why: str) -> None:
+    def _count_losses(self, counts: Counter[str], reason: str) -> None:
         self.lost += counts
-        self._untold += counts
-        self._reasons[why] = None
+        self._unrecorded_losses += counts
+        self._reasons[reason] = None

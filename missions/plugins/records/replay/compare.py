@@ -8,13 +8,13 @@ from itertools import zip_longest
 
 from behaviours.node import Node
 from missions.executive.events import Event, NodeChanged, plain_status, status_word
-from missions.trees.drawing import Drawing
+from missions.trees.drawing import TreeDrawing
 
 # Which node of today's tree is which node of the recorded one, where the mission has been changed since.
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class NodePlace:
     """A node where it stands: its key in the tree, and its line in the file. A modifier has no name of its own."""
 
     key: str
@@ -25,7 +25,7 @@ class Place:
     is_leaf: bool = False
 
     @property
-    def word(self) -> tuple[str, str]:
+    def identity(self) -> tuple[str, str]:
         """What it is known by again, wherever it stands."""
         return self.kind, self.name
 
@@ -34,26 +34,28 @@ class Place:
         return f"{named} ({self.key})"
 
 
-def places_of(drawing: Drawing) -> tuple[Place, ...]:
+def node_places(drawing: TreeDrawing) -> tuple[NodePlace, ...]:
     """Return the places of a tree, from its root on in the order of the file."""
     found = []
     for box in drawing.root.walk():
-        found += [Place(badge.key, badge.kind, "", box.file, badge.line) for badge in box.badges]
-        found.append(Place(box.key, box.kind, box.name, box.file, box.line, is_leaf=not box.children))
+        found += [NodePlace(badge.key, badge.kind, "", box.file, badge.line) for badge in box.badges]
+        found.append(NodePlace(box.key, box.kind, box.name, box.file, box.line, is_leaf=not box.children))
     return tuple(found)
 
 
-def paired(then: Sequence[Place], now: Sequence[Place]) -> Mapping[str, str]:
+def pair_nodes(recorded: Sequence[NodePlace], current: Sequence[NodePlace]) -> Mapping[str, str]:
     """Return the keys of nodes of today by the keys that they had then; those that are in one tree only are left out.
 
     The trees are read from above as two texts, each node a word: so what was put in, taken out or wrapped into
     something shifts no other. A node that has only got another name, in a piece of the same length, is the same.
     """
     pairs: dict[str, str] = {}
-    matcher = SequenceMatcher(None, [each.word for each in then], [each.word for each in now], autojunk=False)
+    matcher = SequenceMatcher(
+        None, [each.identity for each in recorded], [each.identity for each in current], autojunk=False
+    )
     for what, begin, end, start, stop in matcher.get_opcodes():
         if what == "equal" or (what == "replace" and end - begin == stop - start):
-            both = zip(then[begin:end], now[start:stop], strict=True)
+            both = zip(recorded[begin:end], current[start:stop], strict=True)
             pairs.update((old.key, new.key) for old, new in both if old.kind == new.kind)
     return pairs
 
@@ -63,7 +65,7 @@ IDLE = "idle"
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class NodeStatus:
     """A status, and why."""
 
     status: str
@@ -74,48 +76,48 @@ class State:
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class StatusDifference:
     """A node that did something else: in which tick, at which time (s), where it stands in either tree."""
 
     tick: int
     t: float
-    then_at: Place
-    now_at: Place
-    then: State
-    now: State
+    recorded_place: NodePlace
+    current_place: NodePlace
+    recorded: NodeStatus
+    current: NodeStatus
 
 
-class Comparison:
+class StatusComparison:
     """Compares the ``changes`` of a record with those of a tree that is ticked again: a listener of its events.
 
-    ``then`` is the recorded tree, ``now`` the one at ``root``. Nodes that are in one of them only are not compared.
-    ``words`` counts the changes to the same status for a reason in other words, ``reworded`` is the first of these.
+    ``recorded`` is the recorded tree, ``current`` the one at ``root``. Nodes that are in one of them only are not compared.
+    ``reworded_count`` counts the changes to the same status for a reason in other words, ``first_reworded`` is the first of these.
     """
 
-    def __init__(self, changes: Iterable[NodeChanged], then: Drawing, now: Drawing, root: Node) -> None:
-        self.words = 0
-        self.reworded: Difference | None = None
-        self._then_at = {place.key: place for place in places_of(then)}
-        self._now_at = {place.key: place for place in places_of(now)}
-        self._order = {key: number for number, key in enumerate(self._then_at)}
-        self.pairs = paired(tuple(self._then_at.values()), tuple(self._now_at.values()))
+    def __init__(self, changes: Iterable[NodeChanged], recorded: TreeDrawing, current: TreeDrawing, root: Node) -> None:
+        self.reworded_count = 0
+        self.first_reworded: StatusDifference | None = None
+        self._recorded_places = {place.key: place for place in node_places(recorded)}
+        self._current_places = {place.key: place for place in node_places(current)}
+        self._order = {key: number for number, key in enumerate(self._recorded_places)}
+        self.pairs = pair_nodes(tuple(self._recorded_places.values()), tuple(self._current_places.values()))
         self._old_keys = {new: old for old, new in self.pairs.items()}
         self._nodes = {node.key: node for node in root.iterate() if isinstance(node, Node)}
-        self._recorded: dict[int, list[NodeChanged]] = defaultdict(list)
+        self._recorded_changes: dict[int, list[NodeChanged]] = defaultdict(list)
         for change in changes:
-            self._recorded[change.tick].append(change)
-        self._heard: list[NodeChanged] = []
-        self._stood: dict[str, State] = {}
+            self._recorded_changes[change.tick].append(change)
+        self._current_changes: list[NodeChanged] = []
+        self._last_states: dict[str, NodeStatus] = {}
 
     def __call__(self, event: Event) -> None:
         """Hear what a node does now."""
         if isinstance(event, NodeChanged):
-            self._heard.append(event)
+            self._current_changes.append(event)
 
-    def after(self, tick: int, t: float) -> Difference | None:
+    def finish_tick(self, tick: int, t: float) -> StatusDifference | None:
         """Compare all that was done in a tick that is over now, at ``t`` seconds; return the difference there is."""
-        then, now = _by_node(self._recorded.pop(tick, ())), _by_node(self._heard)
-        self._heard = []
+        then, now = _states_by_node(self._recorded_changes.pop(tick, ())), _states_by_node(self._current_changes)
+        self._current_changes = []
         now = {self._old_keys[key]: states for key, states in now.items() if key in self._old_keys}
         then = {key: states for key, states in then.items() if key in self.pairs}
         found = []
@@ -124,35 +126,39 @@ class Comparison:
             if [state.status for state in was] != [state.status for state in does]:
                 found.append(key)
             elif was != does:
-                self._note_words(self._first(key, was, does, tick, t))
+                self._note_reworded(self._first_difference(key, was, does, tick, t))
         cause = min(found, key=lambda key: self._rank(key, then.get(key, []), now.get(key, [])), default=None)
-        difference = None if cause is None else self._first(cause, then.get(cause, []), now.get(cause, []), tick, t)
-        self._stood.update((key, states[-1]) for key, states in then.items())
+        difference = (
+            None if cause is None else self._first_difference(cause, then.get(cause, []), now.get(cause, []), tick, t)
+        )
+        self._last_states.update((key, states[-1]) for key, states in then.items())
         return difference
 
-    def _first(self, key: str, then: Sequence[State], now: Sequence[State], tick: int, t: float) -> Difference:
+    def _first_difference(
+        self, key: str, recorded: Sequence[NodeStatus], current: Sequence[NodeStatus], tick: int, t: float
+    ) -> StatusDifference:
         """Return where the changes of one node differ first; where there is none on one side, it stays as it is."""
         node = self._nodes[self.pairs[key]]
-        stays = then[-1] if then else self._stood.get(key, State(IDLE))
-        stands = State(plain_status(status_word(node)), node.reason)
-        both = [(was or stays, does or stands) for was, does in zip_longest(then, now)]
+        stays = recorded[-1] if recorded else self._last_states.get(key, NodeStatus(IDLE))
+        stands = NodeStatus(plain_status(status_word(node)), node.reason)
+        both = [(was or stays, does or stands) for was, does in zip_longest(recorded, current)]
         # A reason in other words is the difference only where no status is.
         was, does = max(both, key=lambda pair: (pair[0].status != pair[1].status, pair[0] != pair[1]))
-        return Difference(tick, t, self._then_at[key], self._now_at[node.key], was, does)
+        return StatusDifference(tick, t, self._recorded_places[key], self._current_places[node.key], was, does)
 
-    def _rank(self, key: str, then: Sequence[State], now: Sequence[State]) -> tuple[bool, bool, int]:
+    def _rank(self, key: str, recorded: Sequence[NodeStatus], current: Sequence[NodeStatus]) -> tuple[bool, bool, int]:
         """Put first what is more likely the cause: nodes that were not only halted, leaves, what stands further up."""
-        only_halted = all(state.status == IDLE for state in (*then, *now))
-        return only_halted, not self._then_at[key].is_leaf, self._order[key]
+        only_halted = all(state.status == IDLE for state in (*recorded, *current))
+        return only_halted, not self._recorded_places[key].is_leaf, self._order[key]
 
-    def _note_words(self, difference: Difference) -> None:
-        self.words += 1
-        self.reworded = self.reworded or difference
+    def _note_reworded(self, difference: StatusDifference) -> None:
+        self.reworded_count += 1
+        self.first_reworded = self.first_reworded or difference
 
 
-def _by_node(changes: Iterable[NodeChanged]) -> dict[str, list[State]]:
+def _states_by_node(changes: Iterable[NodeChanged]) -> dict[str, list[NodeStatus]]:
     """Return the changes of each node, in order. What was skipped succeeded in records from before that had a word."""
-    found: dict[str, list[State]] = defaultdict(list)
+    found: dict[str, list[NodeStatus]] = defaultdict(list)
     for change in changes:
-        found[change.node].append(State(plain_status(change.status), change.reason))
+        found[change.node].append(NodeStatus(plain_status(change.status), change.reason))
     return found

@@ -7,14 +7,14 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from drivers.api import Image, Mood, Shown
-from drivers.pictures.decode import decoded
-from drivers.screen.drawing import frame
-from drivers.screen.expression import expression
+from drivers.api import Image, Mood, ScreenContent
+from drivers.pictures.decode import decode_picture
+from drivers.screen.drawing import face_image
+from drivers.screen.expression import face_expression
 from missions.executive.events import CommandSent, Ticked
-from missions.plugins.records.recording.read import Record
-from missions.plugins.records.replay.screen import running, states
-from missions.trees.draw import at
+from missions.plugins.records.recording.read import RunRecord
+from missions.plugins.records.replay.screen import node_states, running_leaves
+from missions.trees.draw import with_states
 from perception.annotate import annotate
 from perception.api import Box, View
 
@@ -24,22 +24,22 @@ from perception.api import Box, View
 class RecordedFace:
     """Knows what the screen of a record showed: as it was told to, and as it was when it was asked."""
 
-    def __init__(self, record: Record) -> None:
-        changes: list[tuple[float, Shown | Mapping[str, object]]] = [
+    def __init__(self, record: RunRecord) -> None:
+        changes: list[tuple[float, ScreenContent | Mapping[str, object]]] = [
             (event.t, event.values)
             for event in record.events
             if isinstance(event, CommandSent) and event.to == "screen"
         ]
         changes += [
             (moment.t, value)
-            for moment in record.moments
+            for moment in record.tick_records
             for part, what, _, value in moment.answers
-            if (part, what) == ("screen", "shown") and isinstance(value, Shown)
+            if (part, what) == ("screen", "shown") and isinstance(value, ScreenContent)
         ]
-        self._states: list[tuple[float, Shown]] = []
-        state = Shown()
+        self._states: list[tuple[float, ScreenContent]] = []
+        state = ScreenContent()
         for time, change in sorted(changes, key=lambda each: each[0]):
-            if isinstance(change, Shown):
+            if isinstance(change, ScreenContent):
                 state = change
             elif "mood" in change:
                 state = replace(state, mood=Mood(str(change["mood"])))
@@ -54,41 +54,41 @@ class RecordedFace:
     def at(self, time: float, size: tuple[int, int]) -> Image:
         """Return the face as an image of ``size`` (width, height): (height, width, 3) BGR."""
         place = bisect_right(self._states, time, key=lambda state: state[0]) - 1
-        shown = self._states[place][1] if place >= 0 else Shown()
-        return frame(expression(shown, time), shown.text, size)
+        shown = self._states[place][1] if place >= 0 else ScreenContent()
+        return face_image(face_expression(shown, time), shown.text, size)
 
 
-STRIP = 28
+CAPTION_HEIGHT = 28
 """Pixels of the strip below a picture that says what happens."""
 
-SCALE = 0.45
+CAPTION_SCALE = 0.45
 """The size of its letters, in the measure of OpenCV."""
 
-SAME = 1e-3
+STAMP_TOLERANCE = 1e-3
 """Seconds within which a view is of a picture: half of what one picture takes at 500 a second."""
 
 
-def annotated(record: Record) -> Iterator[tuple[float, Image]]:
+def annotate_frames(record: RunRecord) -> Iterator[tuple[float, Image]]:
     """Yield the time of each picture of a record, and the picture with marks and a caption, beside the robot's face.
 
     A picture that cannot be decoded is left out.
     """
     views = [view for _, view in record.views() if view.looked is not None]
     stamps = [view.looked or 0.0 for view in views]
-    caption, face = _Caption(record), RecordedFace(record)
+    caption, face = _CaptionSource(record), RecordedFace(record)
     for stamp, data in record.frames():
-        image = decoded(data)
+        image = decode_picture(data)
         if image is not None:
-            place = bisect_right(stamps, stamp + SAME) - 1
-            marks = marks_of(views[place]) if place >= 0 else ()
+            place = bisect_right(stamps, stamp + STAMP_TOLERANCE) - 1
+            marks = labelled_boxes(views[place]) if place >= 0 else ()
             image = annotate(image, marks)
             if face:
                 height = image.shape[0]
                 image = np.hstack((image, face.at(stamp, (height * 2 // 3, height))))
-            yield stamp, np.vstack((image, _strip(caption.at(stamp), image.shape[1])))
+            yield stamp, np.vstack((image, _draw_caption(caption.at(stamp), image.shape[1])))
 
 
-def steady(pictures: Iterator[tuple[float, Image]], rate: float) -> Iterator[Image]:
+def resample_frames(pictures: Iterator[tuple[float, Image]], rate: float) -> Iterator[Image]:
     """Yield pictures at ``rate`` a second, each for as long as it was the newest, so that the film takes that time."""
     shown, begun, number = None, 0.0, 0
     for stamp, picture in pictures:
@@ -102,7 +102,7 @@ def steady(pictures: Iterator[tuple[float, Image]], rate: float) -> Iterator[Ima
         yield shown
 
 
-def marks_of(view: View) -> Iterator[tuple[Box, str]]:
+def labelled_boxes(view: View) -> Iterator[tuple[Box, str]]:
     """Yield the boxes of what one picture shows, with labels; what is only remembered is not in it."""
     found = [
         *((face, f"face {face.id}") for face in view.faces),
@@ -112,10 +112,10 @@ def marks_of(view: View) -> Iterator[tuple[Box, str]]:
     yield from ((percept.box, label) for percept, label in found if percept.stamp == view.looked)
 
 
-class _Caption:
+class _CaptionSource:
     """Says what the robot did at any time."""
 
-    def __init__(self, record: Record) -> None:
+    def __init__(self, record: RunRecord) -> None:
         self._record = record
         self._drawing = record.drawing()
         self._ticks = [event for event in record.events if isinstance(event, Ticked)]
@@ -123,13 +123,15 @@ class _Caption:
     def at(self, time: float) -> str:
         place = bisect_right(self._ticks, time, key=lambda event: event.t) - 1
         tick = self._ticks[place].tick if place >= 0 else 0
-        root = at(self._drawing, states(self._record, time), time).root
-        doing = ", ".join(box.title for box in running(root))
+        root = with_states(self._drawing, node_states(self._record, time), time).root
+        doing = ", ".join(box.title for box in running_leaves(root))
         return f"{time:.2f} s  tick {tick}  {doing}"
 
 
-def _strip(text: str, width: int) -> Image:
-    strip: Image = np.zeros((STRIP, width, 3), np.uint8)
+def _draw_caption(text: str, width: int) -> Image:
+    strip: Image = np.zeros((CAPTION_HEIGHT, width, 3), np.uint8)
     plain = text.encode("ascii", "replace").decode()  # the letters that OpenCV has
-    cv2.putText(strip, plain, (6, STRIP - 9), cv2.FONT_HERSHEY_SIMPLEX, SCALE, (235, 235, 235), 1, cv2.LINE_AA)
+    cv2.putText(
+        strip, plain, (6, CAPTION_HEIGHT - 9), cv2.FONT_HERSHEY_SIMPLEX, CAPTION_SCALE, (235, 235, 235), 1, cv2.LINE_AA
+    )
     return strip

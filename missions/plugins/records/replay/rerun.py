@@ -12,97 +12,97 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol, runtime_checkable
 
-from behaviours.robot import Other, Robot
-from behaviours.run import Run
+from behaviours.robot import ExtraPart, Robot
+from behaviours.run import RunState
 from config.robot import RobotConfig
 from drivers.api import (
-    AS_USUAL,
+    DEFAULT_STYLE,
     Device,
-    Manner,
     MouthShape,
     Priority,
+    SpeechStyle,
     Utterance,
 )
 from drivers.api.kinds import KINDS
-from drivers.api.marks import members, no_answer
+from drivers.api.marks import members, reply_none
 from drivers.clock import ManualClock
-from missions.assembly.together import eye, groups, with_carriers
-from missions.executive.answers import Answers
-from missions.executive.asked import asked, protocol_of, robot_for, unusual
-from missions.executive.build import Substitute, as_it_is, build
+from missions.assembly.together import camera_position, joint_groups, with_carriers
+from missions.executive.answers import TickCache
+from missions.executive.asked import non_default_manner, resolve_protocol, robot_for, with_proxies
+from missions.executive.build import Substitute, build, keep_leaf
 from missions.executive.events import Event, NodeChanged
 from missions.executive.executive import Executive
-from missions.executive.guard import Guard
+from missions.executive.guard import BaseGuard
 from missions.executive.state import state_of
-from missions.executive.stream import Stream
+from missions.executive.stream import EventStream
 from missions.executive.tick_record import TickRecord
 from missions.language.plan import Plan
-from missions.plugins.records.replay.compare import Comparison, Difference
-from missions.plugins.records.replay.memory import Memory, Told
+from missions.plugins.records.replay.compare import StatusComparison, StatusDifference
+from missions.plugins.records.replay.memory import RecordedAnswers, RecordedCommand
 from missions.trees.draw import drawing_of
-from missions.trees.drawing import Drawing
+from missions.trees.drawing import TreeDrawing
 
 # A robot that answers out of a record: no device is behind it, and nothing moves.
 
-Groups = Mapping[str, tuple[str, ...]]
+JointGroups = Mapping[str, tuple[str, ...]]
 """Groups of joints."""
 
-NOTHING: Mapping[str, tuple[str, Groups]] = MappingProxyType({})
+NO_PARTS: Mapping[str, tuple[str, JointGroups]] = MappingProxyType({})
 
-LETTER_TIME = 0.06
+SECONDS_PER_LETTER = 0.06
 """Seconds that a letter takes to say, where nobody knows how long it took."""
 
-SOUND_TIME = 1.0
+SOUND_DURATION = 1.0
 """The same for a sound."""
 
 
-def answering(
+def recorded_robot(
     parts: Collection[str],
-    memory: Memory,
+    answers: RecordedAnswers,
     now: Callable[[], float],
     *,
     eye: tuple[float, float, float],
-    groups: Groups,
-    others: Mapping[str, tuple[str, Groups]] = NOTHING,
+    groups: JointGroups,
+    other_parts: Mapping[str, tuple[str, JointGroups]] = NO_PARTS,
 ) -> Robot:
-    """Return a robot of these parts that answers out of ``memory``; ``now`` tells the time of the record.
+    """Return a robot of these parts that answers out of ``memory``; ``current`` tells the time of the record.
 
     ``others`` are the kinds of further parts, with the groups of the joints of those that are arms.
     """
     fields: dict[str, Any] = {}
     further = {
-        name: Other(kind, Answering(name, protocol_of(kind), memory, name), its)
-        for name, (kind, its) in others.items()
+        name: ExtraPart(kind, ReplayedPart(name, resolve_protocol(kind), answers, name), its)
+        for name, (kind, its) in other_parts.items()
         if name in parts
     }
     for kind in KINDS.values():
         if kind.name == "voice" and kind.name in parts:
-            fields["voice_part"] = AnsweringVoice(memory, now)
+            fields["voice_part"] = ReplayedVoice(answers, now)
         elif kind.name in parts:
-            fields[f"{kind.field}_part"] = Answering(kind.name, protocol_of(kind.field), memory, kind.field)
-    return Robot(**fields, eye=eye, groups=groups, others=further)
+            fields[f"{kind.field}_part"] = ReplayedPart(kind.name, resolve_protocol(kind.field), answers, kind.field)
+    return Robot(**fields, camera_position=eye, groups=groups, extra_parts=further)
 
 
-class Answering:
+class ReplayedPart:
     """A part with any ``protocol`` that answers out of ``memory``, behind its proxy; see ``drivers.api.marks``.
 
     A command that is not as it was then is answered as its mark says: of a velocity, with what is within the limits.
     ``part`` is its name in answers.
     """
 
-    def __init__(self, name: str, protocol: type, memory: Memory, part: str) -> None:
+    def __init__(self, name: str, protocol: type, answers: RecordedAnswers, part: str) -> None:
         self.name = name
         self._part = part
-        self._memory = memory
+        self._answers = answers
         self._properties = {each.name for each in members(protocol).values() if each.kind == "property"}
         for each in members(protocol).values():
             match each.kind:
                 case "reading" | "question":
-                    setattr(self, each.name, partial(memory.ask, self._part, each.name))
+                    setattr(self, each.name, partial(answers.answer, self._part, each.name))
                 case "capability" if each.protocol is not None:
-                    setattr(self, each.name, Answering(name, each.protocol, memory, part))
+                    setattr(self, each.name, ReplayedPart(name, each.protocol, answers, part))
                 case "command" if each.command is not None:
-                    setattr(self, each.name, partial(self._do, each.name, each.command.otherwise))
+                    setattr(self, each.name, partial(self._command, each.name, each.command.default_reply))
 
     def open(self) -> None:
         """Do nothing: there is nothing to open."""
@@ -114,46 +114,49 @@ class Answering:
         """Return a property as it was then."""
         if name not in self._properties:
             raise AttributeError(f"{self.name} has no {name}")
-        return self._memory.ask(self._part, name)
+        return self._answers.answer(self._part, name)
 
-    def _do(self, what: str, otherwise: Callable[..., object], *given: object, **named: object) -> Any:
+    def _command(self, what: str, otherwise: Callable[..., object], *given: object, **named: object) -> Any:
         """Return what came of a command then; a proxy gives all its arguments, in the protocol's order."""
         arguments = (*given, *named.values())
-        return self._memory.command(self._part, what, partial(otherwise, self, *arguments), *arguments)
+        return self._answers.command(self._part, what, partial(otherwise, self, *arguments), *arguments)
 
 
-class AnsweringVoice(Answering):
+class ReplayedVoice(ReplayedPart):
     """A voice that is as long about its words as it was then."""
 
-    def __init__(self, memory: Memory, now: Callable[[], float]) -> None:
-        super().__init__("voice", Device, memory, "voice")
+    def __init__(self, answers: RecordedAnswers, now: Callable[[], float]) -> None:
+        super().__init__("voice", Device, answers, "voice")
         self._now = now
 
-    def say(self, text: str, manner: Manner = AS_USUAL, priority: Priority = Priority.NORMAL) -> Utterance:
+    def say(self, text: str, manner: SpeechStyle = DEFAULT_STYLE, priority: Priority = Priority.NORMAL) -> Utterance:
         """Say nothing; what comes back is done when it was then, or after about the time that other words take."""
-        return self._said(self._do("say", no_answer, text, *unusual(manner, priority)), LETTER_TIME * len(text))
+        return self._utterance(
+            self._command("say", reply_none, text, *non_default_manner(manner, priority)),
+            SECONDS_PER_LETTER * len(text),
+        )
 
     def play(self, path: Path, priority: Priority = Priority.NORMAL) -> Utterance:
         """Play nothing, as ``say`` does."""
-        _, otherwise = unusual(AS_USUAL, priority)
-        return self._said(self._do("play", no_answer, str(path), otherwise), SOUND_TIME)
+        _, otherwise = non_default_manner(DEFAULT_STYLE, priority)
+        return self._utterance(self._command("play", reply_none, str(path), otherwise), SOUND_DURATION)
 
     def speaking(self) -> Utterance | None:
         """What was heard then."""
-        number: int | None = self._memory.ask("voice", "speaking")
-        return None if number is None else _Recalled(self._memory, number)
+        number: int | None = self._answers.answer("voice", "speaking")
+        return None if number is None else _RecordedUtterance(self._answers, number)
 
-    def _said(self, number: int | None, seconds: float) -> Utterance:
-        return _Guessed(self._now, seconds) if number is None else _Recalled(self._memory, number)
+    def _utterance(self, number: int | None, seconds: float) -> Utterance:
+        return _EstimatedUtterance(self._now, seconds) if number is None else _RecordedUtterance(self._answers, number)
 
 
-class _Recalled:
+class _RecordedUtterance:
     """Words that were said then, by their number."""
 
-    def __init__(self, memory: Memory, number: int) -> None:
+    def __init__(self, answers: RecordedAnswers, number: int) -> None:
         self._number = number
-        self._ask = partial(memory.ask, "voice")
-        self._memory = memory
+        self._ask = partial(answers.answer, "voice")
+        self._answers = answers
 
     def done(self) -> bool:
         """See drivers.api.Utterance."""
@@ -161,7 +164,7 @@ class _Recalled:
 
     def cancel(self) -> None:
         """See drivers.api.Utterance."""
-        self._memory.command("voice", "cancel", no_answer, self._number)
+        self._answers.command("voice", "cancel", reply_none, self._number)
 
     @property
     def cancelled(self) -> bool:
@@ -181,7 +184,7 @@ class _Recalled:
         return found
 
 
-class _Guessed:
+class _EstimatedUtterance:
     """Words that nobody said: they begin at once, and are done after some ``seconds``."""
 
     mouth: Sequence[MouthShape] = ()
@@ -202,16 +205,16 @@ class _Guessed:
         self._until = self._now()
 
 
-class Recorded(Protocol):
-    """What a mission is decided again from: ``missions.plugins.records.recording.read.Record``, or one in memory."""
+class RerunSource(Protocol):
+    """What a mission is decided again from: ``missions.plugins.records.recording.read.RunRecord``, or one in memory."""
 
     @property
-    def whole(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether it was brought to its end; else the last tick may be there in part."""
         ...
 
     @property
-    def moments(self) -> Sequence[TickRecord]:
+    def tick_records(self) -> Sequence[TickRecord]:
         """Every moment, with the answers that were given in it."""
         ...
 
@@ -222,77 +225,77 @@ class Recorded(Protocol):
 
 
 @runtime_checkable
-class Drawn(Protocol):
+class TreeSource(Protocol):
     """A record that holds the tree of then, which today's may differ from; one in memory is of today's plan."""
 
-    def drawing(self) -> Drawing:
+    def drawing(self) -> TreeDrawing:
         """Return the tree as it was then."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
-class OtherCommand:
-    """A command that is not as it was then: ``then`` or ``now`` is None where there is none. ``by`` is who gives it."""
+class CommandDifference:
+    """A command that is not as it was then: ``recorded`` or ``current`` is None where there is none. ``place`` is who gives it."""
 
     tick: int
     t: float
     part: str
-    then: Told | None
-    now: Told | None
-    by: str
+    recorded: RecordedCommand | None
+    current: RecordedCommand | None
+    place: str
 
 
 @dataclass(frozen=True, slots=True)
-class Rerun:
+class RerunResult:
     """How the decisions of today compare with those of then, in so many ``ticks``.
 
-    ``difference`` is the first status that is another one, ``command`` the first command that is. ``unheard`` says what
-    was asked that the record has no answer to, and by whom. ``words`` counts statuses that are the same for a reason
-    in other words, of which ``reworded`` is the first. ``nodes`` says how many nodes were compared.
+    ``difference`` is the first status that is another one, ``command`` the first command that is. ``unanswered`` says what
+    was asked that the record has no answer to, and by whom. ``reworded_count`` counts statuses that are the same for a reason
+    in other words, of which ``first_reworded`` is the first. ``nodes`` says how many nodes were compared.
     """
 
     ticks: int
     nodes: int
-    difference: Difference | None = None
-    command: OtherCommand | None = None
-    unheard: str = ""
-    words: int = 0
-    reworded: Difference | None = None
+    difference: StatusDifference | None = None
+    command: CommandDifference | None = None
+    unanswered: str = ""
+    reworded_count: int = 0
+    first_reworded: StatusDifference | None = None
 
     @property
-    def same(self) -> bool:
+    def is_identical(self) -> bool:
         """Whether all was decided as it was then."""
-        return self.difference is None and self.command is None and not self.unheard
+        return self.difference is None and self.command is None and not self.unanswered
 
 
 def rerun(
-    record: Recorded,
+    record: RerunSource,
     plan: Plan,
     config: RobotConfig,
     *,
     seed: int = 0,
     lag: float | None = None,
-    substitute: Substitute = as_it_is,
-) -> Rerun:
+    substitute: Substitute = keep_leaf,
+) -> RerunResult:
     """Decide ``plan`` again as on the record, on a robot of ``config``, until the first difference.
 
     ``substitute`` puts mocks in the place of leaves, as when it was recorded; ``lag`` is what was known of the base's.
     """
-    again = _Again(record, plan, config, seed, lag, substitute)
-    ticks = [list(moments) for _, moments in groupby(record.moments, key=lambda moment: moment.tick)]
-    for moments in ticks if record.whole else ticks[:-1]:
-        again.tick(moments)
-        if again.over:
+    again = _Rerun(record, plan, config, seed, lag, substitute)
+    ticks = [list(moments) for _, moments in groupby(record.tick_records, key=lambda moment: moment.tick)]
+    for moments in ticks if record.is_complete else ticks[:-1]:
+        again.repeat_tick(moments)
+        if again.is_over:
             break
     return again.result
 
 
-class _Again:
+class _Rerun:
     """The tree of today, and who compares what it does."""
 
     def __init__(
         self,
-        record: Recorded,
+        record: RerunSource,
         plan: Plan,
         config: RobotConfig,
         seed: int,
@@ -300,73 +303,77 @@ class _Again:
         substitute: Substitute,
     ) -> None:
         self._clock = ManualClock()
-        self._run = run = Run(self._clock, seed=seed)
+        self._run = run = RunState(self._clock, seed=seed)
         run.sensor_timeout = config.sensor_timeout
-        self._memory = Memory(unheard=self._note_unheard, otherwise=self._note_command, others=config.others)
-        answers, stream = Answers(), Stream()
-        robot = asked(
-            answering(
+        self._answers = RecordedAnswers(
+            on_unanswered=self._note_unanswered, on_different_command=self._note_command, other_kinds=config.extra_parts
+        )
+        answers, stream = TickCache(), EventStream()
+        robot = with_proxies(
+            recorded_robot(
                 with_carriers(config, plan.tree.parts),
-                self._memory,
-                run.now,
-                eye=eye(config),
-                groups=groups(config),
-                others={name: (kind, groups(config, name)) for name, kind in config.others.items()},
+                self._answers,
+                run.read_value,
+                eye=camera_position(config),
+                groups=joint_groups(config),
+                other_parts={name: (kind, joint_groups(config, name)) for name, kind in config.extra_parts.items()},
             ),
             answers,
         )
         if lag is not None:
-            robot.lag.believe(lag, learnt=True)
+            robot.lag.set_prior(lag, learnt=True)
         guard = None
         if robot.base_part is not None and config.base is not None:
-            guard = Guard(robot.base_part, config.base.reflexes, run, stream)
+            guard = BaseGuard(robot.base_part, config.base.reflexes, run, stream)
         run.variables.update(state_of(robot, run, guard))
-        root = build(plan, run, lambda leaf: robot_for(leaf, robot, _untold), substitute=substitute)
+        root = build(plan, run, lambda leaf: robot_for(leaf, robot, _ignore_command), substitute=substitute)
         self._executive = Executive(
-            root, run, stream, rate=config.rate, mission=plan.mission, guard=guard, answers=answers
+            root, run, stream, rate=config.rate, mission=plan.mission, guard=guard, cache=answers
         )
         changes = [event for event in record.events if isinstance(event, NodeChanged)]
         now = drawing_of(plan)
-        self._comparison = Comparison(changes, record.drawing() if isinstance(record, Drawn) else now, now, root)
+        self._comparison = StatusComparison(
+            changes, record.drawing() if isinstance(record, TreeSource) else now, now, root
+        )
         stream.listeners.append(self._comparison)
-        self.result = Rerun(0, len(self._comparison.pairs))
+        self.result = RerunResult(0, len(self._comparison.pairs))
 
     @property
-    def over(self) -> bool:
+    def is_over(self) -> bool:
         """Whether there is nothing more to be known."""
-        return self.result.difference is not None or bool(self.result.unheard)
+        return self.result.difference is not None or bool(self.result.unanswered)
 
-    def tick(self, moments: Sequence[TickRecord]) -> None:
+    def repeat_tick(self, tick_records: Sequence[TickRecord]) -> None:
         """Do again what was done at the moments of one tick."""
-        for moment in moments:
-            self._clock.reach(moment.t)
-            self._memory.begin(moment.answers)
-            self._executive.repeat(moment)
-            self._memory.end()
-        newest = moments[-1]
-        difference = self._comparison.after(newest.tick, newest.t)
+        for moment in tick_records:
+            self._clock.advance_to(moment.t)
+            self._answers.begin_tick(moment.answers)
+            self._executive.replay_tick(moment)
+            self._answers.end_tick()
+        newest = tick_records[-1]
+        difference = self._comparison.finish_tick(newest.tick, newest.t)
         self.result = replace(
             self.result,
             ticks=self.result.ticks + 1,
-            difference=None if self.result.unheard else difference,
-            words=self._comparison.words,
-            reworded=self._comparison.reworded,
+            difference=None if self.result.unanswered else difference,
+            reworded_count=self._comparison.reworded_count,
+            first_reworded=self._comparison.first_reworded,
         )
 
-    def _note_unheard(self, question: str) -> None:
+    def _note_unanswered(self, query: str) -> None:
         """Note the first question that the record has no answer to."""
-        if not self.result.unheard:
-            by = "" if self._run.working is None else f"{self._run.working.place} asks for "
-            when = f"in tick {self._run.tick}, at {self._run.now():.2f} s"
-            self.result = replace(self.result, unheard=f"{when}, {by}{question}")
+        if not self.result.unanswered:
+            by = "" if self._run.active_leaf is None else f"{self._run.active_leaf.label} asks for "
+            when = f"in tick {self._run.tick}, at {self._run.read_value():.2f} s"
+            self.result = replace(self.result, unanswered=f"{when}, {by}{query}")
 
-    def _note_command(self, part: str, then: Told | None, now: Told | None) -> None:
+    def _note_command(self, part: str, recorded: RecordedCommand | None, current: RecordedCommand | None) -> None:
         """Note the first command that is another one."""
         if self.result.command is None:
-            leaf, tick, time = self._run.working, self._run.tick, self._run.now()
-            by = "" if leaf is None or now is None else leaf.place
-            self.result = replace(self.result, command=OtherCommand(tick, time, part, then, now, by))
+            leaf, tick, time = self._run.active_leaf, self._run.tick, self._run.read_value()
+            by = "" if leaf is None or current is None else leaf.label
+            self.result = replace(self.result, command=CommandDifference(tick, time, part, recorded, current, by))
 
 
-def _untold(*_: object) -> None:
+def _ignore_command(*_: object) -> None:
     """Tell nobody of a command: the memory knows of it."""

@@ -8,28 +8,28 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path, PurePosixPath
 
-from config.library import UnknownNameError, find, is_file
+from config.library import UnknownNameError, find_file, is_file
 from config.reading import read_regular
 from config.robot import RobotConfig
 from missions.language.document import load_plan
 from missions.language.notes import Lookup
 from missions.language.plan import Plan
 from missions.library.drivers import load_robot
-from missions.library.private_files import inside
+from missions.library.private_files import path_inside
 from missions.library.shipped import find_mission
 from missions.library.target import target_of
-from missions.library.things import THINGS, new_move
-from missions.library.vocabulary import vocabulary
+from missions.library.things import LOOKUPS, new_move_file
+from missions.library.vocabulary import load_leaves
 from missions.plugins.records.recording.faults import InvalidRecordError
-from missions.plugins.records.recording.head import Head
+from missions.plugins.records.recording.head import RecordHeader
 
-UNASKED = ("world/", "test/")
+IGNORED_PREFIXES = ("world/", "test/")
 """What the decisions do not depend on: a record knows what the robot was told, not why."""
 
-NEW = "new"
+NEW_FILES_FOLDER = "new"
 """The folder for what is written when a mission is decided again."""
 
-HOLDERS: Mapping[str, tuple[str, ...]] = {
+FOLDERS_BY_KIND: Mapping[str, tuple[str, ...]] = {
     "gesture": ("gesture/", "move/"),
     "move": ("move/", "gesture/"),
     "gait": ("gait/",),
@@ -39,7 +39,7 @@ HOLDERS: Mapping[str, tuple[str, ...]] = {
 """Where the files of each kind of thing are among those of a record."""
 
 
-class Sources:
+class RerunFiles:
     """The files of a record, unpacked into ``folder``, beside those of today.
 
     ``recorded`` takes them all from the record. What a mission writes when it is decided again goes into ``folder``.
@@ -49,7 +49,7 @@ class Sources:
 
     def __init__(
         self,
-        head: Head,
+        header: RecordHeader,
         files: Mapping[str, bytes],
         folder: Path,
         *,
@@ -57,7 +57,7 @@ class Sources:
         code: Sequence[Path] = (),
         trusted: bool = False,
     ) -> None:
-        self._head = head
+        self._header = header
         self._files = files
         self._folder = folder
         self._recorded = recorded
@@ -69,9 +69,9 @@ class Sources:
 
         Raises InvalidRecordError for a file that would take the place of another, OSError.
         """
-        (self._folder / NEW).mkdir(parents=True, exist_ok=True)
+        (self._folder / NEW_FILES_FOLDER).mkdir(parents=True, exist_ok=True)
         for name, data in self._files.items():
-            path = self._unpacked(name)
+            path = self._unpacked_path(name)
             if path.exists():
                 raise InvalidRecordError(f"two files of the record go by one name: {name}")
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -79,67 +79,67 @@ class Sources:
 
     def foreign_code(self) -> Sequence[str]:
         """Return a line for each file of Python of the record, which deciding it again would run: size, and origin."""
-        names = () if self._code else self._head.behaviours
+        names = () if self._code else self._header.behaviours
         return [
-            f"{name}, {len(self._files.get(name, b''))} bytes, of {self._head.paths.get(name, 'nobody knows where')}"
+            f"{name}, {len(self._files.get(name, b''))} bytes, of {self._header.paths.get(name, 'nobody knows where')}"
             for name in names
         ]
 
-    def changed(self) -> Iterator[str]:
+    def changed_files(self) -> Iterator[str]:
         """Say of each file that is another today, or gone, what has become of it."""
         for name, data in self._files.items():
-            path = self._head.paths.get(name)
-            if path is None or name.startswith(UNASKED):
+            path = self._header.paths.get(name)
+            if path is None or name.startswith(IGNORED_PREFIXES):
                 continue
             if not is_file(Path(path)):
                 yield f"{path} is gone since"
-            elif not _holds(Path(path), data):
+            elif not _has_content(Path(path), data):
                 yield f"{path} has changed since"
 
     def robot(self) -> RobotConfig:
         """Return the robot. Raises InvalidFileError, or UnknownNameError where neither file nor name helps."""
         name = next((name for name in self._files if name.startswith("robot/")), None)
-        return load_robot(find("robots", self._head.robot) if name is None else self._path(name))
+        return load_robot(find_file("robots", self._header.robot) if name is None else self._path_of(name))
 
     def plan(self, robot: RobotConfig, mission: str | None = None) -> Plan:
         """Return the mission, or another one, with the params of the record.
 
         Raises InvalidFileError with all that is wrong with it, or UnknownNameError.
         """
-        path = self._path(self._head.file) if mission is None else find_mission(mission)
+        path = self._path_of(self._header.file) if mission is None else find_mission(mission)
         return load_plan(
             path,
-            vocabulary(
-                self._code or ([self._unpacked(name) for name in self._head.behaviours] if self._trusted else [])
+            load_leaves(
+                self._code or ([self._unpacked_path(name) for name in self._header.behaviours] if self._trusted else [])
             ),
-            self._things(),
+            self._lookups(),
             find_mission=self._find_mission,
-            params=self._head.params,
+            params=self._header.params,
             complete=True,
             robot=target_of(robot),
         )
 
-    def shown(self, file: str) -> str:
+    def display_name(self, file: str) -> str:
         """Return the name of a file that a mission was read from, for people."""
         path = Path(file)
         return f"{path.relative_to(self._folder)} as recorded" if path.is_relative_to(self._folder) else file
 
     def _leaves(self) -> Sequence[Path]:
         """Return the files with leaves of the user's own that may be run."""
-        recorded = self._head.behaviours if self._trusted else ()
-        return self._code or [self._unpacked(name) for name in recorded]
+        recorded = self._header.behaviours if self._trusted else ()
+        return self._code or [self._unpacked_path(name) for name in recorded]
 
-    def _path(self, name: str) -> Path:
+    def _path_of(self, name: str) -> Path:
         """Return where a file of the record is to be read: today's place of it, unless it is not there."""
-        today = Path(self._head.paths.get(name, ""))
-        return self._unpacked(name) if self._recorded or not is_file(today) else today
+        today = Path(self._header.paths.get(name, ""))
+        return self._unpacked_path(name) if self._recorded or not is_file(today) else today
 
-    def _unpacked(self, name: str) -> Path:
+    def _unpacked_path(self, name: str) -> Path:
         """Return where a file of the record is unpacked; nothing in a name leads out of the folder."""
-        return self._folder / inside(name)
+        return self._folder / path_inside(name)
 
     def _find_mission(self, name: str, beside: Path) -> Path:
-        found = self._held(("mission/",), name)
+        found = self._recorded_file(("mission/",), name)
         if found is not None and self._recorded:
             return found
         try:
@@ -149,14 +149,14 @@ class Sources:
                 raise
             return found
 
-    def _things(self) -> Mapping[str, Lookup]:
+    def _lookups(self) -> Mapping[str, Lookup]:
         """Return how things are found; what is recorded anew is not written over what was recorded then."""
-        held = {kind: partial(self._find_thing, THINGS[kind], holders) for kind, holders in HOLDERS.items()}
-        new = {"new move": lambda name: new_move(str(self._folder / NEW / Path(name).name))}
-        return {**THINGS, **held, **new, "file": Path}  # files are only handed on
+        held = {kind: partial(self._find_thing, LOOKUPS[kind], holders) for kind, holders in FOLDERS_BY_KIND.items()}
+        new = {"new move": lambda name: new_move_file(str(self._folder / NEW_FILES_FOLDER / Path(name).name))}
+        return {**LOOKUPS, **held, **new, "file": Path}  # files are only handed on
 
-    def _find_thing(self, look_up: Lookup, holders: tuple[str, ...], name: str) -> object:
-        found = self._held(holders, name)
+    def _find_thing(self, look_up: Lookup, folders: tuple[str, ...], name: str) -> object:
+        found = self._recorded_file(folders, name)
         if found is not None and self._recorded:
             return look_up(str(found))
         try:
@@ -166,15 +166,15 @@ class Sources:
                 raise
             return look_up(str(found))
 
-    def _held(self, holders: tuple[str, ...], name: str) -> Path | None:
+    def _recorded_file(self, folders: tuple[str, ...], name: str) -> Path | None:
         """Return the file of the record that a mission means by ``name``, which may be that of the file or its stem."""
-        held = [PurePosixPath(each) for holder in holders for each in self._files if each.startswith(holder)]
+        held = [PurePosixPath(each) for holder in folders for each in self._files if each.startswith(holder)]
         wanted = PurePosixPath(name).name
         fitting = [each for each in held if each.name == wanted] + [each for each in held if each.stem == wanted]
-        return self._unpacked(str(fitting[0])) if fitting else None
+        return self._unpacked_path(str(fitting[0])) if fitting else None
 
 
-def _holds(path: Path, data: bytes) -> bool:
+def _has_content(path: Path, data: bytes) -> bool:
     """Say whether a file holds ``data`` and no more."""
     try:
         return read_regular(path, len(data)) == data

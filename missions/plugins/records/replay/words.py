@@ -2,71 +2,71 @@
 
 from collections.abc import Callable, Iterator
 
-from missions.plugins.records.replay.compare import Difference, Place
-from missions.plugins.records.replay.rerun import OtherCommand, Rerun
-from missions.plugins.records.replay.see import Seen, Track
-from missions.plugins.records.replay.sources import Sources
+from missions.plugins.records.replay.compare import NodePlace, StatusDifference
+from missions.plugins.records.replay.rerun import CommandDifference, RerunResult
+from missions.plugins.records.replay.see import ComparedTrack, PerceptionComparison
+from missions.plugins.records.replay.sources import RerunFiles
 
-Shown = Callable[[str], str]
+FileNamer = Callable[[str], str]
 """Returns the name of a mission's file for people."""
 
-ENDS_HERE = "What the robot would have been told from here on is nowhere recorded."
+END_OF_RECORD_NOTE = "What the robot would have been told from here on is nowhere recorded."
 
 
-def about_rerun(rerun: Rerun, sources: Sources) -> Iterator[str]:
+def rerun_lines(result: RerunResult, sources: RerunFiles) -> Iterator[str]:
     """Yield what a re-run has brought, a line for each thing; ``sources`` know what the mission's files are called."""
-    counts = f"{rerun.ticks} ticks decided again, {rerun.nodes} nodes compared"
-    if not rerun.nodes:
+    counts = f"{result.ticks} ticks decided again, {result.nodes} nodes compared"
+    if not result.nodes:
         yield "no node of the mission is in the recorded tree: there is nothing to compare"
         return
-    if rerun.same:
+    if result.is_identical:
         yield f"{counts}: no difference"
     else:
-        yield f"{counts}: {_verdict(rerun)}"
-    if rerun.difference is not None:
-        yield from _difference(rerun.difference, sources.shown)
-    if rerun.command is not None:
-        yield from _command(rerun.command)
-    if rerun.difference is not None:
-        yield ENDS_HERE
-    if rerun.reworded is not None:
-        yield f"same status, other words: {rerun.words}, the first in tick {rerun.reworded.tick}"
-        yield from _difference(rerun.reworded, sources.shown)
+        yield f"{counts}: {_verdict(result)}"
+    if result.difference is not None:
+        yield from _difference_lines(result.difference, sources.display_name)
+    if result.command is not None:
+        yield from _command_lines(result.command)
+    if result.difference is not None:
+        yield END_OF_RECORD_NOTE
+    if result.first_reworded is not None:
+        yield f"same status, other words: {result.reworded_count}, the first in tick {result.first_reworded.tick}"
+        yield from _difference_lines(result.first_reworded, sources.display_name)
 
 
-def about_sight(seen: Seen) -> Iterator[str]:
+def perception_lines(comparison: PerceptionComparison) -> Iterator[str]:
     """Yield what a second look at the pictures of a record has brought."""
-    kept = [track for track in seen.then if track.long and not track.missed]
-    counts = f"{len(kept)} found as then, {len(seen.lost)} lost, {len(seen.new)} new"
-    yield f"{seen.pictures} pictures searched again: {counts}"
-    for sign, tracks in (("lost", seen.lost), ("new", seen.new), ("found", kept)):
-        yield from (f"  {sign:<6} {_track(track)}" for track in tracks)
+    kept = [track for track in comparison.recorded if track.is_confirmed and not track.is_missed]
+    counts = f"{len(kept)} found as then, {len(comparison.lost_tracks)} lost, {len(comparison.new_tracks)} new"
+    yield f"{comparison.picture_count} pictures searched again: {counts}"
+    for sign, tracks in (("lost", comparison.lost_tracks), ("new", comparison.new_tracks), ("found", kept)):
+        yield from (f"  {sign:<6} {_track_text(track)}" for track in tracks)
 
 
-def _verdict(rerun: Rerun) -> str:
-    if rerun.unheard:
-        return f"the record ends what can be known: {rerun.unheard}, which it has never heard"
-    if rerun.difference is not None:
-        return f"first difference in tick {rerun.difference.tick}, at {rerun.difference.t:.2f} s"
+def _verdict(result: RerunResult) -> str:
+    if result.unanswered:
+        return f"the record ends what can be known: {result.unanswered}, which it has never heard"
+    if result.difference is not None:
+        return f"first difference in tick {result.difference.tick}, at {result.difference.t:.2f} s"
     return "the same statuses, but not the same commands"
 
 
-def _difference(difference: Difference, shown: Shown) -> Iterator[str]:
-    yield f"  {difference.now_at}"
-    yield f"    then  {_place(difference.then_at, shown)}  {difference.then}"
-    yield f"    now   {_place(difference.now_at, shown)}  {difference.now}"
+def _difference_lines(difference: StatusDifference, file_name: FileNamer) -> Iterator[str]:
+    yield f"  {difference.current_place}"
+    yield f"    then  {_place_text(difference.recorded_place, file_name)}  {difference.recorded}"
+    yield f"    now   {_place_text(difference.current_place, file_name)}  {difference.current}"
 
 
-def _place(place: Place, shown: Shown) -> str:
-    return f"{shown(place.file)}:{place.line}"
+def _place_text(place: NodePlace, file_name: FileNamer) -> str:
+    return f"{file_name(place.file)}:{place.line}"
 
 
-def _command(other: OtherCommand) -> Iterator[str]:
-    by = f", by {other.by}" if other.by else ""
-    yield f"  first other command: tick {other.tick}, at {other.t:.2f} s, {other.part}{by}"
-    yield f"    then  {other.then or 'none'}"
-    yield f"    now   {other.now or 'none'}"
+def _command_lines(difference: CommandDifference) -> Iterator[str]:
+    by = f", by {difference.place}" if difference.place else ""
+    yield f"  first other command: tick {difference.tick}, at {difference.t:.2f} s, {difference.part}{by}"
+    yield f"    then  {difference.recorded or 'none'}"
+    yield f"    now   {difference.current or 'none'}"
 
 
-def _track(track: Track) -> str:
-    return f"{track.what} from {track.begun:.2f} s: in {track.found} of {track.pictures} pictures"
+def _track_text(track: ComparedTrack) -> str:
+    return f"{track.label} from {track.start:.2f} s: in {track.found_count} of {track.picture_count} pictures"

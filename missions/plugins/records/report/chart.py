@@ -7,16 +7,16 @@ from collections.abc import Sequence
 from math import ceil, degrees, dist, floor, log10
 
 from missions.plugins.pictures.page.document import Markup, join, tag
-from missions.plugins.records.report.slider import Moments
-from missions.plugins.records.report.traces import Chart, Line, Points, Route, thinned, unbroken
+from missions.plugins.records.report.slider import SliderTimes
+from missions.plugins.records.report.traces import BaseRoute, Chart, ChartLine, Points, split_at_gaps, thin_points
 
-STEPS = (1.0, 2.0, 5.0, 10.0)
+GRID_STEPS = (1.0, 2.0, 5.0, 10.0)
 """What a grid goes by, times a power of ten."""
 
-ROWS, TIMES = 3, 6
+GRID_ROWS, GRID_COLUMNS = 3, 6
 """About so many lines has a grid, from bottom to top and from left to right."""
 
-SIDE = 1000
+VIEW_SIZE = 1000
 """How wide and how high the inside of a drawing is, in its own measure."""
 
 
@@ -26,7 +26,7 @@ def round_numbers(low: float, high: float, count: int) -> list[float]:
     if span <= 0:
         return [low]
     power = 10.0 ** floor(log10(span / count))
-    coarse = next(each for each in STEPS if each * power * count >= span * 0.999)
+    coarse = next(each for each in GRID_STEPS if each * power * count >= span * 0.999)
     for step in (coarse * power / part for part in (1, 2, 5)):
         found = [number * step for number in range(ceil(low / step - 1e-9), floor(high / step + 1e-9) + 1)]
         if len(found) > 1:
@@ -34,58 +34,62 @@ def round_numbers(low: float, high: float, count: int) -> list[float]:
     return found
 
 
-def share(time: float, moments: Moments) -> str:
+def percent_along(time: float, slider: SliderTimes) -> str:
     """Return where a time is along the page: "12.5%"."""
-    return f"{100 * (time - moments.begin) / moments.span:.3f}%"
+    return f"{100 * (time - slider.start) / slider.span:.3f}%"
 
 
-def time_axis(moments: Moments) -> Markup:
+def time_axis(slider: SliderTimes) -> Markup:
     """Return the times below or above what is drawn over time."""
-    times = round_numbers(moments.begin, moments.end, TIMES)
+    times = round_numbers(slider.start, slider.end, GRID_COLUMNS)
     marks = [
         tag(
             "text",
             f"{time:g} s",
-            x=share(time, moments),
+            x=percent_along(time, slider),
             y=12,
-            text_anchor=_anchor((time - moments.begin) / moments.span),
+            text_anchor=_text_anchor((time - slider.start) / slider.span),
         )
         for time in times
     ]
     return tag("svg", *marks, class_="axis", aria_hidden="true", height=16)
 
 
-def chart(drawn: Chart, moments: Moments) -> Markup:
+def chart_figure(chart: Chart, slider: SliderTimes) -> Markup:
     """Return a chart with its title and legend; the script writes into its ``output`` what a line has at a time."""
-    low, high = _range(drawn)
+    low, high = _value_range(chart)
     legend = [
-        tag("span", _sample(line), line.name, " ", tag("output", class_="value", data_line=f"{drawn.key}/{number}"))
-        for number, line in enumerate(drawn.lines)
+        tag(
+            "span", _legend_line(line), line.name, " ", tag("output", class_="value", data_line=f"{chart.key}/{number}")
+        )
+        for number, line in enumerate(chart.lines)
     ]
-    grid = [_rule(value, low, high) for value in round_numbers(low, high, ROWS)]
-    lines = [_line(line, moments, low, high) for line in sorted(drawn.lines, key=lambda line: not line.asked)]
-    inside = tag("svg", *lines, viewBox=f"0 0 {SIDE} {SIDE}", preserveAspectRatio="none", width="100%", height="100%")
-    label = f"{drawn.title}, {', '.join(_told(line, drawn.unit) for line in drawn.lines)}"
+    grid = [_grid_line(value, low, high) for value in round_numbers(low, high, GRID_ROWS)]
+    lines = [_line_path(line, slider, low, high) for line in sorted(chart.lines, key=lambda line: not line.requested)]
+    inside = tag(
+        "svg", *lines, viewBox=f"0 0 {VIEW_SIZE} {VIEW_SIZE}", preserveAspectRatio="none", width="100%", height="100%"
+    )
+    label = f"{chart.title}, {', '.join(_line_summary(line, chart.unit) for line in chart.lines)}"
     plot = tag("svg", *grid, inside, class_="plot", role="img", aria_label=label)
     return tag(
         "figure",
-        tag("figcaption", tag("b", f"{drawn.title}, {drawn.unit}"), tag("span", *legend, class_="lines")),
+        tag("figcaption", tag("b", f"{chart.title}, {chart.unit}"), tag("span", *legend, class_="lines")),
         tag("div", plot, class_="over-time"),
-        time_axis(moments),
+        time_axis(slider),
         class_="chart",
     )
 
 
-def route_chart(route: Route) -> Markup:
+def route_figure(route: BaseRoute) -> Markup:
     """Return the way of the base from above: ahead is up, as it began. The script moves ``.robot`` along it."""
-    points = [(-y, -x) for x, y, _ in route.places]
-    left, right, top, bottom = _around(points)
+    points = [(-y, -x) for x, y, _ in route.poses]
+    left, right, top, bottom = _bounding_box(points)
     size = max(right - left, bottom - top)
     rule = _round_below(size / 3)
     margin = 0.08 * size
     plot = tag(
         "svg",
-        way_in_metres(route, 0.028 * size, size / SIDE),
+        route_markup(route, 0.028 * size, size / VIEW_SIZE),
         tag("path", d=f"M{_number(left)},{_number(bottom + margin / 2)} h{_number(rule)}", class_="rule"),
         viewBox=" ".join(
             _number(value)
@@ -103,13 +107,13 @@ def route_chart(route: Route) -> Markup:
     return tag("figure", caption, plot, class_="chart")
 
 
-def way_in_metres(route: Route, radius: float, least: float = 0.01) -> Markup:
+def route_markup(route: BaseRoute, radius: float, min_distance: float = 0.01) -> Markup:
     """Return the way, where it began, and the robot as a disc of that ``radius`` (m): ahead is up, in metres.
 
     Points that are no further apart than ``least`` are one.
     """
-    points = [(-y, -x) for x, y, _ in route.places]
-    path = " ".join(f"{x:.3f},{y:.3f}" for x, y in _apart(points, least))
+    points = [(-y, -x) for x, y, _ in route.poses]
+    path = " ".join(f"{x:.3f},{y:.3f}" for x, y in _thin_route(points, min_distance))
     (x, y), robot = (
         points[0],
         tag(
@@ -117,7 +121,7 @@ def way_in_metres(route: Route, radius: float, least: float = 0.01) -> Markup:
             tag("circle", r=_number(radius)),
             tag("path", d=f"M0,0 V{_number(-2 * radius)}"),
             class_="robot",
-            transform=_put(route.places[-1]),
+            transform=_robot_transform(route.poses[-1]),
         ),
     )
     begin = tag("circle", cx=_number(x), cy=_number(y), r=_number(0.65 * radius), class_="start")
@@ -127,45 +131,47 @@ def way_in_metres(route: Route, radius: float, least: float = 0.01) -> Markup:
 def _round_below(value: float) -> float:
     """Return the largest round number that is not above ``value``."""
     power = 10.0 ** floor(log10(value))
-    return max(each * power for each in STEPS if each * power <= value)
+    return max(each * power for each in GRID_STEPS if each * power <= value)
 
 
-def seen_from_above(place: tuple[float, float, float]) -> tuple[float, float, float]:
+def to_plan_view(pose: tuple[float, float, float]) -> tuple[float, float, float]:
     """Return where a place (x, y, heading) is in the drawing, and by how many degrees a sign on it is turned."""
-    x, y, heading = place
+    x, y, heading = pose
     return round(-y, 4), round(-x, 4), round(-degrees(heading), 1)
 
 
-def _put(place: tuple[float, float, float]) -> str:
+def _robot_transform(pose: tuple[float, float, float]) -> str:
     """Return how the sign of the robot is put to a place; the script does the same."""
-    x, y, angle = seen_from_above(place)
+    x, y, angle = to_plan_view(pose)
     return f"translate({x} {y}) rotate({angle})"
 
 
-def _range(drawn: Chart) -> tuple[float, float]:
+def _value_range(chart: Chart) -> tuple[float, float]:
     """Return from where to where a chart goes: 0 is in it, unless all is far from it, as a full battery is."""
-    low, high = min(drawn.values), max(drawn.values)
-    if low < 0.8 * high or drawn.unit != "%":
+    low, high = min(chart.values), max(chart.values)
+    if low < 0.8 * high or chart.unit != "%":
         low, high = min(low, 0.0), max(high, 0.0)
     margin = max(0.08 * (high - low), 0.01 * abs(high), 1e-3)
     return low - margin, high + margin
 
 
-def _line(line: Line, moments: Moments, low: float, high: float) -> Markup:
+def _line_path(line: ChartLine, slider: SliderTimes, low: float, high: float) -> Markup:
     path = " ".join(
-        _stretch([(time - moments.begin, value) for time, value in stretch], moments.span, low, high)
-        for stretch in unbroken(thinned(line.points, moments.begin, moments.span))
+        _path_data([(time - slider.start, value) for time, value in stretch], slider.span, low, high)
+        for stretch in split_at_gaps(thin_points(line.points, slider.start, slider.span))
     )
-    return tag("path", d=path, class_=_class(line))
+    return tag("path", d=path, class_=_line_class(line))
 
 
-def _stretch(points: Points, span: float, low: float, high: float) -> str:
+def _path_data(points: Points, span: float, low: float, high: float) -> str:
     """Return a stretch of a line; one value alone is a dot, by the roundness of its ends."""
-    places = [f"{SIDE * time / span:.1f} {SIDE * (high - value) / (high - low):.1f}" for time, value in points]
+    places = [
+        f"{VIEW_SIZE * time / span:.1f} {VIEW_SIZE * (high - value) / (high - low):.1f}" for time, value in points
+    ]
     return f"M{places[0]} L{' '.join(places[1:] or places)}"
 
 
-def _rule(value: float, low: float, high: float) -> Markup:
+def _grid_line(value: float, low: float, high: float) -> Markup:
     """Return a line of the grid with its number beside it."""
     height = f"{100 * (high - value) / (high - low):.2f}%"
     return join(
@@ -174,27 +180,27 @@ def _rule(value: float, low: float, high: float) -> Markup:
     )
 
 
-def _sample(line: Line) -> Markup:
+def _legend_line(line: ChartLine) -> Markup:
     """Return a piece of the line, for the legend."""
-    stroke = tag("line", x1=0, x2=28, y1=5, y2=5, class_=_class(line))
+    stroke = tag("line", x1=0, x2=28, y1=5, y2=5, class_=_line_class(line))
     return tag("svg", stroke, width=28, height=10, aria_hidden="true")
 
 
-def _class(line: Line) -> str:
-    return "asked" if line.asked else "measured"
+def _line_class(line: ChartLine) -> str:
+    return "asked" if line.requested else "measured"
 
 
-def _told(line: Line, unit: str) -> str:
+def _line_summary(line: ChartLine, unit: str) -> str:
     values = [value for _, value in line.points]
     return f"{line.name} {min(values):.3g} to {max(values):.3g} {unit}" if values else f"{line.name} unknown"
 
 
-def _anchor(place: float) -> str:
+def _text_anchor(place: float) -> str:
     """Return how a text stands at a place from 0 to 1, so that it does not stick out."""
     return "start" if place < 0.03 else "end" if place > 0.97 else "middle"
 
 
-def _around(points: Sequence[tuple[float, float]]) -> tuple[float, float, float, float]:
+def _bounding_box(points: Sequence[tuple[float, float]]) -> tuple[float, float, float, float]:
     """Return what holds all points: left, right, top, bottom; at least half a metre, and not too narrow."""
     (left, right), (top, bottom) = ((min(each), max(each)) for each in zip(*points, strict=True))
     width, height = max(right - left, 0.5, 0.8 * (bottom - top)), max(bottom - top, 0.5, 0.5 * (right - left))
@@ -202,11 +208,11 @@ def _around(points: Sequence[tuple[float, float]]) -> tuple[float, float, float,
     return x - width / 2, x + width / 2, y - height / 2, y + height / 2
 
 
-def _apart(points: Sequence[tuple[float, float]], least: float) -> list[tuple[float, float]]:
+def _thin_route(points: Sequence[tuple[float, float]], min_distance: float) -> list[tuple[float, float]]:
     """Return the points that can be told from those before them."""
     kept = [points[0]]
     for point in points[1:]:
-        if dist(point, kept[-1]) > least:
+        if dist(point, kept[-1]) > min_distance:
             kept.append(point)
     return kept
 

@@ -12,35 +12,35 @@ from itertools import islice, pairwise
 from math import degrees, fsum, sqrt
 from typing import Any, NamedTuple
 
-from config.faults import InvalidFileError, Source
+from config.faults import InvalidFileError, SourceText
 from drivers.errors import DriverError
 from drivers.servos.declared import DynamixelKeys
-from missions.library.drivers import robot_of
-from missions.plugins.records.recording.faults import MAX_TIME
-from missions.plugins.records.recording.read import Record
-from missions.plugins.records.report.traces import GAP, Chart, Line
+from missions.library.drivers import parse_robot
+from missions.plugins.records.recording.faults import MAX_SECONDS
+from missions.plugins.records.recording.read import RunRecord
+from missions.plugins.records.report.traces import MAX_GAP, Chart, ChartLine
 from missions.trees.draw import one_line
-from missions.trees.words import in_seconds
+from missions.trees.words import seconds_text
 
-TOPIC = "/state/arm"
+JOINT_TOPIC = "/state/arm"
 
-PHYSICS = "--physics"
+PHYSICS_OPTION = "--physics"
 """The option with which simulated servos bear a load; without it, what they tell of one is made up."""
 
-MOST_JOINTS = 100
+MAX_JOINTS = 100
 """Joints that are told of: no robot has as many, but a file may say anything."""
 
-MOST_CHARTS = 24
+MAX_CHARTS = 24
 """Of more joints, those that moved most have a chart."""
 
-LONGEST_NAME = 40
+MAX_NAME_LENGTH = 40
 """Letters of a joint's name that are shown."""
 
-MOVED = 0.5
+MIN_CHART_TRAVEL = 0.5
 """Degrees that a joint must have moved for a chart."""
 
 
-class Sample(NamedTuple):
+class JointLogSample(NamedTuple):
     """A joint at time ``t`` (s): angles in radians, ``load`` in -1..1 of the stall torque, ``temperature`` in degC.
 
     ``goal`` is None where it has none, or is limp.
@@ -73,103 +73,109 @@ class JointFigures:
     hottest: float | None = None
 
 
-def tracks_of(record: Record) -> Mapping[str, Sequence[Sample]]:
+def joint_samples(record: RunRecord) -> Mapping[str, Sequence[JointLogSample]]:
     """Return the samples of each joint, in order of time; nothing for a robot without. Raises InvalidRecordError."""
-    found: dict[str, list[Sample]] = {}
-    for told in record.read(lambda _, data: list(_samples(data)), TOPIC):
+    found: dict[str, list[JointLogSample]] = {}
+    for told in record.read(lambda _, data: list(_samples(data)), JOINT_TOPIC):
         for name, sample in told:
-            if name in found or len(found) < MOST_JOINTS:
+            if name in found or len(found) < MAX_JOINTS:
                 found.setdefault(name, []).append(sample)
-    begin = record.cut_from or 0.0
+    begin = record.cut_start or 0.0
     whole = {name: sorted(track, key=lambda sample: sample.t) for name, track in found.items()}
     return {
         name: track[bisect_left(track, begin, key=lambda sample: sample.t) :] for name, track in whole.items() if track
     }
 
 
-def figures_of(record: Record, tracks: Mapping[str, Sequence[Sample]]) -> list[JointFigures]:
+def joint_figures(record: RunRecord, tracks: Mapping[str, Sequence[JointLogSample]]) -> list[JointFigures]:
     """Return what came of each joint."""
-    felt = not record.head.simulate or PHYSICS in record.head.command
-    torques = _torques(record) if tracks and felt else {}
-    return [_figures(name, track, torques.get(name), felt=felt) for name, track in tracks.items() if track]
-
-
-def joint_charts(tracks: Mapping[str, Sequence[Sample]]) -> list[Chart]:
-    """Return a chart of each joint that moved: its goal, and where it was."""
-    moved = {name: _span(track) for name, track in tracks.items() if track}
-    drawn = sorted(moved, key=lambda name: -moved[name])[:MOST_CHARTS]
+    felt = not record.header.simulate or PHYSICS_OPTION in record.header.command
+    torques = _stall_torques(record) if tracks and felt else {}
     return [
-        Chart(
-            _key(name, number),
-            shown(name),
-            "°",
-            [
-                Line("goal", [(each.t, degrees(each.goal)) for each in track if each.goal is not None], asked=True),
-                Line("measured", [(each.t, degrees(each.position)) for each in track]),
-            ],
-        )
-        for number, (name, track) in enumerate(tracks.items(), 1)
-        if name in drawn and moved[name] > MOVED
+        _figures_of_joint(name, track, torques.get(name), has_loads=felt) for name, track in tracks.items() if track
     ]
 
 
-def all_rms(joints: Sequence[JointFigures]) -> float | None:
+def joint_charts(tracks: Mapping[str, Sequence[JointLogSample]]) -> list[Chart]:
+    """Return a chart of each joint that moved: its goal, and where it was."""
+    moved = {name: _travel(track) for name, track in tracks.items() if track}
+    drawn = sorted(moved, key=lambda name: -moved[name])[:MAX_CHARTS]
+    return [
+        Chart(
+            _file_stem(name, number),
+            short_name(name),
+            "°",
+            [
+                ChartLine(
+                    "goal", [(each.t, degrees(each.goal)) for each in track if each.goal is not None], requested=True
+                ),
+                ChartLine("measured", [(each.t, degrees(each.position)) for each in track]),
+            ],
+        )
+        for number, (name, track) in enumerate(tracks.items(), 1)
+        if name in drawn and moved[name] > MIN_CHART_TRAVEL
+    ]
+
+
+def combined_rms(joints: Sequence[JointFigures]) -> float | None:
     """Return the root of the mean square of all joints' errors, in degrees; None where none is known."""
     known = [(each.rms, each.samples) for each in joints if each.rms is not None]
     count = sum(samples for _, samples in known)
     return sqrt(fsum(rms**2 * samples for rms, samples in known) / count) if count else None
 
 
-def worst_of(joints: Sequence[JointFigures]) -> JointFigures | None:
+def worst_joint(joints: Sequence[JointFigures]) -> JointFigures | None:
     """Return the joint that was off the most."""
     known = [each for each in joints if each.worst is not None]
     return max(known, key=lambda each: abs(each.worst or 0.0), default=None)
 
 
-def all_energy(joints: Sequence[JointFigures]) -> float | None:
+def total_energy(joints: Sequence[JointFigures]) -> float | None:
     """Return what all motors did, in joules; None where no load is known."""
     known = [each.energy for each in joints if each.energy is not None]
     return fsum(known) if known else None
 
 
-def sentences(joints: Sequence[JointFigures]) -> Iterator[str]:
+def joint_sentences(joints: Sequence[JointFigures]) -> Iterator[str]:
     """Yield what there is to say of all joints together."""
-    rms, worst, energy = all_rms(joints), worst_of(joints), all_energy(joints)
+    rms, worst, energy = combined_rms(joints), worst_joint(joints), total_energy(joints)
     if rms is not None and worst is not None:
         yield (
             f"The joints were {rms:.2f}° off their goals (root mean square), "
-            f"and {abs(worst.worst or 0.0):.1f}° at most: {worst.name}, at {in_seconds(worst.worst_at or 0.0)}."
+            f"and {abs(worst.worst or 0.0):.1f}° at most: {worst.name}, at {seconds_text(worst.worst_at or 0.0)}."
         )
     if energy is not None:
         yield f"Their motors did {energy:.0f} J."
 
 
-def shown(name: str) -> str:
+def short_name(name: str) -> str:
     """Return a joint's name on one line, cut where it is long."""
     text = one_line(name)
-    return text if len(text) <= LONGEST_NAME else f"{text[: LONGEST_NAME - 1]}…"
+    return text if len(text) <= MAX_NAME_LENGTH else f"{text[: MAX_NAME_LENGTH - 1]}…"
 
 
-def _samples(data: Any) -> Iterator[tuple[str, Sample]]:
+def _samples(data: Any) -> Iterator[tuple[str, JointLogSample]]:
     """Yield what a message tells of joints that were heard of; numbers that no joint has are left out."""
-    for name, told in islice(data["joints"].items(), MOST_JOINTS):
+    for name, told in islice(data["joints"].items(), MAX_JOINTS):
         if told["quality"] != "good":
             continue
         position, velocity, load, temperature = (
             float(told[word]) for word in ("position", "velocity", "load", "temperature")
         )
         goal = float(told["goal"]) if told["torque"] and told["goal"] is not None else None
-        if all(abs(value) < MAX_TIME for value in (position, velocity, load, temperature, goal or 0.0)):
-            yield name, Sample(data["t"], position, velocity, goal, load, temperature)
+        if all(abs(value) < MAX_SECONDS for value in (position, velocity, load, temperature, goal or 0.0)):
+            yield name, JointLogSample(data["t"], position, velocity, goal, load, temperature)
 
 
-def _figures(name: str, track: Sequence[Sample], torque: float | None, *, felt: bool) -> JointFigures:
+def _figures_of_joint(
+    name: str, track: Sequence[JointLogSample], torque: float | None, *, has_loads: bool
+) -> JointFigures:
     off = [(degrees(each.position - each.goal), each.t) for each in track if each.goal is not None]
     worst, at = max(off, key=lambda pair: abs(pair[0])) if off else (None, None)
-    loads = [each.load for each in track if each.load and felt]
+    loads = [each.load for each in track if each.load and has_loads]
     warm = [each.temperature for each in track if each.temperature > 0]
     return JointFigures(
-        shown(name),
+        short_name(name),
         len(off),
         rms=sqrt(fsum(error**2 for error, _ in off) / len(off)) if off else None,
         worst=worst,
@@ -180,25 +186,25 @@ def _figures(name: str, track: Sequence[Sample], torque: float | None, *, felt: 
     )
 
 
-def _energy(track: Sequence[Sample], torque: float) -> float:
+def _energy(track: Sequence[JointLogSample], torque: float) -> float:
     """Return the joules that a motor put in: its torque times its speed, where it drove and was not driven."""
     power = [max(torque * each.load * each.velocity, 0.0) for each in track]
     times = [each.t for each in track]
     return fsum(
         (one + other) / 2 * (end - begin)
         for (begin, end), (one, other) in zip(pairwise(times), pairwise(power), strict=True)
-        if end - begin <= GAP
+        if end - begin <= MAX_GAP
     )
 
 
-def _torques(record: Record) -> Mapping[str, float]:
+def _stall_torques(record: RunRecord) -> Mapping[str, float]:
     """Return the stall torques (Nm) of joints' servos, as far as the robot file in the record tells."""
     for name, data in record.files.items():
         if name.startswith("robot/"):
             try:
-                sections = robot_of(Source(name, data.decode("utf-8-sig"))).sections.values()
+                sections = parse_robot(SourceText(name, data.decode("utf-8-sig"))).sections.values()
                 return {
-                    f"{section.name}.{joint}".lstrip("."): servo.kind.stall_torque
+                    f"{section.name}.{joint}".lstrip("."): servo.servo_model.stall_torque
                     for section in sections
                     if isinstance(section.keys, DynamixelKeys)
                     for joint, servo in section.keys.servos.items()
@@ -208,12 +214,12 @@ def _torques(record: Record) -> Mapping[str, float]:
     return {}
 
 
-def _key(name: str, number: int) -> str:
+def _file_stem(name: str, number: int) -> str:
     """Return what the files of a joint's plots are called: no name of a stranger's leads out of a folder."""
     return f"joint_{name}" if re.fullmatch(r"[a-z0-9_.]{1,40}", name) else f"joint_number_{number}"
 
 
-def _span(track: Sequence[Sample]) -> float:
+def _travel(track: Sequence[JointLogSample]) -> float:
     """Return by how many degrees a joint moved, or was to."""
     angles = [angle for each in track for angle in (each.position, each.goal) if angle is not None]
     return degrees(max(angles) - min(angles))

@@ -4,138 +4,145 @@ from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 
-from config.faults import InvalidFileError, Source
-from config.world import WorldConfig, read_world
+from config.faults import InvalidFileError, SourceText
+from config.world import WorldConfig, parse_world
 from drivers.api import BASE_RADIUS
 from missions.library.worlds import build_world
-from missions.plugins.pictures.page.document import Markup, document, join, start, tag
+from missions.plugins.pictures.page.document import Markup, document, join, start_tag, tag
 from missions.plugins.pictures.page.tree import button, tools, tree
-from missions.plugins.pictures.plan import METRE, frame_of, plan
-from missions.plugins.records.recording.read import Record
-from missions.plugins.records.report.chart import chart, route_chart, seen_from_above, way_in_metres
-from missions.plugins.records.report.lanes import timeline
-from missions.plugins.records.report.percepts import Picture
+from missions.plugins.pictures.plan import UNITS_PER_METRE, plan_frame, plan_svg
+from missions.plugins.records.recording.read import RunRecord
+from missions.plugins.records.report.chart import chart_figure, route_figure, route_markup, to_plan_view
+from missions.plugins.records.report.lanes import timeline_markup
+from missions.plugins.records.report.percepts import ReportPicture
 from missions.plugins.records.report.slider import (
-    Moments,
-    Texts,
-    Variable,
-    changes,
-    compact,
-    failures,
+    SliderTimes,
+    TextTable,
+    VariableHistory,
+    failure_positions,
+    round_times,
+    status_changes,
     value_at,
-    variables,
+    variable_histories,
 )
-from missions.plugins.records.report.summary import Study, sentences, verdict
-from missions.plugins.records.report.tables import about, began, faults_table, joints_table, log_table, sightings_table
-from missions.plugins.records.report.traces import SHORTEST, Route, thinned
-from missions.trees.draw import at
+from missions.plugins.records.report.summary import RecordStudy, summary_sentences, verdict
+from missions.plugins.records.report.tables import (
+    faults_table,
+    joints_table,
+    log_table,
+    record_facts,
+    sightings_table,
+    start_text,
+)
+from missions.plugins.records.report.traces import MIN_ROUTE_LENGTH, BaseRoute, thin_points
+from missions.trees.draw import with_states
 from missions.trees.drawing import SIGNS
-from missions.trees.states import STATUSES, now_of
-from missions.trees.words import in_seconds, names_in
+from missions.trees.states import STATUSES, state_after
+from missions.trees.words import node_names, seconds_text
 
 # The plan of the world that a run took place in, with the way of the robot on it; none for a run in the real world.
 
-WORLDS = "world/"
+WORLD_PREFIX = "world/"
 """What the names of world files in a record begin with."""
 
 
-def world_of(record: Record) -> WorldConfig | None:
+def recorded_world(record: RunRecord) -> WorldConfig | None:
     """Return the world that a record was made in; None where it has none that can be read."""
     found = []
     for name, data in record.files.items():
-        if name.startswith(WORLDS):
+        if name.startswith(WORLD_PREFIX):
             try:
-                found.append(read_world(Source(name, data.decode("utf-8-sig"))))
+                found.append(parse_world(SourceText(name, data.decode("utf-8-sig"))))
             except (InvalidFileError, UnicodeDecodeError):
                 continue
-    named = [world for world in found if world.name == record.head.world]
-    return next(iter(named or found), None) if record.head.simulate else None
+    named = [world for world in found if world.name == record.header.world]
+    return next(iter(named or found), None) if record.header.simulate else None
 
 
-def floor(record: Record, route: Route) -> Markup:
+def floor_plan(record: RunRecord, route: BaseRoute) -> Markup:
     """Return the plan, as the world was at the beginning; the script moves ``.robot`` along the way on it."""
-    config = world_of(record)
+    config = recorded_world(record)
     if config is None:
         return join()
     world = build_world(config)
-    frame = frame_of(world)
-    picture = b64encode(plan(config.name, world, config.summary).encode()).decode()
-    drawn = start("img", src=f"data:image/svg+xml;base64,{picture}", alt=f"Plan of the world {config.name}")
-    if route.places:
+    frame = plan_frame(world)
+    picture = b64encode(plan_svg(config.name, world, config.summary).encode()).decode()
+    drawn = start_tag("img", src=f"data:image/svg+xml;base64,{picture}", alt=f"Plan of the world {config.name}")
+    if route.poses:
         # The way is drawn as it is without a plan, ahead being up: here ahead is where the robot looked at first.
-        put = f"translate({frame.x:g} {frame.y:g}) rotate({90 - frame.heading:.3f}) scale({METRE})"
-        way = tag("g", way_in_metres(route, BASE_RADIUS), transform=put)
+        put = f"translate({frame.x:g} {frame.y:g}) rotate({90 - frame.heading:.3f}) scale({UNITS_PER_METRE})"
+        way = tag("g", route_markup(route, BASE_RADIUS), transform=put)
         label = f"The way of the base, {route.length:.1f} m long"
         size = f"0 0 {frame.width:g} {frame.height:g}"
         drawn = join(drawn, tag("svg", way, viewBox=size, class_="on-plan", role="img", aria_label=label))
     return tag("div", drawn, class_="plan card")
 
 
-PLAY = "\N{BLACK RIGHT-POINTING TRIANGLE} Play"
+PLAY_LABEL = "\N{BLACK RIGHT-POINTING TRIANGLE} Play"
 
 SPEEDS = (1, 2, 5, 20)
 """How fast a run may be played, in times of how fast it was."""
 
-HERE = files(__name__.rpartition(".")[0])
+ASSET_FOLDER = files(__name__.rpartition(".")[0])
 """The folder of ``report.css`` and ``report.js``."""
 
 
-def page(study: Study) -> str:
+def report_page(study: RecordStudy) -> str:
     """Return the report. It opens at the beginning of the run; without a script it shows its end."""
-    record, moments, texts = study.record, study.moments, Texts()
-    named = variables(record, study.drawing, moments, texts)
-    states = {key: now_of(change) for key, change in record.statuses(moments.end).items()}
-    drawing = at(study.drawing, states, moments.end)
+    record, moments, texts = study.record, study.slider, TextTable()
+    named = variable_histories(record, study.drawing, moments, texts)
+    states = {key: state_after(change) for key, change in record.statuses(moments.end).items()}
+    drawing = with_states(study.drawing, states, moments.end)
     label = f"Mission {drawing.mission}"
-    now = tag("div", _seen(study.pictures), _variables(named, moments, texts), class_="now")
+    now = tag("div", _current_picture(study.pictures), _variable_table(named, moments, texts), class_="now")
     shown = tag("div", tag("div", tools(drawing), tree(drawing, label=label)), now, class_="moment")
     body = join(
         _header(study),
         _timebar(moments),
         _section("At this moment", shown),
-        _floor(study),
-        _section("Timeline", timeline(study.lanes, moments)),
-        _sight(study),
-        _traces(study),
-        _joints(study),
+        _floor_section(study),
+        _section("Timeline", timeline_markup(study.lanes, moments)),
+        _sight_section(study),
+        _motion_section(study),
+        _joint_section(study),
         _section("Faults and reflexes", faults_table(record, moments)),
         _section("Said and logged", log_table(record, moments)),
-        _section("About this record", about(record), _source(study)),
+        _section("About this record", record_facts(record), _mission_source(study)),
     )
-    data = {**_data(study, texts), "variables": [variable.rows for variable in named]}
-    assets = [HERE / "report.css", HERE / "report.js"]
+    data = {**_script_data(study, texts), "variables": [variable.rows for variable in named]}
+    assets = [ASSET_FOLDER / "report.css", ASSET_FOLDER / "report.js"]
     return document(f"{drawing.mission}: report", body, data={**data, "texts": texts.all()}, assets=assets)
 
 
-def _header(study: Study) -> Markup:
+def _header(study: RecordStudy) -> Markup:
     record = study.record
     result = verdict(record)[0]
     sign = f"{SIGNS[STATUSES[result]]} " if result in STATUSES else ""
     badge = join(" ", tag("span", sign, result, class_=f"verdict {result}")) if result else ""
     facts = [
-        record.head.robot,
-        record.head.world or ("simulated" if record.head.simulate else "the real world"),
-        began(record),
+        record.header.robot,
+        record.header.world or ("simulated" if record.header.simulate else "the real world"),
+        start_text(record),
     ]
     return tag(
         "header",
-        tag("h1", f"Mission {record.head.mission}", badge),
+        tag("h1", f"Mission {record.header.mission}", badge),
         tag("p", study.drawing.summary) if study.drawing.summary else "",
         tag("p", " · ".join(filter(None, facts)), class_="facts"),
-        tag("ul", *(tag("li", sentence) for sentence in sentences(study)), class_="summary"),
+        tag("ul", *(tag("li", sentence) for sentence in summary_sentences(study)), class_="summary"),
     )
 
 
-def _timebar(moments: Moments) -> Markup:
-    last = len(moments.times) - 1
-    slider = start(
+def _timebar(positions: SliderTimes) -> Markup:
+    last = len(positions.times) - 1
+    slider = start_tag(
         "input", type="range", id="slider", min=0, max=last, step=1, value=0, autocomplete="off",
-        aria_label="Time", aria_valuetext=in_seconds(moments.end),
+        aria_label="Time", aria_valuetext=seconds_text(positions.end),
     )  # fmt: skip
     speeds = (tag("option", f"{times} x", value=times, selected=times == 1) for times in SPEEDS)
     play = tag(
         "span",
-        button(PLAY, id="play"),
+        button(PLAY_LABEL, id="play"),
         tag("select", *speeds, id="speed", aria_label="Speed", autocomplete="off"),
         class_="player",
     )
@@ -145,15 +152,15 @@ def _timebar(moments: Moments) -> Markup:
         button("Failure \N{RIGHTWARDS ARROW}", data_jump="next", aria_label="Next failure"),
         class_="joined jumps",
     )
-    clock = tag("div", tag("b", in_seconds(moments.end)), tag("span", f"tick {moments.ticks[-1]}"), id="clock")
+    clock = tag("div", tag("b", seconds_text(positions.end)), tag("span", f"tick {positions.ticks[-1]}"), id="clock")
     said = (tag("button", type="button", class_="link"), tag("span"))
     note = tag("div", *said, role="status", id="note")
     return tag("div", play, clock, slider, jumps, note, class_="timebar", role="group", aria_label="Time", hidden=True)
 
 
-def _floor(study: Study) -> Markup:
+def _floor_section(study: RecordStudy) -> Markup:
     """Return the section with the plan and the way on it; none for a run in the real world."""
-    drawn = floor(study.record, study.route)
+    drawn = floor_plan(study.record, study.route)
     return _section("Where it went", drawn) if drawn else drawn
 
 
@@ -161,7 +168,7 @@ def _section(title: str, *content: str) -> Markup:
     return tag("section", tag("h2", title), *content, aria_label=title)
 
 
-def _seen(pictures: Sequence[Picture]) -> Markup:
+def _current_picture(pictures: Sequence[ReportPicture]) -> Markup:
     """Return the place of the picture that the robot had at that moment."""
     if not pictures:
         return join()
@@ -175,12 +182,12 @@ def _seen(pictures: Sequence[Picture]) -> Markup:
     )
 
 
-def _variables(named: Sequence[Variable], moments: Moments, texts: Texts) -> Markup:
-    said, last = texts.all(), len(moments.times) - 1
+def _variable_table(histories: Sequence[VariableHistory], slider: SliderTimes, texts: TextTable) -> Markup:
+    said, last = texts.all(), len(slider.times) - 1
     rows = []
-    for number, variable in enumerate(named):
+    for number, variable in enumerate(histories):
         row = value_at(variable.rows, last)
-        within = tag("small", f"in {variable.within}") if variable.within else ""
+        within = tag("small", f"in {variable.submission}") if variable.submission else ""
         rows.append(
             tag(
                 "tr",
@@ -192,88 +199,88 @@ def _variables(named: Sequence[Variable], moments: Moments, texts: Texts) -> Mar
     return tag("div", tag("h3", "Variables, in SI units"), table, class_="card")
 
 
-def _sight(study: Study) -> Markup:
+def _sight_section(study: RecordStudy) -> Markup:
     """Return the section of what was seen; none without a camera."""
     if not (study.pictures or study.sightings):
         return join()
     shots = [
         tag(
-            "button", _image(picture), tag("b", in_seconds(picture.time)), tag("span", picture.caption),
-            type="button", class_="shot", data_place=study.moments.place(picture.time), title=_caption(picture),
+            "button", _image(picture), tag("b", seconds_text(picture.time)), tag("span", picture.caption),
+            type="button", class_="shot", data_place=study.slider.position(picture.time), title=_caption(picture),
         )
         for picture in study.pictures
     ]  # fmt: skip
     strip = tag("div", *shots, class_="strip") if shots else tag("p", "There are no pictures in it.", class_="none")
-    found = sightings_table(study.sightings, study.moments) if study.sightings else ""
+    found = sightings_table(study.sightings, study.slider) if study.sightings else ""
     return _section("What it saw", strip, found)
 
 
-def _traces(study: Study) -> Markup:
-    drawn = [chart(each, study.moments) for each in study.charts]
-    if study.route.length > SHORTEST and world_of(study.record) is None:
-        drawn.append(route_chart(study.route))
+def _motion_section(study: RecordStudy) -> Markup:
+    drawn = [chart_figure(each, study.slider) for each in study.charts]
+    if study.route.length > MIN_ROUTE_LENGTH and recorded_world(study.record) is None:
+        drawn.append(route_figure(study.route))
     if not drawn:
         return join()
     return _section("Head and base", tag("div", *drawn, class_="charts"))
 
 
-def _joints(study: Study) -> Markup:
+def _joint_section(study: RecordStudy) -> Markup:
     """Return the section of the joints; none for a robot that has none."""
     if not study.joints:
         return join()
-    drawn = [chart(each, study.moments) for each in study.joint_charts]
+    drawn = [chart_figure(each, study.slider) for each in study.joint_charts]
     charts = tag("div", *drawn, class_="charts") if drawn else join()
-    return _section("Joints", joints_table(study.joints, study.moments), charts)
+    return _section("Joints", joints_table(study.joints, study.slider), charts)
 
 
-def _source(study: Study) -> Markup:
+def _mission_source(study: RecordStudy) -> Markup:
     """Return the mission's file, to be unfolded."""
-    data = study.record.files.get(study.record.head.file)
+    data = study.record.files.get(study.record.header.file)
     if data is None:
         return join()
     return tag("details", tag("summary", "The mission as it was"), tag("pre", data.decode(errors="replace")))
 
 
-def _image(picture: Picture) -> Markup:
+def _image(picture: ReportPicture) -> Markup:
     address = f"data:image/jpeg;base64,{b64encode(picture.jpeg).decode()}"
-    return start("img", src=address, width=picture.width, height=picture.height, alt=f"Picture: {picture.caption}")
+    return start_tag("img", src=address, width=picture.width, height=picture.height, alt=f"Picture: {picture.caption}")
 
 
-def _caption(picture: Picture) -> str:
-    return f"{in_seconds(picture.time)}: {picture.caption}"
+def _caption(picture: ReportPicture) -> str:
+    return f"{seconds_text(picture.time)}: {picture.caption}"
 
 
-def _failures(study: Study) -> list[tuple[int, str, str]]:
+def _failure_rows(study: RecordStudy) -> list[tuple[int, str, str]]:
     """Return where nodes failed, which was the first there, and that in words."""
-    names = names_in(study.drawing)
+    names = node_names(study.drawing)
     found = []
-    for place, first in failures(study.record, study.moments):
+    for place, first in failure_positions(study.record, study.slider):
         node = names[first.node].title if first.node in names else first.name
         why = f": {first.reason}" if first.reason else ""
         found.append((place, first.node, f"{SIGNS['failure']} {node} failed{why}"))
     return found
 
 
-def _data(study: Study, texts: Texts) -> Mapping[str, object]:
+def _script_data(study: RecordStudy, texts: TextTable) -> Mapping[str, object]:
     """Return what the script needs, as the top of report.js says."""
-    moments = study.moments
+    moments = study.slider
     lines = {
         f"{drawn.key}/{number}": [
-            (moments.place(time), float(f"{value:.3g}"))
-            for time, value in thinned(line.points, moments.begin, moments.span)
+            (moments.position(time), float(f"{value:.3g}"))
+            for time, value in thin_points(line.points, moments.start, moments.span)
         ]
         for drawn in (*study.charts, *study.joint_charts)
         for number, line in enumerate(drawn.lines)
     }
     return {
-        "times": compact(moments.times),
+        "times": round_times(moments.times),
         "ticks": moments.ticks,
         "statuses": list(SIGNS),
-        "changes": changes(study.record, moments, texts),
-        "failures": _failures(study),
+        "changes": status_changes(study.record, moments, texts),
+        "failures": _failure_rows(study),
         "lines": lines,
         "route": [
-            (moments.place(time), *seen_from_above(at))
-            for time, at in zip(study.route.times, study.route.places, strict=True)
+            (moments.position(time), *to_plan_view(at))
+            for time, at in zip(study.route.times, study.route.poses, strict=True)
         ],
     }

@@ -5,70 +5,84 @@ from dataclasses import dataclass
 from math import degrees
 
 from missions.executive.events import FaultRaised, NodeChanged, Ticked
-from missions.plugins.records.recording.read import Record
-from missions.plugins.records.report.joints import JointFigures, figures_of, joint_charts, tracks_of
-from missions.plugins.records.report.joints import sentences as about_joints
-from missions.plugins.records.report.percepts import Picture, Sighting, Views, pictures, sightings
-from missions.plugins.records.report.slider import Moments, moments_of
-from missions.plugins.records.report.timeline import Lane, lanes_of
-from missions.plugins.records.report.traces import Chart, Miss, Route, charts_of, rms, route_of, tracking
-from missions.trees.draw import CONDITION
-from missions.trees.drawing import Drawing
-from missions.trees.words import Named, counted, in_seconds, names_in
+from missions.plugins.records.recording.read import RunRecord
+from missions.plugins.records.report.joints import JointFigures, joint_charts, joint_figures, joint_samples
+from missions.plugins.records.report.joints import joint_sentences as about_joints
+from missions.plugins.records.report.percepts import (
+    ReportPicture,
+    SightingSummary,
+    Views,
+    select_pictures,
+    summarise_sightings,
+)
+from missions.plugins.records.report.slider import SliderTimes, slider_times
+from missions.plugins.records.report.timeline import Lane, leaf_lanes
+from missions.plugins.records.report.traces import (
+    BaseRoute,
+    Chart,
+    TrackingError,
+    base_route,
+    make_charts,
+    tracking_errors,
+    tracking_rms,
+)
+from missions.trees.draw import CONDITION_SYMBOL
+from missions.trees.drawing import TreeDrawing
+from missions.trees.words import NodeName, count_text, node_names, seconds_text
 
 # All that a report tells of a record, found once: for its words, its page and its pictures for papers.
 
-MOST_PICTURES = 60
+MAX_PICTURES = 60
 """Pictures of the camera in a report, where nobody says how many."""
 
 
 @dataclass(frozen=True, slots=True)
-class Study:
+class RecordStudy:
     """What was found in a ``record``; see the modules that these values come from."""
 
-    record: Record
-    drawing: Drawing
-    moments: Moments
+    record: RunRecord
+    drawing: TreeDrawing
+    slider: SliderTimes
     lanes: Sequence[Lane]
-    misses: Sequence[Miss]
+    tracking_errors: Sequence[TrackingError]
     charts: Sequence[Chart]
-    route: Route
+    route: BaseRoute
     views: Views
-    pictures: Sequence[Picture]
-    sightings: Sequence[Sighting]
+    pictures: Sequence[ReportPicture]
+    sightings: Sequence[SightingSummary]
     joints: Sequence[JointFigures]
     joint_charts: Sequence[Chart]
 
 
-def study(record: Record, *, most_pictures: int = 0) -> Study:
+def study_record(record: RunRecord, *, max_pictures: int = 0) -> RecordStudy:
     """Read a record through. Raises InvalidRecordError for one that is damaged or has no drawing of its tree."""
-    drawing, moments, views = record.drawing(), moments_of(record), list(record.views())
+    drawing, moments, views = record.drawing(), slider_times(record), list(record.views())
     changes = [event for event in record.events if isinstance(event, NodeChanged)]
-    lanes = lanes_of(drawing, changes, record.statuses(moments.end), moments.end)
-    misses, tracks = tracking(record, views, lanes), tracks_of(record)
-    return Study(
+    lanes = leaf_lanes(drawing, changes, record.statuses(moments.end), moments.end)
+    misses, tracks = tracking_errors(record, views, lanes), joint_samples(record)
+    return RecordStudy(
         record,
         drawing,
         moments,
         lanes,
         misses,
-        charts_of(record, misses, moments.begin),
-        route_of(record),
+        make_charts(record, misses, moments.start),
+        base_route(record),
         views,
-        pictures(record, views, most_pictures),
-        sightings(views),
-        figures_of(record, tracks),
+        select_pictures(record, views, max_pictures),
+        summarise_sightings(views),
+        joint_figures(record, tracks),
         joint_charts(tracks),
     )
 
 
-STILL = 0.01
+MIN_MOTION = 0.01
 """Metres and radians together that are no movement: reports tremble."""
 
-SOON = 2.0
+MAX_START_DELAY = 2.0
 """Seconds that a robot may take to get ready before that is worth a sentence."""
 
-ENDS = {
+RESULT_PHRASES = {
     "success": "It succeeded",
     "failure": "It failed",
     "interrupted": "It was stopped",
@@ -76,41 +90,41 @@ ENDS = {
 }
 """How results are put into sentences."""
 
-MOST_NAMES = 4
+MAX_NAMES = 4
 """As many things that were seen are named."""
 
 
-def verdict(record: Record) -> tuple[str, str]:
+def verdict(record: RunRecord) -> tuple[str, str]:
     """Return the result in a word, empty where it is not recorded, and all of it in a sentence."""
-    end = record.end()
+    end = record.run_end()
     if end is None:
-        piece = f"This is a piece of a record, from {in_seconds(record.cut_from)} on" if record.cut_from else ""
-        cut_off = f"The record ends at {in_seconds(record.until)}, before the mission did"
-        full = ", since it had reached its limit (--record-limit)" if record.full else ""
+        piece = f"This is a piece of a record, from {seconds_text(record.cut_start)} on" if record.cut_start else ""
+        cut_off = f"The record ends at {seconds_text(record.end_time)}, before the mission did"
+        full = ", since it had reached its limit (--record-limit)" if record.limit_reached else ""
         return "", f"{piece or cut_off}{full}: how the mission ended is not in it."
     why = f": {end.reason}" if end.reason else ""
-    did = ENDS.get(end.result, f"It ended ({end.result})")
-    return end.result, f"{did} after {in_seconds(end.seconds)} and {counted(end.ticks, 'tick')}{why}."
+    did = RESULT_PHRASES.get(end.result, f"It ended ({end.result})")
+    return end.result, f"{did} after {seconds_text(end.seconds)} and {count_text(end.ticks, 'tick')}{why}."
 
 
-def sentences(found: Study) -> Iterator[str]:
+def summary_sentences(study: RecordStudy) -> Iterator[str]:
     """Yield what there is to say of a record, the most important first."""
-    record = found.record
+    record = study.record
     yield verdict(record)[1]
-    if record.cut_from is None and found.moments.begin > SOON:
-        yield f"Its first tick was at {in_seconds(found.moments.begin)}: so long the robot took to get ready."
-    yield from _failures(record, found.drawing)
-    yield from _busiest(found.lanes, found.drawing)
-    yield _faults(record)
-    yield from _lateness(record)
-    yield from _moved(found)
-    yield from about_joints(found.joints)
-    yield from _battery(record)
-    yield from _seen(found)
-    yield from _missing(record)
+    if record.cut_start is None and study.slider.start > MAX_START_DELAY:
+        yield f"Its first tick was at {seconds_text(study.slider.start)}: so long the robot took to get ready."
+    yield from _failure_sentences(record, study.drawing)
+    yield from _busiest_leaf_sentence(study.lanes, study.drawing)
+    yield _fault_sentence(record)
+    yield from _lateness_sentence(record)
+    yield from _motion_sentences(study)
+    yield from about_joints(study.joints)
+    yield from _battery_sentence(record)
+    yield from _sight_sentence(study)
+    yield from _loss_sentences(record)
 
 
-def faults(record: Record) -> list[FaultRaised]:
+def reported_faults(record: RunRecord) -> list[FaultRaised]:
     """Return what parts of the robot had to say of themselves, without their coming up when all began."""
     told = [event for event in record.events if isinstance(event, FaultRaised)]
     gone: set[str] = set()
@@ -123,13 +137,13 @@ def faults(record: Record) -> list[FaultRaised]:
     return kept
 
 
-def _failures(record: Record, drawing: Drawing) -> Iterator[str]:
+def _failure_sentences(record: RunRecord, drawing: TreeDrawing) -> Iterator[str]:
     """Say which node the run failed by, and which actions failed besides: conditions that say no are none of them."""
-    names, found, cause = names_in(drawing), record.failures(), _cause(record)
+    names, found, cause = node_names(drawing), record.failures(), _failure_cause(record)
     if cause is not None:
-        node = names.get(cause.node, Named(cause.name, f"line {cause.line}"))
-        yield f"What it failed by was {node.title} ({node.place}), at {in_seconds(cause.t)}."
-    actions = {box.key for box in drawing.root.walk() if not box.children and box.symbol != CONDITION}
+        node = names.get(cause.node, NodeName(cause.name, f"line {cause.line}"))
+        yield f"What it failed by was {node.title} ({node.place}), at {seconds_text(cause.t)}."
+    actions = {box.key for box in drawing.root.walk() if not box.children and box.symbol != CONDITION_SYMBOL}
     others = [change for change in found if change.node in actions and change is not cause]
     besides = " besides" if cause is not None else ""
     if not others:
@@ -137,13 +151,13 @@ def _failures(record: Record, drawing: Drawing) -> Iterator[str]:
         return
     first = others[0]
     node, why = names[first.node], f": {first.reason}" if first.reason else ""
-    began = f"first {node.title} ({node.place}), at {in_seconds(first.t)}{why}"
-    yield f"Actions failed{besides} {_times(len(others))}, {began}."
+    began = f"first {node.title} ({node.place}), at {seconds_text(first.t)}{why}"
+    yield f"Actions failed{besides} {_count_text(len(others))}, {began}."
 
 
-def _cause(record: Record) -> NodeChanged | None:
+def _failure_cause(record: RunRecord) -> NodeChanged | None:
     """Return the change that the mission failed by: the deepest of those that handed its reason up in the end."""
-    end, cause = record.end(), None
+    end, cause = record.run_end(), None
     if end is None or end.result != "failure":
         return None
     for change in reversed(record.failures()):
@@ -153,91 +167,91 @@ def _cause(record: Record) -> NodeChanged | None:
     return cause
 
 
-def _times(number: int) -> str:
+def _count_text(number: int) -> str:
     return {1: "once", 2: "twice"}.get(number, f"{number} times")
 
 
-def _busiest(lanes: Sequence[Lane], drawing: Drawing) -> Iterator[str]:
-    lane = max(lanes, key=lambda each: each.busy, default=None)
-    if lane is not None and lane.busy > 0:
-        node = names_in(drawing)[lane.box.key]
+def _busiest_leaf_sentence(lanes: Sequence[Lane], drawing: TreeDrawing) -> Iterator[str]:
+    lane = max(lanes, key=lambda each: each.busy_seconds, default=None)
+    if lane is not None and lane.busy_seconds > 0:
+        node = node_names(drawing)[lane.box.key]
         times = f" in {len(lane.bars)} goes" if len(lane.bars) > 1 else ""
-        yield f"Most of the time went into {node.title}: {in_seconds(lane.busy)}{times} ({node.place})."
+        yield f"Most of the time went into {node.title}: {seconds_text(lane.busy_seconds)}{times} ({node.place})."
 
 
-def _faults(record: Record) -> str:
-    found = [fault for fault in faults(record) if fault.what != "online"]
+def _fault_sentence(record: RunRecord) -> str:
+    found = [fault for fault in reported_faults(record) if fault.what != "online"]
     if not found:
         return "No part of the robot reported a fault."
     first = found[0]
-    detail = f": {first.plain}" if first.detail else ""
-    return f"{counted(len(found), 'fault report')}, first at {in_seconds(first.t)}: {first.part} {first.what}{detail}."
+    detail = f": {first.detail_without_part}" if first.detail else ""
+    return f"{count_text(len(found), 'fault report')}, first at {seconds_text(first.t)}: {first.part} {first.what}{detail}."
 
 
-def _lateness(record: Record) -> Iterator[str]:
+def _lateness_sentence(record: RunRecord) -> Iterator[str]:
     ticks = [event for event in record.events if isinstance(event, Ticked)]
     late = [(event.late, event.t) for event in ticks if event.late]
     if late:
         worst, time = max(late)
         yield (
-            f"{len(late)} of {counted(len(ticks), 'tick')} came more than a tick late, "
-            f"worst by {1000 * worst:.0f} ms at {in_seconds(time)}."
+            f"{len(late)} of {count_text(len(ticks), 'tick')} came more than a tick late, "
+            f"worst by {1000 * worst:.0f} ms at {seconds_text(time)}."
         )
     elif ticks:
         yield f"No tick was late: all {len(ticks)} came in time."
 
 
-def _moved(found: Study) -> Iterator[str]:
-    if found.route.length + found.route.turned > STILL:
-        yield f"The base drove {found.route.length:.1f} m and turned {degrees(found.route.turned):.0f}° in all."
-    if found.misses:
-        worst = max(found.misses, key=lambda miss: miss.most)
+def _motion_sentences(study: RecordStudy) -> Iterator[str]:
+    if study.route.length + study.route.rotation > MIN_MOTION:
+        yield f"The base drove {study.route.length:.1f} m and turned {degrees(study.route.rotation):.0f}° in all."
+    if study.tracking_errors:
+        worst = max(study.tracking_errors, key=lambda miss: miss.largest)
         yield (
-            f"What it followed was {rms(found.misses):.1f}° from the middle of the picture (root mean square), "
-            f"and {worst.most:.1f}° at most, at {in_seconds(worst.time)}."
+            f"What it followed was {tracking_rms(study.tracking_errors):.1f}° from the middle of the picture (root mean square), "
+            f"and {worst.largest:.1f}° at most, at {seconds_text(worst.time)}."
         )
 
 
-def _battery(record: Record) -> Iterator[str]:
+def _battery_sentence(record: RunRecord) -> Iterator[str]:
     _, levels = record.series("battery.percent")
     if levels:
         first, last = (f"{level:.0f} %" for level in (levels[0], levels[-1]))
         yield f"The battery stayed at {first}." if first == last else f"The battery went from {first} to {last}."
 
 
-def _seen(found: Study) -> Iterator[str]:
-    if found.sightings:
-        people = [each for each in found.sightings if each.person]
-        faces = [each for each in found.sightings if each.face]
-        others = [each for each in found.sightings if not (each.person or each.face)]
-        known = f"{_people(len(people))}, {_named(people)}" if people else ""
-        strange = f"{len(faces)} faces without a name" if len(faces) > 1 else _named(faces)
-        said = "; ".join(filter(None, (known, strange, _named(others))))
-        first = found.sightings[0]
-        whom = f" {first.name}" if len(found.sightings) > 1 else ""
-        yield f"It saw {said}: first{whom} at {in_seconds(first.first)}."
-    elif found.views:
+def _sight_sentence(study: RecordStudy) -> Iterator[str]:
+    if study.sightings:
+        people = [each for each in study.sightings if each.person]
+        faces = [each for each in study.sightings if each.face]
+        others = [each for each in study.sightings if not (each.person or each.face)]
+        known = f"{_people_text(len(people))}, {_names_text(people)}" if people else ""
+        strange = f"{len(faces)} faces without a name" if len(faces) > 1 else _names_text(faces)
+        said = "; ".join(filter(None, (known, strange, _names_text(others))))
+        first = study.sightings[0]
+        whom = f" {first.name}" if len(study.sightings) > 1 else ""
+        yield f"It saw {said}: first{whom} at {seconds_text(first.first)}."
+    elif study.views:
         yield "It saw nobody and nothing that it knows."
     else:
-        eyes = found.record.head.eyes
+        eyes = study.record.header.eyes
         yield "What it saw is not in this record." if eyes else "There is no camera in this record."
 
 
-def _people(number: int) -> str:
+def _people_text(number: int) -> str:
     return f"{number} {'person' if number == 1 else 'people'} whom it knows"
 
 
-def _named(seen: Sequence[Sighting]) -> str:
+def _names_text(sightings: Sequence[SightingSummary]) -> str:
     """Return names with how often each came into view, the most frequent first where they are too many."""
-    chosen = seen if len(seen) <= MOST_NAMES else sorted(seen, key=lambda each: -each.times)[:MOST_NAMES]
-    names = [each.name + (f" ({_times(each.times)})" if each.times > 1 else "") for each in chosen]
-    return ", ".join(names) + (f", {len(seen) - len(chosen)} more" if len(seen) > len(chosen) else "")
+    chosen = sightings if len(sightings) <= MAX_NAMES else sorted(sightings, key=lambda each: -each.count)[:MAX_NAMES]
+    names = [each.name + (f" ({_count_text(each.count)})" if each.count > 1 else "") for each in chosen]
+    return ", ".join(names) + (f", {len(sightings) - len(chosen)} more" if len(sightings) > len(chosen) else "")
 
 
-def _missing(record: Record) -> Iterator[str]:
-    lost = record.lost()
+def _loss_sentences(record: RunRecord) -> Iterator[str]:
+    lost = record.lost_counts()
     if lost:
         told = ", ".join(f"{count} on {topic}" for topic, count in sorted(lost.items()))
-        yield f"Not all of it was recorded: {counted(sum(lost.values()), 'message')} lost ({told})."
-    if not record.whole:
+        yield f"Not all of it was recorded: {count_text(sum(lost.values()), 'message')} lost ({told})."
+    if not record.is_complete:
         yield "The record was not closed properly: what came after its last message is lost."

@@ -4,10 +4,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from missions.executive.events import NodeChanged
-from missions.trees.drawing import ACTIVE, Box, Drawing, Status
+from missions.trees.drawing import ACTIVE, Status, TreeBox, TreeDrawing
 from missions.trees.states import STATUSES
 
-FINEST = 400
+MAX_BARS = 400
 """So many bars of one leaf can be told apart; shorter ones beside each other are shown as one."""
 
 
@@ -29,20 +29,20 @@ class Bar:
 
 @dataclass(frozen=True, slots=True)
 class Lane:
-    """A leaf that was at work, and when; ``within`` is the mission inside the mission that it is in, if any."""
+    """A leaf that was at work, and when; ``submission`` is the mission inside the mission that it is in, if any."""
 
-    box: Box
-    within: str
+    box: TreeBox
+    submission: str
     bars: Sequence[Bar]
 
     @property
-    def busy(self) -> float:
+    def busy_seconds(self) -> float:
         """How long it was at work in all, in seconds."""
         return sum(bar.end - bar.start for bar in self.bars)
 
 
-def lanes_of(
-    drawing: Drawing, changes: Iterable[NodeChanged], last: Mapping[str, NodeChanged], end: float
+def leaf_lanes(
+    drawing: TreeDrawing, changes: Iterable[NodeChanged], last: Mapping[str, NodeChanged], end: float
 ) -> list[Lane]:
     """Return a lane for each leaf that was ever asked, in the order of the tree.
 
@@ -52,18 +52,18 @@ def lanes_of(
     for change in changes:
         by_node.setdefault(change.node, []).append(change)
     return [
-        Lane(box, within, _bars(by_node[box.key], last[box.key].reason, end))
-        for box, within in _leaves(drawing.root, "")
+        Lane(box, within, _bars_of(by_node[box.key], last[box.key].reason, end))
+        for box, within in _walk_leaves(drawing.root, "")
         if box.key in by_node
     ]
 
 
-def thinned(bars: Sequence[Bar], span: float) -> list[Bar]:
+def merge_bars(bars: Sequence[Bar], span: float) -> list[Bar]:
     """Return bars to be drawn over ``span`` seconds: what could not be told apart is one."""
     found: list[Bar] = []
     for bar in bars:
         last = found[-1] if found else None
-        if last is None or bar.end - last.start > span / FINEST:
+        if last is None or bar.end - last.start > span / MAX_BARS:
             found.append(bar)
         else:
             outcome: Status = "failure" if "failure" in (last.outcome, bar.outcome) else bar.outcome
@@ -72,7 +72,7 @@ def thinned(bars: Sequence[Bar], span: float) -> list[Bar]:
     return found
 
 
-def outcomes(bars: Sequence[Bar]) -> Mapping[Status, int]:
+def count_outcomes(bars: Sequence[Bar]) -> Mapping[Status, int]:
     """Return how often it ended in which way."""
     counts: dict[Status, int] = {}
     for bar in bars:
@@ -80,14 +80,14 @@ def outcomes(bars: Sequence[Bar]) -> Mapping[Status, int]:
     return counts
 
 
-def _leaves(box: Box, within: str) -> Iterable[tuple[Box, str]]:
+def _walk_leaves(box: TreeBox, submission: str) -> Iterable[tuple[TreeBox, str]]:
     if not box.children:
-        yield box, within
+        yield box, submission
     for child in box.children:
-        yield from _leaves(child, box.mission or within)
+        yield from _walk_leaves(child, box.mission or submission)
 
 
-def _bars(changes: Sequence[NodeChanged], last: str, end: float) -> list[Bar]:
+def _bars_of(changes: Sequence[NodeChanged], last_reason: str, end: float) -> list[Bar]:
     bars: list[Bar] = []
     since: float | None = None
     for change in changes:
@@ -98,5 +98,5 @@ def _bars(changes: Sequence[NodeChanged], last: str, end: float) -> list[Bar]:
             bars.append(Bar(change.t if since is None else since, change.t, status, change.reason))
             since = None
     if since is not None:
-        bars.append(Bar(since, end, "running", last))
+        bars.append(Bar(since, end, "running", last_reason))
     return bars

@@ -8,11 +8,11 @@ from itertools import groupby, pairwise
 from math import degrees, dist, fsum, pi, remainder, sqrt, tau
 
 from missions.executive.events import VariableSet
-from missions.plugins.records.recording.read import Record
+from missions.plugins.records.recording.read import RunRecord
 from missions.plugins.records.report.percepts import Views
 from missions.plugins.records.report.timeline import Lane
-from missions.trees.drawing import Box
-from missions.trees.words import name_of
+from missions.trees.drawing import TreeBox
+from missions.trees.words import percept_name
 from perception.api import Marker, Percept, Thing, View
 
 # How well a robot kept what it followed in the middle of its picture: the tracking error.
@@ -20,60 +20,65 @@ from perception.api import Marker, Percept, Thing, View
 # A record does not say which percept a leaf has followed. It is found as such leaves choose it: the one that the file
 # names, else the first, largest one; and that as long as it is in view.
 
-FOLLOWERS = {"track_face": "faces", "follow_person": "faces", "track_object": "things", "track_robot": "markers"}
+FOLLOWED_PERCEPTS = {
+    "track_face": "faces",
+    "follow_person": "faces",
+    "track_object": "things",
+    "track_robot": "markers",
+}
 """The leaves that follow something, and which percepts of a view."""
 
 _VARIABLE = re.compile(r"\$\{\s*(\w+)\s*\}")
 
 
 @dataclass(frozen=True, slots=True)
-class Miss:
+class TrackingError:
     """How far from the camera's axis something was that was followed, at ``time`` (s); degrees, left and down are +."""
 
     time: float
-    aside: float
-    below: float
+    horizontal: float
+    vertical: float
 
     @property
-    def most(self) -> float:
+    def largest(self) -> float:
         """The larger of both."""
-        return max(abs(self.aside), abs(self.below))
+        return max(abs(self.horizontal), abs(self.vertical))
 
 
-def tracking(record: Record, views: Views, lanes: Sequence[Lane]) -> list[Miss]:
+def tracking_errors(record: RunRecord, views: Views, lanes: Sequence[Lane]) -> list[TrackingError]:
     """Return the tracking error in each new view that shows what was followed then."""
     following = sorted(
-        ((bar.start, bar.end, lane.box) for lane in lanes if lane.box.kind in FOLLOWERS for bar in lane.bars),
+        ((bar.start, bar.end, lane.box) for lane in lanes if lane.box.kind in FOLLOWED_PERCEPTS for bar in lane.bars),
         key=lambda each: each[:2],
     )
     if not following:
         return []
     given = [event for event in record.events if isinstance(event, VariableSet)]
-    found: list[Miss] = []
+    found: list[TrackingError] = []
     for start, end, box in following:
-        target = _begins_with(box, given, start)
+        target = _initial_target(box, given, start)
         for time, view in views:
             if not start <= time <= end:
                 continue
-            percept = _chosen(box, view, target)
+            percept = _followed_percept(box, view, target)
             if percept is not None and max(abs(percept.bearing), abs(percept.elevation)) <= pi:
                 target = percept.id
-                found.append(Miss(time, degrees(percept.bearing), degrees(percept.elevation)))
+                found.append(TrackingError(time, degrees(percept.bearing), degrees(percept.elevation)))
     return sorted(found, key=lambda miss: miss.time)
 
 
-def rms(misses: Sequence[Miss]) -> float:
+def tracking_rms(errors: Sequence[TrackingError]) -> float:
     """Return the root of the mean square of how far it was off, in degrees; 0 without any."""
-    return sqrt(fsum(miss.most**2 for miss in misses) / len(misses)) if misses else 0.0
+    return sqrt(fsum(miss.largest**2 for miss in errors) / len(errors)) if errors else 0.0
 
 
-def _begins_with(box: Box, given: Sequence[VariableSet], start: float) -> int | None:
+def _initial_target(box: TreeBox, variables: Sequence[VariableSet], start: float) -> int | None:
     """Return the id of what the file says it is to begin with: ``face: ${person}``."""
     for text in box.arguments.values():
         named = _VARIABLE.fullmatch(text)
         known = [
             event
-            for event in given
+            for event in variables
             if named is not None
             and event.t <= start
             and event.name == named[1]
@@ -86,45 +91,45 @@ def _begins_with(box: Box, given: Sequence[VariableSet], start: float) -> int | 
     return None
 
 
-def _chosen(box: Box, view: View, target: int | None) -> Percept | None:
+def _followed_percept(box: TreeBox, view: View, target: int | None) -> Percept | None:
     """Return what is followed of that which a picture has just shown."""
     fresh = [percept for percept in _candidates(box, view) if percept.stamp == view.looked]
     same = next((percept for percept in fresh if percept.id == target), None)
     return same or (fresh[0] if fresh and target is None else None)
 
 
-def _candidates(box: Box, view: View) -> Iterator[Percept]:
+def _candidates(box: TreeBox, view: View) -> Iterator[Percept]:
     wanted = next((box.arguments[name] for name in ("what", "which") if name in box.arguments), "")
-    percepts: Sequence[Percept] = getattr(view, FOLLOWERS[box.kind])
+    percepts: Sequence[Percept] = getattr(view, FOLLOWED_PERCEPTS[box.kind])
     for percept in percepts:
         named = isinstance(percept, Thing | Marker) and wanted and "${" not in wanted
-        if not named or wanted in (name_of(percept), str(getattr(percept, "number", ""))):
+        if not named or wanted in (percept_name(percept), str(getattr(percept, "number", ""))):
             yield percept
 
 
 Points = Sequence[tuple[float, float]]
 """Times (s) and values, in order of time."""
 
-GAP = 1.0
+MAX_GAP = 1.0
 """Seconds without a value after which a line has a gap: nothing is known of what was in between."""
 
-COLUMNS = 600
+CHART_COLUMNS = 600
 """So many columns has a drawn chart: of each, no more is drawn than can be seen."""
 
-SHORTEST = 0.05
+MIN_ROUTE_LENGTH = 0.05
 """Metres of a way that need no picture: a base that turns on the spot trembles."""
 
-STILL = 1e-6
+MIN_VALUE_RANGE = 1e-6
 """Values that are no further from each other than this tell nothing that needs a chart."""
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
-    """One line of a chart. What was ``asked`` for is drawn with dashes, below what was measured."""
+class ChartLine:
+    """One line of a chart. What was ``requested`` for is drawn with dashes, below what was measured."""
 
     name: str
     points: Points
-    asked: bool = False
+    requested: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +139,7 @@ class Chart:
     key: str
     title: str
     unit: str
-    lines: Sequence[Line]
+    lines: Sequence[ChartLine]
 
     @property
     def values(self) -> list[float]:
@@ -143,57 +148,63 @@ class Chart:
 
 
 @dataclass(frozen=True, slots=True)
-class Route:
-    """The way of the base seen from above: ``places`` x, y (m) and heading (rad), and when it was there."""
+class BaseRoute:
+    """The way of the base seen from above: ``poses`` x, y (m) and heading (rad), and when it was there."""
 
     times: Sequence[float]
-    places: Sequence[tuple[float, float, float]]
+    poses: Sequence[tuple[float, float, float]]
 
     @property
     def length(self) -> float:
         """How far it drove, in metres, as far as its reports tell."""
-        return sum(dist(one[:2], other[:2]) for one, other in pairwise(self.places))
+        return sum(dist(one[:2], other[:2]) for one, other in pairwise(self.poses))
 
     @property
-    def turned(self) -> float:
+    def rotation(self) -> float:
         """How far it turned, to the left and to the right together, in radians."""
-        return sum(abs(remainder(other[2] - one[2], tau)) for one, other in pairwise(self.places))
+        return sum(abs(remainder(other[2] - one[2], tau)) for one, other in pairwise(self.poses))
 
 
-def charts_of(record: Record, misses: Sequence[Miss], begin: float = 0.0) -> list[Chart]:
+def make_charts(record: RunRecord, errors: Sequence[TrackingError], begin: float = 0.0) -> list[Chart]:
     """Return a chart of all that a record tells of from ``begin`` on (s), but for what stays as it is."""
     found = [
-        _asked("speed", "Speed", "m/s", record, "base.wanted_speed", "base.speed", float, begin),
-        _asked("turn", "Turning", "°/s", record, "base.wanted_turn", "base.turn", degrees, begin),
-        _asked("pan", "Head to the side (left is +)", "°", record, "head.wanted_pan", "head.pan", degrees, begin),
-        _asked("tilt", "Head up and down (down is +)", "°", record, "head.wanted_tilt", "head.tilt", degrees, begin),
+        _requested_and_measured("speed", "Speed", "m/s", record, "base.wanted_speed", "base.speed", float, begin),
+        _requested_and_measured("turn", "Turning", "°/s", record, "base.wanted_turn", "base.turn", degrees, begin),
+        _requested_and_measured(
+            "pan", "Head to the side (left is +)", "°", record, "head.wanted_pan", "head.pan", degrees, begin
+        ),
+        _requested_and_measured(
+            "tilt", "Head up and down (down is +)", "°", record, "head.wanted_tilt", "head.tilt", degrees, begin
+        ),
         Chart(
             "tracking",
             "Tracking error, from the middle of the picture",
             "°",
             [
-                Line("to the side", [(miss.time, miss.aside) for miss in misses]),
-                Line("up and down", [(miss.time, miss.below) for miss in misses], asked=True),
+                ChartLine("to the side", [(miss.time, miss.horizontal) for miss in errors]),
+                ChartLine("up and down", [(miss.time, miss.vertical) for miss in errors], requested=True),
             ],
         ),
-        Chart("battery", "Battery", "%", [Line("charge", _points(record, "battery.percent", float, begin))]),
+        Chart(
+            "battery", "Battery", "%", [ChartLine("charge", _series_points(record, "battery.percent", float, begin))]
+        ),
     ]
-    return [chart for chart in found if chart.values and max(chart.values) - min(chart.values) > STILL]
+    return [chart for chart in found if chart.values and max(chart.values) - min(chart.values) > MIN_VALUE_RANGE]
 
 
-def route_of(record: Record) -> Route:
+def base_route(record: RunRecord) -> BaseRoute:
     """Return the way of the base, which is empty where nobody knows it."""
     series = [record.series(f"base.{name}") for name in ("x", "y", "heading")]
     known = [dict(zip(times, values, strict=True)) for times, values in series]
     times = [time for time in series[0][0] if all(time in each for each in known)]
-    return Route(times, [(known[0][time], known[1][time], known[2][time]) for time in times])
+    return BaseRoute(times, [(known[0][time], known[1][time], known[2][time]) for time in times])
 
 
-def unbroken(points: Points) -> Iterator[Points]:
+def split_at_gaps(points: Points) -> Iterator[Points]:
     """Yield the stretches of a line between its gaps."""
     stretch: list[tuple[float, float]] = []
     for point in points:
-        if stretch and point[0] - stretch[-1][0] > GAP:
+        if stretch and point[0] - stretch[-1][0] > MAX_GAP:
             yield stretch
             stretch = []
         stretch.append(point)
@@ -201,10 +212,10 @@ def unbroken(points: Points) -> Iterator[Points]:
         yield stretch
 
 
-def thinned(points: Points, begin: float, span: float) -> list[tuple[float, float]]:
+def thin_points(points: Points, begin: float, span: float) -> list[tuple[float, float]]:
     """Return no more points than can be seen: of each column the first and last, the lowest and highest."""
     found: list[tuple[float, float]] = []
-    for _, column in groupby(points, key=lambda point: int((point[0] - begin) / span * COLUMNS)):
+    for _, column in groupby(points, key=lambda point: int((point[0] - begin) / span * CHART_COLUMNS)):
         inside = list(column)
         value: Callable[[tuple[float, float]], float] = lambda point: point[1]  # noqa: E731 - twice
         kept = {inside[0], min(inside, key=value), max(inside, key=value), inside[-1]}
@@ -212,24 +223,24 @@ def thinned(points: Points, begin: float, span: float) -> list[tuple[float, floa
     return found
 
 
-def _asked(
+def _requested_and_measured(
     key: str,
     title: str,
     unit: str,
-    record: Record,
-    asked: str,
+    record: RunRecord,
+    requested: str,
     measured: str,
     convert: Callable[[float], float],
     begin: float,
 ) -> Chart:
     lines = [
-        Line("asked", _points(record, asked, convert, begin), asked=True),
-        Line("measured", _points(record, measured, convert, begin)),
+        ChartLine("asked", _series_points(record, requested, convert, begin), requested=True),
+        ChartLine("measured", _series_points(record, measured, convert, begin)),
     ]
     return Chart(key, title, unit, [line for line in lines if line.points])
 
 
-def _points(record: Record, name: str, convert: Callable[[float], float], begin: float) -> Points:
+def _series_points(record: RunRecord, name: str, convert: Callable[[float], float], begin: float) -> Points:
     """Return a line from ``begin`` on, and first what held then."""
     times, values = record.series(name)
     first = max(0, bisect_right(times, begin) - 1)

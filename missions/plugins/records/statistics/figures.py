@@ -14,7 +14,7 @@ Times = npt.NDArray[np.float64]
 NO_TIMES: Times = np.empty(0)
 
 
-class Kind(NamedTuple):
+class RunKind(NamedTuple):
     """What kind of run it was: of which mission, on which robot, and how simulated ("" for the real one)."""
 
     mission: str
@@ -22,11 +22,11 @@ class Kind(NamedTuple):
     simulate: str
 
 
-DIGITS = 9
+MAX_KEY_DIGITS = 9
 """Letters that no number of a node has."""
 
 
-class Place(NamedTuple):
+class NodeLabel(NamedTuple):
     """A node of a tree: its key, the word of its kind, what a person reads of it, and where it stands."""
 
     key: str
@@ -36,14 +36,14 @@ class Place(NamedTuple):
     line: int
 
     @property
-    def order(self) -> tuple[int, ...]:
+    def sort_key(self) -> tuple[int, ...]:
         """By which nodes are in the order of the file; keys that no tree has come first."""
         parts = self.key.split(".")
-        return tuple(map(int, parts)) if all(part.isdecimal() and len(part) < DIGITS for part in parts) else ()
+        return tuple(map(int, parts)) if all(part.isdecimal() and len(part) < MAX_KEY_DIGITS for part in parts) else ()
 
 
 @dataclass(frozen=True, slots=True)
-class Spread:
+class TimeQuantiles:
     """What many times have in common, in seconds."""
 
     count: int
@@ -57,7 +57,7 @@ class Spread:
 class NodeFigures:
     """What became of a node: in how many ticks it was at work, how its runs ended, and how long each of them took.
 
-    ``unended`` counts the runs that the record does not see the end of; ``lasted`` has these too, as far as they went.
+    ``unended`` counts the runs that the record does not see the end of; ``durations`` has these too, as far as they went.
     """
 
     ticks: int = 0
@@ -65,7 +65,7 @@ class NodeFigures:
     failure: int = 0
     halted: int = 0
     unended: int = 0
-    lasted: Times = field(default_factory=lambda: NO_TIMES)
+    durations: Times = field(default_factory=lambda: NO_TIMES)
 
     @property
     def runs(self) -> int:
@@ -75,7 +75,7 @@ class NodeFigures:
     @property
     def seconds(self) -> float:
         """For how long it ran, in all."""
-        return float(self.lasted.sum())
+        return float(self.durations.sum())
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,34 +101,34 @@ class Stats:
     ``counts`` what devices count besides.
     """
 
-    kind: Kind
+    kind: RunKind
     records: int
     results: Mapping[str, int]
     seconds: float
     ticks: int
     overruns: int
-    nodes: Mapping[Place, NodeFigures]
+    nodes: Mapping[NodeLabel, NodeFigures]
     delays: Mapping[str, Times]
     wires: Mapping[tuple[str, str], WireFigures]
     counts: Mapping[tuple[str, str], int]
 
 
-def spread(times: Times) -> Spread:
+def time_quantiles(times: Times) -> TimeQuantiles:
     """Return what ``times``, one at least, have in common."""
     median, p95, p99 = (float(each) for each in np.quantile(times, [0.5, 0.95, 0.99]))
-    return Spread(len(times), median, p95, p99, float(times.max()))
+    return TimeQuantiles(len(times), median, p95, p99, float(times.max()))
 
 
-def merge(found: Iterable[Stats]) -> Sequence[Stats]:
+def merge_stats(found: Iterable[Stats]) -> Sequence[Stats]:
     """Return the figures of the runs of each kind together, in the order in which the kinds come."""
-    by_kind: dict[Kind, Stats] = {}
+    by_kind: dict[RunKind, Stats] = {}
     for stats in found:
         before = by_kind.get(stats.kind)
-        by_kind[stats.kind] = stats if before is None else _both(before, stats)
+        by_kind[stats.kind] = stats if before is None else _merge_two(before, stats)
     return tuple(by_kind.values())
 
 
-def _both(one: Stats, other: Stats) -> Stats:
+def _merge_two(one: Stats, other: Stats) -> Stats:
     return replace(
         one,
         records=one.records + other.records,
@@ -137,7 +137,7 @@ def _both(one: Stats, other: Stats) -> Stats:
         ticks=one.ticks + other.ticks,
         overruns=one.overruns + other.overruns,
         nodes={
-            place: _both_nodes(one.nodes.get(place, NodeFigures()), other.nodes.get(place, NodeFigures()))
+            place: _merge_nodes(one.nodes.get(place, NodeFigures()), other.nodes.get(place, NodeFigures()))
             for place in dict.fromkeys((*one.nodes, *other.nodes))
         },
         delays={
@@ -145,7 +145,7 @@ def _both(one: Stats, other: Stats) -> Stats:
             for name in dict.fromkeys((*one.delays, *other.delays))
         },
         wires={
-            name: _both_wires([stats.wires[name] for stats in (one, other) if name in stats.wires])
+            name: _merge_wires([stats.wires[name] for stats in (one, other) if name in stats.wires])
             for name in dict.fromkeys((*one.wires, *other.wires))
         },
         counts={
@@ -155,18 +155,18 @@ def _both(one: Stats, other: Stats) -> Stats:
     )
 
 
-def _both_nodes(one: NodeFigures, other: NodeFigures) -> NodeFigures:
+def _merge_nodes(one: NodeFigures, other: NodeFigures) -> NodeFigures:
     return NodeFigures(
         one.ticks + other.ticks,
         one.success + other.success,
         one.failure + other.failure,
         one.halted + other.halted,
         one.unended + other.unended,
-        np.concatenate((one.lasted, other.lasted)),
+        np.concatenate((one.durations, other.durations)),
     )
 
 
-def _both_wires(wires: Sequence[WireFigures]) -> WireFigures:
+def _merge_wires(wires: Sequence[WireFigures]) -> WireFigures:
     return WireFigures(
         sum(each.count for each in wires),
         sum(each.seconds for each in wires),

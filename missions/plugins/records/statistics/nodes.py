@@ -14,26 +14,26 @@ import numpy as np
 from missions.executive.events import NodeChanged, plain_status
 from missions.executive.tick_record import TickRecord
 from missions.language.nodes import AT_ONCE, COMPOSITES, MODIFIERS
-from missions.plugins.records.statistics.figures import NodeFigures, Place
-from missions.trees.drawing import ACTIVE, Box, Drawing
+from missions.plugins.records.statistics.figures import NodeFigures, NodeLabel
+from missions.trees.drawing import ACTIVE, TreeBox, TreeDrawing
 
-REACTIVE: Mapping[str, str] = {word: kind.passes for word, kind in COMPOSITES.items() if kind.reactive}
+REACTIVE_COMPOSITES: Mapping[str, str] = {word: kind.passes for word, kind in COMPOSITES.items() if kind.reactive}
 """The composites that ask from their first child on at every tick, and the status that leads them to the next."""
 
-TURNING = frozenset(word for word, kind in MODIFIERS.items() if kind.asks == "always")
+ALWAYS_TICKING = frozenset(word for word, kind in MODIFIERS.items() if kind.child_ticks == "always")
 """The modifiers that always ask their node, and may answer otherwise."""
 
-PASSING = frozenset(word for word, kind in MODIFIERS.items() if kind.asks == "sometimes")
+SOMETIMES_TICKING = frozenset(word for word, kind in MODIFIERS.items() if kind.child_ticks == "sometimes")
 """The modifiers that ask their node, and answer as it does, or do not ask it."""
 
 
 class _Node(NamedTuple):
     """A node of the tree, the one above it, and those that are asked before and after it there."""
 
-    place: Place
-    above: "_Node | None"
-    before: Sequence[str]
-    after: Sequence[str]
+    place: NodeLabel
+    parent: "_Node | None"
+    earlier_siblings: Sequence[str]
+    later_siblings: Sequence[str]
 
 
 @dataclass(slots=True)
@@ -44,9 +44,9 @@ class _Tally:
     since: float = 0.0
     ticks: int = 0
     ends: dict[str, int] = field(default_factory=lambda: {"success": 0, "failure": 0, "idle": 0})
-    lasted: list[float] = field(default_factory=list)
+    durations: list[float] = field(default_factory=list)
 
-    def take(self, status: str, t: float) -> None:
+    def on_status(self, status: str, t: float) -> None:
         """Take on a status."""
         status = plain_status(status)
         ran = self.status in ACTIVE
@@ -59,95 +59,99 @@ class _Tally:
     def end(self, status: str, seconds: float) -> None:
         """Count a run that has ended."""
         self.ends[status] += 1
-        self.lasted.append(seconds)
+        self.durations.append(seconds)
 
     def figures(self, until: float) -> NodeFigures:
         """Return what came of it by the end of the record."""
         left = [max(0.0, until - self.since)] if self.status in ACTIVE else []
         ends = self.ends
-        times = np.asarray([*self.lasted, *left], dtype=np.float64)
+        times = np.asarray([*self.durations, *left], dtype=np.float64)
         return NodeFigures(self.ticks, ends["success"], ends["failure"], ends["idle"], len(left), times)
 
 
-def figures_of(
-    drawing: Drawing,
+def node_figures(
+    drawing: TreeDrawing,
     changes: Sequence[NodeChanged],
-    moments: Sequence[TickRecord],
+    tick_records: Sequence[TickRecord],
     *,
     start: float,
     until: float,
-) -> Mapping[Place, NodeFigures]:
+) -> Mapping[NodeLabel, NodeFigures]:
     """Return what became of each node, and of nodes that the drawing does not have, by kind and name.
 
     ``changes`` and ``moments`` are in order. ``start`` is when the record begins: what ran by then counts from there.
     """
-    nodes = {node.place.key: node for node in _nodes(drawing.root, None, (), ())}
+    nodes = {node.place.key: node for node in _walk_nodes(drawing.root, None, (), ())}
     for change in changes:
-        place = Place(change.node, change.kind, change.name, "", change.line)
+        place = NodeLabel(change.node, change.kind, change.name, "", change.line)
         nodes.setdefault(change.node, _Node(place, None, (), ()))
     tallies = {key: _Tally() for key in nodes}
-    doubtful = [node for node in nodes.values() if _may_be_asked_again(node)]
+    doubtful = [node for node in nodes.values() if _may_be_ticked_again(node)]
     running: set[str] = set()
-    for moment, news in _by_moment(changes, moments):
+    for moment, news in _group_by_tick(changes, tick_records):
         ran, touched = set(running), set[str]()
         for change in news:
-            tallies[change.node].take(change.status, max(change.t, start))
+            tallies[change.node].on_status(change.status, max(change.t, start))
             (running.add if change.status in ACTIVE else running.discard)(change.node)
             if change.status != "idle":
                 touched.add(change.node)
         touched |= running
         if moment is not None and moment.kind == "tick":
             halted = ran - touched
-            touched |= {key for key in nodes if key in halted and _asked_before(nodes[key], tallies, touched, halted)}
+            touched |= {
+                key for key in nodes if key in halted and _was_ticked_before_halt(nodes[key], tallies, touched, halted)
+            }
             _count_tick(tallies, touched, doubtful)
     return {node.place: tallies[key].figures(until) for key, node in nodes.items()}
 
 
-def _nodes(box: Box, above: _Node | None, before: Sequence[str], after: Sequence[str]) -> Iterator[_Node]:
+def _walk_nodes(box: TreeBox, parent: _Node | None, before: Sequence[str], after: Sequence[str]) -> Iterator[_Node]:
     """Yield the modifiers of a box, itself, and all below: each behind the one above it."""
     for badge in box.badges:
         title = f"{badge.kind}: {badge.text}".removesuffix(": ")
-        above = _Node(Place(badge.key, badge.kind, title, box.file, badge.line), above, before, after)
+        parent = _Node(NodeLabel(badge.key, badge.kind, title, box.file, badge.line), parent, before, after)
         before = after = ()
-        yield above
-    node = _Node(Place(box.key, box.kind, box.title, box.file, box.line), above, before, after)
+        yield parent
+    node = _Node(NodeLabel(box.key, box.kind, box.title, box.file, box.line), parent, before, after)
     yield node
     keys = [child.badges[0].key if child.badges else child.key for child in box.children]
     for number, child in enumerate(box.children):
-        yield from _nodes(child, node, keys[:number], keys[number + 1 :])
+        yield from _walk_nodes(child, node, keys[:number], keys[number + 1 :])
 
 
-def _may_be_asked_again(node: _Node) -> bool:
+def _may_be_ticked_again(node: _Node) -> bool:
     """Say whether it may be asked though it has ended, and not been reset."""
-    above = node.above
+    above = node.parent
     return above is not None and (
-        above.place.kind in REACTIVE
+        above.place.kind in REACTIVE_COMPOSITES
         or above.place.kind == "hold"
-        or (above.place.kind in TURNING | PASSING and _may_be_asked_again(above))
+        or (above.place.kind in ALWAYS_TICKING | SOMETIMES_TICKING and _may_be_ticked_again(above))
     )
 
 
-def _by_moment(
-    changes: Sequence[NodeChanged], moments: Sequence[TickRecord]
+def _group_by_tick(
+    changes: Sequence[NodeChanged], tick_records: Sequence[TickRecord]
 ) -> Iterator[tuple[TickRecord | None, Sequence[NodeChanged]]]:
     """Yield the moments with the changes that came in each; first and last, with None, those of no moment there is."""
     at = 0
-    while at < len(changes) and (not moments or changes[at].tick < moments[0].tick):
+    while at < len(changes) and (not tick_records or changes[at].tick < tick_records[0].tick):
         at += 1
     yield None, changes[:at]
-    for moment, following in pairwise((*moments, None)):
+    for moment, following in pairwise((*tick_records, None)):
         if moment is None:
             continue
         begun = at
-        while at < len(changes) and _belongs(changes[at], moment, following):
+        while at < len(changes) and _is_in_tick(changes[at], moment, following):
             at += 1
         yield moment, changes[begun:at]
     yield None, changes[at:]
 
 
-def _belongs(change: NodeChanged, moment: TickRecord, following: TickRecord | None) -> bool:
+def _is_in_tick(change: NodeChanged, tick_record: TickRecord, following: TickRecord | None) -> bool:
     """Say whether it came in this moment, and not in the next: the halting at the end may be in the same tick."""
-    return change.tick <= moment.tick and (following is None or following.tick > moment.tick or change.t < following.t)
+    return change.tick <= tick_record.tick and (
+        following is None or following.tick > tick_record.tick or change.t < following.t
+    )
 
 
 def _count_tick(tallies: Mapping[str, _Tally], touched: set[str], doubtful: Sequence[_Node]) -> None:
@@ -155,30 +159,32 @@ def _count_tick(tallies: Mapping[str, _Tally], touched: set[str], doubtful: Sequ
     for node in doubtful:
         key = node.place.key
         tally = tallies[key]
-        if key not in touched and tally.status in ("success", "failure") and _asked_again(node, tallies, touched):
+        if key not in touched and tally.status in ("success", "failure") and _was_ticked_again(node, tallies, touched):
             tally.end(tally.status, 0.0)
             touched.add(key)
     for key in touched:
         tallies[key].ticks += 1
 
 
-def _asked_before(node: _Node, tallies: Mapping[str, _Tally], touched: set[str], halted: set[str]) -> bool:
+def _was_ticked_before_halt(node: _Node, tallies: Mapping[str, _Tally], touched: set[str], halted: set[str]) -> bool:
     """Say whether a node that was halted in this tick was asked in it before."""
-    while node.above is not None and node.above.place.key in halted:  # all of these were halted by one above
-        node = node.above
-    if node.above is None or node.above.place.key not in touched:
+    while node.parent is not None and node.parent.place.key in halted:  # all of these were halted by one above
+        node = node.parent
+    if node.parent is None or node.parent.place.key not in touched:
         return False
     ended = ("success", "failure")  # the last to end has ended it, and what stands behind that was not asked
-    return node.above.place.kind in AT_ONCE and any(
-        key in touched and tallies[key].status in ended for key in node.after
+    return node.parent.place.kind in AT_ONCE and any(
+        key in touched and tallies[key].status in ended for key in node.later_siblings
     )
 
 
-def _asked_again(node: _Node, tallies: Mapping[str, _Tally], touched: set[str]) -> bool:
+def _was_ticked_again(node: _Node, tallies: Mapping[str, _Tally], touched: set[str]) -> bool:
     """Say whether a node that still has the result of before was asked in this tick; the one above it is known."""
-    if node.above is None or node.above.place.key not in touched:
+    if node.parent is None or node.parent.place.key not in touched:
         return False
-    above = node.above.place
-    if above.kind in REACTIVE:
-        return all(key in touched and tallies[key].status == REACTIVE[above.kind] for key in node.before)
-    return above.kind in TURNING or tallies[above.key].status == tallies[node.place.key].status
+    above = node.parent.place
+    if above.kind in REACTIVE_COMPOSITES:
+        return all(
+            key in touched and tallies[key].status == REACTIVE_COMPOSITES[above.kind] for key in node.earlier_siblings
+        )
+    return above.kind in ALWAYS_TICKING or tallies[above.key].status == tallies[node.place.key].status

@@ -5,18 +5,18 @@ import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 
-from missions.cli.printable import in_columns
-from missions.plugins.records.statistics.figures import NodeFigures, Place, Spread, Stats, spread
+from missions.cli.printable import format_columns
+from missions.plugins.records.statistics.figures import NodeFigures, NodeLabel, Stats, TimeQuantiles, time_quantiles
 
-NODES = ("node", "line", "ticks", "runs", "success", "failure", "halted", "total s", "median s", "95 % s")
-DELAYS = ("", "count", "median ms", "95 % ms", "99 % ms", "longest ms")
-WIRES = ("on the wire", "count", "mean ms", "longest ms")
-COUNTS = ("counted", "number")
+NODE_COLUMNS = ("node", "line", "ticks", "runs", "success", "failure", "halted", "total s", "median s", "95 % s")
+DELAY_COLUMNS = ("", "count", "median ms", "95 % ms", "99 % ms", "longest ms")
+WIRE_COLUMNS = ("on the wire", "count", "mean ms", "longest ms")
+COUNTER_COLUMNS = ("counted", "number")
 
-LEFT = frozenset({"node", "", "on the wire", "counted"})
+LEFT_ALIGNED_COLUMNS = frozenset({"node", "", "on the wire", "counted"})
 """The columns of words."""
 
-COLUMNS = (
+CSV_COLUMNS = (
     *("mission", "robot", "simulate", "records", "key", "kind", "node", "file", "line"),
     *("ticks", "runs", "success", "failure", "halted", "unended", "seconds", "median", "p95", "p99", "longest"),
 )
@@ -33,17 +33,17 @@ def lines_of(stats: Stats) -> Iterator[str]:
     late = "" if kind.simulate == "fast" else f", {stats.overruns} missed since one before took too long"
     yield f"{stats.seconds:.1f} s, {stats.ticks} ticks{late}"
     yield ""
-    yield from _table(NODES, [_node_row(place, node) for place, node in _in_order(stats)])
-    yield from _table(DELAYS, [_delay_row(name, spread(times)) for name, times in stats.delays.items()])
+    yield from _table(NODE_COLUMNS, [_node_row(place, node) for place, node in _sorted_nodes(stats)])
+    yield from _table(DELAY_COLUMNS, [_delay_row(name, time_quantiles(times)) for name, times in stats.delays.items()])
     yield from _table(
-        WIRES,
+        WIRE_COLUMNS,
         [
             (f"{device}: {what.replace('_', ' ')}", str(wire.count), _ms(wire.mean), _ms(wire.longest))
             for (device, what), wire in stats.wires.items()
         ],
     )
     counted = ((f"{device}: {name}", count) for (device, name), count in stats.counts.items())
-    yield from _table(COUNTS, [(name, str(count)) for name, count in counted if count])
+    yield from _table(COUNTER_COLUMNS, [(name, str(count)) for name, count in counted if count])
 
 
 def as_json(stats: Stats) -> Mapping[str, object]:
@@ -60,11 +60,11 @@ def as_json(stats: Stats) -> Mapping[str, object]:
                 **place._asdict(),
                 **{name: getattr(node, name) for name in ("ticks", "runs", "success", "failure", "halted", "unended")},
                 "seconds": node.seconds,
-                "lasted": asdict(spread(node.lasted)) if node.runs else None,
+                "lasted": asdict(time_quantiles(node.durations)) if node.runs else None,
             }
-            for place, node in _in_order(stats)
+            for place, node in _sorted_nodes(stats)
         ],
-        "delays": {name: asdict(spread(times)) for name, times in stats.delays.items()},
+        "delays": {name: asdict(time_quantiles(times)) for name, times in stats.delays.items()},
         "wires": [
             {"device": device, "what": what, **asdict(wire), "mean": wire.mean}
             for (device, what), wire in stats.wires.items()
@@ -77,10 +77,10 @@ def as_csv(found: Sequence[Stats]) -> str:
     """Return a line for each node of each kind of run, under their headings."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    writer.writerow(CSV_COLUMNS)
     for stats in found:
-        for place, node in _in_order(stats):
-            lasted = spread(node.lasted) if node.runs else None
+        for place, node in _sorted_nodes(stats):
+            lasted = time_quantiles(node.durations) if node.runs else None
             writer.writerow(
                 (
                     *(*stats.kind, stats.records, *place, node.ticks, node.runs),
@@ -91,21 +91,21 @@ def as_csv(found: Sequence[Stats]) -> str:
     return out.getvalue()
 
 
-def _in_order(stats: Stats) -> list[tuple[Place, NodeFigures]]:
-    return sorted(stats.nodes.items(), key=lambda item: (item[0].order, item[0]))
+def _sorted_nodes(stats: Stats) -> list[tuple[NodeLabel, NodeFigures]]:
+    return sorted(stats.nodes.items(), key=lambda item: (item[0].sort_key, item[0]))
 
 
-def _node_row(place: Place, node: NodeFigures) -> tuple[str, ...]:
-    depth = "  " * (len(place.order) - 1)  # in the place of its key
+def _node_row(place: NodeLabel, node: NodeFigures) -> tuple[str, ...]:
+    depth = "  " * (len(place.sort_key) - 1)  # in the place of its key
     counts = (node.ticks, node.runs, node.success, node.failure, node.halted)
     times = ("", "", "")
     if node.runs:
-        lasted = spread(node.lasted)
+        lasted = time_quantiles(node.durations)
         times = (f"{node.seconds:.2f}", f"{lasted.median:.2f}", f"{lasted.p95:.2f}")
     return (depth + place.title, str(place.line or ""), *map(str, counts), *times)
 
 
-def _delay_row(name: str, found: Spread) -> tuple[str, ...]:
+def _delay_row(name: str, found: TimeQuantiles) -> tuple[str, ...]:
     return (name, str(found.count), *map(_ms, (found.median, found.p95, found.p99, found.longest)))
 
 
@@ -116,5 +116,5 @@ def _ms(seconds: float) -> str:
 def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
     """Yield a table and an empty line; nothing without rows."""
     if rows:
-        yield from in_columns(headings, rows, left=LEFT).splitlines()
+        yield from format_columns(headings, rows, left=LEFT_ALIGNED_COLUMNS).splitlines()
         yield ""

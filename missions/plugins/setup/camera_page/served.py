@@ -15,13 +15,13 @@ from drivers.api import Image
 from drivers.screen.server import Document, PageServer
 
 HOST = "127.0.0.1"
-PORT, PORTS = 8660, 20
+FIRST_PORT, PORT_COUNT = 8660, 20
 """Where it is served, and how many ports it tries from there before any that is free."""
 
-QUALITY, WIDEST = 75, 960
+JPEG_QUALITY, MAX_PICTURE_WIDTH = 75, 960
 """Of the JPEG, and pixels of a picture's width at most."""
 
-KINDS = {"": "text/html", "page.js": "text/javascript", "page.css": "text/css"}
+CONTENT_TYPES = {"": "text/html", "page.js": "text/javascript", "page.css": "text/css"}
 """What there is below its name, and of which type."""
 
 
@@ -29,24 +29,27 @@ class CameraPage:
     """Serves the newest picture, with what is told of it, from ``open`` to ``close``."""
 
     def __init__(self) -> None:
-        self._name = f"/{secrets.token_urlsafe(24)}/"
-        self._news = json.dumps({"told": "waiting for the first picture"})
-        site = {self._name + name: partial(_document, name or "page.html", kind) for name, kind in KINDS.items()}
-        self._server = PageServer(site, lambda: self._news, events=f"{self._name}events")
+        self._secret_path = f"/{secrets.token_urlsafe(24)}/"
+        self._newest_event = json.dumps({"told": "waiting for the first picture"})
+        site = {
+            self._secret_path + name: partial(_document, name or "page.html", kind)
+            for name, kind in CONTENT_TYPES.items()
+        }
+        self._server = PageServer(site, lambda: self._newest_event, events=f"{self._secret_path}events")
 
     @property
     def link(self) -> str:
         """Where a browser finds it; empty while it is closed."""
-        return self._server.address.rstrip("/") + self._name if self._server.address else ""
+        return self._server.address.rstrip("/") + self._secret_path if self._server.address else ""
 
     @property
-    def watched(self) -> bool:
+    def has_viewers(self) -> bool:
         """Whether a page listens: else nothing need be drawn."""
         return self._server.listeners > 0
 
     def open(self) -> None:
         """Serve it. Raises OSError where this computer lets nobody listen."""
-        for port in range(PORT, PORT + PORTS):
+        for port in range(FIRST_PORT, FIRST_PORT + PORT_COUNT):
             try:
                 self._server.open(HOST, port)
             except OSError:
@@ -56,16 +59,18 @@ class CameraPage:
 
     def close(self) -> None:
         """Say that it is over, and free the port. Safe more than once."""
-        self._news = json.dumps({"told": "the camera is closed"})
+        self._newest_event = json.dumps({"told": "the camera is closed"})
         self._server.close()
 
-    def show(self, image: Image, told: str) -> None:
+    def show(self, image: Image, caption: str) -> None:
         """Show a picture, and in words what was found in it."""
-        shrunk = min(1.0, WIDEST / image.shape[1])
+        shrunk = min(1.0, MAX_PICTURE_WIDTH / image.shape[1])
         small = image if shrunk == 1.0 else cv2.resize(image, None, fx=shrunk, fy=shrunk, interpolation=cv2.INTER_AREA)
-        done, packed = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+        done, packed = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         if done:
-            self._news = json.dumps({"jpeg": base64.b64encode(packed.tobytes()).decode("ascii"), "told": told})
+            self._newest_event = json.dumps(
+                {"jpeg": base64.b64encode(packed.tobytes()).decode("ascii"), "told": caption}
+            )
 
 
 def _document(name: str, kind: str) -> Document:

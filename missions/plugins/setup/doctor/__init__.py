@@ -8,37 +8,37 @@ from pathlib import Path
 
 import click
 
-from config.defaults import FILE, config_folder, load_defaults
+from config.defaults import DEFAULTS_FILE, config_folder, load_defaults
 from config.faults import InvalidFileError
-from config.library import MINE, UnknownNameError, find
-from config.reading import PRIVATE, save_file
+from config.library import OWN_ROBOT, UnknownNameError, find_file
+from config.reading import PRIVATE_MODE, save_file
 from config.robot import RobotConfig
-from drivers.api.driver import Finding, wrong
+from drivers.api.driver import Finding, failure
 from drivers.clock import SystemClock, time_of_day
-from drivers.finding.fitness import fitness
-from drivers.finding.machine import Machine
-from drivers.finding.survey import survey
+from drivers.finding.fitness import check_machine
+from drivers.finding.machine import HostMachine
+from drivers.finding.survey import scan_hardware
 from missions.cli.console import echo
 from missions.cli.keys import interruptible
 from missions.cli.names import ROBOT
-from missions.cli.options import pairs
-from missions.cli.outputs import writing
+from missions.cli.options import name_value_callback
+from missions.cli.outputs import report_write_errors
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import load_robot
 from missions.library.folders import checkup_file, state_folder
-from missions.plugins.setup.checkup import Checked, check_robot, installation, own_folders
-from missions.plugins.setup.doctor.moving import tried
-from missions.plugins.setup.doctor.report import anonymous, report, secrets
+from missions.plugins.setup.checkup import PartFinding, check_folders, check_installation, check_robot
+from missions.plugins.setup.doctor.moving import try_movements
+from missions.plugins.setup.doctor.report import anonymise, private_words, report_text
 
-COMPUTER = "computer"
+COMPUTER_PART = "computer"
 """What is told as the part of findings that are of no part of the robot."""
 
-STYLES = {"ok": "green", "warning": "yellow", "wrong": "bold red"}
+VERDICT_STYLES = {"ok": "green", "warning": "yellow", "wrong": "bold red"}
 
 
 @click.command(epilog="Example: mission doctor --robot turtlebot2_arm --report doctor.txt")
 @click.option("--robot", type=ROBOT, help="The robot to look at; else this computer's own, or the computer alone.")
-@click.option("--port", "ports", multiple=True, metavar="PART=PORT", callback=pairs("base=/dev/ttyUSB0", empty=False),
+@click.option("--port", "ports", multiple=True, metavar="PART=PORT", callback=name_value_callback("base=/dev/ttyUSB0", empty=False),
               help="Where a part is plugged in, instead of what the robot file says.")  # fmt: skip
 @click.option("--move", is_flag=True, help="Try what moves, a little, with a question before and after each.")
 @click.option("--report", "file", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
@@ -52,24 +52,24 @@ def command(robot: str | None, ports: dict[str, str], move: bool, file: Path | N
     Each line is ok, a warning, or wrong, with what to try. Nothing moves without --move, and nothing is written into a
     device. Exit code 0 is that nothing is wrong, 1 that something is, 2 a mistake in the command or a file.
     """
-    machine, (config, whose) = Machine(root), _config(robot)
+    machine, (config, whose) = HostMachine(root), _find_robot(robot)
     if unknown := sorted(set(ports) - set(config.sections if config else ())):
         raise click.UsageError(f"--port: the robot has no {' or '.join(unknown)}")
     if move and config is None:
         raise click.UsageError("--move: which robot?\n  try: mission doctor --move --robot NAME")
-    found = list[Checked]()
+    found = list[PartFinding]()
     with interruptible():
-        for each in _all(machine, config, whose, robot or MINE, ports, found, move=move):
+        for each in _check_all(machine, config, whose, robot or OWN_ROBOT, ports, found, move=move):
             if not as_json:
-                _tell(each, new=not found or found[-1].part != each.part)
+                _print_finding(each, new=not found or found[-1].part != each.part)
             found.append(each)
     if root == Path("/"):
-        _keep(machine, config, found)
-    return _end(machine, config, found, file, as_json=as_json)
+        _save_for_studio(machine, config, found)
+    return _finish(machine, config, found, file, as_json=as_json)
 
 
-def _end(
-    machine: Machine, config: RobotConfig | None, found: list[Checked], file: Path | None, *, as_json: bool
+def _finish(
+    machine: HostMachine, config: RobotConfig | None, found: list[PartFinding], file: Path | None, *, as_json: bool
 ) -> int:
     """Say it all as JSON, or how much of it is wrong; write the report; return the exit code."""
     wrong = sum(each.finding.verdict == "wrong" for each in found)
@@ -80,67 +80,67 @@ def _end(
         warnings = sum(each.finding.verdict == "warning" for each in found)
         click.echo(f"{wrong} wrong, {warnings} warning{'s' * (warnings != 1)}, {len(found) - wrong - warnings} ok")
     if file is not None:
-        with writing(file, "--report"):
-            save_file(file, report(machine, found))
+        with report_write_errors(file, "--report"):
+            save_file(file, report_text(machine, found))
         click.echo(f"wrote {file}; look through it before you send it", err=as_json)
     return FAILURE if wrong else SUCCESS
 
 
-def _keep(machine: Machine, config: RobotConfig | None, found: list[Checked]) -> None:
+def _save_for_studio(machine: HostMachine, config: RobotConfig | None, found: list[PartFinding]) -> None:
     """Keep what is not as it should be for the studio, whose viewers need not know whose computer this is."""
     ailing = [each for each in found if each.finding.verdict != "ok"]
     lines = [{"part": each.part, **asdict(each.finding)} for each in ailing]
     told = {"at": time_of_day().isoformat(timespec="seconds"), "robot": config.name if config else "", "ailing": lines}
     with suppress(OSError):  # without a home, or on a full disk: the check-up itself is what counts
         checkup_file().parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        save_file(checkup_file(), anonymous(json.dumps(told), secrets(machine)).encode(), PRIVATE)
+        save_file(checkup_file(), anonymise(json.dumps(told), private_words(machine)).encode(), PRIVATE_MODE)
 
 
-def _config(robot: str | None) -> tuple[RobotConfig | None, Finding]:
+def _find_robot(robot: str | None) -> tuple[RobotConfig | None, Finding]:
     """Return the robot that is named, else this computer's own, None where there is none; and what to say of it.
 
     Raises InvalidFileError, UnknownNameError for one that is named.
     """
     if robot is not None:
-        config = load_robot(find("robots", robot))
+        config = load_robot(find_file("robots", robot))
         return config, Finding("robot", f"{config.name}: {', '.join(config.sections)}")
     cure = "mission robot use NAME, or: mission robot use --none"
     try:
         mine = load_defaults().robot
         if not mine:
-            return None, Finding("robot", "this computer has none of its own", cure="mission robot use NAME")
-        config = load_robot(find("robots", MINE))
+            return None, Finding("robot", "this computer has none of its own", fix="mission robot use NAME")
+        config = load_robot(find_file("robots", OWN_ROBOT))
     except (UnknownNameError, InvalidFileError) as error:
-        told = f"this computer's own, by {config_folder() / FILE}, cannot be used: {error}"
-        return None, wrong("robot", told, cure)
+        told = f"this computer's own, by {config_folder() / DEFAULTS_FILE}, cannot be used: {error}"
+        return None, failure("robot", told, cure)
     called = config.name if config.name == mine else f"{config.name} ({mine})"
-    told = f"{called}, this computer's own by {config_folder() / FILE}: {', '.join(config.sections)}"
+    told = f"{called}, this computer's own by {config_folder() / DEFAULTS_FILE}: {', '.join(config.sections)}"
     return config, Finding("robot", told)
 
 
-def _all(
-    machine: Machine,
+def _check_all(
+    machine: HostMachine,
     config: RobotConfig | None,
-    whose: Finding,
-    called: str,
+    robot_finding: Finding,
+    robot_name: str,
     ports: dict[str, str],
-    found: list[Checked],
+    found: list[PartFinding],
     *,
     move: bool,
-) -> Iterator[Checked]:
+) -> Iterator[PartFinding]:
     """Yield all that is found, as it is found; ``found`` is what was yielded so far."""
     clock, now = SystemClock(), time_of_day().timestamp()
     installed = Path(__file__).stat().st_mtime
-    computer = fitness(machine, survey(machine), now=now, installed=installed, folder=state_folder())
-    yield from (Checked(COMPUTER, finding) for finding in (*installation(), *own_folders(), *computer))
-    yield Checked(COMPUTER, whose)
+    computer = check_machine(machine, scan_hardware(machine), now=now, installed_at=installed, folder=state_folder())
+    yield from (PartFinding(COMPUTER_PART, finding) for finding in (*check_installation(), *check_folders(), *computer))
+    yield PartFinding(COMPUTER_PART, robot_finding)
     if config is None:
         return
     move = move and _ask(f"{config.name} is going to move a little. Is there room, and are all hands off it?")
-    yield from check_robot(config, called, machine, clock, ports=ports, resets=move)
+    yield from check_robot(config, robot_name, machine, clock, ports=ports, resets=move)
     if move:
         unwell = frozenset(each.part for each in found if each.finding.verdict == "wrong")
-        yield from tried(config, called, ports, unwell=unwell, ask=_ask)
+        yield from try_movements(config, robot_name, ports, faulty_parts=unwell, ask=_ask)
 
 
 def _ask(question: str) -> bool:
@@ -154,11 +154,11 @@ def _ask(question: str) -> bool:
         return False
 
 
-def _tell(checked: Checked, *, new: bool) -> None:
+def _print_finding(part_finding: PartFinding, *, new: bool) -> None:
     """Print a finding; what is fine needs no cure but where a cure goes on from there."""
     if new:
-        click.echo(checked.part)
-    finding = checked.finding
-    echo(f"  {finding.verdict:<8}", STYLES[finding.verdict], f"{finding.about}: {finding.what}".rstrip(": "))
-    if finding.cure:
-        click.echo(f"            try: {finding.cure}")
+        click.echo(part_finding.part)
+    finding = part_finding.finding
+    echo(f"  {finding.verdict:<8}", VERDICT_STYLES[finding.verdict], f"{finding.about}: {finding.message}".rstrip(": "))
+    if finding.fix:
+        click.echo(f"            try: {finding.fix}")

@@ -9,8 +9,8 @@ from typing import Final
 from py_trees.common import Status
 
 from behaviours.leaf import SUCCESS, Leaf
-from drivers.api import STILL, BaseState, Odometers, Velocity
-from drivers.api.driver import Finding, warning, wrong
+from drivers.api import ZERO_VELOCITY, BaseState, Odometers, Velocity
+from drivers.api.driver import Finding, failure, warning
 from drivers.base.gyro_drift import drift
 
 # The leaf that tries a base: at rest, a little to its left and back, a little ahead and back.
@@ -21,16 +21,16 @@ REST_TIME = 2.0
 STEP_TIME, SETTLING_TIME = 0.5, 1.0
 """Seconds of each movement, and seconds after it until its odometry has come."""
 
-TURN, WAY = radians(10), 0.05
+TURN_ANGLE, DRIVE_DISTANCE = radians(10), 0.05
 """Radians and metres that are commanded in each movement at most, whatever is measured."""
 
-EXCESS = 3.0
+MAX_MOTION_RATIO = 3.0
 """A base that moves by so many times what it was commanded is stopped at once."""
 
 SILENCE_TIMEOUT, TIMEOUT = 2.0, 20.0
 """Seconds without reports, and in all, after which the trial ends."""
 
-TRACK = 0.23
+WHEEL_TRACK = 0.23
 """Metres between the wheels of a base whose odometry comes as a pose: only signs count."""
 
 
@@ -64,12 +64,12 @@ class BaseTrial:
     faults: list[str] = field(default_factory=list)
 
 
-STEPS: tuple[tuple[str, Velocity, float], ...] = (
-    ("rest", STILL, REST_TIME),
-    ("turn", Velocity(0.0, TURN / STEP_TIME), STEP_TIME),
-    ("", Velocity(0.0, -TURN / STEP_TIME), STEP_TIME),
-    ("ahead", Velocity(WAY / STEP_TIME, 0.0), STEP_TIME),
-    ("", Velocity(-WAY / STEP_TIME, 0.0), STEP_TIME),
+TRIAL_STEPS: tuple[tuple[str, Velocity, float], ...] = (
+    ("rest", ZERO_VELOCITY, REST_TIME),
+    ("turn", Velocity(0.0, TURN_ANGLE / STEP_TIME), STEP_TIME),
+    ("", Velocity(0.0, -TURN_ANGLE / STEP_TIME), STEP_TIME),
+    ("ahead", Velocity(DRIVE_DISTANCE / STEP_TIME, 0.0), STEP_TIME),
+    ("", Velocity(-DRIVE_DISTANCE / STEP_TIME, 0.0), STEP_TIME),
 )
 """The name under which a step is kept, its velocity, and how long it takes."""
 
@@ -101,27 +101,27 @@ class TryBase(Leaf):
     Running for 8 s, then succeeds. Fails when the base does not report, and while it is stopped.
     """
 
-    word = "try_base"
+    tag = "try_base"
     needs = frozenset({"base"})
     drives = frozenset({"base"})
     trial: BaseTrial
     _index = 0
     _phase = TrialPhase.READY
-    _from = InstrumentReadings()  # the instruments when the step began
+    _start_readings = InstrumentReadings()  # the instruments when the step began
     _until = 0.0
     _commanded = 0.0
-    _seen_at = 0.0
+    _commanded_at = 0.0
     _reported_at = 0.0
 
     def initialise(self) -> None:
         """Begin at rest."""
         self.trial = BaseTrial()
         self._index, self._phase = 0, TrialPhase.READY
-        self._reported_at = self.run.now()
+        self._reported_at = self.run.read_value()
 
     def update(self) -> Status:
         """Go on with the present step."""
-        now, reading = self.run.now(), self.robot.base.state()
+        now, reading = self.run.read_value(), self.robot.base.state()
         if self.elapsed > TIMEOUT:
             return self.fail(f"the trial has not ended within {TIMEOUT:g} s")
         if reading.value is None or not reading.good:
@@ -130,27 +130,27 @@ class TryBase(Leaf):
                 return self.fail(f"no report of the base for {SILENCE_TIMEOUT:g} s")
             return self.wait("waiting for the base to report")
         self._reported_at = now
-        if self._index == len(STEPS):
+        if self._index == len(TRIAL_STEPS):
             return SUCCESS
         return self._step(reading.value, now)
 
     def _step(self, state: BaseState, now: float) -> Status:
-        name, velocity, seconds = STEPS[self._index]
-        here = instruments(state)
+        name, velocity, seconds = TRIAL_STEPS[self._index]
+        here = read_instruments(state)
         if self._phase is TrialPhase.READY:
             self.trial.measured, self.trial.counted = not state.reckoned, state.odometers is not None
-            self._from, self._until, self._commanded, self._seen_at = here, now + seconds, 0.0, now
+            self._start_readings, self._until, self._commanded, self._commanded_at = here, now + seconds, 0.0, now
             self._handle(TrialEvent.START)
-        moved = _since(self._from, here, now - self._until + seconds)
+        moved = _readings_since(self._start_readings, here, now - self._until + seconds)
         if self._phase is TrialPhase.MOVING:
             if now < self._until and not self._runs_away(moved, velocity):
                 self._drive(velocity, now)
                 self._note_fault(velocity)
             if now < self._until and self._phase is TrialPhase.MOVING:
-                return self.wait(f"{name or 'back'}: commanded {_amount(velocity)}")
+                return self.wait(f"{name or 'back'}: commanded {_command_text(velocity)}")
             if self._phase is TrialPhase.MOVING:
                 self._handle(TrialEvent.TIME_UP)
-            self._until = now + (SETTLING_TIME if velocity != STILL else 0.0)
+            self._until = now + (SETTLING_TIME if velocity != ZERO_VELOCITY else 0.0)
             self.robot.base.stop()
         if now < self._until:
             return self.wait("settling")
@@ -162,10 +162,12 @@ class TryBase(Leaf):
 
     def _drive(self, velocity: Velocity, now: float) -> None:
         """Command a velocity, unless all that may be commanded has been."""
-        if velocity == STILL:
+        if velocity == ZERO_VELOCITY:
             return
-        self._commanded += (abs(velocity.linear) / WAY + abs(velocity.angular) / TURN) * (now - self._seen_at)
-        self._seen_at = now
+        self._commanded += (abs(velocity.linear) / DRIVE_DISTANCE + abs(velocity.angular) / TURN_ANGLE) * (
+            now - self._commanded_at
+        )
+        self._commanded_at = now
         if self._commanded >= 1.0:
             self.robot.base.stop()
         else:
@@ -173,20 +175,22 @@ class TryBase(Leaf):
 
     def _runs_away(self, moved: InstrumentReadings, velocity: Velocity) -> bool:
         """Whether the instruments show far more motion than was commanded."""
-        if velocity == STILL or not self.trial.measured:
+        if velocity == ZERO_VELOCITY or not self.trial.measured:
             return False
         turned, way = abs(moved.gyro or 0.0), max(abs(moved.left), abs(moved.right))
-        if turned <= EXCESS * TURN and way <= EXCESS * max(WAY, TURN * TRACK):
+        if turned <= MAX_MOTION_RATIO * TURN_ANGLE and way <= MAX_MOTION_RATIO * max(
+            DRIVE_DISTANCE, TURN_ANGLE * WHEEL_TRACK
+        ):
             return False
-        self._fault(f"it moved by {way:.2f} m and {degrees(turned):.0f} deg: stopped")
+        self._add_fault(f"it moved by {way:.2f} m and {degrees(turned):.0f} deg: stopped")
         return True
 
     def _note_fault(self, velocity: Velocity) -> None:
         """Keep the reason for which the driver has stopped the base, if it has."""
-        if velocity != STILL and (fault := self.robot.base.steering().fault):
-            self._fault(fault)
+        if velocity != ZERO_VELOCITY and (fault := self.robot.base.steering().fault):
+            self._add_fault(fault)
 
-    def _fault(self, reason: str) -> None:
+    def _add_fault(self, reason: str) -> None:
         self._handle(TrialEvent.FAULT)
         self.trial.faults.append(reason)
 
@@ -199,35 +203,35 @@ class TryBase(Leaf):
         self.robot.base.stop()
 
 
-def instruments(state: BaseState) -> InstrumentReadings:
+def read_instruments(state: BaseState) -> InstrumentReadings:
     """Return the readings of a base's instruments; a pose without counters is taken apart into two wheels."""
     found: Odometers | None = state.odometers
     if found is not None:
         return InstrumentReadings(found.left, found.right, found.turn, found.gyro)
     # Without a turn in between, the way is along x of the start; the trial turns back before it drives.
-    way, half = state.pose.x, state.pose.heading * TRACK / 2
+    way, half = state.pose.x, state.pose.heading * WHEEL_TRACK / 2
     return InstrumentReadings(way - half, way + half, state.pose.heading)
 
 
-def _since(before: InstrumentReadings, after: InstrumentReadings, seconds: float) -> InstrumentReadings:
+def _readings_since(before: InstrumentReadings, after: InstrumentReadings, seconds: float) -> InstrumentReadings:
     gyro = None if before.gyro is None or after.gyro is None else after.gyro - before.gyro
     left, right, turn = after.left - before.left, after.right - before.right, after.turn - before.turn
     return InstrumentReadings(left, right, turn, gyro, seconds)
 
 
-def _amount(velocity: Velocity) -> str:
+def _command_text(velocity: Velocity) -> str:
     if velocity.angular:
         return f"{degrees(velocity.angular) * STEP_TIME:+.0f} deg"
     return f"{100 * velocity.linear * STEP_TIME:+.0f} cm"
 
 
-COUNTED = 0.2
+MIN_WHEEL_SHARE = 0.2
 """Share of the commanded way from which on a wheel counts as turned."""
 
-TURNED = 0.25
+MIN_GYRO_SHARE = 0.25
 """Share of the commanded turn from which on a gyro counts as turned."""
 
-AGREEMENT = 1.7
+MAX_TURN_RATIO = 1.7
 """Factor by which gyro and encoders may differ: wheels slip, tracks are estimates."""
 
 
@@ -252,13 +256,13 @@ _WHEELS: dict[SeenMotion, Signs] = {
     SeenMotion.NONE: (0, 0),
 }
 
-_SWAP = "swap the plugs of the left and the right motor"
+_SWAP_PLUGS = "swap the plugs of the left and the right motor"
 _MOTORS: dict[tuple[SeenMotion, SeenMotion], tuple[str, str]] = {
-    (SeenMotion.RIGHT, SeenMotion.AHEAD): ("the left and the right motor are swapped", _SWAP),
+    (SeenMotion.RIGHT, SeenMotion.AHEAD): ("the left and the right motor are swapped", _SWAP_PLUGS),
     (SeenMotion.RIGHT, SeenMotion.BACK): ("both motors turn the wrong way", "swap the two wires of each motor"),
     (SeenMotion.LEFT, SeenMotion.BACK): (
         "the left and the right motor are swapped, and both turn the wrong way",
-        f"{_SWAP}, and the two wires of each",
+        f"{_SWAP_PLUGS}, and the two wires of each",
     ),
     (SeenMotion.AHEAD, SeenMotion.LEFT): ("the left motor turns the wrong way", "swap the two wires of the left motor"),
     (SeenMotion.BACK, SeenMotion.RIGHT): (
@@ -267,11 +271,11 @@ _MOTORS: dict[tuple[SeenMotion, SeenMotion], tuple[str, str]] = {
     ),
     (SeenMotion.BACK, SeenMotion.LEFT): (
         "the left and the right motor are swapped, and the one on the left turns the wrong way",
-        f"{_SWAP}, then try again",
+        f"{_SWAP_PLUGS}, then try again",
     ),
     (SeenMotion.AHEAD, SeenMotion.RIGHT): (
         "the left and the right motor are swapped, and the one on the right turns the wrong way",
-        f"{_SWAP}, then try again",
+        f"{_SWAP_PLUGS}, then try again",
     ),
     (SeenMotion.LEFT, SeenMotion.LEFT): (
         "the left wheel does not turn",
@@ -291,27 +295,27 @@ _ONE_WHEEL: dict[tuple[SeenMotion, SeenMotion], tuple[Signs, Signs]] = {
 """True directions of the wheels where only one turns."""
 
 
-def judge(trial: BaseTrial, turn: SeenMotion, ahead: SeenMotion) -> Iterator[Finding]:
+def judge_base(trial: BaseTrial, turn: SeenMotion, ahead: SeenMotion) -> Iterator[Finding]:
     """Yield the findings, given the motion that a person saw of the turn to the left and of the way ahead."""
     if trial.rest.gyro is not None:
         yield drift(trial.rest.gyro, trial.rest.seconds)
-    yield from _motors(trial, turn, ahead)
+    yield from _motor_findings(trial, turn, ahead)
     if not trial.measured:
         yield Finding("odometry", "nothing measures how it moves: its pose is dead reckoning")
         return
     truth = _ONE_WHEEL.get((turn, ahead), (_WHEELS[turn], _WHEELS[ahead]))
-    counted = _signs(trial.turn, TURN * TRACK / 2), _signs(trial.ahead, WAY)
+    counted = _wheel_signs(trial.turn, TURN_ANGLE * WHEEL_TRACK / 2), _wheel_signs(trial.ahead, DRIVE_DISTANCE)
     if turn is ahead is SeenMotion.NONE:
-        yield from _standing(trial, counted)
+        yield from _findings_without_motion(trial, counted)
         return
     encoders = encoder_fault(truth, counted)
     name = "encoders" if trial.counted else "odometry"
     if encoders:
         cure = "the plugs and the wires of the encoders" if trial.counted else "the node of its odometry"
-        yield wrong(name, encoders, f"look at {cure}")
+        yield failure(name, encoders, f"look at {cure}")
     else:
         yield Finding(name, "count as the wheels turn")
-    yield from _gyro(trial, truth, encoders_right=not encoders)
+    yield from _gyro_findings(trial, truth, encoders_right=not encoders)
 
 
 def encoder_fault(truth: tuple[Signs, Signs], counted: tuple[Signs, Signs]) -> str:
@@ -321,13 +325,15 @@ def encoder_fault(truth: tuple[Signs, Signs], counted: tuple[Signs, Signs]) -> s
         return ""
     if all(here == (0, 0) for _, here in moves):
         return "do not count, though the wheels turn: blocked, or not connected"
-    for what, change in _CHANGES:
+    for what, change in _ENCODER_FAULTS:
         if all(change(there) == here for there, here in moves):
             return what
-    return f"do not fit: {'; '.join(f'wheels {_told(there)}, counted {_told(here)}' for there, here in moves)}"
+    return (
+        f"do not fit: {'; '.join(f'wheels {_signs_text(there)}, counted {_signs_text(here)}' for there, here in moves)}"
+    )
 
 
-_CHANGES = (
+_ENCODER_FAULTS = (
     ("the left one does not count", lambda it: (0, it[1])),
     ("the right one does not count", lambda it: (it[0], 0)),
     ("left and right are swapped", lambda it: (it[1], it[0])),
@@ -338,50 +344,53 @@ _CHANGES = (
 )
 
 
-def _motors(trial: BaseTrial, turn: SeenMotion, ahead: SeenMotion) -> Iterator[Finding]:
+def _motor_findings(trial: BaseTrial, turn: SeenMotion, ahead: SeenMotion) -> Iterator[Finding]:
     stopped = f" (its driver stopped it: {'; '.join(dict.fromkeys(trial.faults))})" if trial.faults else ""
     if (turn, ahead) == (SeenMotion.LEFT, SeenMotion.AHEAD):
         yield Finding("motors", "turn as they should")
     elif turn is ahead is SeenMotion.NONE:
         cure = "is its E-stop pressed, or a motor switch off? look at the motors' supply"
-        yield wrong("motors", f"it did not move{stopped}", cure)
+        yield failure("motors", f"it did not move{stopped}", cure)
     elif fault := _MOTORS.get((turn, ahead)):
-        yield wrong("motors", f"{fault[0]}{stopped}", fault[1])
+        yield failure("motors", f"{fault[0]}{stopped}", fault[1])
     else:
         what = f"the turn to its left went {turn.value}, the way ahead went {ahead.value}{stopped}"
-        yield wrong("motors", what, "look at the motors, their plugs, and what is in the way; then try again")
+        yield failure("motors", what, "look at the motors, their plugs, and what is in the way; then try again")
 
 
-def _standing(trial: BaseTrial, counted: tuple[Signs, Signs]) -> Iterator[Finding]:
+def _findings_without_motion(trial: BaseTrial, counted: tuple[Signs, Signs]) -> Iterator[Finding]:
     """Judge the instruments of a base that did not move."""
     if any(signs != (0, 0) for signs in counted):
         what = "counted, though the base did not move: its wheels slip, or hang in the air"
         yield warning("encoders" if trial.counted else "odometry", what, "put it on the floor, and try again")
 
 
-def _gyro(trial: BaseTrial, truth: tuple[Signs, Signs], *, encoders_right: bool) -> Iterator[Finding]:
+def _gyro_findings(trial: BaseTrial, truth: tuple[Signs, Signs], *, encoders_right: bool) -> Iterator[Finding]:
     """Compare the gyro with the true turn; where it differs from the encoders, say which is likely wrong."""
     drift = 0.0 if trial.rest.gyro is None or not trial.rest.seconds else trial.rest.gyro / trial.rest.seconds
-    for moved, (left, right), commanded in ((trial.turn, truth[0], TURN), (trial.ahead, truth[1], 2 * WAY / TRACK)):
+    for moved, (left, right), commanded in (
+        (trial.turn, truth[0], TURN_ANGLE),
+        (trial.ahead, truth[1], 2 * DRIVE_DISTANCE / WHEEL_TRACK),
+    ):
         if moved.gyro is None or left == right:
             continue
         turned, way = moved.gyro - drift * moved.seconds, 1.0 if right > left else -1.0
-        if abs(turned) < TURNED * commanded * abs(right - left) / 2:
-            yield wrong("gyro", "shows no turn, though the base turned: it does not measure", "is it connected?")
+        if abs(turned) < MIN_GYRO_SHARE * commanded * abs(right - left) / 2:
+            yield failure("gyro", "shows no turn, though the base turned: it does not measure", "is it connected?")
         elif turned * way < 0:
-            yield wrong("gyro", "shows the turn the other way round: its sign is swapped", "look how it is mounted")
+            yield failure("gyro", "shows the turn the other way round: its sign is swapped", "look how it is mounted")
         elif encoders_right:
-            yield _amounts(turned, moved.turn, commanded, counted=trial.counted)
+            yield _compare_turns(turned, moved.turn, commanded, counted=trial.counted)
         else:
             yield Finding("gyro", f"turned by {degrees(turned):+.1f} deg")
         return
 
 
-def _amounts(gyro: float, wheels: float, commanded: float, *, counted: bool) -> Finding:
+def _compare_turns(gyro: float, wheels: float, commanded: float, *, counted: bool) -> Finding:
     """Compare the turn by the gyro with the one by the wheels, of the same sign."""
     both = f"gyro {degrees(gyro):+.1f} deg, {'encoders' if counted else 'odometry'} {degrees(wheels):+.1f} deg"
     ratio = gyro / wheels if wheels else 0.0
-    if 1 / AGREEMENT <= ratio <= AGREEMENT:
+    if 1 / MAX_TURN_RATIO <= ratio <= MAX_TURN_RATIO:
         return Finding("gyro", f"agrees with the wheels: {both}")
     expected = copysign(commanded, gyro)
     culprit = "the gyro" if abs(gyro - expected) > abs(wheels - expected) else "the wheels (they slip, or the track)"
@@ -389,11 +398,13 @@ def _amounts(gyro: float, wheels: float, commanded: float, *, counted: bool) -> 
     return warning("gyro", what, "try it on a floor with more grip; check the wheels' measures in the robot file")
 
 
-def _signs(moved: InstrumentReadings, commanded: float) -> Signs:
+def _wheel_signs(moved: InstrumentReadings, commanded: float) -> Signs:
     """Return in which direction each wheel was counted."""
-    left, right = (0 if abs(way) < COUNTED * commanded else 1 if way > 0 else -1 for way in (moved.left, moved.right))
+    left, right = (
+        0 if abs(way) < MIN_WHEEL_SHARE * commanded else 1 if way > 0 else -1 for way in (moved.left, moved.right)
+    )
     return left, right
 
 
-def _told(signs: Signs) -> str:
+def _signs_text(signs: Signs) -> str:
     return " and ".join({1: "ahead", -1: "back", 0: "still"}[sign] for sign in signs)

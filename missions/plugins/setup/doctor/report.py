@@ -10,42 +10,42 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from drivers.extras import extras
-from drivers.finding.machine import Machine
-from drivers.finding.serial_ports import all_usb
-from missions.plugins.setup.checkup import Checked
+from drivers.finding.machine import HostMachine
+from drivers.finding.serial_ports import iter_usb_devices
+from missions.plugins.setup.checkup import PartFinding
 
-SHORT = 4
+MIN_SERIAL_LENGTH = 4
 """Letters that a serial number has at least: shorter ones are words."""
 
 
-def report(machine: Machine, found: Iterable[Checked]) -> str:
+def report_text(machine: HostMachine, found: Iterable[PartFinding]) -> str:
     """Return the whole of it as a text."""
-    lines, known = list(_lines(machine, found)), secrets(machine)
-    return "\n".join([*lines[:4], *(anonymous(line, known) for line in lines[4:])]) + "\n"
+    lines, known = list(_lines(machine, found)), private_words(machine)
+    return "\n".join([*lines[:4], *(anonymise(line, known) for line in lines[4:])]) + "\n"
 
 
-def secrets(machine: Machine) -> dict[str, str]:
+def private_words(machine: HostMachine) -> dict[str, str]:
     """Return what is not to be told, with what stands for it, longest first."""
-    names = {platform.node(): "HOST", machine.text("/etc/hostname"): "HOST", str(Path.home()): "~"}
+    names = {platform.node(): "HOST", machine.read_text("/etc/hostname"): "HOST", str(Path.home()): "~"}
     names |= dict.fromkeys((os.environ.get("USER", ""), os.environ.get("LOGNAME", ""), Path.home().name), "USER")
     with suppress(KeyError):  # a user without a name
         names[pwd.getpwuid(machine.uid).pw_name] = "USER"
-    serials = {usb.serial: "SERIAL" for _, usb in all_usb(machine) if len(usb.serial) >= SHORT}
+    serials = {usb.serial: "SERIAL" for _, usb in iter_usb_devices(machine) if len(usb.serial) >= MIN_SERIAL_LENGTH}
     ours = {name for name in names if name in {"", "root", "/"}}
     found = {name: instead for name, instead in (names | serials).items() if name not in ours}
     return dict(sorted(found.items(), key=lambda each: -len(each[0])))
 
 
-def anonymous(text: str, known: dict[str, str]) -> str:
+def anonymise(text: str, replacements: dict[str, str]) -> str:
     """Return a text without what is known to be secret, and without what looks like it: keys, addresses, folders."""
-    for name, instead in known.items():
+    for name, instead in replacements.items():
         text = re.sub(rf"(?<![A-Za-z0-9]){re.escape(name)}(?![A-Za-z0-9])", instead, text)
-    for pattern, instead in _SHAPES:
+    for pattern, instead in _PRIVATE_PATTERNS:
         text = pattern.sub(instead, text)
     return text
 
 
-_SHAPES = (
+_PRIVATE_PATTERNS = (
     (re.compile(r"//[^/\s@]+@"), "//SECRET@"),  # a name and a password in an address
     (re.compile(r"(?<=[?&])([\w-]+)=[^&\s]+"), r"\1=SECRET"),
     (re.compile(r"/(home|Users)/[^/\s]+"), "~"),
@@ -57,9 +57,9 @@ _SHAPES = (
 """What gives somebody away by its shape."""
 
 
-def _lines(machine: Machine, found: Iterable[Checked]) -> Iterator[str]:
-    system = re.search(r'^PRETTY_NAME="?([^"\n]*)', machine.text("/etc/os-release"), re.MULTILINE)
-    board = machine.text("/proc/device-tree/model") or machine.text("/sys/class/dmi/id/product_name")
+def _lines(machine: HostMachine, found: Iterable[PartFinding]) -> Iterator[str]:
+    system = re.search(r'^PRETTY_NAME="?([^"\n]*)', machine.read_text("/etc/os-release"), re.MULTILINE)
+    board = machine.read_text("/proc/device-tree/model") or machine.read_text("/sys/class/dmi/id/product_name")
     yield f"mission doctor, MissionTree {version('missiontree')}"
     yield f"{board.rstrip(chr(0)) or 'a computer'}, {platform.machine()}, {system[1] if system else platform.system()}"
     yield f"kernel {platform.release()}, Python {platform.python_version()}"
@@ -67,9 +67,9 @@ def _lines(machine: Machine, found: Iterable[Checked]) -> Iterator[str]:
     yield ""
     for each in found:
         finding = each.finding
-        yield f"{finding.verdict:<8} {each.part} {finding.about}: {finding.what}"
-        if finding.cure:
-            yield f"         try: {finding.cure}"
+        yield f"{finding.verdict:<8} {each.part} {finding.about}: {finding.message}"
+        if finding.fix:
+            yield f"         try: {finding.fix}"
 
 
 def _versions(names: Iterable[str]) -> Iterator[str]:

@@ -11,30 +11,30 @@ from typing import Any
 import click
 import cv2
 
-from config.library import find
+from config.library import find_file
 from drivers.api import DeviceStatus, ignore
 from drivers.api.senses import CameraKeys
 from drivers.api.turn import UPRIGHT
 from drivers.camera.make import open_source
-from drivers.camera.pictures import pictures
-from drivers.camera.source import Kind, is_live, kind_of
+from drivers.camera.pictures import iter_pictures
+from drivers.camera.source import SourceKind, is_live, source_kind
 from drivers.clock import Clock, SystemClock
 from drivers.errors import BadRequest, NotConnected
-from drivers.voice.speech import Wish, make_voice
+from drivers.voice.speech import VoiceSettings, make_voice
 from missions.assembly.models import face_detector
 from missions.cli.commands import SharingCommand, shared_option
 from missions.cli.names import PERSON, ROBOT
-from missions.cli.numbers import InUnit, Whole
-from missions.cli.printable import in_columns
+from missions.cli.numbers import QuantityInUnit, WholeNumber
+from missions.cli.printable import format_columns
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import load_robot
-from missions.library.people import Known, People, PeopleError, digest, people_of, proper_name
+from missions.library.people import KnownPerson, People, PeopleError, people_of, picture_digest, proper_name
 from perception.api import Image
-from perception.crops import crop, face_in
-from perception.elastic import Calibration
+from perception.crops import crop_face, portrait_face_box
+from perception.elastic import GalleryCalibration
 from perception.finder import FaceDetector
-from perception.patches import Patches, describe, likeness
-from perception.people import ENOUGH, FEWEST, MAX_PICTURES, KnownPeople, NotOneFace, enrol
+from perception.patches import Patches, describe_face, likeness
+from perception.people import MAX_PICTURES, MIN_PICTURES, RECOMMENDED_PICTURES, NotOneFaceError, PatchRecogniser, enrol
 
 # What the commands of ``mission person`` share: whose people are meant, and saying what cannot be done.
 
@@ -43,17 +43,17 @@ robot_option = shared_option(
 )
 
 
-def camera_of(robot: str | None) -> CameraKeys | None:
+def camera_keys(robot: str | None) -> CameraKeys | None:
     """Return the camera section of a robot's file; None without a robot. Raises click.UsageError for a blind one."""
     if robot is None:
         return None
-    camera = load_robot(find("robots", robot)).camera
+    camera = load_robot(find_file("robots", robot)).camera
     if camera is None:
         raise click.UsageError(f"{robot} has no camera")
     return camera
 
 
-def judged_otherwise(camera: CameraKeys | None) -> str:
+def method_note(camera: CameraKeys | None) -> str:
     """Return what to say where a robot recognises people by another method than these commands; else nothing."""
     method = "patches" if camera is None else camera.identity.method
     return (
@@ -65,10 +65,10 @@ def judged_otherwise(camera: CameraKeys | None) -> str:
 
 def people_for(robot: str | None) -> People:
     """Return the people whom a robot knows, the user's own without one."""
-    return people_of(camera_of(robot))
+    return people_of(camera_keys(robot))
 
 
-def saying_why(command: Callable[..., int]) -> Callable[..., int]:
+def report_people_errors(command: Callable[..., int]) -> Callable[..., int]:
     """Make a command say what cannot be done with pictures of people, and fail."""
 
     @functools.wraps(command)
@@ -76,13 +76,13 @@ def saying_why(command: Callable[..., int]) -> Callable[..., int]:
         try:
             return command(*arguments, **named)
         except PeopleError as error:
-            tell(error)
+            print_people_error(error)
             return FAILURE
 
     return wrapped
 
 
-def tell(error: PeopleError) -> None:
+def print_people_error(error: PeopleError) -> None:
     """Print what cannot be done, and what to type next."""
     click.echo(f"mission: {error}" + (f"\n  try: {error.hint}" if error.hint else ""), err=True)
 
@@ -96,81 +96,83 @@ def tell(error: PeopleError) -> None:
 @click.argument("names", type=PERSON, nargs=-1, required=True, metavar="NAMES...")
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @robot_option
-@saying_why
+@report_people_errors
 def remove(names: tuple[str, ...], yes: bool, robot: str | None) -> int:
     """Forget people: their pictures are deleted, and there is nothing else of them."""
     people = people_for(robot)
     unknown = [name for name in names if people.find(name) is None]
     if unknown:
-        known = ", ".join(each.name for each in people.known()) or "nobody"
+        known = ", ".join(each.name for each in people.known_people()) or "nobody"
         told = f"nobody is called '{', '.join(unknown)}'; nothing was deleted; known: {known}"
         raise PeopleError(told, hint="mission person list")
     if not yes and not click.confirm(f"Delete all pictures of {', '.join(names)}?"):
         return FAILURE
     for name in dict.fromkeys(people.find(name) or name for name in names):
         click.echo(f"{name}: {people.remove(name)} pictures deleted")
-        if (people.where / name).exists():
-            click.echo(f"{people.where / name} stays: there is something else in it", err=True)
+        if (people.folder / name).exists():
+            click.echo(f"{people.folder / name} stays: there is something else in it", err=True)
     return SUCCESS
 
 
 @click.command("list", cls=SharingCommand, epilog="Example: mission person list --robot turtlebot2_arm")
 @click.option("--json", "as_json", is_flag=True, help="As one line of JSON.")
 @robot_option
-@saying_why
+@report_people_errors
 def list_people(as_json: bool, robot: str | None) -> int:
     """List the people whom a robot knows, and how surely patches of their faces tell them apart.
 
     A robot whose method is another is not tried by that.
     """
     people = people_for(robot)
-    known = people.known()
-    portraits = people.portraits(tell)
-    calibration = KnownPeople(portraits).calibration if portraits else None
+    known = people.known_people()
+    portraits = people.portraits(print_people_error)
+    calibration = PatchRecogniser(portraits).calibration if portraits else None
     if as_json:
-        click.echo(json.dumps(_data(known, calibration)))
+        click.echo(json.dumps(_list_data(known, calibration)))
         return SUCCESS
     if not known:
         click.echo("it knows nobody yet\n  try: mission person add NAME", err=True)
         return SUCCESS
-    click.echo(in_columns(("name", "pictures", "since"), [_row(each) for each in known], left=frozenset({"name"})))
+    click.echo(
+        format_columns(("name", "pictures", "since"), [_person_row(each) for each in known], left=frozenset({"name"}))
+    )
     if calibration is not None:
-        click.echo(f"\n{_words(calibration)}")
-        if otherwise := judged_otherwise(camera_of(robot)):
+        click.echo(f"\n{_calibration_text(calibration)}")
+        if otherwise := method_note(camera_keys(robot)):
             click.echo(otherwise)
     return SUCCESS
 
 
-def _row(known: Known) -> list[str]:
+def _person_row(known: KnownPerson) -> list[str]:
     return [known.name, str(known.pictures), datetime.fromtimestamp(known.since, UTC).astimezone().strftime("%Y-%m-%d")]
 
 
-def _data(known: list[Known], calibration: Calibration | None) -> dict[str, object]:
+def _list_data(known: list[KnownPerson], calibration: GalleryCalibration | None) -> dict[str, object]:
     rates = None
     if calibration is not None:
         threshold = round(min(calibration.thresholds.values()), 3)
-        rates = {"method": "patches", "threshold": threshold, "refused": calibration.refused,
-                 "accepted": calibration.accepted, "looks": calibration.looks}  # fmt: skip
+        rates = {"method": "patches", "threshold": threshold, "refused": calibration.refusal_rate,
+                 "accepted": calibration.acceptance_rate, "looks": calibration.look_count}  # fmt: skip
     people = [{"name": each.name, "pictures": each.pictures, "since": each.since} for each in known]
     return {"people": people, "rates": rates}
 
 
-def _words(calibration: Calibration) -> str:
+def _calibration_text(calibration: GalleryCalibration) -> str:
     """Say how surely it tells people apart, and of how much that was found out."""
-    if calibration.refused is None:
+    if calibration.refusal_rate is None:
         return "how surely it tells them apart cannot be said from so few pictures"
-    refused = f"of 100 looks at them {100 * calibration.refused:.0f} take them for nobody"
-    if calibration.accepted is None:
+    refused = f"of 100 looks at them {100 * calibration.refusal_rate:.0f} take them for nobody"
+    if calibration.acceptance_rate is None:
         accepted = "what it makes of strangers can only be tried with somebody else in the list"
     else:
-        accepted = f"of 100 at strangers {100 * calibration.accepted:.0f} take them for somebody"
+        accepted = f"of 100 at strangers {100 * calibration.acceptance_rate:.0f} take them for somebody"
     doubt = "all at these very pictures and people: expect worse on other days, and of other strangers"
-    return f"{refused},\n{accepted} ({calibration.looks} looks, {doubt})"
+    return f"{refused},\n{accepted} ({calibration.look_count} looks, {doubt})"
 
 
 # Taking pictures of somebody who stands before a camera: which of them are good enough, and what to do next.
 
-GUIDE = (
+INSTRUCTIONS = (
     "look straight into the camera",
     "turn your head a little to the left",
     "turn your head a little to the right",
@@ -181,26 +183,26 @@ GUIDE = (
 )
 """What somebody is asked to do, one after another: who is known from one side only is not known."""
 
-SHARP = 30.0
+MIN_SHARPNESS = 30.0
 """Variance of the Laplacian of a face's crop: of faces up to 3 m away it was 33 to 1000, of the same ones blurred by a
 thirtieth of their width 9 to 30 (drawn ones up to 45)."""
 
-EVERY = 0.8
+PICTURE_INTERVAL = 0.8
 """Seconds from one picture to the next: time to move."""
 
 
 TOO_SOON = "it is too soon after the one before"
 
-SAME = "it is the very picture of one before: does the camera stand still?"
+SAME_PICTURE = "it is the very picture of one before: does the camera stand still?"
 
-NEAR = 0.88
+MAX_LIKENESS = 0.88
 """Likeness from which on a picture is nearly one before: frames in a row, of somebody who holds still, were 0.8 to 0.98
 alike, those 0.8 s apart 0.58 to 0.89, and pictures of one person that were taken to differ 0.58 to 0.83."""
 
-NEARLY = "it is nearly the same as one before: move as you are asked to"
+TOO_SIMILAR = "it is nearly the same as one before: move as you are asked to"
 
 
-class Taking:
+class PortraitCollector:
     """Takes ``count`` pictures that are worth it: ``portraits``."""
 
     def __init__(self, detector: FaceDetector, count: int) -> None:
@@ -208,41 +210,41 @@ class Taking:
         self._detector = detector
         self._count = count
         self._digests: set[bytes] = set()
-        self._shown: list[Patches] = []
+        self._patches: list[Patches] = []
         self._taken_at: float | None = None
 
     @property
-    def done(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether there are enough."""
         return len(self.portraits) >= self._count
 
     @property
-    def guide(self) -> str:
+    def instruction(self) -> str:
         """What to do for the next one."""
-        return GUIDE[min(len(self.portraits) * len(GUIDE) // self._count, len(GUIDE) - 1)]
+        return INSTRUCTIONS[min(len(self.portraits) * len(INSTRUCTIONS) // self._count, len(INSTRUCTIONS) - 1)]
 
     def offer(self, image: Image, stamp: float) -> str:
         """Take the picture of ``stamp`` (s) if it is good and not too soon; else say why it is not.
 
         Raises ValueError for what is no picture.
         """
-        if self._taken_at is not None and stamp - self._taken_at < EVERY:
+        if self._taken_at is not None and stamp - self._taken_at < PICTURE_INTERVAL:
             return TOO_SOON
         try:
             portrait = enrol(image, self._detector)
-        except NotOneFace as error:
+        except NotOneFaceError as error:
             return str(error)
-        shown = crop(portrait, face_in(portrait))
-        if float(cv2.Laplacian(shown, cv2.CV_64F).var()) < SHARP:
+        shown = crop_face(portrait, portrait_face_box(portrait))
+        if float(cv2.Laplacian(shown, cv2.CV_64F).var()) < MIN_SHARPNESS:
             return "it is blurred: hold still, with more light"
-        if digest(portrait) in self._digests:
-            return SAME
-        patches = describe(shown)
-        if any(likeness(patches, other) > NEAR for other in self._shown):
-            return NEARLY
-        self._shown.append(patches)
+        if picture_digest(portrait) in self._digests:
+            return SAME_PICTURE
+        patches = describe_face(shown)
+        if any(likeness(patches, other) > MAX_LIKENESS for other in self._patches):
+            return TOO_SIMILAR
+        self._patches.append(patches)
         self._taken_at = stamp
-        self._digests.add(digest(portrait))
+        self._digests.add(picture_digest(portrait))
         self.portraits.append(portrait)
         return ""
 
@@ -251,7 +253,7 @@ PICTURE_TIMEOUT = 5.0
 """Seconds in which a camera must show something."""
 
 
-LIMIT = 200
+MAX_ADDED_PICTURES = 200
 """Pictures that are taken in at a time."""
 
 
@@ -259,17 +261,17 @@ LIMIT = 200
 @click.argument("name", type=PERSON)
 @click.argument("files", type=click.Path(), nargs=-1, metavar="[PICTURES...]")
 @click.option("--camera", "source", metavar="SOURCE", help="Its number or device, or a film. Else the robot's, or 0.")
-@click.option("--count", default=12, show_default=True, type=Whole(FEWEST, 100), help="Pictures to take.")
+@click.option("--count", default=12, show_default=True, type=WholeNumber(MIN_PICTURES, 100), help="Pictures to take.")
 @click.option(
     "--seconds",
-    type=InUnit("s", 1.0),
+    type=QuantityInUnit("s", 1.0),
     default=120.0,
     show_default=True,
     help="How long a camera looks at most.",
 )
 @click.option("--say", "aloud", is_flag=True, help="Say aloud what to do before the camera, too.")
 @robot_option
-@saying_why
+@report_people_errors
 def add(
     name: str,
     files: tuple[str, ...],
@@ -284,44 +286,44 @@ def add(
     From PICTURES of them alone, all of which must show one face; or guided, before the camera. Only the face is kept,
     in a folder that nobody else may read. Ask them first.
     """
-    people, camera = people_for(robot), camera_of(robot)
+    people, camera = people_for(robot), camera_keys(robot)
     proper_name(name)  # what cannot be one is said before anybody poses
     detector = face_detector(camera)
     try:
         if files:
-            portraits = _from_pictures(files, detector)
+            portraits = _portraits_from_files(files, detector)
         else:
             place = source or ("0" if camera is None else camera.source)
-            portraits = _from_camera(place, camera, Taking(detector, count), seconds, aloud=aloud)
+            portraits = _portraits_from_camera(place, camera, PortraitCollector(detector, count), seconds, aloud=aloud)
     except (BadRequest, FileNotFoundError, ValueError) as error:
         hint = error.hint if isinstance(error, BadRequest) else ""
         raise click.UsageError(f"{error}" + (f"\n  try: {hint}" if hint else "")) from error
-    fresh = people.new_ones(name, portraits)
+    fresh = people.select_new(name, portraits)
     before = people.find(name)
-    there = sum(each.pictures for each in people.known() if each.name == before)
+    there = sum(each.pictures for each in people.known_people() if each.name == before)
     kept = people.add(name, fresh)
-    click.echo(f"{kept}: {len(fresh)} pictures kept in {people.where / kept}" + f", {there} before" * bool(there))
+    click.echo(f"{kept}: {len(fresh)} pictures kept in {people.folder / kept}" + f", {there} before" * bool(there))
     if len(fresh) < len(portraits):
         click.echo(f"{len(portraits) - len(fresh)} pictures were there already, or given twice", err=True)
     for line in _advice(people, kept):
         click.echo(line, err=True)
-    if otherwise := judged_otherwise(camera):
+    if otherwise := method_note(camera):
         click.echo(otherwise, err=True)
     return SUCCESS
 
 
-def _from_pictures(files: Sequence[str], detector: FaceDetector) -> list[Image]:
+def _portraits_from_files(files: Sequence[str], detector: FaceDetector) -> list[Image]:
     """Return a portrait from each picture. Raises PeopleError with all those that do not show one face, or too many."""
     found, faults = list[Image](), list[str]()
     hints = dict[str, None]()
-    for path, number, image in pictures(files):
-        if len(found) + len(faults) >= LIMIT:
+    for path, number, image in iter_pictures(files):
+        if len(found) + len(faults) >= MAX_ADDED_PICTURES:
             hint = f"some tens, from different sides and days, teach more; {MAX_PICTURES} are used at most"
-            raise PeopleError(f"nothing was kept: these are more than {LIMIT} pictures", hint=hint)
+            raise PeopleError(f"nothing was kept: these are more than {MAX_ADDED_PICTURES} pictures", hint=hint)
         try:
             found.append(enrol(image, detector))
-        except NotOneFace as error:
-            film = kind_of(path) is not Kind.PICTURE
+        except NotOneFaceError as error:
+            film = source_kind(path) is not SourceKind.PICTURE
             faults.append(f"{path}" + f" frame {number}" * film + f": {error}")
             hints[error.hint] = None
     if faults:
@@ -329,47 +331,53 @@ def _from_pictures(files: Sequence[str], detector: FaceDetector) -> list[Image]:
     return found
 
 
-def _from_camera(source: str, camera: CameraKeys | None, taking: Taking, seconds: float, *, aloud: bool) -> list[Image]:
+def _portraits_from_camera(
+    source: str, camera: CameraKeys | None, collector: PortraitCollector, seconds: float, *, aloud: bool
+) -> list[Image]:
     """Return portraits of who stands before a camera, telling them what to do.
 
     Raises NotConnected for a camera that shows nothing, PeopleError when the time is over before there are enough.
     """
     clock, size = SystemClock(), None if camera is None else (camera.width, camera.height)
-    turn = camera.turn if camera is not None and is_live(source) else UPRIGHT
+    turn = camera.orientation if camera is not None and is_live(source) else UPRIGHT
     seen, guide, why = False, "", ""
     with ExitStack() as stack:
-        eye = stack.enter_context(closing(open_source(source, clock, size=size, loop=False, report=_report, turn=turn)))
+        eye = stack.enter_context(
+            closing(open_source(source, clock, size=size, loop=False, report=_print_status, turn=turn))
+        )
         eye.open()
-        say = stack.enter_context(_speaking(clock)) if aloud else ignore
-        while not taking.done and clock.now() < seconds:
-            if taking.guide != guide:
-                guide = taking.guide
+        say = stack.enter_context(_open_voice(clock)) if aloud else ignore
+        while not collector.is_complete and clock.read_value() < seconds:
+            if collector.instruction != guide:
+                guide = collector.instruction
                 click.echo(f"{guide[:1].upper()}{guide[1:]}.", err=True)
                 say(guide)
             frame = eye.read(0.2)
             if frame is None:
-                if not seen and clock.now() > PICTURE_TIMEOUT:
+                if not seen and clock.read_value() > PICTURE_TIMEOUT:
                     health = eye.health()
                     raise NotConnected(health.detail, hint=health.hint)
                 if seen and not eye.health().online and not is_live(source):
                     break  # a film is over
                 continue
             seen, before = True, why
-            why = taking.offer(frame.image, frame.stamp)
+            why = collector.offer(frame.image, frame.stamp)
             if not why:
-                click.echo(f"  picture {len(taking.portraits)}", err=True)
+                click.echo(f"  picture {len(collector.portraits)}", err=True)
             elif why not in (before, TOO_SOON):
                 click.echo(f"  waiting: {why}", err=True)
-    if len(taking.portraits) < FEWEST:
+    if len(collector.portraits) < MIN_PICTURES:
         hint = why or "more time: --seconds 300"
-        raise PeopleError(f"nothing was kept: {len(taking.portraits)} good pictures, and it takes {FEWEST}", hint=hint)
-    return taking.portraits
+        raise PeopleError(
+            f"nothing was kept: {len(collector.portraits)} good pictures, and it takes {MIN_PICTURES}", hint=hint
+        )
+    return collector.portraits
 
 
 @contextmanager
-def _speaking(clock: Clock) -> Iterator[Callable[[str], object]]:
+def _open_voice(clock: Clock) -> Iterator[Callable[[str], object]]:
     """Yield what says a text aloud; where nothing here can, only the printed words are there."""
-    voice = make_voice(Wish(), clock, ignore, report=_report)
+    voice = make_voice(VoiceSettings(), clock, ignore, report=_print_status)
     voice.open()
     try:
         yield voice.say
@@ -379,24 +387,24 @@ def _speaking(clock: Clock) -> Iterator[Callable[[str], object]]:
 
 def _advice(people: People, name: str) -> Iterator[str]:
     """Yield whether the pictures of somebody are enough, and for whom the robot may take them."""
-    portraits = people.portraits(tell)
+    portraits = people.portraits(print_people_error)
     if name not in portraits:
         return  # there is no room, and that was told
-    calibration, count = KnownPeople(portraits).calibration, len(portraits[name])
-    if count < ENOUGH:
-        yield f"{count} of {ENOUGH} pictures that are enough: with fewer, {name} is more often taken for a stranger"
+    calibration, count = PatchRecogniser(portraits).calibration, len(portraits[name])
+    if count < RECOMMENDED_PICTURES:
+        yield f"{count} of {RECOMMENDED_PICTURES} pictures that are enough: with fewer, {name} is more often taken for a stranger"
         yield f"  try: mission person add {quote(name)}, with pictures from other sides"
     else:
         yield f"{count} pictures are enough; pictures of other days, light and glasses still help"
-    if name in calibration.alike:
+    if name in calibration.uniform_people:
         yield f"the pictures of {name} are nearly alike: on another day {name} may be taken for a stranger"
         yield "  try: pictures in other light, from other sides and of other days"
-    alike = {each for pair in calibration.near.items() if name in pair for each in pair} - {name}
+    alike = {each for pair in calibration.lookalikes.items() if name in pair for each in pair} - {name}
     if alike:
         yield f"{name} looks like {' and '.join(sorted(alike))}: the robot may take one for the other"
         yield "  try: more pictures of both, in other light and from other sides"
 
 
-def _report(notice: DeviceStatus) -> None:
+def _print_status(notice: DeviceStatus) -> None:
     if notice.kind != "online":
-        click.echo(notice.what + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)
+        click.echo(notice.message + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)

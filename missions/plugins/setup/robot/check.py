@@ -4,9 +4,9 @@ from pathlib import Path
 
 import click
 
-from config.library import MINE
+from config.library import OWN_ROBOT
 from drivers.clock import SystemClock
-from drivers.finding.machine import Machine
+from drivers.finding.machine import HostMachine
 from missions.cli.keys import interruptible
 from missions.cli.names import ROBOT
 from missions.cli.origin import robot_file
@@ -17,7 +17,7 @@ from missions.plugins.setup.ports import root_option
 
 
 @click.command(epilog="Example: mission robot check turtlebot2_arm")
-@click.argument("name", required=False, default=MINE, type=ROBOT)
+@click.argument("name", required=False, default=OWN_ROBOT, type=ROBOT)
 @click.option("--reset", is_flag=True, help="Ask Arduinos too, which start anew by it, and may move.")
 @root_option
 def check(name: str, reset: bool, root: Path) -> int:
@@ -28,10 +28,10 @@ def check(name: str, reset: bool, root: Path) -> int:
     config, code = load_robot(robot_file(name)), SUCCESS
     click.echo(f"{config.name}  {config.path}")
     with interruptible():
-        for each in check_robot(config, name, Machine(root), SystemClock(), ports={}, resets=reset):
+        for each in check_robot(config, name, HostMachine(root), SystemClock(), ports={}, resets=reset):
             finding = each.finding
             code = FAILURE if finding.verdict == "wrong" else code
-            click.echo(f"{finding.verdict:<8} {each.part} {finding.about}: {finding.what}")
-            if finding.cure and finding.verdict != "ok":
-                click.echo(f"         try: {finding.cure}")
+            click.echo(f"{finding.verdict:<8} {each.part} {finding.about}: {finding.message}")
+            if finding.fix and finding.verdict != "ok":
+                click.echo(f"         try: {finding.fix}")
     return code

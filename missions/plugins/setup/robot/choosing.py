@@ -9,31 +9,31 @@ from typing import Any
 
 import yaml
 
-from config.defaults import own_files
+from config.defaults import user_files
 from config.faults import InvalidFileError
-from config.library import find, shipped
+from config.library import find_file, shipped_files
 from config.reading import read_regular_text
-from config.robot import NAME, RobotKeys
-from config.units import in_dimension
+from config.robot import PART_NAME, RobotKeys
+from config.units import si_value
 from drivers.api.driver import BrokenDriver, Driver
-from drivers.api.keys import declared
+from drivers.api.keys import declared_keys
 from drivers.api.kinds import KINDS
-from drivers.finding.survey import Desk
+from drivers.finding.survey import HardwareScan
 from drivers.servos.declared import DynamixelKeys
-from missions.library.catalogue import WRITTEN
-from missions.library.drivers import Table, load_robot
-from missions.plugins.setup.robot.desk import Found
+from missions.library.catalogue import EXAMPLE_VALUES
+from missions.library.drivers import DriverTable, load_robot
+from missions.plugins.setup.robot.desk import ProbedDevice
 from missions.plugins.setup.robot.dialogue import Dialogue
-from missions.plugins.setup.robot.parts import Part
+from missions.plugins.setup.robot.parts import RobotPart
 
 NONE = "none"
 
-Parts = dict[str, Part]
+RobotParts = dict[str, RobotPart]
 """The parts of the new robot by their names: their kinds, or names of their own."""
 
 
 @dataclass(frozen=True, slots=True)
-class Model:
+class ReferenceRobot:
     """A robot that the new one is like: the drivers of its parts, and what its file says of each."""
 
     name: str
@@ -48,13 +48,13 @@ class Model:
         return {} if self.arm is None else {joint.id: joint.model for joint in self.arm.joints.values()}
 
     @property
-    def holds(self) -> bool:
+    def holds_at_end(self) -> bool:
         """Whether its arm holds its position at the end of a run."""
         return self.arm is None or self.arm.at_end == "hold"
 
-    def fits(self, found: Found) -> bool:
+    def matches(self, device: ProbedDevice) -> bool:
         """Whether its arm has the servos that were found, by their IDs and models."""
-        units = {number: model for number, model, _ in found.units}
+        units = {number: model for number, model, _ in device.units}
         alike = all(model in ("?", self.servos[number]) for number, model in units.items() if number in self.servos)
         return alike and units.keys() == self.servos.keys()
 
@@ -63,63 +63,73 @@ class Model:
         return {key: it for key, it in self.sections[part].items() if key not in {"driver", "kind"}}
 
 
-def like(talk: Dialogue, found: Sequence[Found]) -> Model | None:
+def choose_reference(talk: Dialogue, devices: Sequence[ProbedDevice]) -> ReferenceRobot | None:
     """Ask which known robot the new one is like; the one that shares most with what is plugged in is proposed.
 
     Where several fit equally well none is proposed: with --yes the one is taken whose arm is safe.
     """
-    models = [model for name in (shipped("robots") | own_files("robots")) if (model := _model(name)) is not None]
-    fitting = sorted(models, key=partial(_likeness, found), reverse=True)
+    models = [
+        model
+        for name in (shipped_files("robots") | user_files("robots"))
+        if (model := _load_reference(name)) is not None
+    ]
+    fitting = sorted(models, key=partial(_likeness, devices), reverse=True)
     names = [NONE, *(model.name for model in fitting)]
-    equal = _equal(found, fitting)
+    equal = _equal_matches(devices, fitting)
     if len(equal) > 1:
-        talk.tell("several fit what is plugged in, and nothing tells them apart:")
-        talk.tell(*(f"  {model.name}: {model.summary}{_rest_of(model)}" for model in equal))
+        talk.print("several fit what is plugged in, and nothing tells them apart:")
+        talk.print(*(f"  {model.name}: {model.summary}{_end_note(model)}" for model in equal))
         proposed: str | None = None
-        if talk.yes and not talk.knows("like"):
-            safe = _gentle(max(equal, key=lambda model: model.holds))
-            talk.tell(f"{safe.name} is taken, with {GENTLE} of the torque: `mission robot new` without --yes asks")
+        if talk.yes and not talk.has_answer("like"):
+            safe = _with_gentle_torque(max(equal, key=lambda model: model.holds_at_end))
+            talk.print(
+                f"{safe.name} is taken, with {GENTLE_TORQUE} of the torque: `mission robot new` without --yes asks"
+            )
             return safe
     else:
-        proposed = fitting[0].name if fitting and _likeness(found, fitting[0]) > 0 else NONE
+        proposed = fitting[0].name if fitting and _likeness(devices, fitting[0]) > 0 else NONE
     question = "which of these is it like? its names, limits and figures are taken over"
-    chosen = talk.choice("like", question, names, proposed)
+    chosen = talk.ask_choice("like", question, names, proposed)
     return next((model for model in fitting if model.name == chosen), None)
 
 
-def _equal(found: Sequence[Found], fitting: Sequence[Model]) -> list[Model]:
+def _equal_matches(devices: Sequence[ProbedDevice], references: Sequence[ReferenceRobot]) -> list[ReferenceRobot]:
     """Return the robots whose arms fit the servos that were found, if they are several that fit equally well."""
-    arms = [each for each in found if each.units]
-    best = [model for model in fitting if round(_likeness(found, model)) == round(_likeness(found, fitting[0]))]
+    arms = [each for each in devices if each.units]
+    best = [
+        model for model in references if round(_likeness(devices, model)) == round(_likeness(devices, references[0]))
+    ]
     return [model for model in best if any(_same_arm(each, model) for each in arms)]
 
 
-def _same_arm(found: Found, model: Model) -> bool:
-    return model.drivers.get(found.driver.kind) == found.driver and model.fits(found)
+def _same_arm(device: ProbedDevice, reference: ReferenceRobot) -> bool:
+    return reference.drivers.get(device.driver.kind) == device.driver and reference.matches(device)
 
 
-def _rest_of(model: Model) -> str:
+def _end_note(reference: ReferenceRobot) -> str:
     """Say what the arm of a robot does at the end of a run."""
-    return " (its arm holds its position)" if model.holds else " (its arm goes limp at the end)"
+    return " (its arm holds its position)" if reference.holds_at_end else " (its arm goes limp at the end)"
 
 
-GENTLE = "50 %"
+GENTLE_TORQUE = "50 %"
 """Highest torque of an arm whose kind the user has not confirmed."""
 
 
-def _gentle(model: Model) -> Model:
-    """Return the robot with an arm that has ``GENTLE`` torque at most."""
-    if model.arm is None:
-        return model
-    limit = in_dimension(GENTLE, "share")
-    strong = [name for name, joint in model.arm.joints.items() if joint.torque > limit]
-    arm = model.sections["arm"]
-    joints = {name: {**told, "torque": GENTLE} if name in strong else told for name, told in arm["joints"].items()}
-    return replace(model, sections={**model.sections, "arm": {**arm, "joints": joints}})
+def _with_gentle_torque(reference: ReferenceRobot) -> ReferenceRobot:
+    """Return the robot with an arm that has ``GENTLE_TORQUE`` torque at most."""
+    if reference.arm is None:
+        return reference
+    limit = si_value(GENTLE_TORQUE, "share")
+    strong = [name for name, joint in reference.arm.joints.items() if joint.torque > limit]
+    arm = reference.sections["arm"]
+    joints = {
+        name: {**told, "torque": GENTLE_TORQUE} if name in strong else told for name, told in arm["joints"].items()
+    }
+    return replace(reference, sections={**reference.sections, "arm": {**arm, "joints": joints}})
 
 
-def _model(name: str) -> Model | None:
-    path = find("robots", name)
+def _load_reference(name: str) -> ReferenceRobot | None:
+    path = find_file("robots", name)
     try:
         config = load_robot(path)
     except InvalidFileError:
@@ -128,104 +138,133 @@ def _model(name: str) -> Model | None:
     drivers = {part: section.driver for part, section in config.sections.items()}
     arm = config.sections["arm"].keys if "arm" in config.sections else None
     sections = {part: {**raw[part]} for part in drivers}
-    return Model(name, config.summary, drivers, sections, arm if isinstance(arm, DynamixelKeys) else None)
+    return ReferenceRobot(name, config.summary, drivers, sections, arm if isinstance(arm, DynamixelKeys) else None)
 
 
-def _likeness(found: Sequence[Found], model: Model) -> float:
+def _likeness(devices: Sequence[ProbedDevice], reference: ReferenceRobot) -> float:
     """Return how much a robot has of what is plugged in; servos count if their IDs and models are the same."""
     score = 0.0
-    for each in found:
-        if model.drivers.get(each.driver.kind) == each.driver:
+    for each in devices:
+        if reference.drivers.get(each.driver.kind) == each.driver:
             score += 1.0
             if each.units:
-                score += 2.0 if model.fits(each) else -1.0
-    return score - 0.01 * len(model.drivers)
+                score += 2.0 if reference.matches(each) else -1.0
+    return score - 0.01 * len(reference.drivers)
 
 
-def choose(talk: Dialogue, table: Table, desk: Desk, found: Sequence[Found], model: Model | None) -> Parts:
+def choose_parts(
+    talk: Dialogue,
+    table: DriverTable,
+    scan: HardwareScan,
+    devices: Sequence[ProbedDevice],
+    reference: ReferenceRobot | None,
+) -> RobotParts:
     """Ask which parts the robot has; return them in the order in which files have them."""
-    parts: Parts = {}
+    parts: RobotParts = {}
     for kind in KINDS:
-        _answered(talk, parts, kind, [each for each in found if each.driver.kind == kind], model)
-    for part in (*KINDS, *(() if model is None else model.drivers)):
-        if part not in parts and (supposed := _supposed(talk, table, desk, part, model)) is not None:
+        _choose_probed_parts(talk, parts, kind, [each for each in devices if each.driver.kind == kind], reference)
+    for part in (*KINDS, *(() if reference is None else reference.drivers)):
+        if part not in parts and (supposed := _choose_unprobed_part(talk, table, scan, part, reference)) is not None:
             parts[part] = supposed
-    _others(talk, table, parts)
-    if "camera" in parts and desk.cameras:
-        parts["camera"].section["source"] = min(desk.cameras, key=lambda each: isinstance(each.source, str)).source
+    _choose_other_parts(talk, table, parts)
+    if "camera" in parts and scan.cameras:
+        parts["camera"].section["source"] = min(scan.cameras, key=lambda each: isinstance(each.source, str)).source
     return {part: parts[part] for part in (*KINDS, *parts) if part in parts}
 
 
-def _answered(talk: Dialogue, parts: Parts, kind: str, found: Sequence[Found], model: Model | None) -> None:
+def _choose_probed_parts(
+    talk: Dialogue, parts: RobotParts, kind: str, devices: Sequence[ProbedDevice], reference: ReferenceRobot | None
+) -> None:
     """Ask for those of a kind that have answered: which is the robot's, and how one more is called."""
-    chosen = _which(talk, kind, found, model)
+    chosen = _choose_device(talk, kind, devices, reference)
     if chosen is None:
         return
-    parts[kind] = _found_part(chosen, model)
-    for each in found:
+    parts[kind] = _part_of_device(chosen, reference)
+    for each in devices:
         if each is chosen:
             continue
-        if KINDS[kind].several:
-            _add(
-                talk, parts, f"name {each.port.call}", each.driver, _found_part(each, None), at=f" at {each.port.call}"
+        if KINDS[kind].allows_several:
+            _add_part(
+                talk,
+                parts,
+                f"name {each.port.call}",
+                each.driver,
+                _part_of_device(each, None),
+                at=f" at {each.port.call}",
             )
         else:
-            talk.tell(f"a robot has one {kind}: {_title(each)} can be in a robot file of its own (mission robot new)")
+            talk.print(
+                f"a robot has one {kind}: {_device_title(each)} can be in a robot file of its own (mission robot new)"
+            )
 
 
-def _which(talk: Dialogue, kind: str, found: Sequence[Found], model: Model | None) -> Found | None:
+def _choose_device(
+    talk: Dialogue, kind: str, devices: Sequence[ProbedDevice], reference: ReferenceRobot | None
+) -> ProbedDevice | None:
     """Ask which of those that have answered is the robot's; one that its model has, too, is proposed."""
-    if not found:
+    if not devices:
         return None
-    if len(found) == 1:
-        key = f"take {found[0].port.call}"
-        return found[0] if talk.confirm(key, f"take {_title(found[0])} for its {kind}?", default=True) else None
-    named = {f"{each.driver.name} at {each.port.call}": each for each in found}
-    usual = [name for name, each in named.items() if model is not None and model.drivers.get(kind) == each.driver]
-    question = f"{len(found)} answer that could be its {kind}: which is it?"
-    chosen = talk.choice(f"which {kind}", question, [*named, NONE], [*usual, *named][0])
+    if len(devices) == 1:
+        key = f"take {devices[0].port.call}"
+        return (
+            devices[0]
+            if talk.ask_yes_no(key, f"take {_device_title(devices[0])} for its {kind}?", default=True)
+            else None
+        )
+    named = {f"{each.driver.name} at {each.port.call}": each for each in devices}
+    usual = [
+        name for name, each in named.items() if reference is not None and reference.drivers.get(kind) == each.driver
+    ]
+    question = f"{len(devices)} answer that could be its {kind}: which is it?"
+    chosen = talk.ask_choice(f"which {kind}", question, [*named, NONE], [*usual, *named][0])
     return named.get(chosen)
 
 
-def _add(talk: Dialogue, parts: Parts, key: str, driver: Driver, part: Part, at: str = "") -> None:
+def _add_part(talk: Dialogue, parts: RobotParts, key: str, driver: Driver, part: RobotPart, at: str = "") -> None:
     """Ask how one more part of a kind is called; missions say that name."""
     kind = driver.kind
-    reserved, such = {each.word for each in declared(RobotKeys)} | set(KINDS), WRITTEN[kind]
+    reserved, such = {each.word for each in declared_keys(RobotKeys)} | set(KINDS), EXAMPLE_VALUES[kind]
 
     def check(answer: str) -> None:
         if answer == NONE:
             return
-        if re.fullmatch(NAME, answer) is None:
+        if re.fullmatch(PART_NAME, answer) is None:
             raise ValueError(f"'{answer:.40}' is no name: small letters, digits and _, beginning with a letter")
         if answer in parts or answer in reserved:
             raise ValueError(f"'{answer}' is taken: give another name, such as {such}")
 
     usual = next(name for number in count(2) if (name := f"{kind}{number}") not in parts)
     question = f"one more {kind}, {driver.name}{at}: what is it called, such as {such}? '{NONE}' leaves it out"
-    name = talk.text(key, question, usual, check)
+    name = talk.ask_text(key, question, usual, check)
     if name != NONE:
         parts[name] = part
 
 
-def _supposed(talk: Dialogue, table: Table, desk: Desk, part: str, model: Model | None) -> Part | None:
+def _choose_unprobed_part(
+    talk: Dialogue, table: DriverTable, scan: HardwareScan, part: str, reference: ReferenceRobot | None
+) -> RobotPart | None:
     """Ask for a part that was not found: one of the robot that it is like, or one that needs no port."""
-    driver = None if model is None else model.drivers.get(part)
-    if model is not None and driver is not None:
-        question = f"has it the {part} of {model.name} ({driver.name})?"
-        return Part(driver, model.section(part)) if talk.confirm(f"has {part}", question, default=True) else None
-    usual = _usual(part, desk)
-    if usual and talk.confirm(f"has {part}", f"has it a {part}?", default=usual != "page"):
-        return Part(table.find(part, usual))
+    driver = None if reference is None else reference.drivers.get(part)
+    if reference is not None and driver is not None:
+        question = f"has it the {part} of {reference.name} ({driver.name})?"
+        return (
+            RobotPart(driver, reference.section(part))
+            if talk.ask_yes_no(f"has {part}", question, default=True)
+            else None
+        )
+    usual = _default_driver(part, scan)
+    if usual and talk.ask_yes_no(f"has {part}", f"has it a {part}?", default=usual != "page"):
+        return RobotPart(table.find(part, usual))
     return None
 
 
-def _others(talk: Dialogue, table: Table, parts: Parts) -> None:
+def _choose_other_parts(talk: Dialogue, table: DriverTable, parts: RobotParts) -> None:
     """Ask for parts that do not say that they are there: by any driver, also one of another distribution."""
-    free = [kind for kind, it in KINDS.items() if it.several or kind not in parts or parts[kind].port is None]
+    free = [kind for kind, it in KINDS.items() if it.allows_several or kind not in parts or parts[kind].port is None]
     names = {f"{kind}.{name}": (kind, name) for kind in free for name in table.names(kind)}
 
     def check(answer: str) -> None:
-        for word in _words(answer):
+        for word in _split_answer(answer):
             if word not in names:
                 raise ValueError(f"'{word}' is none of: {', '.join(names)}")
             try:
@@ -233,48 +272,48 @@ def _others(talk: Dialogue, table: Table, parts: Parts) -> None:
             except BrokenDriver as error:
                 raise ValueError(f"'{word}' cannot be used: {error}") from error
 
-    if not (talk.yes or talk.knows("others")):
-        talk.tell("what there is a driver of:")
+    if not (talk.yes or talk.has_answer("others")):
+        talk.print("what there is a driver of:")
         for kind in free:
-            talk.tell(f"  {kind}: {', '.join(f'{kind}.{name}' for name in table.names(kind))}")
+            talk.print(f"  {kind}: {', '.join(f'{kind}.{name}' for name in table.names(kind))}")
     question = "what else has it? none, or some of these, with commas between them"
-    for place, word in enumerate(_words(talk.text("others", question, NONE, check))):
+    for place, word in enumerate(_split_answer(talk.ask_text("others", question, NONE, check))):
         driver = table.find(*names[word])
-        if driver.kind in parts and KINDS[driver.kind].several:
-            _add(talk, parts, f"name {place} {word}", driver, Part(driver))
+        if driver.kind in parts and KINDS[driver.kind].allows_several:
+            _add_part(talk, parts, f"name {place} {word}", driver, RobotPart(driver))
         else:
-            parts[driver.kind] = Part(driver)
+            parts[driver.kind] = RobotPart(driver)
 
 
-def _words(answer: str) -> list[str]:
+def _split_answer(answer: str) -> list[str]:
     return [] if answer == NONE else [word.strip() for word in answer.split(",")]
 
 
-def _title(found: Found) -> str:
-    return f"{found.about or found.driver.about.rstrip('.')} at {found.port.path}"
+def _device_title(device: ProbedDevice) -> str:
+    return f"{device.about or device.driver.about.rstrip('.')} at {device.port.path}"
 
 
-def _found_part(each: Found, model: Model | None) -> Part:
+def _part_of_device(device: ProbedDevice, reference: ReferenceRobot | None) -> RobotPart:
     section: dict[str, Any] = {}
-    same_servos = model is not None and model.fits(each)
-    if model is not None and model.drivers.get(each.driver.kind) == each.driver:
-        section = model.section(each.driver.kind)
-        if each.units and not same_servos:
+    same_servos = reference is not None and reference.matches(device)
+    if reference is not None and reference.drivers.get(device.driver.kind) == device.driver:
+        section = reference.section(device.driver.kind)
+        if device.units and not same_servos:
             section = {key: it for key, it in section.items() if key not in {"joints", "groups", "calibration"}}
-    return Part(
-        each.driver,
-        {**dict.fromkeys(("port", *section)), **section, **each.keys, "port": each.port.call},  # the port first
-        each.port,
-        each.units,
+    return RobotPart(
+        device.driver,
+        {**dict.fromkeys(("port", *section)), **section, **device.keys, "port": device.port.call},  # the port first
+        device.port,
+        device.units,
     )
 
 
-def _usual(kind: str, desk: Desk) -> str:
+def _default_driver(kind: str, scan: HardwareScan) -> str:
     """Return the driver of a part that a robot may have without a port; empty where nothing of it is plugged in."""
     there = {
-        "camera": bool(desk.cameras),
-        "microphone": any(card.hears for card in desk.sounds),
+        "camera": bool(scan.cameras),
+        "microphone": any(card.hears for card in scan.sound_cards),
         "voice": True,
         "screen": True,
     }
-    return KINDS[kind].usual if there.get(kind, False) else ""
+    return KINDS[kind].default_driver if there.get(kind, False) else ""

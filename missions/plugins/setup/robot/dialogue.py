@@ -10,80 +10,80 @@ from typing import Any
 import click
 
 from config.reading import read_regular_text, save_file
-from missions.cli.keys import Keys
+from missions.cli.keys import KeyReader
 
-LOOK = 0.05
+POLL_INTERVAL = 0.05
 """Seconds between two looks while Enter is waited for."""
 
 
 class Dialogue:
-    """Asks, and keeps each answer under its key in the file ``kept``; what is there already is not asked again.
+    """Asks, and keeps each answer under its key in the file ``is_saved``; what is there already is not asked again.
 
     With ``yes`` it takes the default of every question, and asks nothing: what has none, or would move a robot, change
     a servo or need a hand is left out.
     """
 
-    def __init__(self, kept: Path, *, yes: bool = False) -> None:
+    def __init__(self, file: Path, *, yes: bool = False) -> None:
         self.yes = yes
-        self.asked = 0
-        self._kept = kept
+        self.question_count = 0
+        self._file = file
         self._answers: dict[str, Any] = {}
-        self._unkept = False
+        self._save_failed = False
         with suppress(OSError, ValueError, TypeError, RecursionError):  # none, or not to be read: as if there were none
-            if kept.is_file():
-                self._answers = dict(json.loads(read_regular_text(kept)))
+            if file.is_file():
+                self._answers = dict(json.loads(read_regular_text(file)))
 
     @property
-    def begun(self) -> bool:
+    def has_answers(self) -> bool:
         """Whether there are answers, from before or of now."""
         return bool(self._answers)
 
     @property
-    def kept(self) -> bool:
+    def is_saved(self) -> bool:
         """Whether there are answers, and the next dialogue will have them all."""
-        return self.begun and not self._unkept
+        return self.has_answers and not self._save_failed
 
-    def tell(self, *lines: str) -> None:
+    def print(self, *lines: str) -> None:
         """Say something."""
         for line in lines:
             click.echo(line)
 
-    def knows(self, key: str) -> bool:
+    def has_answer(self, key: str) -> bool:
         """Whether there is an answer under a key."""
         return key in self._answers
 
-    def text(
+    def ask_text(
         self, key: str, question: str, default: str | None = None, check: Callable[[str], object] = lambda _: None
     ) -> str:
         """Ask for a text; ``check`` raises ValueError, in words, for what cannot be."""
         kept = self._answers.get(key)
         while True:
-            answer = kept if isinstance(kept, str) else self._asked(question, default)
+            answer = kept if isinstance(kept, str) else self._prompt(question, default)
             try:
                 check(answer)
             except ValueError as error:
                 if self.yes:
                     raise click.UsageError(f"{question}: {error}") from None
-                self.tell(f"  {error}")
+                self.print(f"  {error}")
                 kept = None
                 continue
             if kept is not None:
-                return self._again(question, answer)
+                return self._repeat_answer(question, answer)
             if not self.yes:  # a default that nobody has seen is no answer for a later dialogue
-                self.keep(key, answer)
+                self.save_answer(key, answer)
             return answer
 
-    def choice(self, key: str, question: str, among: Sequence[str], default: str | None) -> str:
+    def ask_choice(self, key: str, question: str, choices: Sequence[str], default: str | None) -> str:
         """Ask for one of several words; its number will do, too. Without a default one has to be named."""
 
         def check(answer: str) -> None:
-            _chosen(answer, among)
+            _match_choice(answer, choices)
 
         if key not in self._answers and not self.yes:
-            self.tell(*(f"  {number}  {word}" for number, word in enumerate(among, 1)))
-        return _chosen(self.text(key, question, default, check), among)
+            self.print(*(f"  {number}  {word}" for number, word in enumerate(choices, 1)))
+        return _match_choice(self.ask_text(key, question, default, check), choices)
 
-    def confirm(self, key: str, question: str, *, default: bool) -> bool:
+    def ask_yes_no(self, key: str, question: str, *, default: bool) -> bool:
         """Ask yes or no."""
         shown = "Y/n" if default else "y/N"
         words = {"y": True, "yes": True, "n": False, "no": False, "": default}
@@ -92,79 +92,79 @@ class Dialogue:
             if answer.lower() not in words:
                 raise ValueError("answer y or n")
 
-        return words[self.text(key, f"{question} [{shown}]", "", check).lower()]
+        return words[self.ask_text(key, f"{question} [{shown}]", "", check).lower()]
 
-    def sure(self, question: str) -> bool:
+    def ask_irreversible(self, question: str) -> bool:
         """Ask yes or no for what cannot be undone: no by default, and never kept."""
-        return not self.yes and self._asked(f"{question} [y/N]", "").lower() in {"y", "yes"}
+        return not self.yes and self._prompt(f"{question} [y/N]", "").lower() in {"y", "yes"}
 
-    def consent(self, key: str, question: str) -> bool:
+    def ask_consent(self, key: str, question: str) -> bool:
         """Ask whether something may move or fall: no by default. Who comes back is asked again, after a yes."""
-        if self.knows(key):
+        if self.has_answer(key):
             return False
-        agreed = self.sure(question)
+        agreed = self.ask_irreversible(question)
         if not agreed and not self.yes:
-            self.keep(key, "n")
+            self.save_answer(key, "n")
         return agreed
 
-    def measured(self, key: str, measure: Callable[[], Any]) -> Any:
+    def measure_once(self, key: str, measure: Callable[[], Any]) -> Any:
         """Return what was measured, as JSON has it: now, or before the dialogue was left."""
         if key not in self._answers:
-            self.keep(key, measure())
+            self.save_answer(key, measure())
         return self._answers[key]
 
-    def watch(self, look: Callable[[], object], question: str) -> None:
+    def watch_until_enter(self, look: Callable[[], object], question: str) -> None:
         """Look again and again until Enter is pressed; nothing of it is kept."""
-        self.asked += 1
-        self.tell(question)
+        self.question_count += 1
+        self.print(question)
         look()
         if sys.stdin.isatty():
-            with Keys(sys.stdin.fileno()) as keys:
-                while keys.read(LOOK) not in {"enter", "end"}:
+            with KeyReader(sys.stdin.fileno()) as keys:
+                while keys.read(POLL_INTERVAL) not in {"enter", "end"}:
                     look()
         elif not sys.stdin.readline():
             raise click.Abort
         look()
 
-    def keep(self, key: str, answer: Any) -> None:
+    def save_answer(self, key: str, answer: Any) -> None:
         """Keep an answer, whole or not at all; where that cannot be, for this dialogue only."""
         self._answers[key] = answer
         try:
-            self._kept.parent.mkdir(parents=True, exist_ok=True)
-            save_file(self._kept, json.dumps(self._answers, ensure_ascii=False, indent=1))
-            self._unkept = False
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            save_file(self._file, json.dumps(self._answers, ensure_ascii=False, indent=1))
+            self._save_failed = False
         except OSError as error:
-            if not self._unkept:
-                self.tell(f"answers cannot be kept: {self._kept}: {error.strerror or error}")
-            self._unkept = True
+            if not self._save_failed:
+                self.print(f"answers cannot be kept: {self._file}: {error.strerror or error}")
+            self._save_failed = True
 
-    def forget(self, beginning: str = "") -> None:
+    def forget_answers(self, prefix: str = "") -> None:
         """Forget the answers whose keys begin so; all of them, and the file, for nothing."""
-        self._answers = {key: answer for key, answer in self._answers.items() if not key.startswith(beginning)}
+        self._answers = {key: answer for key, answer in self._answers.items() if not key.startswith(prefix)}
         if not self._answers:
             with suppress(OSError):
-                self._kept.unlink(missing_ok=True)
+                self._file.unlink(missing_ok=True)
 
-    def _asked(self, question: str, default: str | None) -> str:
+    def _prompt(self, question: str, default: str | None) -> str:
         if self.yes:
             if default is None:
                 raise click.UsageError(f"{question}: there is no default for it; leave out --yes")
             return default
-        self.asked += 1
+        self.question_count += 1
         suffix = f" ({default})" if default else ""
         answer = str(click.prompt(f"{question}{suffix}", default="", show_default=False)).strip()
         return answer or default or ""
 
-    def _again(self, question: str, answer: str) -> str:
+    def _repeat_answer(self, question: str, answer: str) -> str:
         if not self.yes:
-            self.tell(f"{question}: {answer or 'as proposed'}  (answered before)")
+            self.print(f"{question}: {answer or 'as proposed'}  (answered before)")
         return answer
 
 
-def _chosen(answer: str, among: Sequence[str]) -> str:
+def _match_choice(answer: str, choices: Sequence[str]) -> str:
     """Return the word that is meant. Raises ValueError."""
-    if answer in among:
+    if answer in choices:
         return answer
-    if answer.isdecimal() and 0 < int(answer) <= len(among):
-        return among[int(answer) - 1]
-    raise ValueError(f"'{answer}' is none of: {', '.join(among)}")
+    if answer.isdecimal() and 0 < int(answer) <= len(choices):
+        return choices[int(answer) - 1]
+    raise ValueError(f"'{answer}' is none of: {', '.join(choices)}")

@@ -7,37 +7,37 @@ from typing import Any
 
 import click
 
-from config.defaults import FILE, config_folder, drop_default, keep_default, load_defaults
+from config.defaults import DEFAULTS_FILE, config_folder, load_defaults, remove_default, set_default
 from config.editing import NotEditableError
-from config.faults import InvalidFileError, Source
-from config.library import UnknownNameError, find, shipped
+from config.faults import InvalidFileError, SourceText
+from config.library import UnknownNameError, find_file, shipped_files
 from config.reading import save_file
 from config.robot import RobotConfig
-from config.writing import word, write_new
+from config.writing import write_new, yaml_word
 from drivers.api.driver import Driver
 from drivers.errors import DriverError
-from drivers.finding.asking import PATIENCE
-from drivers.finding.machine import Machine
+from drivers.finding.asking import EXTRA_TIMEOUT
+from drivers.finding.machine import HostMachine
 from drivers.servos.declared import DynamixelKeys
 from missions.cli.keys import interruptible
 from missions.cli.names import ROBOT
-from missions.cli.outputs import check_writable, writing
+from missions.cli.outputs import check_writable, report_write_errors
 from missions.cli.root import SUCCESS
-from missions.library.drivers import Table, load_robot, robot_of
+from missions.library.drivers import DriverTable, load_robot, parse_robot
 from missions.library.folders import state_folder
 from missions.library.shipped import load_mission
 from missions.library.target import target_of
 from missions.plugins.setup.ports import root_option
-from missions.plugins.setup.robot.choosing import choose, like
-from missions.plugins.setup.robot.desk import Found, plugged_in
+from missions.plugins.setup.robot.choosing import choose_parts, choose_reference
+from missions.plugins.setup.robot.desk import ProbedDevice, scan_devices
 from missions.plugins.setup.robot.dialogue import Dialogue
-from missions.plugins.setup.robot.parts import Part, figures, robot_text, udev_rules
-from missions.plugins.setup.robot.servos import find_limits, name_joints, part_ids, take_calibration, take_limits
-from missions.plugins.setup.robot.trying import photograph, try_head
+from missions.plugins.setup.robot.parts import RobotPart, ask_figures, robot_text, udev_rules
+from missions.plugins.setup.robot.servos import adopt_limits, assign_ids, find_limits, name_joints, offer_calibration
+from missions.plugins.setup.robot.trying import try_camera, try_head
 
 # What a robot may do first: proposed to who has made one, or has made one this computer's.
 
-FIRST: Sequence[tuple[str, Mapping[str, str]]] = (
+FIRST_MISSIONS: Sequence[tuple[str, Mapping[str, str]]] = (
     ("greet", {}),
     ("square_3m", {}),
     ("wave", {}),
@@ -48,9 +48,9 @@ FIRST: Sequence[tuple[str, Mapping[str, str]]] = (
 """Missions with params, of which the first that a robot can do is proposed."""
 
 
-def able(config: RobotConfig) -> str:
+def suggest_mission(config: RobotConfig) -> str:
     """Return a mission that the robot can do, as it is typed; empty where it can do none of the first."""
-    for mission, params in FIRST:
+    for mission, params in FIRST_MISSIONS:
         with suppress(InvalidFileError, UnknownNameError):
             load_mission(mission, params=params, robot=target_of(config))
             return " ".join([mission, *(f"--param {name}={value}" for name, value in params.items())])
@@ -72,37 +72,37 @@ def use(name: str | None, no_robot: bool) -> int:
     if no_robot == (name is not None):
         raise click.UsageError("name a robot, or say --none: one of them")
     if name is None:
-        return _forget()
-    path = find("robots", name)
+        return _forget_robot()
+    path = find_file("robots", name)
     config = load_robot(path)
-    stays = name if name in shipped("robots") or not Path(name).is_file() else str(path.resolve())
+    stays = name if name in shipped_files("robots") or not Path(name).is_file() else str(path.resolve())
     try:
-        with writing(config_folder() / FILE, "NAME"):
-            kept = keep_default("robot", word(stays))
+        with report_write_errors(config_folder() / DEFAULTS_FILE, "NAME"):
+            kept = set_default("robot", yaml_word(stays))
     except NotEditableError as error:
         raise click.UsageError(str(error)) from error
     click.echo(f"{stays} is this computer's robot now: {kept}")
-    mission = able(config)
+    mission = suggest_mission(config)
     click.echo(f"  next: mission run {mission} --robot mine" if mission else "  next: mission robot check")
     return SUCCESS
 
 
-def _forget() -> int:
+def _forget_robot() -> int:
     """Let this computer have no robot of its own."""
     before = load_defaults().robot
     if not before:
         click.echo("this computer has no robot of its own")
         return SUCCESS
     try:
-        with writing(config_folder() / FILE, "--none"):
-            kept = drop_default("robot")
+        with report_write_errors(config_folder() / DEFAULTS_FILE, "--none"):
+            kept = remove_default("robot")
     except NotEditableError as error:
         raise click.UsageError(str(error)) from error
     click.echo(f"{before} is this computer's robot no more: {kept}")
     return SUCCESS
 
 
-LONGEST = 64
+MAX_NAME_LENGTH = 64
 """Letters that the name of a robot may have."""
 
 
@@ -126,137 +126,141 @@ def new(yes: bool, fresh: bool, output: Path | None, root: Path) -> int:
     """
     talk = Dialogue(state_folder() / "robot_new.json", yes=yes)
     if fresh:
-        talk.forget()
+        talk.forget_answers()
     try:
         with interruptible():
-            return dialogue(talk, Machine(root), output)
+            return run_dialogue(talk, HostMachine(root), output)
     except (click.Abort, KeyboardInterrupt):
         kept = "your answers are kept; `mission robot new` goes on from here, --fresh begins anew"
-        click.echo(f"\n{kept if talk.kept else 'no answers are kept'}", err=True)
+        click.echo(f"\n{kept if talk.is_saved else 'no answers are kept'}", err=True)
         raise
 
 
-def dialogue(talk: Dialogue, machine: Machine, output: Path | None, *, patience: float = PATIENCE) -> int:
+def run_dialogue(
+    talk: Dialogue, machine: HostMachine, output: Path | None, *, extra_timeout: float = EXTRA_TIMEOUT
+) -> int:
     """Ask, and write the file."""
-    if talk.begun:
-        talk.tell("going on from where you left; --fresh begins anew")
-    name = talk.text("name", "what is the robot called?", "my_robot", lambda said: _free(said, output))
+    if talk.has_answers:
+        talk.print("going on from where you left; --fresh begins anew")
+    name = talk.ask_text("name", "what is the robot called?", "my_robot", lambda said: _check_name(said, output))
     path = output or config_folder() / "robots" / f"{name}.yaml"
     if output is None:
-        with writing(path, "-o"):
+        with report_write_errors(path, "-o"):
             path.parent.mkdir(parents=True, exist_ok=True)
     check_writable(path, "-o")
-    table = Table()
-    desk, found = plugged_in(talk, machine, table, patience=patience)
-    model = like(talk, found)
-    parts = choose(talk, table, desk, found, model)
-    summary = talk.text("summary", "what is it, in a line?", f"{', '.join(parts) or 'no parts'}.")
-    config = _filled(talk, machine, name, summary, parts, patience)
-    _tried(talk, machine, parts, config, patience)
-    text = robot_text(name, summary, _sections(parts))
-    config = robot_of(Source(str(path), text), path)
-    talk.tell("", *text.splitlines(), "")
-    if not talk.confirm("write", f"write this to {path}?", default=True):
-        talk.forget("write")
+    table = DriverTable()
+    desk, found = scan_devices(talk, machine, table, extra_timeout=extra_timeout)
+    model = choose_reference(talk, found)
+    parts = choose_parts(talk, table, desk, found, model)
+    summary = talk.ask_text("summary", "what is it, in a line?", f"{', '.join(parts) or 'no parts'}.")
+    config = _fill_sections(talk, machine, name, summary, parts, extra_timeout)
+    _try_parts(talk, machine, parts, config, extra_timeout)
+    text = robot_text(name, summary, _sections_of(parts))
+    config = parse_robot(SourceText(str(path), text), path)
+    talk.print("", *text.splitlines(), "")
+    if not talk.ask_yes_no("write", f"write this to {path}?", default=True):
+        talk.forget_answers("write")
         raise click.Abort
-    used = _is_used(talk, found)
-    return _written(talk, path, text, parts, config, used=used)
+    used = _ask_default_robot(talk, found)
+    return _write_files(talk, path, text, parts, config, is_default=used)
 
 
-def _is_used(talk: Dialogue, found: Sequence[Found]) -> bool:
+def _ask_default_robot(talk: Dialogue, devices: Sequence[ProbedDevice]) -> bool:
     """Ask whether the new robot becomes this computer's own: not with --yes, nor where nothing of it is plugged in."""
-    if talk.yes or not any(each.about or each.units for each in found):
+    if talk.yes or not any(each.about or each.units for each in devices):
         return False
-    return talk.confirm("use", "make it this computer's robot?", default=True)
+    return talk.ask_yes_no("use", "make it this computer's robot?", default=True)
 
 
-def _free(name: str, output: Path | None) -> None:
+def _check_name(name: str, output: Path | None) -> None:
     if not name.replace("-", "_").isidentifier():
         raise ValueError(f"'{name:.40}' is no name: letters, digits and _")
-    if len(name) > LONGEST:
-        raise ValueError(f"a name has at most {LONGEST} letters")
-    if name in shipped("robots"):
+    if len(name) > MAX_NAME_LENGTH:
+        raise ValueError(f"a name has at most {MAX_NAME_LENGTH} letters")
+    if name in shipped_files("robots"):
         raise ValueError(f"{name} ships with MissionTree: give yours another name")
     path = output or config_folder() / "robots" / f"{name}.yaml"
     if path.exists():
         raise ValueError(f"{path} is there already: give another name")
 
 
-def _sections(parts: Mapping[str, Part]) -> dict[str, tuple[Driver, dict[str, Any]]]:
+def _sections_of(parts: Mapping[str, RobotPart]) -> dict[str, tuple[Driver, dict[str, Any]]]:
     return {kind: (part.driver, part.section) for kind, part in parts.items()}
 
 
-def _filled(
-    talk: Dialogue, machine: Machine, name: str, summary: str, parts: dict[str, Part], patience: float
+def _fill_sections(
+    talk: Dialogue, machine: HostMachine, name: str, summary: str, parts: dict[str, RobotPart], extra_timeout: float
 ) -> RobotConfig:
     """Ask for what the sections say, part by part, until the checker likes it.
 
     A part that it does not like whatever is answered, as a neck without an arm, can be left out of the ``parts``.
     """
-    whole: dict[str, Part] = {}
+    whole: dict[str, RobotPart] = {}
     for kind in sorted(parts, key=lambda kind: (bool(parts[kind].driver.needs), list(parts).index(kind))):
         part, before, told = parts[kind], dict(parts[kind].section), ""
         while True:
             if issubclass(part.driver.keys, DynamixelKeys):
-                _servos(talk, machine, kind, part, max(patience, 0.004))
+                _ask_servos(talk, machine, kind, part, max(extra_timeout, 0.004))
                 if not part.section["joints"]:
-                    talk.tell(f"the {kind} is left out: the model of none of its servos is known")
+                    talk.print(f"the {kind} is left out: the model of none of its servos is known")
                     del parts[kind]
                     break
-            figures(talk, kind, part)
+            ask_figures(talk, kind, part)
             try:
-                robot_of(Source(name, robot_text(name, summary, _sections({**whole, kind: part}))))
+                parse_robot(SourceText(name, robot_text(name, summary, _sections_of({**whole, kind: part}))))
                 whole[kind] = part
                 break
             except InvalidFileError as error:
                 if talk.yes:
                     raise
-                talk.tell(str(error))
+                talk.print(str(error))
                 again, told = told == str(error), str(error)
-            if again and talk.confirm(f"{kind}?out", f"the same again: leave the {kind} out?", default=True):
+            if again and talk.ask_yes_no(f"{kind}?out", f"the same again: leave the {kind} out?", default=True):
                 del parts[kind]
                 break
-            talk.tell(f"so the questions about the {kind} come again")
+            talk.print(f"so the questions about the {kind} come again")
             for ending in ". ?":
-                talk.forget(f"{kind}{ending}")
+                talk.forget_answers(f"{kind}{ending}")
             part.section = dict(before)
-    return robot_of(Source(name, robot_text(name, summary, _sections(parts))))
+    return parse_robot(SourceText(name, robot_text(name, summary, _sections_of(parts))))
 
 
-def _servos(talk: Dialogue, machine: Machine, arm: str, part: Part, patience: float) -> None:
+def _ask_servos(talk: Dialogue, machine: HostMachine, arm: str, part: RobotPart, extra_timeout: float) -> None:
     """Ask for IDs, calibration and names of the servos of an arm, by its name."""
     if part.port is None:
         name_joints(talk, arm, part)
         return
-    path = str(machine.at(part.port.path))
-    part_ids(talk, arm, part, path, patience=patience)
-    take_calibration(talk, arm, part, path, patience=patience)
+    path = str(machine.local_path(part.port.path))
+    assign_ids(talk, arm, part, path, extra_timeout=extra_timeout)
+    offer_calibration(talk, arm, part, path, extra_timeout=extra_timeout)
     name_joints(talk, arm, part)
-    take_limits(talk, arm, part, path, patience=patience)
+    adopt_limits(talk, arm, part, path, extra_timeout=extra_timeout)
 
 
-def _tried(talk: Dialogue, machine: Machine, parts: Mapping[str, Part], config: RobotConfig, patience: float) -> None:
+def _try_parts(
+    talk: Dialogue, machine: HostMachine, parts: Mapping[str, RobotPart], config: RobotConfig, extra_timeout: float
+) -> None:
     """Find out by hand and by eye what no wire tells. What goes wrong is told, and left out."""
-    paths = {kind: str(machine.at(part.port.path)) for kind, part in parts.items() if part.port is not None}
+    paths = {kind: str(machine.local_path(part.port.path)) for kind, part in parts.items() if part.port is not None}
     try:
         for name, part in parts.items():
             if part.driver.kind == "arm" and name in paths:
-                find_limits(talk, name, part, config, paths[name], patience=max(patience, 0.004))
+                find_limits(talk, name, part, config, paths[name], extra_timeout=max(extra_timeout, 0.004))
         for name, part in parts.items():
             if part.driver.kind == "head":
                 needs = part.driver.needs or (name,)
-                there = machine.at(f"/dev/i2c-{getattr(config.sections[name].keys, 'bus', '')}").exists()
+                there = machine.local_path(f"/dev/i2c-{getattr(config.sections[name].keys, 'bus', '')}").exists()
                 reached = {kind: path for kind, path in paths.items() if kind in needs}
-                try_head(talk, parts, config, reached, name=name, there=there)
+                try_head(talk, parts, config, reached, name=name, reachable=there)
     except DriverError as error:
-        talk.tell(f"{error}", f"  try: {error.hint}" if error.hint else "  left out")
+        talk.print(f"{error}", f"  try: {error.hint}" if error.hint else "  left out")
     camera = config.sections.get("camera")
     if camera is not None and camera.driver.checkup:
-        photograph(talk, camera)
+        try_camera(talk, camera)
 
 
-def _written(
-    talk: Dialogue, path: Path, text: str, parts: Mapping[str, Part], config: RobotConfig, *, used: bool
+def _write_files(
+    talk: Dialogue, path: Path, text: str, parts: Mapping[str, RobotPart], config: RobotConfig, *, is_default: bool
 ) -> int:
     """Write the files, and say what to type next."""
     name = config.name
@@ -265,23 +269,23 @@ def _written(
         write_new(path, text)
     except FileExistsError as error:
         raise click.UsageError(str(error)) from error
-    talk.tell(f"wrote {path}")
+    talk.print(f"wrote {path}")
     rules = udev_rules(name, {kind: part.port for kind, part in parts.items() if part.port is not None})
     if rules:
         beside = path.with_suffix(".rules")
         save_file(beside, rules)
-        talk.tell(f"wrote {beside}: names, rights and speed of its ports; to install it:")
-        talk.tell(f"  sudo cp {beside} /etc/udev/rules.d/99-{name}.rules && sudo udevadm control --reload")
+        talk.print(f"wrote {beside}: names, rights and speed of its ports; to install it:")
+        talk.print(f"  sudo cp {beside} /etc/udev/rules.d/99-{name}.rules && sudo udevadm control --reload")
     called = name if path.parent == config_folder() / "robots" else str(path)
-    if used:
+    if is_default:
         with suppress(NotEditableError):
-            keep_default("robot", called if called == name else str(path.resolve()))
+            set_default("robot", called if called == name else str(path.resolve()))
     elif (mine := load_defaults().robot) != called:
-        talk.tell(f"this computer's robot stays {mine or 'none'}; to change that: mission robot use {called}")
-    talk.forget()
-    talk.tell("next:", f"  mission robot check {called}")
-    mission = able(config)
+        talk.print(f"this computer's robot stays {mine or 'none'}; to change that: mission robot use {called}")
+    talk.forget_answers()
+    talk.print("next:", f"  mission robot check {called}")
+    mission = suggest_mission(config)
     if mission:
-        talk.tell(f"  mission run {mission} --robot {called} --simulate   (nothing moves)")
-        talk.tell(f"  mission run {mission} --robot {called}")
+        talk.print(f"  mission run {mission} --robot {called} --simulate   (nothing moves)")
+        talk.print(f"  mission run {mission} --robot {called}")
     return SUCCESS

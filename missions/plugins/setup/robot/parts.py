@@ -10,19 +10,19 @@ import yaml
 
 from config.declared import read_value
 from drivers.api.driver import Driver
-from drivers.api.keys import Key, declared
+from drivers.api.keys import Key, declared_keys
 from drivers.api.kinds import KINDS
-from drivers.api.sections import Wired
-from drivers.finding.serial_ports import SerialPort
-from missions.plugins.schema.keys import bounds_told, shown_default
+from drivers.api.sections import SerialKeys
+from drivers.finding.serial_ports import SerialPortInfo
+from missions.plugins.schema.keys import bounds_text, format_default
 from missions.plugins.setup.robot.dialogue import Dialogue
 
 # A robot file as text, with a comment behind each figure; and the udev rules of its ports.
 
-WIDTH = 30
+COMMENT_COLUMN = 30
 """Where comments begin, at the least."""
 
-LONGEST = 70
+MAX_COMMENT_LENGTH = 70
 """Letters of a comment at most."""
 
 
@@ -30,39 +30,39 @@ def robot_text(name: str, summary: str, parts: Mapping[str, tuple[Driver, Mappin
     """Return the text of a robot file, of its parts by name."""
     lines = [
         "# Written by `mission robot new`, to be changed as you like; docs/robot_files.md has every key.",
-        f"robot: {_plain(name)}",
-        f"summary: {_plain(summary, '{}')}",
+        f"robot: {_quote_if_needed(name)}",
+        f"summary: {_quote_if_needed(summary, '{}')}",
     ]
     for part, (driver, section) in parts.items():
         lines += ["", f"{part}:"] + ([f"  kind: {driver.kind}"] if part != driver.kind else [])
         lines += [f"  driver: {driver.name}  # {driver.about}"]
-        helps = {key.word: key.help for key in declared(driver.keys)}
+        helps = {key.word: key.help for key in declared_keys(driver.keys)}
         for word, value in section.items():
-            lines += _entry(word, value, helps.get(word, ""))
+            lines += _entry_lines(word, value, helps.get(word, ""))
     return "\n".join(lines) + "\n"
 
 
-def _entry(word: str, value: Any, told: str) -> Iterator[str]:
+def _entry_lines(word: str, value: Any, help_text: str) -> Iterator[str]:
     """Yield a key of a section; what holds sections of its own takes a line for each."""
     if isinstance(value, Mapping) and value and all(isinstance(each, Mapping | list) for each in value.values()):
         yield f"  {word}:"
         for name, inner in value.items():
-            yield f"    {_plain(name)}: {flow(inner)}"
+            yield f"    {_quote_if_needed(name)}: {flow_text(inner)}"
         return
-    line, comment = f"  {word}: {flow(value)}", told.partition(". ")[0].rstrip(".")
-    yield f"{line.ljust(WIDTH)}  # {comment}" if comment and len(comment) <= LONGEST else line
+    line, comment = f"  {word}: {flow_text(value)}", help_text.partition(". ")[0].rstrip(".")
+    yield f"{line.ljust(COMMENT_COLUMN)}  # {comment}" if comment and len(comment) <= MAX_COMMENT_LENGTH else line
 
 
-def flow(value: Any) -> str:
+def flow_text(value: Any) -> str:
     """Return a value on one line."""
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{_plain(name)}: {flow(inner)}" for name, inner in value.items()) + "}"
+        return "{" + ", ".join(f"{_quote_if_needed(name)}: {flow_text(inner)}" for name, inner in value.items()) + "}"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(flow(inner) for inner in value) + "]"
-    return _plain(value) if isinstance(value, str) else json.dumps(value)
+        return "[" + ", ".join(flow_text(inner) for inner in value) + "]"
+    return _quote_if_needed(value) if isinstance(value, str) else json.dumps(value)
 
 
-def _plain(text: str, within: str = "[{}]") -> str:
+def _quote_if_needed(text: str, within: str = "[{}]") -> str:
     """Write a text without quotes where YAML takes it for that text, also in a list."""
     try:
         read = yaml.safe_load(within.format(text))
@@ -72,7 +72,7 @@ def _plain(text: str, within: str = "[{}]") -> str:
     return text if plain else json.dumps(text, ensure_ascii=False)
 
 
-def udev_rules(robot: str, ports: Mapping[str, SerialPort]) -> str:
+def udev_rules(robot: str, ports: Mapping[str, SerialPortInfo]) -> str:
     """Return udev rules that give each port, by its part, a name, rights and speed; empty where none is on USB."""
     rules = []
     for kind, port in ports.items():
@@ -89,67 +89,71 @@ def udev_rules(robot: str, ports: Mapping[str, SerialPort]) -> str:
     return "".join(f"{rule}\n" for rule in [f"# The serial ports of {robot}.", *rules]) if rules else ""
 
 
-PLAIN = {"text", "choice", "flag", "number", "integer", "quantity", "span", "vector"}
+ONE_LINE_FORMS = {"text", "choice", "flag", "number", "integer", "quantity", "span", "vector"}
 """Forms of keys that are typed on one line."""
 
-APART = {"port", "baud", "joints", "groups", "source"}
+SEPARATE_KEYS = {"port", "baud", "joints", "groups", "source"}
 """Keys that are found out otherwise."""
 
 
 @dataclass(slots=True)
-class Part:
+class RobotPart:
     """A part of the new robot: its driver, what its section says, and where it is plugged in."""
 
     driver: Driver
     section: dict[str, Any] = field(default_factory=dict)
-    port: SerialPort | None = None
+    port: SerialPortInfo | None = None
     units: tuple[tuple[int, str, str], ...] = ()
 
 
-def figures(talk: Dialogue, kind: str, part: Part) -> None:
+def ask_figures(talk: Dialogue, kind: str, part: RobotPart) -> None:
     """Ask for what the section of a part, by its name, must say, and, where it is wished, for what it may."""
     cls = part.driver.keys
-    if issubclass(cls, Wired) and "port" not in part.section:
-        port = next(key for key in declared(cls) if key.word == "port")
-        part.section = {"port": _ask(talk, kind, port, "/dev/ttyUSB0"), **part.section}
-    _required(talk, kind, cls, part.section)
+    if issubclass(cls, SerialKeys) and "port" not in part.section:
+        port = next(key for key in declared_keys(cls) if key.word == "port")
+        part.section = {"port": _ask_key(talk, kind, port, "/dev/ttyUSB0"), **part.section}
+    _ask_required(talk, kind, cls, part.section)
     if kind == "camera":
-        for key in declared(cls):
+        for key in declared_keys(cls):
             if key.word in {"source", "position", "field_of_view"}:
-                _optional(talk, kind, key, part.section)
-    if not KINDS[part.driver.kind].wired:
+                _ask_optional(talk, kind, key, part.section)
+    if not KINDS[part.driver.kind].has_port:
         return
-    words = [key for key in declared(cls) if not key.required and key.form in PLAIN and key.word not in APART]
+    words = [
+        key
+        for key in declared_keys(cls)
+        if not key.required and key.form in ONE_LINE_FORMS and key.word not in SEPARATE_KEYS
+    ]
     names = ", ".join(key.word for key in words[:4])
-    if words and talk.confirm(f"{kind}?", f"other figures of the {kind}, such as {names}?", default=False):
+    if words and talk.ask_yes_no(f"{kind}?", f"other figures of the {kind}, such as {names}?", default=False):
         for key in words:
-            _optional(talk, kind, key, part.section)
+            _ask_optional(talk, kind, key, part.section)
 
 
-def _required(talk: Dialogue, at: str, cls: type, section: dict[str, Any]) -> None:
-    for key in declared(cls):
-        if not key.required or key.word in APART:
+def _ask_required(talk: Dialogue, at: str, cls: type, section: dict[str, Any]) -> None:
+    for key in declared_keys(cls):
+        if not key.required or key.word in SEPARATE_KEYS:
             continue
         if key.form == "section" and key.of is not None:
             section[key.word] = dict(section.get(key.word, {}))
-            _required(talk, f"{at}.{key.word}", key.of, section[key.word])
+            _ask_required(talk, f"{at}.{key.word}", key.of, section[key.word])
         elif key.word not in section:
-            section[key.word] = _ask(talk, at, key, None)
+            section[key.word] = _ask_key(talk, at, key, None)
 
 
-def _optional(talk: Dialogue, at: str, key: Key, section: dict[str, Any]) -> None:
-    usual = shown_default(key)
-    found = _ask(talk, at, key, flow(section[key.word]) if key.word in section else usual)
-    if found is not None and (key.word in section or flow(found) != usual):
+def _ask_optional(talk: Dialogue, at: str, key: Key, section: dict[str, Any]) -> None:
+    usual = format_default(key)
+    found = _ask_key(talk, at, key, flow_text(section[key.word]) if key.word in section else usual)
+    if found is not None and (key.word in section or flow_text(found) != usual):
         section[key.word] = found
 
 
-def _ask(talk: Dialogue, at: str, key: Key, default: str | None) -> Any:
-    bounds = bounds_told(key)
+def _ask_key(talk: Dialogue, at: str, key: Key, default: str | None) -> Any:
+    bounds = bounds_text(key)
     question = f"{at} {key.word}: {key.help}" + (f" {bounds}" if bounds else "")
 
     def check(answer: str) -> None:
         if answer or default is None:
             read_value(key, answer)
 
-    return yaml.safe_load(talk.text(f"{at}.{key.word}", question, default, check))
+    return yaml.safe_load(talk.ask_text(f"{at}.{key.word}", question, default, check))

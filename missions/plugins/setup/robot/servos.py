@@ -6,42 +6,42 @@ from math import ceil, degrees, floor, radians
 from typing import Any
 
 from config.robot import RobotConfig
-from config.units import written
+from config.units import quantity_text
 from drivers.clock import SystemClock
 from drivers.errors import DriverError
-from drivers.servos.bus import At, Bus
-from drivers.servos.census import Found, census
+from drivers.servos.bus import ServoAddress, ServoBus
+from drivers.servos.census import ScannedServo, scan_bus
 from drivers.servos.declared import DynamixelKeys, JointKeys
 from drivers.servos.feetech import FeetechKeys
-from drivers.servos.identification import require_sole
+from drivers.servos.identification import require_unique_id
 from drivers.servos.joint import Joint
-from drivers.servos.lerobot import Calibrated, calibration_of, is_wheel
-from drivers.servos.make import joints as specs
+from drivers.servos.lerobot import CalibrationSettings, is_wheel, match_calibration
+from drivers.servos.make import joint_specs as specs
 from drivers.servos.models import MODELS
-from drivers.servos.probe import IDS, TWO
-from drivers.servos.settings import apply, planned
+from drivers.servos.probe import DUPLICATE_ID, PROBED_IDS
+from drivers.servos.settings import apply_changes, plan_changes
 from drivers.servos.units import baud_code
 from missions.plugins.setup.robot.dialogue import Dialogue
-from missions.plugins.setup.robot.parts import Part
+from missions.plugins.setup.robot.parts import RobotPart
 from missions.plugins.setup.servo.bench import REPLY_TIMEOUT
-from missions.plugins.setup.servo.calibrate import Turned
-from missions.plugins.setup.servo.ranges import ranged
+from missions.plugins.setup.servo.calibrate import JointTravel
+from missions.plugins.setup.servo.ranges import with_range
 
-MARGIN = radians(2)
+LIMIT_MARGIN = radians(2)
 """How far before the ends that were touched the limits lie."""
 
-DELIVERED = (1_000_000, 57_600)
+FACTORY_BAUD_RATES = (1_000_000, 57_600)
 
 
 @contextmanager
-def opened(path: str, baud: int, patience: float) -> Iterator[Bus]:
+def open_servo_bus(path: str, baud: int, extra_timeout: float) -> Iterator[ServoBus]:
     """Open a bus; close it whatever comes. Raises NotConnected."""
-    with closing(Bus(path, SystemClock(), baud=baud, patience=patience)) as bus:
+    with closing(ServoBus(path, SystemClock(), baud=baud, reply_timeout=extra_timeout)) as bus:
         bus.open()
         yield bus
 
 
-def name_joints(talk: Dialogue, arm: str, part: Part) -> None:
+def name_joints(talk: Dialogue, arm: str, part: RobotPart) -> None:
     """Give each servo of an ``arm`` (its name) a joint's name, unless the robot that it is like has named them."""
     if "joints" in part.section:
         return
@@ -55,133 +55,133 @@ def name_joints(talk: Dialogue, arm: str, part: Part) -> None:
 
     usual = JointKeys(id=0).model
     if not part.units:
-        talk.tell("no servo has answered: their IDs are taken as you say")
-        count = int(talk.text(f"{arm} count", f"how many servos has the {arm}?", "1", _count))
-        kind = _model(talk, f"{arm} model", f"which model are the servos of the {arm}?", part, usual)
+        talk.print("no servo has answered: their IDs are taken as you say")
+        count = int(talk.ask_text(f"{arm} count", f"how many servos has the {arm}?", "1", _check_count))
+        kind = _ask_model(talk, f"{arm} model", f"which model are the servos of the {arm}?", part, usual)
         part.units = tuple((number, kind, "") for number in range(1, count + 1))
     for number, told, _ in sorted(part.units):
         model = told
         if told not in MODELS:
-            question = f"which model is servo {number}, which says: {told}? '{LEFT_OUT}' leaves it out"
-            model = _model(talk, f"{arm} model {number}", question, part, LEFT_OUT)
-            if model == LEFT_OUT:
-                talk.tell(f"  servo {number} is left out")
+            question = f"which model is servo {number}, which says: {told}? '{NO_MODEL}' leaves it out"
+            model = _ask_model(talk, f"{arm} model {number}", question, part, NO_MODEL)
+            if model == NO_MODEL:
+                talk.print(f"  servo {number} is left out")
                 continue
         of = "" if arm == "arm" else f" of the {arm}"
         question = f"what moves servo {number}{of} ({model})?"
-        name = talk.text(f"{arm} joint {number}", question, f"joint{number}", check)
+        name = talk.ask_text(f"{arm} joint {number}", question, f"joint{number}", check)
         joints[name] = {"id": number} | ({} if model == usual else {"model": model})
     part.section["joints"] = joints
 
 
-LEFT_OUT = "none"
+NO_MODEL = "none"
 
 
-def _model(talk: Dialogue, key: str, question: str, part: Part, default: str) -> str:
+def _ask_model(talk: Dialogue, key: str, question: str, part: RobotPart, default: str) -> str:
     """Ask which model servos are that do not say so: one that the driver of the part knows."""
     among = [name for name, model in MODELS.items() if (model.protocol == "STS") == (part.driver.name == "feetech")]
-    usual = default if default in (LEFT_OUT, *among) else among[0]
+    usual = default if default in (NO_MODEL, *among) else among[0]
 
     def check(answer: str) -> None:
         if answer != usual and answer not in among:
             raise ValueError(f"'{answer:.40}' is none of: {', '.join(among)}")
 
-    return talk.text(key, question, usual, check)
+    return talk.ask_text(key, question, usual, check)
 
 
-def _count(answer: str) -> None:
-    if not answer.isdecimal() or not 0 < int(answer) <= len(IDS):
-        raise ValueError(f"say a number from 1 to {len(IDS)}")
+def _check_count(answer: str) -> None:
+    if not answer.isdecimal() or not 0 < int(answer) <= len(PROBED_IDS):
+        raise ValueError(f"say a number from 1 to {len(PROBED_IDS)}")
 
 
-def part_ids(talk: Dialogue, arm: str, part: Part, path: str, *, patience: float = REPLY_TIMEOUT) -> None:
+def assign_ids(talk: Dialogue, arm: str, part: RobotPart, path: str, *, extra_timeout: float = REPLY_TIMEOUT) -> None:
     """Give servos that share an ID new ones, one after another: each write into the EEPROM is asked for."""
-    if not any(trouble == TWO for _, _, trouble in part.units):
+    if not any(trouble == DUPLICATE_ID for _, _, trouble in part.units):
         return
-    talk.tell("two servos have one ID; servos are delivered with ID 1")
-    if talk.yes or not talk.confirm(f"{arm} ids", "give them new IDs now? it writes their EEPROM", default=False):
-        talk.tell("left as they are: mission servo set 1 id NEW --port PORT, with one plugged in alone")
+    talk.print("two servos have one ID; servos are delivered with ID 1")
+    if talk.yes or not talk.ask_yes_no(f"{arm} ids", "give them new IDs now? it writes their EEPROM", default=False):
+        talk.print("left as they are: mission servo set 1 id NEW --port PORT, with one plugged in alone")
         return
-    baud, taken = int(part.section.get("baud", DELIVERED[0])), dict[int, str]()
+    baud, taken = int(part.section.get("baud", FACTORY_BAUD_RATES[0])), dict[int, str]()
     while True:
         step = f"{arm} id {len(taken)}"
         question = "plug in one servo alone; how is its new ID? 'done' after the last"
-        free = next(number for number in range(1, len(IDS)) if number not in taken)
-        answer = talk.text(step, question, str(free), lambda said: said == "done" or _new_id(said, taken))
+        free = next(number for number in range(1, len(PROBED_IDS)) if number not in taken)
+        answer = talk.ask_text(step, question, str(free), lambda said: said == "done" or _check_new_id(said, taken))
         if answer == "done":
             break
-        model = talk.measured(f"{step} model", lambda: _given(talk, path, baud, int(answer), patience))  # noqa: B023
+        model = talk.measure_once(f"{step} model", lambda: _assign_id(talk, path, baud, int(answer), extra_timeout))  # noqa: B023
         if not model:
-            talk.forget(step)
+            talk.forget_answers(step)
             continue
         taken[int(answer)] = model
     part.units = tuple((number, model, "") for number, model in taken.items())
     if taken:
-        talk.tell("plug them all in again")
+        talk.print("plug them all in again")
 
 
-def _new_id(said: str, taken: Mapping[int, str]) -> bool:
-    if not said.isdecimal() or int(said) not in range(253):
-        raise ValueError(f"'{said}' is no ID: 0 to 252")
-    if int(said) in taken:
-        raise ValueError(f"{said} is another's already")
+def _check_new_id(answer: str, taken: Mapping[int, str]) -> bool:
+    if not answer.isdecimal() or int(answer) not in range(253):
+        raise ValueError(f"'{answer}' is no ID: 0 to 252")
+    if int(answer) in taken:
+        raise ValueError(f"{answer} is another's already")
     return True
 
 
-def _given(talk: Dialogue, path: str, baud: int, new: int, patience: float) -> str:
+def _assign_id(talk: Dialogue, path: str, baud: int, new: int, extra_timeout: float) -> str:
     """Give the one servo that is plugged in a new ID, and return its model; empty where that could not be."""
     try:
-        with opened(path, baud, patience) as bus:
-            found = list(census(bus, tuple(dict.fromkeys((baud, *DELIVERED))), ids=IDS))
+        with open_servo_bus(path, baud, extra_timeout) as bus:
+            found = list(scan_bus(bus, tuple(dict.fromkeys((baud, *FACTORY_BAUD_RATES))), ids=PROBED_IDS))
             one = found[0] if len(found) == 1 else None
-            if one is None or one.model is None or one.garbled:
-                talk.tell(f"  {len(found) or 'no'} servos answer, or it is not known: plug in one alone")
+            if one is None or one.model is None or one.has_damaged_replies:
+                talk.print(f"  {len(found) or 'no'} servos answer, or it is not known: plug in one alone")
                 return ""
-            return one.model.name if _written(talk, bus, one, new, baud) else ""
+            return one.model.name if _write_id(talk, bus, one, new, baud) else ""
     except DriverError as error:
-        talk.tell(f"  {error}")
+        talk.print(f"  {error}")
         return ""
 
 
-def _written(talk: Dialogue, bus: Bus, one: Found, new: int, baud: int) -> bool:
+def _write_id(talk: Dialogue, bus: ServoBus, one: ScannedServo, new: int, baud: int) -> bool:
     """Write ID and rate of a servo, after asking; say whether it has them now."""
     if one.model is None:
         return False
     bus.baud = one.baud
     wanted = {"id": new} | ({} if one.baud == baud else {"baud": baud_code(baud, one.model.protocol)})
-    changes = planned(bus, one.at, one.model.table, wanted)
+    changes = plan_changes(bus, one.address, one.model.table, wanted)
     told = ", ".join(f"{change.register.name} {change.before} -> {change.after}" for change in changes)
-    if changes and not talk.sure(f"  {one.model.name}: write {told} into the EEPROM?"):
+    if changes and not talk.ask_irreversible(f"  {one.model.name}: write {told} into the EEPROM?"):
         return False
-    apply(bus, one.at, one.model.table, changes)
-    talk.tell(f"  {one.model.name} has ID {new}")
+    apply_changes(bus, one.address, one.model.table, changes)
+    talk.print(f"  {one.model.name} has ID {new}")
     return True
 
 
 def find_limits(
-    talk: Dialogue, name: str, part: Part, config: RobotConfig, path: str, *, patience: float = REPLY_TIMEOUT
+    talk: Dialogue, name: str, part: RobotPart, config: RobotConfig, path: str, *, extra_timeout: float = REPLY_TIMEOUT
 ) -> None:
     """Find how far the joints of the arm ``name`` go, moved by hand: torque goes off, where the user wants it."""
     arm = config.sections[name].keys
     if not isinstance(arm, DynamixelKeys) or talk.yes or part.port is None or "calibration" in part.section:
         return
     question = f"find the limits of the {name}'s joints by hand? they get limp: hold the {name}, it falls"
-    if not talk.knows(f"{name} ranges") and not talk.consent(f"{name} limits", question):
+    if not talk.has_answer(f"{name} ranges") and not talk.ask_consent(f"{name} limits", question):
         return
     joints = {joint: Joint(joint, spec, MODELS[spec.model]) for joint, spec in specs(arm).items()}
 
     def measure() -> dict[str, tuple[int, int]]:
-        with opened(path, arm.baud, patience) as bus:
-            return _turned(talk, bus, joints)
+        with open_servo_bus(path, arm.baud, extra_timeout) as bus:
+            return _watch_joints(talk, bus, joints)
 
-    ends = talk.measured(f"{name} ranges", measure)
+    ends = talk.measure_once(f"{name} ranges", measure)
     kept = {str(joint): dict(entries) for joint, entries in part.section["joints"].items()}
     for joint, (lowest, highest) in ends.items():
-        turned = Turned(joints[joint], lowest, highest)
-        if (found := turned.within(MARGIN)) is None:
-            talk.tell(f"  {joint} was hardly turned: left as it is")
+        turned = JointTravel(joints[joint], lowest, highest)
+        if (found := turned.range_within(LIMIT_MARGIN)) is None:
+            talk.print(f"  {joint} was hardly turned: left as it is")
             continue
-        new = ranged(arm.joints[joint], found)
+        new = with_range(arm.joints[joint], found)
         if new.ticks is not None:
             kept[joint]["ticks"] = {"init": new.ticks.init, "min": new.ticks.min, "max": new.ticks.max}
         else:
@@ -190,46 +190,46 @@ def find_limits(
     part.section["joints"] = kept
 
 
-def _turned(talk: Dialogue, bus: Bus, joints: Mapping[str, Joint]) -> dict[str, tuple[int, int]]:
+def _watch_joints(talk: Dialogue, bus: ServoBus, joints: Mapping[str, Joint]) -> dict[str, tuple[int, int]]:
     """Make joints limp, once each servo was identified, and watch how far they are turned, until Enter."""
     turned = []
     for joint in joints.values():
-        require_sole(bus, joint.at, joint.model.number)
+        require_unique_id(bus, joint.address, joint.model.number)
     for joint in joints.values():
-        bus.write(joint.at, joint.model.table["torque_enable"], 0)
-        ticks = bus.read(joint.at, joint.model.table["present_position"])
-        turned.append(Turned(joint, ticks, ticks))
+        bus.write(joint.address, joint.model.table["torque_enable"], 0)
+        ticks = bus.read(joint.address, joint.model.table["present_position"])
+        turned.append(JointTravel(joint, ticks, ticks))
 
     def look() -> None:
         for each in turned:
-            each.look(bus)
+            each.sample(bus)
 
-    talk.watch(look, "turn each joint to both its ends by hand; then press Enter")
+    talk.watch_until_enter(look, "turn each joint to both its ends by hand; then press Enter")
     return {each.joint.name: (each.lowest, each.highest) for each in turned}
 
 
 # Servos of a new robot that LeRobot, or another program, has calibrated: its file, or their limits, are taken over.
 
-REGISTERS = ("position_offset", "min_position", "max_position")
-"""The registers that calibrating changes, in the order of ``Calibrated``."""
+CALIBRATION_REGISTERS = ("position_offset", "min_position", "max_position")
+"""The registers that calibrating changes, in the order of ``CalibrationSettings``."""
 
-FROM_FILE = ("limits", "zero", "reverse", "ticks")
+CALIBRATION_KEYS = ("limits", "zero", "reverse", "ticks")
 """Keys of a joint that a calibration file stands for."""
 
 
-def take_calibration(talk: Dialogue, arm: str, part: Part, path: str, *, patience: float) -> None:
+def offer_calibration(talk: Dialogue, arm: str, part: RobotPart, path: str, *, extra_timeout: float) -> None:
     """Offer the calibration file that the servos of an ``arm`` (its name) come from. Only reads."""
-    held = _held(talk, arm, part, path, patience)
-    found = calibration_of(held) if held else None
+    held = _calibrated_registers(talk, arm, part, path, extra_timeout)
+    found = match_calibration(held) if held else None
     if found is None:
         return
     file, names = found
     question = f"LeRobot has calibrated the {arm} ({file}): shall its calibration be used?"
-    if not talk.confirm(f"{arm} calibration", question, default=True):
+    if not talk.ask_yes_no(f"{arm} calibration", question, default=True):
         return
     known = {joint["id"]: joint for joint in part.section.get("joints", {}).values()}
     part.section["joints"] = {
-        name: {"id": number} | {key: it for key, it in known.get(number, {}).items() if key not in FROM_FILE}
+        name: {"id": number} | {key: it for key, it in known.get(number, {}).items() if key not in CALIBRATION_KEYS}
         for number, name in names.items()
         if not is_wheel(name)
     }
@@ -239,12 +239,12 @@ def take_calibration(talk: Dialogue, arm: str, part: Part, path: str, *, patienc
         del part.section["groups"]
 
 
-def take_limits(talk: Dialogue, arm: str, part: Part, path: str, *, patience: float) -> None:
+def adopt_limits(talk: Dialogue, arm: str, part: RobotPart, path: str, *, extra_timeout: float) -> None:
     """Take over the limits of servos that were calibrated, and whose file is not on this computer. Only reads."""
-    held = _held(talk, arm, part, path, patience)
+    held = _calibrated_registers(talk, arm, part, path, extra_timeout)
     if not held or "calibration" in part.section:
         return
-    talk.tell(
+    talk.print(
         f"servos of the {arm} were calibrated by another program: their limits are taken over as they are",
         "  its file is better, if you have it: `calibration: FILE` in the robot file",
     )
@@ -255,29 +255,35 @@ def take_limits(talk: Dialogue, arm: str, part: Part, path: str, *, patience: fl
             way = -1 if joint.get("reverse") else 1
             ends = sorted(model.angle(end) * way for end in (limits.low, limits.high))
             joint.pop("zero", None)
-            joint["limits"] = [written(end, "angle") for end in ends]
+            joint["limits"] = [quantity_text(end, "angle") for end in ends]
 
 
-def _held(talk: Dialogue, arm: str, part: Part, path: str, patience: float) -> Mapping[int, Calibrated]:
+def _calibrated_registers(
+    talk: Dialogue, arm: str, part: RobotPart, path: str, extra_timeout: float
+) -> Mapping[int, CalibrationSettings]:
     """Return what calibrating has set in the servos, by ID; nothing for servos as delivered, or of another make."""
     if part.driver.keys is not FeetechKeys or not part.units:
         return {}
-    found: dict[str, Any] = talk.measured(f"{arm} calibrated", lambda: _read(talk, part, path, patience))
-    held = {int(number): Calibrated(*values) for number, values in found.items()}
-    plain = Calibrated(0, 0, MODELS["STS3215"].last)
+    found: dict[str, Any] = talk.measure_once(
+        f"{arm} calibrated", lambda: _read_registers(talk, part, path, extra_timeout)
+    )
+    held = {int(number): CalibrationSettings(*values) for number, values in found.items()}
+    plain = CalibrationSettings(0, 0, MODELS["STS3215"].last_tick)
     return held if any(values != plain for values in held.values()) else {}
 
 
-def _read(talk: Dialogue, part: Part, path: str, patience: float) -> dict[str, list[int]]:
+def _read_registers(talk: Dialogue, part: RobotPart, path: str, extra_timeout: float) -> dict[str, list[int]]:
     """Read the registers of all servos whose model is driven; of none where one does not answer."""
     found = {}
     try:
-        with opened(path, int(part.section.get("baud", 1_000_000)), patience) as bus:
+        with open_servo_bus(path, int(part.section.get("baud", 1_000_000)), extra_timeout) as bus:
             for number, name, _ in part.units:
                 if name in MODELS:
                     table = MODELS[name].table
-                    found[str(number)] = [bus.read(At(number, "STS"), table[register]) for register in REGISTERS]
+                    found[str(number)] = [
+                        bus.read(ServoAddress(number, "STS"), table[register]) for register in CALIBRATION_REGISTERS
+                    ]
     except DriverError as error:
-        talk.tell(f"whether the servos were calibrated is not known: {error}")
+        talk.print(f"whether the servos were calibrated is not known: {error}")
         return {}
     return found

@@ -5,12 +5,12 @@ from math import degrees
 
 import click
 
-from config.library import MINE
+from config.library import OWN_ROBOT
 from config.robot import RobotConfig, Section
-from drivers.api.sections import ArmKeys, AxisKeys, HeadKeys, Wired
+from drivers.api.sections import ArmKeys, AxisKeys, HeadKeys, SerialKeys
 from drivers.api.senses import CameraKeys
-from drivers.camera.source import shown
-from drivers.finding.machine import Machine
+from drivers.camera.source import display_name
+from drivers.finding.machine import HostMachine
 from missions.cli.names import ROBOT
 from missions.cli.origin import robot_file
 from missions.cli.root import SUCCESS
@@ -18,45 +18,47 @@ from missions.library.drivers import load_robot
 
 
 @click.command(epilog="Example: mission robot show turtlebot2_arm")
-@click.argument("name", required=False, default=MINE, type=ROBOT)
+@click.argument("name", required=False, default=OWN_ROBOT, type=ROBOT)
 def show(name: str) -> int:
     """Show what a robot is made of; without NAME, this computer's own. No port is opened."""
     config = load_robot(robot_file(name))
-    click.echo("\n".join(lines(config, Machine())))
+    click.echo("\n".join(robot_lines(config, HostMachine())))
     return SUCCESS
 
 
-def lines(config: RobotConfig, machine: Machine) -> Iterator[str]:
+def robot_lines(config: RobotConfig, machine: HostMachine) -> Iterator[str]:
     """Yield a robot in words."""
     yield f"{config.name}  {config.path}"
     if config.summary:
         yield f"  {config.summary}"
     for kind, section in config.sections.items():
         yield f"{kind}: {section.driver.name}  {section.driver.about}"
-        yield from (f"  {line}" for line in _part(section, machine))
+        yield from (f"  {line}" for line in _part_lines(section, machine))
 
 
-def _part(section: Section, machine: Machine) -> Iterator[str]:
+def _part_lines(section: Section, machine: HostMachine) -> Iterator[str]:
     keys = section.keys
-    if isinstance(keys, Wired):
-        there = "" if machine.at(keys.port).exists() else ", where nothing is plugged in"
+    if isinstance(keys, SerialKeys):
+        there = "" if machine.local_path(keys.port).exists() else ", where nothing is plugged in"
         yield f"at {keys.port}{there}, {keys.baud} baud"
     if isinstance(keys, HeadKeys):
-        yield from _axes(keys)
+        yield from _axis_lines(keys)
     if isinstance(keys, ArmKeys):
         for name, limit in keys.limits.items():
             number = getattr(getattr(keys, "joints", {}).get(name), "id", None)
             of = "" if number is None else f" (ID {number})"
             yield f"{name}{of}: {degrees(limit.lower):.0f} to {degrees(limit.upper):.0f} deg"
     if isinstance(keys, CameraKeys):
-        device = shown(keys.source)
+        device = display_name(keys.source)
         there = (
-            "" if not device.startswith("/dev/") or machine.at(device).exists() else ", where no camera is plugged in"
+            ""
+            if not device.startswith("/dev/") or machine.local_path(device).exists()
+            else ", where no camera is plugged in"
         )
         yield f"at {device}{there}"
 
 
-def _axes(keys: HeadKeys) -> Iterator[str]:
+def _axis_lines(keys: HeadKeys) -> Iterator[str]:
     """Yield how far each axis of a head turns, by which servo or joint, and how it is trimmed."""
     for name in ("pan", "tilt"):
         axis = getattr(keys, name, None)

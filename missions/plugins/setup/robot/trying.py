@@ -5,30 +5,30 @@ from math import degrees, radians
 from typing import Any
 
 from config.robot import RobotConfig, Section
-from config.units import in_dimension
+from config.units import si_value
 from drivers.api import HeadPose
-from drivers.api.driver import Site, resolved
+from drivers.api.driver import DriverContext, resolve_name
 from drivers.api.secrets import without_secrets
 from drivers.clock import SystemClock
 from drivers.errors import DriverError
 from drivers.head.keys import TwoServoKeys
 from drivers.servos.declared import NeckKeys
-from missions.plugins.setup.head_bench import HEAD, opened_head
+from missions.plugins.setup.head_bench import DEFAULT_HEAD, open_head
 from missions.plugins.setup.robot.dialogue import Dialogue
-from missions.plugins.setup.robot.parts import Part
+from missions.plugins.setup.robot.parts import RobotPart
 
-STEP = radians(5)
+STEP_ANGLE = radians(5)
 """How far the head is moved to see which way it turns."""
 
 
 def try_head(
     talk: Dialogue,
-    parts: Mapping[str, Part],
+    parts: Mapping[str, RobotPart],
     config: RobotConfig,
     ports: Mapping[str, str],
     *,
-    name: str = HEAD,
-    there: bool = False,
+    name: str = DEFAULT_HEAD,
+    reachable: bool = False,
 ) -> None:
     """Move the head of this ``name`` by 5 degrees, where the user wants it, to find out which way is left and its trim.
 
@@ -36,34 +36,39 @@ def try_head(
     """
     if not isinstance(config.sections[name].keys, TwoServoKeys | NeckKeys):
         return
-    if not talk.knows(f"{name} tried"):
-        talk.forget("tried ")
+    if not talk.has_answer(f"{name} tried"):
+        talk.forget_answers("tried ")
         question = f"may the {name} move by 5 degrees, to see which way is left? hands off"
-        if not (ports or there) or not talk.consent(f"{name} moves", question):
+        if not (ports or reachable) or not talk.ask_consent(f"{name} moves", question):
             return
-    answers = talk.measured(f"{name} tried", lambda: _tried(talk, config, ports, name))
+    answers = talk.measure_once(f"{name} tried", lambda: _try_axes(talk, config, ports, name))
     for axis in ("pan", "tilt"):
-        _correct(parts, parts[name], axis, turned=answers[f"{axis} turned"], trim=answers[f"{axis} trim"])
+        _apply_corrections(parts, parts[name], axis, turned=answers[f"{axis} turned"], trim=answers[f"{axis} trim"])
 
 
-def _tried(talk: Dialogue, config: RobotConfig, ports: Mapping[str, str], name: str) -> dict[str, Any]:
+def _try_axes(talk: Dialogue, config: RobotConfig, ports: Mapping[str, str], name: str) -> dict[str, Any]:
     """Move a head and ask; return for each axis whether it turned the other way, and by how much it is askew."""
     found: dict[str, Any] = {}
-    with opened_head(config, ports, head=name) as bench:
+    with open_head(config, ports, head=name) as bench:
         bench.look(HeadPose(0.0, 0.0))
-        for axis, way, pose in (("pan", "to ITS left", HeadPose(STEP, 0.0)), ("tilt", "down", HeadPose(0.0, STEP))):
+        for axis, way, pose in (
+            ("pan", "to ITS left", HeadPose(STEP_ANGLE, 0.0)),
+            ("tilt", "down", HeadPose(0.0, STEP_ANGLE)),
+        ):
             bench.look(pose)
-            found[f"{axis} turned"] = not talk.confirm(f"tried {axis} way", f"did it turn {way}?", default=True)
+            found[f"{axis} turned"] = not talk.ask_yes_no(f"tried {axis} way", f"did it turn {way}?", default=True)
             bench.look(HeadPose(0.0, 0.0))
         for axis in ("pan", "tilt"):
             side = "left" if axis == "pan" else "down"
             question = f"by how many degrees is it askew in {axis} now? positive is {side}"
-            askew = talk.text(f"tried {axis} askew", question, "0", lambda said: in_dimension(f"{said} deg", "angle"))
-            found[f"{axis} trim"] = -in_dimension(f"{askew} deg", "angle")
+            askew = talk.ask_text(f"tried {axis} askew", question, "0", lambda said: si_value(f"{said} deg", "angle"))
+            found[f"{axis} trim"] = -si_value(f"{askew} deg", "angle")
     return found
 
 
-def _correct(parts: Mapping[str, Part], head: Part, axis: str, *, turned: bool, trim: float) -> None:
+def _apply_corrections(
+    parts: Mapping[str, RobotPart], head: RobotPart, axis: str, *, turned: bool, trim: float
+) -> None:
     """Write into the section of the head, or of the arm's joint, what was found out."""
     section = dict(head.section[axis])
     if turned and "joint" in section:
@@ -75,26 +80,26 @@ def _correct(parts: Mapping[str, Part], head: Part, axis: str, *, turned: bool, 
         section["flip"] = not section.get("flip", False)
     if trim:
         trim = -trim if section.get("flip", False) else trim  # it is told in the servo's own direction
-        before = in_dimension(section["trim"], "angle") if "trim" in section else 0.0
+        before = si_value(section["trim"], "angle") if "trim" in section else 0.0
         section["trim"] = f"{round(degrees(before + trim), 1) + 0.0:g} deg"
     head.section[axis] = section
 
 
-def photograph(talk: Dialogue, camera: Section) -> None:
+def try_camera(talk: Dialogue, camera: Section) -> None:
     """Look through the camera, where the user wants it, and say what is wrong with its pictures."""
     number, question = 0, f"look through camera {without_secrets(str(camera.keys.source))}, to see whether it works?"
-    while not talk.yes and talk.confirm(f"picture {number}", question, default=number == 0):
-        told = talk.measured(f"picture {number} told", lambda: _told(camera))
-        talk.tell(*(told or ["  its pictures are good"]))
+    while not talk.yes and talk.ask_yes_no(f"picture {number}", question, default=number == 0):
+        told = talk.measure_once(f"picture {number} told", lambda: _camera_problems(camera))
+        talk.print(*(told or ["  its pictures are good"]))
         if not told:
             return
         number, question = number + 1, "look again?"
 
 
-def _told(camera: Section) -> list[str]:
+def _camera_problems(camera: Section) -> list[str]:
     """Return what is wrong with its pictures, and what to try; nothing where they are good."""
     try:
-        found = list(resolved(camera.driver.checkup)(camera.keys, Site(SystemClock())))
+        found = list(resolve_name(camera.driver.checkup)(camera.keys, DriverContext(SystemClock())))
     except DriverError as error:
         return [f"  {error}", f"    try: {error.hint}"]
     bad = [each for each in found if each.verdict != "ok"]

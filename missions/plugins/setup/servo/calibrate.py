@@ -7,34 +7,34 @@ from math import degrees, radians
 import click
 
 from config.editing import NotEditableError
-from config.library import find
+from config.library import find_file
 from drivers.errors import BadRequest, NoReply
-from drivers.servos.bus import Bus
+from drivers.servos.bus import ServoBus
 from drivers.servos.feetech import FeetechKeys
 from drivers.servos.joint import Joint
 from missions.cli.commands import SharingCommand
-from missions.cli.numbers import InUnit
+from missions.cli.numbers import QuantityInUnit
 from missions.cli.outputs import check_writable
-from missions.cli.printable import in_columns
+from missions.cli.printable import format_columns
 from missions.cli.root import FAILURE, SUCCESS
 from missions.plugins.setup.servo.bench import (
-    Bench,
+    OpenBus,
     confirm_limp,
     hold_option,
-    opened_bus,
-    patience,
+    open_bus,
     require_terminal,
-    show,
+    show_line,
+    wait_for_end,
 )
-from missions.plugins.setup.servo.ranges import Range, check_keepable, keep_ranges
-from missions.plugins.setup.servo.target import Target, target_options
+from missions.plugins.setup.servo.ranges import ServoRange, check_keepable, write_ranges
+from missions.plugins.setup.servo.target import ServoTarget, target_options
 
-LEAST = radians(5)
+MIN_TRAVEL = radians(5)
 """What was turned by less than this was not turned on purpose."""
 
 
 @dataclass(slots=True)
-class Turned:
+class JointTravel:
     """How far a servo was turned by now, in steps; ``zero`` is where it stood at first, if that is its joint's 0."""
 
     joint: Joint
@@ -42,32 +42,32 @@ class Turned:
     highest: int
     zero: int | None = None
 
-    def look(self, bus: Bus) -> None:
+    def sample(self, bus: ServoBus) -> None:
         """Look where the servo is now; one look that gets no answer is no harm. Raises NotConnected."""
         try:
-            ticks = bus.read(self.joint.at, self.joint.model.table["present_position"])
+            ticks = bus.read(self.joint.address, self.joint.model.table["present_position"])
         except (NoReply, BadRequest):
             return
         self.lowest, self.highest = min(self.lowest, ticks), max(self.highest, ticks)
 
-    def within(self, margin: float) -> Range | None:
+    def range_within(self, margin: float) -> ServoRange | None:
         """Return the range, ``margin`` (radians) short of either end; None if it was hardly turned."""
         short = round(margin / self.joint.model.tick)
-        if (self.highest - self.lowest) * self.joint.model.tick < LEAST + 2 * margin:
+        if (self.highest - self.lowest) * self.joint.model.tick < MIN_TRAVEL + 2 * margin:
             return None
-        return Range(max(0, self.lowest + short), min(self.joint.model.last, self.highest - short), self.zero)
+        return ServoRange(max(0, self.lowest + short), min(self.joint.model.last_tick, self.highest - short), self.zero)
 
 
 @click.command(cls=SharingCommand, epilog="Example: mission servo calibrate elbow --robot my_robot.yaml")
 @target_options
 @click.argument("joints", nargs=-1, metavar="[JOINT|GROUP]...")
 @click.option("--zero", is_flag=True, help="Also take where the arm stands at the start for 0 of every joint.")
-@click.option("--margin", type=InUnit("deg", 0.0, 20.0), default=2.0, show_default=True, metavar="DEG",
+@click.option("--margin", type=QuantityInUnit("deg", 0.0, 20.0), default=2.0, show_default=True, metavar="DEG",
               help="How far before the ends that are touched the limits lie.")  # fmt: skip
-@click.option("--seconds", type=InUnit("s", 0.1), metavar="N", help="Watch for so long; else until Enter.")
+@click.option("--seconds", type=QuantityInUnit("s", 0.1), metavar="N", help="Watch for so long; else until Enter.")
 @hold_option
 def calibrate(
-    target: Target, joints: tuple[str, ...], zero: bool, margin: float, seconds: float | None, yes: bool
+    target: ServoTarget, joints: tuple[str, ...], zero: bool, margin: float, seconds: float | None, yes: bool
 ) -> int:
     """Find the limits of joints by hand.
 
@@ -77,7 +77,7 @@ def calibrate(
     """
     if target.robot is None:
         raise click.UsageError("which robot file is to be written? name it with --robot FILE")
-    path = find("robots", target.robot)
+    path = find_file("robots", target.robot)
     arm = target.keys
     if isinstance(arm, FeetechKeys) and arm.calibration:
         raise click.UsageError(
@@ -88,16 +88,16 @@ def calibrate(
     try:
         check_keepable(path)
         check_writable(path, "--robot")
-        with opened_bus(target) as bench:
-            found = _watch(bench, bench.chosen(joints), zero=zero, seconds=seconds, yes=yes)
-        ranges = {each.joint.name: each.within(radians(margin)) for each in found}
+        with open_bus(target) as bench:
+            found = _watch_joints(bench, bench.select_joints(joints), zero=zero, seconds=seconds, yes=yes)
+        ranges = {each.joint.name: each.range_within(radians(margin)) for each in found}
         click.echo(_table(found, ranges))
         kept = {name: each for name, each in ranges.items() if each is not None}
         if not kept:
             click.echo("no joint was turned: nothing is written", err=True)
             return FAILURE
         try:
-            before = keep_ranges(path, kept, target.arm)
+            before = write_ranges(path, kept, target.arm)
         except (NotEditableError, OSError):
             click.echo("the limits in steps, which could not be written:", err=True)
             for name, each in kept.items():
@@ -109,21 +109,23 @@ def calibrate(
     return SUCCESS
 
 
-def _watch(bench: Bench, joints: Sequence[Joint], *, zero: bool, seconds: float | None, yes: bool) -> list[Turned]:
+def _watch_joints(
+    bench: OpenBus, joints: Sequence[Joint], *, zero: bool, seconds: float | None, yes: bool
+) -> list[JointTravel]:
     """Make the joints limp, and watch them until it is over."""
-    limp(bench, joints, yes=yes)
-    found = [_begin(bench, joint, zero=zero) for joint in joints]
+    make_limp(bench, joints, yes=yes)
+    found = [_start_travel(bench, joint, zero=zero) for joint in joints]
     names = ", ".join(each.joint.name for each in found)
     click.echo(f"limp: {names}\nturn each to both its ends by hand; Enter ends it, Ctrl-C writes nothing", err=True)
-    with patience(bench.clock, seconds) as over:
+    with wait_for_end(bench.clock, seconds) as over:
         while not over():
             for each in found:
-                each.look(bench.bus)
-            show("  ".join(f"{each.joint.name} {_width(each):.0f}" for each in found) + " deg")
+                each.sample(bench.bus)
+            show_line("  ".join(f"{each.joint.name} {_travel_degrees(each):.0f}" for each in found) + " deg")
     return found
 
 
-def limp(bench: Bench, joints: Iterable[Joint], *, yes: bool) -> None:
+def make_limp(bench: OpenBus, joints: Iterable[Joint], *, yes: bool) -> None:
     """Switch the torque of joints off, once each servo was identified and somebody holds the arm.
 
     No torque is switched off where one servo is not what it should be. Raises DeviceFault, NoReply, NotConnected,
@@ -132,29 +134,29 @@ def limp(bench: Bench, joints: Iterable[Joint], *, yes: bool) -> None:
     joints = tuple(joints)
     for joint in joints:
         bench.require_sole(joint)
-    stiff = any(bench.bus.read(joint.at, joint.model.table["torque_enable"]) for joint in joints)
+    stiff = any(bench.bus.read(joint.address, joint.model.table["torque_enable"]) for joint in joints)
     confirm_limp([joint.name for joint in joints], stiff=stiff, simulated=bench.simulated, yes=yes)
     for joint in joints:
         bench.require_sole(joint)  # a person may have replugged something meanwhile
-        bench.bus.write(joint.at, joint.model.table["torque_enable"], 0)
+        bench.bus.write(joint.address, joint.model.table["torque_enable"], 0)
 
 
-def _begin(bench: Bench, joint: Joint, *, zero: bool) -> Turned:
+def _start_travel(bench: OpenBus, joint: Joint, *, zero: bool) -> JointTravel:
     """See where a joint stands that is limp."""
-    ticks = bench.bus.read(joint.at, joint.model.table["present_position"])
-    return Turned(joint, ticks, ticks, ticks if zero else None)
+    ticks = bench.bus.read(joint.address, joint.model.table["present_position"])
+    return JointTravel(joint, ticks, ticks, ticks if zero else None)
 
 
-def _width(turned: Turned) -> float:
+def _travel_degrees(travel: JointTravel) -> float:
     """Return how far it was turned from end to end, in degrees."""
-    return degrees((turned.highest - turned.lowest) * turned.joint.model.tick)
+    return degrees((travel.highest - travel.lowest) * travel.joint.model.tick)
 
 
-def _table(found: Iterable[Turned], ranges: Mapping[str, Range | None]) -> str:
+def _table(found: Iterable[JointTravel], ranges: Mapping[str, ServoRange | None]) -> str:
     """Return how far each joint was turned, by the zero that it had before."""
     rows = []
     for each in found:
         ends = sorted(degrees(each.joint.angle(ticks)) for ticks in (each.lowest, each.highest))
         remark = "" if ranges[each.joint.name] is not None else "hardly turned: left as it is"
-        rows.append([each.joint.name, *(f"{end:+.1f}" for end in ends), f"{_width(each):.1f}", remark])
-    return in_columns(("joint", "from deg", "to deg", "range", ""), rows, left=frozenset({"joint", ""}))
+        rows.append([each.joint.name, *(f"{end:+.1f}" for end in ends), f"{_travel_degrees(each):.1f}", remark])
+    return format_columns(("joint", "from deg", "to deg", "range", ""), rows, left=frozenset({"joint", ""}))

@@ -8,28 +8,28 @@ import click
 
 from behaviours.joints import MoveJoints
 from config.robot import RobotConfig
-from config.units import in_dimension
+from config.units import si_value
 from drivers.api import JointLimits
 from drivers.errors import BadRequest, DeviceFault, DriverError, NoReply, NotConnected
-from drivers.servos.identification import require_sole
-from drivers.servos.joining import difference, restore
+from drivers.servos.identification import require_unique_id
+from drivers.servos.joining import find_mismatch, restore_settings
 from drivers.servos.joint import Joint
-from drivers.servos.telling import REMEDY
-from drivers.servos.units import called
+from drivers.servos.telling import SHUTDOWN_HINT
+from drivers.servos.units import protocol_name
 from missions.cli.commands import SharingCommand
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.target import target_of
-from missions.plugins.setup.servo.bench import Arm, Bench, confirm_limp, hold_option, opened_arm, opened_bus, pause
+from missions.plugins.setup.servo.bench import OpenArm, OpenBus, confirm_limp, hold_option, open_arm, open_bus, pause
 from missions.plugins.setup.servo.running import run_leaf
-from missions.plugins.setup.servo.target import Target, target_options
+from missions.plugins.setup.servo.target import ServoTarget, target_options
 
-RECOVERY = 3.0
+RECOVERY_TIMEOUT = 3.0
 """Seconds within which a servo that was revived tells that it is stiff: those of protocol 2.0 start again for it."""
 
-SLOWEST = radians(1)
+MIN_SPEED = radians(1)
 """rad/s: slower than that no joint can be told to go."""
 
-BOOT = 1.0
+BOOT_TIME = 1.0
 """Seconds after which a servo that was restarted answers."""
 
 
@@ -38,7 +38,7 @@ BOOT = 1.0
 @click.argument("state", type=click.Choice(["on", "off", "restart", "recover"]))
 @click.argument("joints", nargs=-1, metavar="[JOINT|GROUP|ID]...")
 @hold_option
-def torque(target: Target, state: str, joints: tuple[str, ...], yes: bool) -> int:
+def torque(target: ServoTarget, state: str, joints: tuple[str, ...], yes: bool) -> int:
     """Make joints stiff (on) or limp (off), `restart` one servo, or `recover` those that have shut down.
 
     All joints, if none is named; stiff where they stand, with the torque limit of the robot file. They stay so
@@ -52,30 +52,30 @@ def torque(target: Target, state: str, joints: tuple[str, ...], yes: bool) -> in
     if state == "restart":
         if len(joints) != 1:
             raise click.UsageError("name one servo\n  try: mission servo torque restart ID|JOINT")
-        return _restart(target, joints[0], yes=yes)
+        return _restart_servo(target, joints[0], yes=yes)
     if state == "recover":
         if joints:
             raise click.UsageError("recover is for all servos that have shut down: name none")
-        return _recover(target)
-    return _switch(target, joints, yes=yes, on=state == "on")
+        return _recover_servos(target)
+    return _switch_torque(target, joints, yes=yes, on=state == "on")
 
 
-def _switch(target: Target, joints: Collection[str], *, yes: bool, on: bool) -> int:
+def _switch_torque(target: ServoTarget, joints: Collection[str], *, yes: bool, on: bool) -> int:
     """Switch the torque of joints on or off, of all if none is named."""
     failed = 0
-    with opened_bus(target) as bench:
-        chosen = bench.chosen(joints)
+    with open_bus(target) as bench:
+        chosen = bench.select_joints(joints)
         if not on:
             names = [joint.name for joint in chosen]
-            confirm_limp(names, stiff=any(_may_be_stiff(bench, each) for each in chosen),
+            confirm_limp(names, stiff=any(_may_have_torque(bench, each) for each in chosen),
                          simulated=bench.simulated, yes=yes)  # fmt: skip
         for joint in chosen:
             try:
                 bench.require_sole(joint)
                 if on:
-                    _stiffen(bench, joint)
+                    _enable_torque(bench, joint)
                 else:
-                    bench.bus.write(joint.at, joint.model.table["torque_enable"], 0)
+                    bench.bus.write(joint.address, joint.model.table["torque_enable"], 0)
             except NotConnected:
                 raise
             except DriverError as error:
@@ -86,28 +86,28 @@ def _switch(target: Target, joints: Collection[str], *, yes: bool, on: bool) -> 
     return FAILURE if failed else SUCCESS
 
 
-def _may_be_stiff(bench: Bench, joint: Joint) -> bool:
+def _may_have_torque(bench: OpenBus, joint: Joint) -> bool:
     """Whether a joint has torque, or does not say so. Raises NotConnected."""
     try:
-        return bool(bench.bus.read(joint.at, joint.model.table["torque_enable"]))
+        return bool(bench.bus.read(joint.address, joint.model.table["torque_enable"]))
     except (NoReply, BadRequest):
         return True
 
 
-def _stiffen(bench: Bench, joint: Joint) -> None:
+def _enable_torque(bench: OpenBus, joint: Joint) -> None:
     """Make a joint stiff where it stands, with the speed and the force that the robot file gives it.
 
     Raises DeviceFault where its servo is not what the file says, has shut down, or stays limp; NoReply, NotConnected,
     BadRequest.
     """
     bus = bench.bus
-    if complaint := difference(bus, joint):
-        raise DeviceFault(complaint, hint=joint.cure or f"mission servo info {joint.spec.id}{bench.options}")
-    if joint.down:
-        raise DeviceFault("has shut down, and was left as it is", hint=REMEDY)
-    joint.wanted = True
-    restore(bus, joint, now=bench.clock.now())
-    if not bus.read(joint.at, joint.model.table["torque_enable"]):
+    if complaint := find_mismatch(bus, joint):
+        raise DeviceFault(complaint, hint=joint.hint or f"mission servo info {joint.spec.id}{bench.options}")
+    if joint.reports_shutdown:
+        raise DeviceFault("has shut down, and was left as it is", hint=SHUTDOWN_HINT)
+    joint.torque_request = True
+    restore_settings(bus, joint, now=bench.clock.read_value())
+    if not bus.read(joint.address, joint.model.table["torque_enable"]):
         raise DeviceFault("its torque does not stay on", hint=f"mission servo info{bench.options}")
 
 
@@ -120,33 +120,33 @@ def _stiffen(bench: Bench, joint: Joint) -> None:
 @click.argument("joint")
 @click.argument("angle", nargs=-1, required=True)
 @click.option("--speed", metavar="SPEED", help='Such as "45 deg/s"; as fast as the file allows without it.')
-def move(target: Target, joint: str, angle: tuple[str, ...], speed: str | None) -> int:
+def move(target: ServoTarget, joint: str, angle: tuple[str, ...], speed: str | None) -> int:
     """Move a joint, and wait for it.
 
     Then the arm comes to the rest that its file asks for. Exit code 1 where the joint does not arrive.
     """
     try:
-        goal = in_dimension(" ".join(angle), "angle")
-        pace = None if speed is None else in_dimension(speed, "turn rate")
+        goal = si_value(" ".join(angle), "angle")
+        pace = None if speed is None else si_value(speed, "turn rate")
     except ValueError as error:
         raise click.UsageError(str(error)) from error
-    if pace is not None and pace < SLOWEST:
-        raise click.UsageError(f"--speed {speed}: it must be above 0, and at least {degrees(SLOWEST):g} deg/s")
+    if pace is not None and pace < MIN_SPEED:
+        raise click.UsageError(f"--speed {speed}: it must be above 0, and at least {degrees(MIN_SPEED):g} deg/s")
     target.require_joints()
     config = target.config()
     reach = target_of(config).reaches[target.arm]
     if joint not in reach.joints:
-        wrong = reach.unknown([joint])
+        wrong = reach.unknown_names([joint])
         raise BadRequest("; ".join(wrong) or f"'{joint}' is a group: name one joint")
-    return _move(target, config, joint, goal, pace, reach.joints[joint])
+    return _move_joint(target, config, joint, goal, pace, reach.joints[joint])
 
 
-def _move(
-    target: Target, config: RobotConfig, joint: str, wanted: float, pace: float | None, limits: JointLimits
+def _move_joint(
+    target: ServoTarget, config: RobotConfig, joint: str, requested: float, pace: float | None, limits: JointLimits
 ) -> int:
     """Move it within its limits (rad, rad/s), and say where it is then."""
-    goal = min(max(wanted, limits.lower), limits.upper)
-    clamped = "" if goal == wanted else f", its limit for {degrees(wanted):+.1f} deg"
+    goal = min(max(requested, limits.lower), limits.upper)
+    clamped = "" if goal == requested else f", its limit for {degrees(requested):+.1f} deg"
     speed = {} if pace is None else {"speed": f"{min(pace, limits.speed):.9f} rad/s"}
     code, leaf = run_leaf(target, config, MoveJoints, {"to": f"{{{joint}: {goal:.9f} rad}}", **speed})
     state = leaf.robot.arm.states()[joint].value
@@ -155,31 +155,31 @@ def _move(
     return code
 
 
-def _restart(target: Target, servo: str, *, yes: bool) -> int:
+def _restart_servo(target: ServoTarget, servo: str, *, yes: bool) -> int:
     """Restart a servo of protocol 2.0, which is limp afterwards: also the way out of an overload there."""
-    with opened_bus(target) as bench:
+    with open_bus(target) as bench:
         at, model = bench.servo(servo)
         if at.protocol != 2:
             raise BadRequest(
-                f"servo {at.id} is an {model.name}: {called(at.protocol)} has no restart",
+                f"servo {at.id} is an {model.name}: {protocol_name(at.protocol)} has no restart",
                 hint="mission servo torque recover --robot FILE, after an overload; else switch its power off and on",
             )
-        require_sole(bench.bus, at, model.number)
+        require_unique_id(bench.bus, at, model.number)
         stiff = bool(bench.bus.read(at, model.table["torque_enable"]))
         confirm_limp([f"servo {at.id}"], stiff=stiff, simulated=bench.simulated, yes=yes)
-        require_sole(bench.bus, at, model.number)  # a person may have replugged something meanwhile
+        require_unique_id(bench.bus, at, model.number)  # a person may have replugged something meanwhile
         bench.bus.reboot(at)
-        pause(BOOT)
+        pause(BOOT_TIME)
         bench.bus.ping(at)
     click.echo(f"servo {at.id} has restarted, and is limp")
     return SUCCESS
 
 
-def _recover(target: Target) -> int:
+def _recover_servos(target: ServoTarget) -> int:
     """Make servos stiff again that have shut down."""
-    with opened_arm(target) as arm:
+    with open_arm(target) as arm:
         names = arm.joints.recover()
-        stiff = _stiff(arm, names)
+        stiff = _wait_for_torque(arm, names)
         health = arm.joints.health()
     if not names:
         click.echo("no servo has shut down" if not health.detail else health.detail, err=bool(health.detail))
@@ -194,12 +194,12 @@ def _recover(target: Target) -> int:
     return SUCCESS
 
 
-def _stiff(arm: Arm, names: Sequence[str]) -> list[str]:
-    """Return which of the joints tell, before ``RECOVERY`` is over, that they are stiff."""
-    begun = arm.clock.now()
+def _wait_for_torque(arm: OpenArm, names: Sequence[str]) -> list[str]:
+    """Return which of the joints tell, before ``RECOVERY_TIMEOUT`` is over, that they are stiff."""
+    begun = arm.clock.read_value()
     while True:
         told = {name: each for name, each in arm.joints.states().items() if each.good and each.stamp > begun}
         stiff = [name for name in names if name in told and (state := told[name].value) is not None and state.torque]
-        if len(stiff) == len(names) or arm.clock.now() - begun > RECOVERY:
+        if len(stiff) == len(names) or arm.clock.read_value() - begun > RECOVERY_TIMEOUT:
             return stiff
         pause()

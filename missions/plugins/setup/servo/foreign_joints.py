@@ -9,23 +9,23 @@ from math import degrees, isclose, radians
 from pathlib import Path
 from typing import Any
 
-from config.faults import Diagnostic, InvalidFileError, Mark, Source
-from config.foreign import plain_data
-from config.units import seen
+from config.faults import Diagnostic, InvalidFileError, Mark, SourceText
+from config.foreign import read_plain_data
+from config.units import quoted_value
 from drivers.errors import BadRequest
-from drivers.servos.calibration import load
+from drivers.servos.calibration import load_calibration
 from drivers.servos.declared import JointKeys, Ticks
 from drivers.servos.feetech import FeetechJointKeys
-from drivers.servos.lerobot import is_wheel, shown
-from drivers.servos.models import MODELS, Model
+from drivers.servos.lerobot import home_relative, is_wheel
+from drivers.servos.models import MODELS, ServoModel
 
-PAIRED = (
+PAIRED_MESSAGE = (
     "joint '{0}' has two servos ({1} and {2}), which have to turn together: such a joint is not driven here, and one "
     "of them alone would work against the other"
 )
 """What is said of a joint that is moved by two servos."""
 
-NO_SHADOW = 252
+MAX_SHADOW_ID = 252
 """Above it, a secondary ID of a Dynamixel means none."""
 
 
@@ -45,98 +45,100 @@ def foreign_joints(path: Path, form: str, model: str) -> ForeignJoints:
     """
     found = ForeignJoints()
     try:
-        _READERS[form](found, path, plain_data(path), MODELS[model])
-    except _NotImported as error:
-        raise InvalidFileError([Diagnostic(Source(str(path), ""), Mark(), str(error))]) from error
+        _READERS[form](found, path, read_plain_data(path), MODELS[model])
+    except _ImportFailure as error:
+        raise InvalidFileError([Diagnostic(SourceText(str(path), ""), Mark(), str(error))]) from error
     except BadRequest as error:
-        raise InvalidFileError([Diagnostic(Source(str(path), ""), Mark(), str(error), error.hint)]) from error
+        raise InvalidFileError([Diagnostic(SourceText(str(path), ""), Mark(), str(error), error.hint)]) from error
     if not found.joints:
-        raise InvalidFileError([Diagnostic(Source(str(path), ""), Mark(), "there is no joint in it")])
+        raise InvalidFileError([Diagnostic(SourceText(str(path), ""), Mark(), "there is no joint in it")])
     return found
 
 
-class _NotImported(Exception):
+class _ImportFailure(Exception):
     """Why a file cannot be imported."""
 
 
-def _number(joint: str, part: Mapping[str, Any], word: str, default: float | None = None) -> float:
+def _read_number(joint: str, part: Mapping[str, Any], word: str, default: float | None = None) -> float:
     value = part.get(word, default)
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise _NotImported(f"joint '{joint}': '{word}' must be a number, not {value!r}")
+        raise _ImportFailure(f"joint '{joint}': '{word}' must be a number, not {value!r}")
     return value
 
 
-def _id(joint: str, part: Mapping[str, Any], word: str) -> int:
-    value = _number(joint, part, word)
+def _read_id(joint: str, part: Mapping[str, Any], word: str) -> int:
+    value = _read_number(joint, part, word)
     if value != int(value) or not 0 <= value <= 253:
-        raise _NotImported(f"joint '{joint}': '{word}' must be an ID from 0 to 253, not {value}")
+        raise _ImportFailure(f"joint '{joint}': '{word}' must be an ID from 0 to 253, not {value}")
     return int(value)
 
 
-def _arbotix(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: Model) -> None:  # noqa: ARG001
+def _arbotix(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: ServoModel) -> None:  # noqa: ARG001
     """Read the joints of the ArbotiX driver: degrees from ``neutral``, a step of the servo."""
     for name, part in data["joints"].items():
         if part.get("type", "dynamixel") not in ("dynamixel", "calibrated_dynamixel"):
             found.notes.append(f"joint '{name}' is left out: it is a {part['type']}")
             continue
-        ticks = _number(name, part, "ticks", 1024)
-        if ticks != model.last + 1:
-            raise _NotImported(
-                f"joint '{name}' has {ticks:g} steps, an {model.name} {model.last + 1}: name another --model"
+        ticks = _read_number(name, part, "ticks", 1024)
+        if ticks != model.last_tick + 1:
+            raise _ImportFailure(
+                f"joint '{name}' has {ticks:g} steps, an {model.name} {model.last_tick + 1}: name another --model"
             )
-        whole = degrees((model.last + 1) * model.tick)
-        if not isclose(turn := _number(name, part, "range", whole), whole, rel_tol=0.01):
-            raise _NotImported(
+        whole = degrees((model.last_tick + 1) * model.tick)
+        if not isclose(turn := _read_number(name, part, "range", whole), whole, rel_tol=0.01):
+            raise _ImportFailure(
                 f"joint '{name}' has a range of {turn:g} deg, an {model.name} {whole:g} deg: name another --model"
             )
         turned = part.get("invert", False) is True
-        zero = model.angle(_number(name, part, "neutral", ticks // 2))
-        half = (model.last + 1) / 2 * model.tick
+        zero = model.angle(_read_number(name, part, "neutral", ticks // 2))
+        half = (model.last_tick + 1) / 2 * model.tick
         lower, upper = (
-            radians(_number(name, part, word)) if word in part else end
+            radians(_read_number(name, part, word)) if word in part else end
             for word, end in (("min_angle", -half), ("max_angle", half))
         )
-        joint = JointKeys(id=_id(name, part, "id"), written_model=model.name, written_zero=zero, turned=turned)
-        least, most = joint.reach
-        fastest = max(radians(_number(name, part, "max_speed")), 0.02) if "max_speed" in part else joint.speed
+        joint = JointKeys(
+            id=_read_id(name, part, "id"), written_model=model.name, written_zero=zero, written_reverse=turned
+        )
+        least, most = joint.reachable_angles
+        fastest = max(radians(_read_number(name, part, "max_speed")), 0.02) if "max_speed" in part else joint.speed
         found.joints[name] = replace(joint, limits=(max(lower, least), min(upper, most)), speed=fastest)
     found.notes.append("an ArbotiX board is not an adapter: connect the servos to a U2D2, a USB2AX or the like")
 
 
-def _interbotix(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: Model) -> None:
+def _interbotix(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: ServoModel) -> None:
     """Read the motors of an Interbotix arm: steps of the servo; shadows drive a joint together with another motor."""
     motors: Mapping[str, Mapping[str, Any]] = data["motors"]
     for word in ("shadows", "sisters"):
         pairs = data.get(word) or {}
         if not isinstance(pairs, Mapping):
-            raise _NotImported(f"'{word}' must be a mapping by motor, not {seen(pairs)}")
+            raise _ImportFailure(f"'{word}' must be a mapping by motor, not {quoted_value(pairs)}")
         for name, part in pairs.items():
             others = part.get("shadow_list", part) if isinstance(part, Mapping) else part
-            other = next((each for each in _texts(others) if each in motors), None)
+            other = next((each for each in _texts_in(others) if each in motors), None)
             if other is not None and name in motors:
-                raise _NotImported(PAIRED.format(name, motors[name]["ID"], motors[other]["ID"]))
+                raise _ImportFailure(PAIRED_MESSAGE.format(name, motors[name]["ID"], motors[other]["ID"]))
     _workbench(found, path, motors, model)
 
 
-def _texts(value: Any) -> Iterator[str]:
+def _texts_in(value: Any) -> Iterator[str]:
     """Yield the texts in a value."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, list | Mapping):
         for each in value.values() if isinstance(value, Mapping) else value:
-            yield from _texts(each)
+            yield from _texts_in(each)
 
 
-def _workbench(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: Model) -> None:  # noqa: ARG001
+def _workbench(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: ServoModel) -> None:  # noqa: ARG001
     """Read servos with names of registers, as dynamixel_workbench and Interbotix have them."""
-    owners = {_id(name, part, "ID"): name for name, part in data.items()}
+    owners = {_read_id(name, part, "ID"): name for name, part in data.items()}
     for name, part in data.items():
-        leader = part.get("Secondary_ID", part.get("Shadow_ID", NO_SHADOW + 1))
-        if isinstance(leader, int) and leader <= NO_SHADOW and leader != part["ID"]:
-            raise _NotImported(PAIRED.format(owners.get(leader, "?"), leader, part["ID"]))
+        leader = part.get("Secondary_ID", part.get("Shadow_ID", MAX_SHADOW_ID + 1))
+        if isinstance(leader, int) and leader <= MAX_SHADOW_ID and leader != part["ID"]:
+            raise _ImportFailure(PAIRED_MESSAGE.format(owners.get(leader, "?"), leader, part["ID"]))
         for word in ("Homing_Offset", "Multi_Turn_Offset"):
-            if offset := _number(name, part, word, 0):
-                raise _NotImported(
+            if offset := _read_number(name, part, word, 0):
+                raise _ImportFailure(
                     f"joint '{name}' has {word} {offset:g}, and joints are driven here that count from the servo's own "
                     f"zero: in a copy of the file take {word} and the limits of '{name}' out"
                 )
@@ -144,51 +146,51 @@ def _workbench(found: ForeignJoints, path: Path, data: Mapping[str, Any], model:
             found.notes.append(f"'{name}' is left out: operating mode {part['Operating_Mode']} is not one of positions")
             continue
         found.joints[name] = JointKeys(
-            id=_id(name, part, "ID"), written_model=model.name, ticks=_ticks(name, part, model)
+            id=_read_id(name, part, "ID"), written_model=model.name, ticks=_ticks(name, part, model)
         )
         if found.joints[name].ticks is None:
             found.notes.append(
                 f"joint '{name}': its limits are in no file: find them with mission servo calibrate {name}"
             )
-        if int(_number(name, part, "Drive_Mode", 0)) & 1:
+        if int(_read_number(name, part, "Drive_Mode", 0)) & 1:
             found.notes.append(
                 f"joint '{name}': the servo is reversed (Drive_Mode 1), here its joint is: its drive_mode has to be 0"
             )
 
 
-_LIMITS = (("Min_Position_Limit", "Max_Position_Limit"), ("CW_Angle_Limit", "CCW_Angle_Limit"))
+_LIMIT_KEYS = (("Min_Position_Limit", "Max_Position_Limit"), ("CW_Angle_Limit", "CCW_Angle_Limit"))
 
 
-def _ticks(name: str, part: Mapping[str, Any], model: Model) -> Ticks | None:
+def _ticks(name: str, part: Mapping[str, Any], model: ServoModel) -> Ticks | None:
     """Return the limits of a servo in its steps, as it counts when it is not reversed; None where it has none."""
-    for words in _LIMITS:
+    for words in _LIMIT_KEYS:
         if all(word in part for word in words):
-            low, high = (int(_number(name, part, word)) for word in words)
-            if int(_number(name, part, "Drive_Mode", 0)) & 1:
-                low, high = (2 * model.centre - step for step in (low, high))
-            ends = [min(max(step, 0), model.last) for step in (low, high)]
+            low, high = (int(_read_number(name, part, word)) for word in words)
+            if int(_read_number(name, part, "Drive_Mode", 0)) & 1:
+                low, high = (2 * model.centre_tick - step for step in (low, high))
+            ends = [min(max(step, 0), model.last_tick) for step in (low, high)]
             if ends[0] == ends[1]:
-                raise _NotImported(f"joint '{name}': its limits are both {ends[0]}: it could not move")
-            return Ticks(init=model.centre, min=ends[0], max=ends[1])
+                raise _ImportFailure(f"joint '{name}': its limits are both {ends[0]}: it could not move")
+            return Ticks(init=model.centre_tick, min=ends[0], max=ends[1])
     return None
 
 
-def _lerobot(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: Model) -> None:
+def _lerobot(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: ServoModel) -> None:
     """Read the motors of a calibration of LeRobot's, which stays where it is, and is named."""
     if model.protocol != "STS":
-        raise _NotImported(
+        raise _ImportFailure(
             "an arm of Dynamixels that LeRobot calibrated is not driven here: its servos count from elsewhere"
         )
-    load(str(path))
+    load_calibration(str(path))
     for name, part in data.items():
         if is_wheel(name):
             found.notes.append(f"motor '{name}' is left out: it drives a wheel")
         else:
             found.joints[name] = FeetechJointKeys(id=part["id"], written_model=model.name)
-    found.calibration = shown(path.resolve())
+    found.calibration = home_relative(path.resolve())
 
 
-_READERS: Mapping[str, Callable[[ForeignJoints, Path, Any, Model], None]] = {
+_READERS: Mapping[str, Callable[[ForeignJoints, Path, Any, ServoModel], None]] = {
     "arbotix": _arbotix,
     "interbotix": _interbotix,
     "workbench": _workbench,

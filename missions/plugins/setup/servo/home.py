@@ -9,30 +9,37 @@ from pathlib import Path
 
 import click
 
-from config.library import wrong_kind
+from config.library import wrong_kind_error
 from drivers.errors import BadRequest, DeviceFault, DriverError, NoReply
-from drivers.servos.bus import Bus
-from drivers.servos.calibration import HALF_TURN, LAST, MotorCalibration, load, text
+from drivers.servos.bus import ServoBus
+from drivers.servos.calibration import HALF_TURN, LAST_STEP, MotorCalibration, format_calibration, load_calibration
 from drivers.servos.feetech import FeetechKeys
 from drivers.servos.joint import Joint
-from drivers.servos.settings import Change, apply, planned
+from drivers.servos.settings import RegisterChange, apply_changes, plan_changes
 from missions.cli.commands import SharingCommand
-from missions.cli.numbers import InUnit
+from missions.cli.numbers import QuantityInUnit
 from missions.cli.outputs import check_writable, save
-from missions.cli.printable import in_columns
+from missions.cli.printable import format_columns
 from missions.cli.root import FAILURE, SUCCESS
 from missions.plugins.setup.servo import origin
-from missions.plugins.setup.servo.bench import Bench, confirm_limp, opened_bus, patience, require_terminal, show
-from missions.plugins.setup.servo.calibrate import LEAST, limp
+from missions.plugins.setup.servo.bench import (
+    OpenBus,
+    confirm_limp,
+    open_bus,
+    require_terminal,
+    show_line,
+    wait_for_end,
+)
+from missions.plugins.setup.servo.calibrate import MIN_TRAVEL, make_limp
 from missions.plugins.setup.servo.origin import origin_file
-from missions.plugins.setup.servo.ranges import free
-from missions.plugins.setup.servo.target import Target, target_options
+from missions.plugins.setup.servo.ranges import free_backup_path
+from missions.plugins.setup.servo.target import ServoTarget, target_options
 
-TURN = LAST + 1
+STEPS_PER_TURN = LAST_STEP + 1
 
 
 @dataclass(slots=True)
-class Homed:
+class HomedServo:
     """A servo as it is turned, in steps from the half turn at which it is to show its middle; ``offset`` does that."""
 
     joint: Joint
@@ -40,46 +47,46 @@ class Homed:
     offset: int
     lowest: int = 0
     highest: int = 0
-    place: int = 0  # counted on where its steps begin anew
+    position: int = 0  # counted on where its steps begin anew
     no_stops: bool = False
 
-    def look(self, bus: Bus) -> None:
+    def sample(self, bus: ServoBus) -> None:
         """Look where the servo is now; one look that gets no answer is no harm. Raises NotConnected."""
         try:
-            shown = bus.read(self.joint.at, self.joint.model.table["present_position"])
+            shown = bus.read(self.joint.address, self.joint.model.table["present_position"])
         except (NoReply, BadRequest):
             return
         place = (shown + self.before - self.offset) - HALF_TURN
-        self.place += (place - self.place + TURN // 2) % TURN - TURN // 2
-        self.lowest, self.highest = min(self.lowest, self.place), max(self.highest, self.place)
+        self.position += (place - self.position + STEPS_PER_TURN // 2) % STEPS_PER_TURN - STEPS_PER_TURN // 2
+        self.lowest, self.highest = min(self.lowest, self.position), max(self.highest, self.position)
 
     @property
-    def endless(self) -> bool:
+    def is_endless(self) -> bool:
         """Whether it has no stops, as the user says or as it was turned."""
-        return self.no_stops or self.highest - self.lowest >= TURN
+        return self.no_stops or self.highest - self.lowest >= STEPS_PER_TURN
 
-    def trouble(self, margin: int) -> str:
+    def problem(self, margin: int) -> str:
         """Say why its range is none; empty when it is one."""
-        if self.endless:
+        if self.is_endless:
             return ""
-        if self.lowest < -HALF_TURN or self.highest > TURN - HALF_TURN:
+        if self.lowest < -HALF_TURN or self.highest > STEPS_PER_TURN - HALF_TURN:
             return (
                 "turned through half a turn from its middle, where its steps begin anew: begin nearer to its middle; "
                 "one without stops is turned once all the way round, or named: --no-stops"
             )
-        return "hardly turned" if self.highest - self.lowest < LEAST / self.joint.model.tick + 2 * margin else ""
+        return "hardly turned" if self.highest - self.lowest < MIN_TRAVEL / self.joint.model.tick + 2 * margin else ""
 
-    def found(self, margin: int, drive_mode: int) -> MotorCalibration:
+    def calibration(self, margin: int, drive_mode: int) -> MotorCalibration:
         """Return what the calibration file is to say, ``margin`` steps short of either end."""
-        if self.endless:  # as LeRobot writes it
-            return MotorCalibration(self.joint.spec.id, drive_mode, self.offset, 0, LAST)
+        if self.is_endless:  # as LeRobot writes it
+            return MotorCalibration(self.joint.spec.id, drive_mode, self.offset, 0, LAST_STEP)
         low, high = self.lowest + HALF_TURN + margin, self.highest + HALF_TURN - margin
-        return MotorCalibration(self.joint.spec.id, drive_mode, self.offset, max(0, low), min(LAST, high))
+        return MotorCalibration(self.joint.spec.id, drive_mode, self.offset, max(0, low), min(LAST_STEP, high))
 
 
 def offset_for(shown: int, before: int) -> int:
     """Return the offset with which a servo shows the half turn that now shows ``shown``, with an offset ``before``."""
-    return max((shown + before - HALF_TURN + TURN // 2) % TURN - TURN // 2, -HALF_TURN)
+    return max((shown + before - HALF_TURN + STEPS_PER_TURN // 2) % STEPS_PER_TURN - STEPS_PER_TURN // 2, -HALF_TURN)
 
 
 @click.command(cls=SharingCommand, epilog="Example: mission servo home --into so101.json --robot my_so101.yaml")
@@ -91,13 +98,13 @@ def offset_for(shown: int, before: int) -> int:
               "that were calibrated.")  # fmt: skip
 @click.option("--no-stops", "endless", multiple=True, metavar="JOINT", help="A joint that turns all the way round, "
               "such as wrist_roll: its range is the whole turn, and it need not be turned.")  # fmt: skip
-@click.option("--margin", type=InUnit("deg", 0.0, 20.0), default=2.0, show_default=True, metavar="DEG",
+@click.option("--margin", type=QuantityInUnit("deg", 0.0, 20.0), default=2.0, show_default=True, metavar="DEG",
               help="How far before the ends that are touched the limits lie.")  # fmt: skip
-@click.option("--seconds", type=InUnit("s", 0.1), metavar="N",
+@click.option("--seconds", type=QuantityInUnit("s", 0.1), metavar="N",
               help="Take where the arm stands for its middle, and watch for so long; else until Enter.")  # fmt: skip
 @click.option("--yes", is_flag=True, help="Ask nothing: somebody holds the arm, and the EEPROM may be written.")
 def home(
-    target: Target, joints: tuple[str, ...], into: str | None, restore: bool, other_servos: bool,
+    target: ServoTarget, joints: tuple[str, ...], into: str | None, restore: bool, other_servos: bool,
     endless: tuple[str, ...], margin: float, seconds: float | None, yes: bool,
 ) -> int:  # fmt: skip
     """Calibrate Feetech servos, as lerobot-calibrate does.
@@ -110,51 +117,53 @@ def home(
     arm = target.keys
     if not isinstance(arm, FeetechKeys):
         raise click.UsageError("the robot has no Feetech servos: mission servo calibrate  finds the limits of others")
-    file = _file(into or arm.calibration)
+    file = _calibration_file(into or arm.calibration)
     if not yes and not sys.stdin.isatty():
         raise click.UsageError("this writes the EEPROM: add --yes, or confirm it at a terminal")
     if restore:
-        with opened_bus(target) as bench:
-            return _restore(bench, file, bench.chosen(joints), yes=yes, other_servos=other_servos)
+        with open_bus(target) as bench:
+            return _restore_calibration(bench, file, bench.select_joints(joints), yes=yes, other_servos=other_servos)
     require_terminal(seconds)
     for each in (file, origin_file(file)):
         check_writable(each, "--into")
-    origin.load(file)  # before anything goes limp: where it cannot be read, the origins of other joints would be lost
-    kept = dict(load(str(file))) if file.exists() else {}
-    with opened_bus(target) as bench:
-        found = _turned(bench, bench.chosen(joints), endless, seconds, yes=yes)
-        click.echo(_table(found, radians(margin)))
-        if any(each.trouble(_steps(each, margin)) for each in found):
+    origin.load_settings(
+        file
+    )  # before anything goes limp: where it cannot be read, the origins of other joints would be lost
+    kept = dict(load_calibration(str(file))) if file.exists() else {}
+    with open_bus(target) as bench:
+        found = _watch_joints(bench, bench.select_joints(joints), endless, seconds, yes=yes)
+        click.echo(_travel_table(found, radians(margin)))
+        if any(each.problem(_margin_steps(each, margin)) for each in found):
             click.echo("nothing is written", err=True)
             return FAILURE
         modes = {name: int(joint.reverse) for name, joint in arm.servos.items()}
-        new = {each.joint: each.found(_steps(each, margin), modes[each.joint.name]) for each in found}
-        plans = _plan(bench, new)
-        if plans and (lost := origin.lost_calibration(bench.bus, plans, file)):
+        new = {each.joint: each.calibration(_margin_steps(each, margin), modes[each.joint.name]) for each in found}
+        plans = _plan_changes(bench, new)
+        if plans and (lost := origin.describe_lost_calibration(bench.bus, plans, file)):
             click.echo(lost, err=True)
         _confirm_eeprom(plans, yes=yes)
-        if not _save(bench, file, kept, new):
+        if not _save_calibration(bench, file, kept, new):
             click.echo("the servos are left as they were; --restore --into FILE writes a saved calibration", err=True)
             return FAILURE
-        _apply(bench, plans, file)
+        _apply_changes(bench, plans, file)
     if not arm.calibration:
         click.echo(f"the robot file is to say calibration: {file.absolute()}")
     return SUCCESS
 
 
-def _file(path: str) -> Path:
+def _calibration_file(path: str) -> Path:
     """Return the calibration file. Raises click.UsageError where none is named, and for a file of another kind."""
     if not path:
         raise click.UsageError("where is the calibration to be kept? --into so101.json")
     file = Path(path).expanduser()
-    if wrong := wrong_kind("calibrations", file):
+    if wrong := wrong_kind_error("calibrations", file):
         raise click.UsageError(wrong)
     return file
 
 
-def _restore(bench: Bench, file: Path, joints: Sequence[Joint], *, yes: bool, other_servos: bool) -> int:
+def _restore_calibration(bench: OpenBus, file: Path, joints: Sequence[Joint], *, yes: bool, other_servos: bool) -> int:
     """Set the servos of joints to what a calibration file says, if they are those that it came from."""
-    known = load(str(file))
+    known = load_calibration(str(file))
     for joint in joints:
         if joint.name not in known:
             raise BadRequest(
@@ -167,19 +176,19 @@ def _restore(bench: Bench, file: Path, joints: Sequence[Joint], *, yes: bool, ot
         bench.require_sole(joint)
     wanted = {joint: known[joint.name] for joint in joints}
     if not other_servos:
-        before, now = origin.load(file), origin.settings_of(bench.bus, joints)
+        before, now = origin.load_settings(file), origin.read_settings(bench.bus, joints)
         origin.require_same_models(before, now)
-        lost = origin.lost_calibration(bench.bus, joints, file)
-        _settle_doubts([*origin.doubts(bench.bus, wanted, before, now), *[lost] * bool(lost)], yes=yes)
-    plans = _plan(bench, wanted)
-    stiff = any(bench.bus.read(joint.at, joint.model.table["torque_enable"]) for joint in plans)
+        lost = origin.describe_lost_calibration(bench.bus, joints, file)
+        _confirm_doubts([*origin.find_doubts(bench.bus, wanted, before, now), *[lost] * bool(lost)], yes=yes)
+    plans = _plan_changes(bench, wanted)
+    stiff = any(bench.bus.read(joint.address, joint.model.table["torque_enable"]) for joint in plans)
     confirm_limp([joint.name for joint in plans], stiff=stiff, simulated=bench.simulated, yes=yes)
     _confirm_eeprom(plans, yes=yes)
-    _apply(bench, plans, file)
+    _apply_changes(bench, plans, file)
     return SUCCESS
 
 
-def _settle_doubts(found: Sequence[str], *, yes: bool) -> None:
+def _confirm_doubts(found: Sequence[str], *, yes: bool) -> None:
     """Show what speaks against a restore, and ask. Raises DeviceFault with --yes, for then nobody is asked."""
     if not found:
         return
@@ -190,79 +199,79 @@ def _settle_doubts(found: Sequence[str], *, yes: bool) -> None:
     click.confirm("restore it all the same?", abort=True, err=True)
 
 
-def _save(
-    bench: Bench, file: Path, kept: Mapping[str, MotorCalibration], new: Mapping[Joint, MotorCalibration]
+def _save_calibration(
+    bench: OpenBus, file: Path, kept: Mapping[str, MotorCalibration], new: Mapping[Joint, MotorCalibration]
 ) -> bool:
     """Keep what was measured, before any servo is changed, and which servos it is of."""
-    settings = {**origin.load(file), **origin.settings_of(bench.bus, new)}
+    settings = {**origin.load_settings(file), **origin.read_settings(bench.bus, new)}
     if kept:
-        save(free(file), text(kept))
-    if not save(file, text({**kept, **{joint.name: each for joint, each in new.items()}})):
+        save(free_backup_path(file), format_calibration(kept))
+    if not save(file, format_calibration({**kept, **{joint.name: each for joint, each in new.items()}})):
         return False
     click.echo(f"written into {file}")
-    return save(origin_file(file), origin.text(settings))
+    return save(origin_file(file), origin.settings_text(settings))
 
 
-def _steps(homed: Homed, margin: float) -> int:
+def _margin_steps(homed: HomedServo, margin: float) -> int:
     return round(radians(margin) / homed.joint.model.tick)
 
 
-def _turned(
-    bench: Bench, joints: Sequence[Joint], endless: Collection[str], seconds: float | None, *, yes: bool
-) -> list[Homed]:
+def _watch_joints(
+    bench: OpenBus, joints: Sequence[Joint], endless: Collection[str], seconds: float | None, *, yes: bool
+) -> list[HomedServo]:
     """Make the joints limp, take their middle, and watch how far they are turned."""
     for name in endless:
         if bench.joint(name) not in joints:
             raise click.UsageError(f"--no-stops: {name} is not among the joints that are calibrated")
-    limp(bench, joints, yes=yes)
+    make_limp(bench, joints, yes=yes)
     names = ", ".join(joint.name for joint in joints)
     if seconds is None:
         click.echo(f"limp: {names}\nbring each to the middle of its range; Enter goes on, Ctrl-C ends it", err=True)
-        with patience(bench.clock, None) as over:
+        with wait_for_end(bench.clock, None) as over:
             while not over():
-                show(" ".join(f"{joint.name} {_shown(bench, joint)}" for joint in joints))
-    found = list(_middles(bench, joints, endless))
+                show_line(" ".join(f"{joint.name} {_present_position(bench, joint)}" for joint in joints))
+    found = list(_read_middles(bench, joints, endless))
     click.echo(f"limp: {names}\nturn each to both its ends by hand; Enter ends it, Ctrl-C writes nothing", err=True)
-    with patience(bench.clock, seconds) as over:
+    with wait_for_end(bench.clock, seconds) as over:
         while not over():
             for each in found:
-                each.look(bench.bus)
-            show("  ".join(f"{each.joint.name} {_width(each):.0f}" for each in found) + " deg")
+                each.sample(bench.bus)
+            show_line("  ".join(f"{each.joint.name} {_travel_degrees(each):.0f}" for each in found) + " deg")
     return found
 
 
-def _middles(bench: Bench, joints: Iterable[Joint], endless: Collection[str]) -> Iterator[Homed]:
+def _read_middles(bench: OpenBus, joints: Iterable[Joint], endless: Collection[str]) -> Iterator[HomedServo]:
     for joint in joints:
-        before = bench.bus.read(joint.at, joint.model.table["position_offset"])
-        offset = offset_for(_shown(bench, joint), before)
-        yield Homed(joint, before, offset, no_stops=joint.name in endless)
+        before = bench.bus.read(joint.address, joint.model.table["position_offset"])
+        offset = offset_for(_present_position(bench, joint), before)
+        yield HomedServo(joint, before, offset, no_stops=joint.name in endless)
 
 
-def _shown(bench: Bench, joint: Joint) -> int:
-    return bench.bus.read(joint.at, joint.model.table["present_position"])
+def _present_position(bench: OpenBus, joint: Joint) -> int:
+    return bench.bus.read(joint.address, joint.model.table["present_position"])
 
 
-def _width(homed: Homed) -> float:
+def _travel_degrees(homed: HomedServo) -> float:
     return degrees((homed.highest - homed.lowest) * homed.joint.model.tick)
 
 
-def _table(found: Iterable[Homed], margin: float) -> str:
+def _travel_table(found: Iterable[HomedServo], margin: float) -> str:
     """Return how far each was turned from its middle."""
     rows = []
     for each in found:
         tick = each.joint.model.tick
         ends = [f"{degrees(steps * tick):+.1f}" for steps in (each.lowest, each.highest)]
-        remark = "turns all the way round" if each.endless else each.trouble(round(margin / tick))
+        remark = "turns all the way round" if each.is_endless else each.problem(round(margin / tick))
         rows.append([each.joint.name, str(each.before), str(each.offset), *ends, remark])
-    return in_columns(("joint", "offset", "new", "from deg", "to deg", ""), rows, left=frozenset({"joint", ""}))
+    return format_columns(("joint", "offset", "new", "from deg", "to deg", ""), rows, left=frozenset({"joint", ""}))
 
 
-def _plan(bench: Bench, wanted: Mapping[Joint, MotorCalibration]) -> dict[Joint, list[Change]]:
+def _plan_changes(bench: OpenBus, wanted: Mapping[Joint, MotorCalibration]) -> dict[Joint, list[RegisterChange]]:
     """Return what is to be changed in the EEPROM of which servos, and say so."""
     plans = {}
     for joint, each in wanted.items():
         values = {"position_offset": each.homing_offset, "min_position": each.range_min, "max_position": each.range_max}
-        if changes := planned(bench.bus, joint.at, joint.model.table, values):
+        if changes := plan_changes(bench.bus, joint.address, joint.model.table, values):
             plans[joint] = changes
             said = ", ".join(f"{change.register.name} {change.before} -> {change.after}" for change in changes)
             click.echo(f"{joint.title}: {said}")
@@ -277,12 +286,12 @@ def _confirm_eeprom(plans: Collection[Joint], *, yes: bool) -> None:
         click.confirm("write this into the EEPROM?", abort=True, err=True)
 
 
-def _apply(bench: Bench, plans: Mapping[Joint, Sequence[Change]], file: Path) -> None:
+def _apply_changes(bench: OpenBus, plans: Mapping[Joint, Sequence[RegisterChange]], file: Path) -> None:
     """Change the EEPROM, and say so. Raises as ``apply``, and then says which servos are left as they were."""
     left = list(plans)
     try:
         for joint, changes in plans.items():
-            apply(bench.bus, joint.at, joint.model.table, changes)
+            apply_changes(bench.bus, joint.address, joint.model.table, changes)
             left.remove(joint)
             click.echo(f"{joint.title}: written and verified")
     except DriverError:

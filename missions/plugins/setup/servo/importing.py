@@ -9,26 +9,26 @@ from types import MappingProxyType
 
 import click
 
-from config.declared import nearest, note_mistakes, read_keys
+from config.declared import add_mistakes, nearest_mark, read_keys
 from config.editing import NotEditableError, require_own, rewrite, with_value
-from config.faults import Diagnostic, InvalidFileError, Source, one_of
+from config.faults import Diagnostic, InvalidFileError, SourceText, suggest_from
 from config.fields import Fields, fields_of, value_of
-from config.foreign import foreign_file
-from config.library import PLAYED, kinds_of, wrong_kind
+from config.foreign import recognise_file
+from config.library import MOVEMENT_FORMS, kinds_of, wrong_kind_error
 from config.marked import Mapping as MarkedMapping
 from config.marked import Node, read_source
-from config.units import seen
-from config.writing import flow, number, word, write_new
-from drivers.api.keys import Mistake, declared, key, keys
-from drivers.servos.declared import ALIASES, JointKeys, Ticks, last_id
-from drivers.servos.models import MODELS, Model
+from config.units import quoted_value
+from config.writing import flow_mapping, number_text, write_new, yaml_word
+from drivers.api.keys import KeyDiagnostic, declared_keys, key, keys
+from drivers.servos.declared import ALIASES, JointKeys, Ticks, max_id
+from drivers.servos.models import MODELS, ServoModel
 from missions.cli.commands import SharingCommand
-from missions.cli.numbers import Whole
+from missions.cli.numbers import WholeNumber
 from missions.cli.root import SUCCESS
-from missions.library.drivers import robot_of
-from missions.plugins.setup.servo.foreign_joints import PAIRED, ForeignJoints, foreign_joints
-from missions.plugins.setup.servo.ranges import arm_of
-from missions.plugins.setup.servo.target import ARM, arm_named, arm_option
+from missions.library.drivers import parse_robot
+from missions.plugins.setup.servo.foreign_joints import PAIRED_MESSAGE, ForeignJoints, foreign_joints
+from missions.plugins.setup.servo.ranges import arm_keys
+from missions.plugins.setup.servo.target import DEFAULT_ARM, arm_option, find_arm
 
 # The joints of a robot as the ROS stack ``dynamixel_controllers`` describes them, read as joints of ours.
 #
@@ -41,18 +41,18 @@ from missions.plugins.setup.servo.target import ARM, arm_named, arm_option
 #
 # What it does not say is the model of the servo: that is for the caller to know.
 
-UNLIKE = {
+UNSUPPORTED_TYPES = {
     "JointTorqueController": "turns a wheel, and takes no positions",
     "JointTorqueControllerDualMotor": "turns wheels, and takes no positions",
 }
 """The types of controller that are no joints of ours, and why."""
 
-LEADERS = ("JointTrajectoryActionController", "TrajectoryActionController")
+LEADER_TYPES = ("JointTrajectoryActionController", "TrajectoryActionController")
 """The types of controller that lead other controllers: they are left out."""
 
 
 @keys
-class KindKeys:
+class RosKindKeys:
     """What runs the joint in ROS."""
 
     package: str = key(default="")
@@ -62,7 +62,7 @@ class KindKeys:
 
 
 @keys
-class MotorKeys:
+class RosMotorKeys:
     """The servo of a joint, with its steps at the joint's 0 and at its ends."""
 
     id: int = key(low=0)
@@ -74,12 +74,12 @@ class MotorKeys:
 
 
 @keys
-class ControllerKeys:
+class RosControllerKeys:
     """One joint."""
 
-    controller: KindKeys | None = key(default=None)
+    controller: RosKindKeys | None = key(default=None)
     joint_name: str = key()
-    motor: MotorKeys = key()
+    motor: RosMotorKeys = key()
     joint_speed: float = key(default=1.0, low=0.02)
     joint_max_speed: float = key(default=inf, low=0.02)
     joint_torque_limit: float = key(default=1.0, low=0.01, high=1.0)
@@ -89,13 +89,13 @@ class ControllerKeys:
     others: Mapping[str, object] = key(default=MappingProxyType({}), rest=True)
 
 
-KEYS = {
-    part: {each.word for each in declared(of)}
-    for part, of in (("", ControllerKeys), ("motor", MotorKeys), ("controller", KindKeys))
+READ_KEYS = {
+    part: {each.word for each in declared_keys(of)}
+    for part, of in (("", RosControllerKeys), ("motor", RosMotorKeys), ("controller", RosKindKeys))
 }
 """The keys of a controller that are read, and those of its parts."""
 
-LEFT_OUT: Mapping[tuple[str, ...], str] = {
+OMITTED_KEYS: Mapping[tuple[str, ...], str] = {
     ("joint_compliance_slope",): "compliance",
     ("joint_compliance_margin",): "compliance",
     ("joint_compliance_punch",): "compliance",
@@ -117,133 +117,135 @@ def load_ros_joints(path: Path, *, model: str = "AX-12A") -> RosJoints:
     return ros_joints_of(read_source(path), model=model)
 
 
-def ros_joints_of(source: Source, *, model: str = "AX-12A") -> RosJoints:
+def ros_joints_of(source: SourceText, *, model: str = "AX-12A") -> RosJoints:
     """Read the text of such a file. Raises as ``load_ros_joints`` does, and KeyError for an unknown model."""
-    fields = fields_of(source, what="a file of controllers")
-    reader = _Reader(MODELS[model])
+    fields = fields_of(source, subject="a file of controllers")
+    reader = _JointReader(MODELS[model])
     for name, node in fields.entries():
-        reader.take(name.text, Fields(source, node, fields.faults, what=f"controller '{name.text}'"))
-    if not reader.joints and not fields.faults:
-        fields.fault(fields.node.mark, "there is no controller of a joint in it")
-    if fields.faults:
-        raise InvalidFileError(fields.faults)
+        reader.add(name.text, Fields(source, node, fields.diagnostics, subject=f"controller '{name.text}'"))
+    if not reader.joints and not fields.diagnostics:
+        fields.add_error(fields.node.mark, "there is no controller of a joint in it")
+    if fields.diagnostics:
+        raise InvalidFileError(fields.diagnostics)
     return RosJoints(reader.joints, tuple(reader.notes))
 
 
-class _Reader:
+class _JointReader:
     """Gathers the joints of one file, and what is to be said of them."""
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: ServoModel) -> None:
         self.joints: dict[str, JointKeys] = {}
         self.notes: list[Diagnostic] = []
         self._model = model
-        self._first: dict[str, str] = {}
+        self._first_owners: dict[str, str] = {}
 
-    def take(self, controller: str, fields: Fields) -> None:
+    def add(self, controller: str, fields: Fields) -> None:
         """Read one controller."""
-        if _unlike(fields) or self._leads(fields):
+        if _is_unsupported(fields) or self._is_leader(fields):
             return
-        mistakes = len(fields.faults)
-        read = read_keys(fields, ControllerKeys)
-        note_mistakes(fields, self._mistakes(read))
-        if len(fields.faults) > mistakes:
+        mistakes = len(fields.diagnostics)
+        read = read_keys(fields, RosControllerKeys)
+        add_mistakes(fields, self._find_errors(read))
+        if len(fields.diagnostics) > mistakes:
             return
-        note_mistakes(fields, self._twice(controller, read))
+        add_mistakes(fields, self._find_duplicates(controller, read))
         self.joints[read.joint_name] = JointKeys(
             id=read.motor.id,
             written_model=self._model.name,
             speed=min(read.joint_speed, read.joint_max_speed),
             torque=read.joint_torque_limit,
-            ticks=self._ticks(fields, read.motor),
+            ticks=self._clamped_ticks(fields, read.motor),
         )
-        for at in _unknown(fields):  # which ROS ignores
+        for at in _unknown_keys(fields):  # which ROS ignores
             self._note(fields, at, f"'{at[-1]}' is left out: dynamixel_controllers has no such key")
-        for at, what in LEFT_OUT.items():
+        for at, what in OMITTED_KEYS.items():
             if getattr(read.motor if at[0] == "motor" else read, at[-1]) is not None:
                 self._note(fields, at, f"'{at[-1]}' is left out: the {what} of a servo stays as it is")
 
-    def _leads(self, fields: Fields) -> bool:
+    def _is_leader(self, fields: Fields) -> bool:
         """Note a controller that leads others, and return True for it."""
-        kind, node = _kind(fields)
-        if node is not None and kind in LEADERS:
-            what = f"{fields.what} is left out: a {seen(kind)} leads other controllers, and is no joint"
+        kind, node = _controller_type(fields)
+        if node is not None and kind in LEADER_TYPES:
+            what = f"{fields.subject} is left out: a {quoted_value(kind)} leads other controllers, and is no joint"
             self.notes.append(Diagnostic(fields.source, node.mark, what))
             return True
         return False
 
-    def _mistakes(self, read: ControllerKeys) -> Iterator[Mistake]:
+    def _find_errors(self, read: RosControllerKeys) -> Iterator[KeyDiagnostic]:
         """Yield what the servo cannot do."""
-        for name, most in (("id", last_id(self._model)), ("init", self._model.last)):
+        for name, most in (("id", max_id(self._model)), ("init", self._model.last_tick)):
             if getattr(read.motor, name) > most:
                 at = ("motor", name)
-                yield Mistake(f"'{name}' must be at most {most}", at, about=(at,))
-        low, high = self._within(read.motor.min), self._within(read.motor.max)
+                yield KeyDiagnostic(f"'{name}' must be at most {most}", at, about=(at,))
+        low, high = self._clamp(read.motor.min), self._clamp(read.motor.max)
         if low == high:
             message = f"'min' and 'max' are both {low}: the joint could not move"
-            yield Mistake(message, ("motor",), about=(("motor",),))
+            yield KeyDiagnostic(message, ("motor",), about=(("motor",),))
 
-    def _twice(self, controller: str, read: ControllerKeys) -> Iterator[Mistake]:
+    def _find_duplicates(self, controller: str, read: RosControllerKeys) -> Iterator[KeyDiagnostic]:
         """Yield what another controller has already."""
         for at, what in ((("joint_name",), f"joint '{read.joint_name}'"), (("motor", "id"), f"servo {read.motor.id}")):
-            first = self._first.setdefault(what, controller)
+            first = self._first_owners.setdefault(what, controller)
             if first != controller:
-                yield Mistake(f"{what} belongs to controller '{first}' already", at, about=(at,))
+                yield KeyDiagnostic(f"{what} belongs to controller '{first}' already", at, about=(at,))
 
-    def _ticks(self, fields: Fields, motor: MotorKeys) -> Ticks:
+    def _clamped_ticks(self, fields: Fields, motor: RosMotorKeys) -> Ticks:
         """Return the steps at the joint's 0 and at its ends, which are brought within those that the servo has."""
         for name, written in (("min", motor.min), ("max", motor.max)):
-            if written != (found := self._within(written)):
-                has = f"an {self._model.name} has 0..{self._model.last}"
+            if written != (found := self._clamp(written)):
+                has = f"an {self._model.name} has 0..{self._model.last_tick}"
                 self._note(fields, ("motor", name), f"'{name}' is {found} and not {written}: {has}")
-        ticks = Ticks(init=motor.init, min=self._within(motor.min), max=self._within(motor.max))
+        ticks = Ticks(init=motor.init, min=self._clamp(motor.min), max=self._clamp(motor.max))
         if not min(ticks.min, ticks.max) <= ticks.init <= max(ticks.min, ticks.max):
             ends = f"'min' {ticks.min} and 'max' {ticks.max}"
             message = f"'init' {ticks.init} lies outside {ends}: the joint cannot go to its 0"
             self._note(fields, ("motor", "init"), message)
         return ticks
 
-    def _within(self, step: int) -> int:
-        return min(max(step, 0), self._model.last)
+    def _clamp(self, step: int) -> int:
+        return min(max(step, 0), self._model.last_tick)
 
     def _note(self, fields: Fields, at: tuple[str, ...], message: str) -> None:
-        self.notes.append(Diagnostic(fields.source, nearest(fields.node, at), message))
+        self.notes.append(Diagnostic(fields.source, nearest_mark(fields.node, at), message))
 
 
-def _unknown(fields: Fields) -> Iterator[tuple[str, ...]]:
+def _unknown_keys(fields: Fields) -> Iterator[tuple[str, ...]]:
     """Yield where keys stand that are not read."""
-    for part, known in KEYS.items():
+    for part, known in READ_KEYS.items():
         node = fields.node_of(part) if part else fields.node
         for name in node.keys() if isinstance(node, MarkedMapping) else ():
             if name not in known:
                 yield (part, name) if part else (name,)
 
 
-def _kind(fields: Fields) -> tuple[object, Node | None]:
+def _controller_type(fields: Fields) -> tuple[object, Node | None]:
     """Return the type of a controller, and where it stands."""
     section = fields.node_of("controller")
     node = section.get("type") if isinstance(section, MarkedMapping) else None
     return ("JointPositionController" if node is None else value_of(node)), node
 
 
-def _unlike(fields: Fields) -> bool:
+def _is_unsupported(fields: Fields) -> bool:
     """Note a controller that is no joint of ours, and return True for it."""
-    kind, node = _kind(fields)
+    kind, node = _controller_type(fields)
     if "motor_master" in (keys := [word.text for word, _ in fields.entries()]) or "motor_slave" in keys:
-        ids = [_servo(fields.node_of(word)) for word in ("motor_master", "motor_slave")]
+        ids = [_motor_id(fields.node_of(word)) for word in ("motor_master", "motor_slave")]
         joint = fields.node_of("joint_name")
-        name = fields.what if joint is None else value_of(joint)
+        name = fields.subject if joint is None else value_of(joint)
         mark = next(word.mark for word, _ in fields.entries() if word.text in ("motor_master", "motor_slave"))
-        fields.fault(mark, PAIRED.format(name, *ids))
-    elif node is not None and kind not in ("JointPositionController", *LEADERS):
-        fields.fault(
-            node.mark, f"{fields.what}: a {seen(kind)} {UNLIKE.get(str(kind), 'is unknown')}", "take it out of the file"
+        fields.add_error(mark, PAIRED_MESSAGE.format(name, *ids))
+    elif node is not None and kind not in ("JointPositionController", *LEADER_TYPES):
+        fields.add_error(
+            node.mark,
+            f"{fields.subject}: a {quoted_value(kind)} {UNSUPPORTED_TYPES.get(str(kind), 'is unknown')}",
+            "take it out of the file",
         )
     else:
         return False
     return True
 
 
-def _servo(node: Node | None) -> object:
+def _motor_id(node: Node | None) -> object:
     """Return the ID of a motor, as it is written."""
     number = node.get("id") if isinstance(node, MarkedMapping) else None
     return "?" if number is None else value_of(number)
@@ -266,7 +268,7 @@ def robot_text(
     Raises InvalidFileError if it is none.
     """
     lines = [
-        f"robot: {word(name)}",
+        f"robot: {yaml_word(name)}",
         "",
         f"{arm}:",
         *([] if arm == "arm" else ["  kind: arm"]),
@@ -275,30 +277,30 @@ def robot_text(
         f"  baud: {baud}",
         *([f"  calibration: {json.dumps(calibration)}"] if calibration else []),
     ]
-    lines += ["  joints:", *(f"    {word(joint)}: {_joint(config)}" for joint, config in joints.items())]
+    lines += ["  joints:", *(f"    {yaml_word(joint)}: {_joint_text(config)}" for joint, config in joints.items())]
     text = "\n".join(lines) + "\n"
-    robot_of(Source(name, text))
+    parse_robot(SourceText(name, text))
     return text
 
 
-def _joint(joint: JointKeys) -> str:
+def _joint_text(joint: JointKeys) -> str:
     """Write a joint, in steps of its servo if that is how it came."""
     if joint.ticks is None and joint.limits is None:
-        return flow({"id": str(joint.id), "model": joint.model})
+        return flow_mapping({"id": str(joint.id), "model": joint.model})
     if joint.ticks is None:
-        limits = f"[{number(joint.lower, 6)} rad, {number(joint.upper, 6)} rad]"
-        way = {"zero": f"{number(joint.zero, 6)} rad", "limits": limits, "reverse": str(joint.reverse).lower()}
+        limits = f"[{number_text(joint.lower, 6)} rad, {number_text(joint.upper, 6)} rad]"
+        way = {"zero": f"{number_text(joint.zero, 6)} rad", "limits": limits, "reverse": str(joint.reverse).lower()}
     else:
-        way = {"ticks": flow({key: str(value) for key, value in asdict(joint.ticks).items()})}
-    power = {"speed": f"{number(joint.speed, 6)} rad/s", "torque": f"{number(100 * joint.torque, 4)} %"}
-    return flow({"id": str(joint.id), "model": joint.model}, way, power)
+        way = {"ticks": flow_mapping({key: str(value) for key, value in asdict(joint.ticks).items()})}
+    power = {"speed": f"{number_text(joint.speed, 6)} rad/s", "torque": f"{number_text(100 * joint.torque, 4)} %"}
+    return flow_mapping({"id": str(joint.id), "model": joint.model}, way, power)
 
 
 @click.command("import", cls=SharingCommand, epilog="Example: mission servo import joints.yaml -o my_robot.yaml")
 @click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.option("--model", help="What its servos are, which no file says: AX-12A, or STS3215 for a calibration.")
 @click.option("--port", metavar="PATH", help="Where they are plugged in: /dev/u2d2, or /dev/ttyACM0 for a calibration.")
-@click.option("--baud", type=Whole(min=1), default=1_000_000, show_default=True, metavar="RATE")
+@click.option("--baud", type=WholeNumber(min=1), default=1_000_000, show_default=True, metavar="RATE")
 @click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), metavar="NEW", help="Write a new "
               "robot file; without it the text goes to stdout.")  # fmt: skip
 @click.option("--into", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="ROBOT", help="Add the "
@@ -313,17 +315,17 @@ def import_joints(
     or a calibration of LeRobot's. Steps of the servo stay steps. What was changed or left out is told on stderr.
     """
     if model is not None and model not in (known := [*MODELS, *ALIASES]):
-        raise click.UsageError(f"--model: '{model}' is no servo that we know; {one_of(model, known)}")
+        raise click.UsageError(f"--model: '{model}' is no servo that we know; {suggest_from(model, known)}")
     if output is not None and into is not None:
         raise click.UsageError("-o writes a new file and --into adds to one: give one of them")
-    found = _imported(file, model)
+    found = _read_joints(file, model)
     if into is not None and found.calibration:
         raise click.UsageError(f"{file} is a calibration: write `calibration: {found.calibration}` in {into}")
     port = port or ("/dev/ttyACM0" if found.calibration else "/dev/u2d2")
     text = robot_text(file.stem, found.joints, port=port, baud=baud, arm=arm, calibration=found.calibration)
     try:
         if into is not None:
-            _add(into, found, text, arm)
+            _add_to_robot(into, found, text, arm)
         elif output is not None:
             write_new(output, text)
         else:
@@ -339,16 +341,16 @@ def import_joints(
     return SUCCESS
 
 
-def _imported(file: Path, model: str | None) -> ForeignJoints:
+def _read_joints(file: Path, model: str | None) -> ForeignJoints:
     """Read the joints of a file. Raises click.UsageError with what it is, and InvalidFileError."""
-    foreign = None if kinds_of(file) else foreign_file(file)
-    if foreign is None or not foreign.form or foreign.form in PLAYED:
+    foreign = None if kinds_of(file) else recognise_file(file)
+    if foreign is None or not foreign.form or foreign.form in MOVEMENT_FORMS:
         other = f"{file} has no joints in a form that is known here (dynamixel_controllers, ArbotiX, Interbotix, "
         other += "dynamixel_workbench, LeRobot); `mission robot new` makes a robot file of what is plugged in"
-        raise click.UsageError(wrong_kind("joints", file) or other)
+        raise click.UsageError(wrong_kind_error("joints", file) or other)
     usual = {"ros": "AX-12A", "arbotix": "AX-12A", "lerobot": "STS3215"}.get(foreign.form)
     if model is None and usual is None:
-        raise click.UsageError(f"{file} is {foreign.what}: say what its servos are, such as --model XM430-W350")
+        raise click.UsageError(f"{file} is {foreign.description}: say what its servos are, such as --model XM430-W350")
     servos = ALIASES.get(model or "", model or usual or "")
     if foreign.form != "ros":
         return foreign_joints(file, foreign.form, servos)
@@ -356,17 +358,17 @@ def _imported(file: Path, model: str | None) -> ForeignJoints:
     return ForeignJoints(dict(found.joints), [str(note) for note in found.notes])
 
 
-def _add(path: Path, found: ForeignJoints, text: str, part: str) -> None:
+def _add_to_robot(path: Path, found: ForeignJoints, text: str, part: str) -> None:
     """Add joints, as ``text`` has them, to an arm of a robot file, and nothing else.
 
     Raises NotEditableError where that cannot be, click.UsageError where it has other arms, and not this.
     """
     require_own(path, "mission servo import JOINTS.yaml --into FILE")
     source = read_source(path)
-    old = robot_of(source)
-    if part != ARM:
-        arm_named(old, part)
-    before = arm_of(old, part)
+    old = parse_robot(source)
+    if part != DEFAULT_ARM:
+        find_arm(old, part)
+    before = arm_keys(old, part)
     joints: dict[str, JointKeys] = {} if before is None else dict(before.joints)
     if there := [name for name in found.joints if name in joints]:
         raise NotEditableError(f"{path}: it has {', '.join(there)} already")
@@ -374,8 +376,8 @@ def _add(path: Path, found: ForeignJoints, text: str, part: str) -> None:
     new = source.text
     for line in reversed(lines):  # each is put in front of the others
         name, _, value = line.strip().partition(": ")
-        new = with_value(Source(source.name, new), (part, "joints", name), value)
-    arm = arm_of(robot_of(Source(source.name, new)), part)
+        new = with_value(SourceText(source.name, new), (part, "joints", name), value)
+    arm = arm_keys(parse_robot(SourceText(source.name, new)), part)
     if arm is None or dict(arm.joints) != {**found.joints, **joints}:
         raise NotEditableError(
             f"{path}: its {part} is written in a way that cannot be added to; write the joints yourself"

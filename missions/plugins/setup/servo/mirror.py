@@ -7,34 +7,43 @@ from threading import Event
 
 import click
 
-from behaviours.joint_motion import Mirroring, by_range, spans
+from behaviours.joint_motion import JointMirror, has_range, range_coupling
 from drivers.api import Coupling, JointLimits
 from drivers.errors import NotConnected
 from drivers.servos.driver import DynamixelJoints
 from missions.cli.commands import SharingCommand
-from missions.cli.numbers import InUnit
+from missions.cli.numbers import QuantityInUnit
 from missions.cli.root import SUCCESS
-from missions.plugins.setup.servo.bench import Arm, hold_option, opened_arms, patience, require_terminal, show
-from missions.plugins.setup.servo.target import ARM, Target, target_options
+from missions.plugins.setup.servo.bench import (
+    OpenArm,
+    hold_option,
+    open_arms,
+    require_terminal,
+    show_line,
+    wait_for_end,
+)
+from missions.plugins.setup.servo.target import DEFAULT_ARM, ServoTarget, target_options
 
-ROUND = 0.05
+LEADER_TIMEOUT = 0.05
 """Seconds that a reading of the leader is waited for, at most."""
 
-GLANCE = 0.1
+DISPLAY_INTERVAL = 0.1
 """Seconds between two lines of where the follower is sent."""
 
 
 @click.command(cls=SharingCommand, epilog="Example: mission servo mirror so101_leader --robot so101")
 @target_options
 @click.argument("leader")
-@click.option("--leader-arm", default=ARM, metavar="NAME", help="Which arm of the leader, where it has several.")
+@click.option(
+    "--leader-arm", default=DEFAULT_ARM, metavar="NAME", help="Which arm of the leader, where it has several."
+)
 @click.option("--leader-port", metavar="PATH", help="Where the leader is plugged in, instead of what its file says.")
 @click.option("--by-range", "ranged", multiple=True, default=["gripper"], show_default=True, metavar="JOINT",
               help="A joint that goes as far through its range as its leader, not to the same angle.")  # fmt: skip
-@click.option("--seconds", type=InUnit("s", 0.1), metavar="N", help="Mirror for so long; else until Enter.")
+@click.option("--seconds", type=QuantityInUnit("s", 0.1), metavar="N", help="Mirror for so long; else until Enter.")
 @hold_option
 def mirror(
-    target: Target,
+    target: ServoTarget,
     leader: str,
     leader_arm: str,
     leader_port: str | None,
@@ -51,12 +60,14 @@ def mirror(
     """
     require_terminal(seconds)
     target.require_joints()
-    first = replace(target, robot=leader, arm=leader_arm, port=leader_port, baud=None, simulate=target.virtual)
+    first = replace(target, robot=leader, arm=leader_arm, port=leader_port, baud=None, simulate=target.is_virtual)
     first.check()
-    couplings = coupled(_limits(first), _limits(target), ranged)  # a wrong leader is told before anything is opened
-    with opened_arms(first, target) as (leading, following):
-        leading.require({each.leader for each in couplings})
-        following.require({each.follower for each in couplings})
+    couplings = couple_joints(
+        _limits_of(first), _limits_of(target), ranged
+    )  # a wrong leader is told before anything is opened
+    with open_arms(first, target) as (leading, following):
+        leading.wait_for_reports({each.leader for each in couplings})
+        following.wait_for_reports({each.follower for each in couplings})
         leading.confirm_limp(leading.joints.limits, yes=yes)
         leading.joints.relax()
         click.echo(f"{leader} is limp, and leads: move it by hand; Enter ends it", err=True)
@@ -64,22 +75,22 @@ def mirror(
     return SUCCESS
 
 
-def _limits(target: Target) -> Mapping[str, JointLimits]:
+def _limits_of(target: ServoTarget) -> Mapping[str, JointLimits]:
     return target.keys.limits
 
 
-def coupled(
+def couple_joints(
     leader: Mapping[str, JointLimits], follower: Mapping[str, JointLimits], ranged: Sequence[str]
 ) -> list[Coupling]:
     """Return who leads whom: joints of one name. Raises click.UsageError where there are none.
 
     Nor may one lead by a range that has none.
     """
-    fixed = [joint for joint in ranged if joint in leader and joint in follower and not spans(leader[joint])]
+    fixed = [joint for joint in ranged if joint in leader and joint in follower and not has_range(leader[joint])]
     if fixed:
         raise click.UsageError(f"{', '.join(fixed)}: the leader's limits are equal: no range to go through")
     found = [
-        by_range(joint, leader[joint], joint, limits) if joint in ranged else Coupling(joint, joint)
+        range_coupling(joint, leader[joint], joint, limits) if joint in ranged else Coupling(joint, joint)
         for joint, limits in follower.items()
         if joint in leader
     ]
@@ -89,21 +100,21 @@ def coupled(
     return found
 
 
-def _mirror(leading: Arm, following: Arm, couplings: Sequence[Coupling], seconds: float | None) -> None:
+def _mirror(leading: OpenArm, following: OpenArm, couplings: Sequence[Coupling], seconds: float | None) -> None:
     """Send the follower on after each reading of the leader, until it is over."""
     read, arms = Event(), (leading.joints, following.joints)
-    mirroring = Mirroring(*arms, couplings)
+    mirroring = JointMirror(*arms, couplings)
     if isinstance(leading.joints, DynamixelJoints):
-        leading.joints.attend({each.leader for each in couplings}, read.set)
+        leading.joints.poll_fast({each.leader for each in couplings}, read.set)
     clock, shown = following.clock, 0.0
-    with patience(clock, seconds, lambda: read.wait(ROUND)) as over:
+    with wait_for_end(clock, seconds, lambda: read.wait(LEADER_TIMEOUT)) as over:
         while not over():
             read.clear()
             try:
-                goals = mirroring.step(clock.now())
+                goals = mirroring.step(clock.read_value())
             except NotConnected:  # its driver has told so, and looks for it
                 mirroring.pause()
                 continue
-            if clock.now() - shown > GLANCE:
-                shown = clock.now()
-                show("  ".join(f"{joint} {degrees(goal):+.0f}" for joint, goal in goals.items()) + " deg")
+            if clock.read_value() - shown > DISPLAY_INTERVAL:
+                shown = clock.read_value()
+                show_line("  ".join(f"{joint} {degrees(goal):+.0f}" for joint, goal in goals.items()) + " deg")

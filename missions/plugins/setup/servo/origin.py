@@ -13,27 +13,27 @@ from typing import Any
 
 from config.reading import read_regular_text
 from drivers.errors import BadRequest, DeviceFault
-from drivers.servos.bus import Bus
-from drivers.servos.calibration import LAST, MotorCalibration
+from drivers.servos.bus import ServoBus
+from drivers.servos.calibration import LAST_STEP, MotorCalibration
 from drivers.servos.joint import Joint
-from drivers.servos.lerobot import Calibrated, calibration_of
+from drivers.servos.lerobot import CalibrationSettings, match_calibration
 
-CALIBRATED = ("position_offset", "min_position", "max_position")
+CALIBRATION_REGISTERS = ("position_offset", "min_position", "max_position")
 """The registers that a calibration changes."""
 
-NOT_COMPARED = (*CALIBRATED, "baud")
+NOT_COMPARED = (*CALIBRATION_REGISTERS, "baud")
 """The registers that do not tell one servo from another; the wrong rate would have been silence."""
 
-IDENTITY = ("model_number", "firmware")
+IDENTITY_REGISTERS = ("model_number", "firmware")
 """The registers that no setting changes."""
 
-PLACE_SLACK = 60
+POSITION_TOLERANCE = 60
 """Steps (5 degrees) by which a joint may stand beyond the ends that were touched."""
 
-LARGEST = 1_000_000
+MAX_FILE_BYTES = 1_000_000
 """Bytes that the file may have."""
 
-Settings = Mapping[str, Mapping[str, int]]
+RegisterValues = Mapping[str, Mapping[str, int]]
 """The settings of each servo, by joint and register."""
 
 
@@ -42,25 +42,25 @@ def origin_file(path: Path) -> Path:
     return path.with_name(f"{path.stem}.servos.json")
 
 
-def settings_of(bus: Bus, joints: Iterable[Joint]) -> dict[str, dict[str, int]]:
+def read_settings(bus: ServoBus, joints: Iterable[Joint]) -> dict[str, dict[str, int]]:
     """Read what tells the servos of joints from others. Raises NoReply, NotConnected, BadRequest."""
     found = {}
     for joint in joints:
         registers = [each for each in joint.model.table.registers.values() if each.eeprom]
-        data = bus.read_block(joint.at, 0, max(each.end for each in registers))
+        data = bus.read_block(joint.address, 0, max(each.end for each in registers))
         found[joint.name] = {each.name: each.decode(data) for each in registers if each.name not in NOT_COMPARED}
     return found
 
 
-def text(settings: Settings) -> str:
+def settings_text(settings: RegisterValues) -> str:
     """Return the file."""
     return json.dumps(settings, indent=2) + "\n"
 
 
-def load(path: Path) -> Settings:
+def load_settings(path: Path) -> RegisterValues:
     """Read the file; return no settings if there is no file: LeRobot's calibrations have none.
 
-    Raises BadRequest for a file that cannot be read or has not the form of ``text``, so that no damage to it switches
+    Raises BadRequest for a file that cannot be read or has not the form of ``settings_text``, so that no damage to it switches
     the comparison off.
     """
     file = origin_file(path)
@@ -69,29 +69,29 @@ def load(path: Path) -> Settings:
     except FileNotFoundError:
         return {}
     except OSError as error:
-        raise _unreadable(file, error) from error
+        raise _unreadable_error(file, error) from error
     try:
         found = file.stat()
-        if not S_ISREG(found.st_mode) or found.st_size > LARGEST:  # a pipe would be waited for
-            raise ValueError(f"not a regular file of at most {LARGEST} bytes")
-        return _checked(json.loads(read_regular_text(file)))
+        if not S_ISREG(found.st_mode) or found.st_size > MAX_FILE_BYTES:  # a pipe would be waited for
+            raise ValueError(f"not a regular file of at most {MAX_FILE_BYTES} bytes")
+        return _validate(json.loads(read_regular_text(file)))
     except (OSError, ValueError, RecursionError) as error:
-        raise _unreadable(file, error) from error
+        raise _unreadable_error(file, error) from error
 
 
-def _checked(content: Any) -> Settings:
+def _validate(content: Any) -> RegisterValues:
     """Return the content of a file as settings. Raises ValueError."""
     if not isinstance(content, dict) or not content:
         raise ValueError("no servos in it")
     for name, each in content.items():
         if not isinstance(each, dict) or not all(type(value) is int for value in each.values()):
             raise ValueError(f"'{name:.40}' has no settings of a servo")
-        if missing := [word for word in IDENTITY if word not in each]:
+        if missing := [word for word in IDENTITY_REGISTERS if word not in each]:
             raise ValueError(f"'{name:.40}' has no {', '.join(missing)}")
     return content
 
 
-def _unreadable(file: Path, error: Exception) -> BadRequest:
+def _unreadable_error(file: Path, error: Exception) -> BadRequest:
     why = (error.strerror if isinstance(error, OSError) else None) or str(error)
     name, bad = shlex.quote(str(file)), shlex.quote(f"{file}.bad")
     return BadRequest(
@@ -101,28 +101,30 @@ def _unreadable(file: Path, error: Exception) -> BadRequest:
     )
 
 
-def lost_calibration(bus: Bus, joints: Iterable[Joint], file: Path) -> str:
+def describe_lost_calibration(bus: ServoBus, joints: Iterable[Joint], file: Path) -> str:
     """Say which other calibration file of LeRobot's will fit no more once these servos are set; empty for none.
 
     Raises NoReply, NotConnected, BadRequest.
     """
     held = {
-        joint.spec.id: Calibrated(*(bus.read(joint.at, joint.model.table[name]) for name in CALIBRATED))
+        joint.spec.id: CalibrationSettings(
+            *(bus.read(joint.address, joint.model.table[name]) for name in CALIBRATION_REGISTERS)
+        )
         for joint in joints
     }
-    found = calibration_of(held)
+    found = match_calibration(held)
     if found is None or Path(found[0]).expanduser().resolve() == file.expanduser().resolve():
         return ""
     return f"they are calibrated by LeRobot: {found[0]} will not fit them any more"
 
 
-def require_same_models(before: Settings, now: Settings) -> None:
+def require_same_models(before: RegisterValues, now: RegisterValues) -> None:
     """Raise DeviceFault where a servo is of another model, or has another firmware, than the calibration's."""
     wrong = [
         f"{name}: {word.replace('_', ' ')} {now[name][word]}, the calibration is of {value}"
         for name, settings in before.items()
         for word, value in settings.items()
-        if name in now and word in IDENTITY and now[name].get(word) != value
+        if name in now and word in IDENTITY_REGISTERS and now[name].get(word) != value
     ]
     if wrong:
         raise DeviceFault(
@@ -131,13 +133,15 @@ def require_same_models(before: Settings, now: Settings) -> None:
         )
 
 
-def doubts(bus: Bus, wanted: Mapping[Joint, MotorCalibration], before: Settings, now: Settings) -> list[str]:
+def find_doubts(
+    bus: ServoBus, calibrations: Mapping[Joint, MotorCalibration], before: RegisterValues, now: RegisterValues
+) -> list[str]:
     """Return what speaks against these being the servos of the calibration, a line for each joint that is concerned.
 
     Raises NoReply, NotConnected, BadRequest.
     """
     found = []
-    for joint, each in wanted.items():
+    for joint, each in calibrations.items():
         unlike = [
             f"{word} {now[joint.name].get(word)}, was {value}"
             for word, value in before.get(joint.name, {}).items()
@@ -146,9 +150,12 @@ def doubts(bus: Bus, wanted: Mapping[Joint, MotorCalibration], before: Settings,
         if unlike:
             found.append(f"{joint.title}: other settings than when it was calibrated ({', '.join(unlike)})")
         table = joint.model.table
-        shown, offset = bus.read(joint.at, table["present_position"]), bus.read(joint.at, table["position_offset"])
-        place = (shown + offset - each.homing_offset) % (LAST + 1)
-        if not each.range_min - PLACE_SLACK <= place <= each.range_max + PLACE_SLACK:
+        shown, offset = (
+            bus.read(joint.address, table["present_position"]),
+            bus.read(joint.address, table["position_offset"]),
+        )
+        place = (shown + offset - each.homing_offset) % (LAST_STEP + 1)
+        if not each.range_min - POSITION_TOLERANCE <= place <= each.range_max + POSITION_TOLERANCE:
             ends = f"{each.range_min}..{each.range_max}"
             found.append(f"{joint.title}: by this calibration it stands at step {place}, beyond its range {ends}")
     return found

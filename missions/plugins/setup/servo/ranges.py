@@ -6,19 +6,19 @@ from math import isclose, radians
 from pathlib import Path
 
 from config.editing import NotEditableError, require_own, rewrite, with_value
-from config.faults import InvalidFileError, Source
+from config.faults import InvalidFileError, SourceText
 from config.marked import read_source
 from config.reading import save_file
 from config.robot import RobotConfig
-from config.units import written
+from config.units import quantity_text
 from drivers.servos.declared import DynamixelKeys, JointKeys, Ticks
-from missions.library.drivers import robot_of
+from missions.library.drivers import parse_robot
 
-AGAIN = "mission servo calibrate --robot FILE"
+RETRY_COMMAND = "mission servo calibrate --robot FILE"
 
 
 @dataclass(frozen=True, slots=True)
-class Range:
+class ServoRange:
     """How far a servo was turned, in its steps; ``zero`` is where it stood with its joint at 0, None to keep that."""
 
     lowest: int
@@ -26,90 +26,92 @@ class Range:
     zero: int | None = None
 
 
-def ranged(joint: JointKeys, found: Range) -> JointKeys:
+def with_range(joint: JointKeys, servo_range: ServoRange) -> JointKeys:
     """Return the joint with its 0 and its limits as they were found."""
-    model = joint.kind
+    model = joint.servo_model
     if joint.ticks is not None:
-        low, high = (found.highest, found.lowest) if joint.reverse else (found.lowest, found.highest)
-        init = joint.ticks.init if found.zero is None else found.zero
+        low, high = (
+            (servo_range.highest, servo_range.lowest) if joint.reverse else (servo_range.lowest, servo_range.highest)
+        )
+        init = joint.ticks.init if servo_range.zero is None else servo_range.zero
         return replace(joint, ticks=Ticks(init=init, min=low, max=high))
-    zero = joint.zero if found.zero is None else model.angle(found.zero)
+    zero = joint.zero if servo_range.zero is None else model.angle(servo_range.zero)
     way = -1 if joint.reverse else 1
-    lower, upper = sorted((model.angle(end) - zero) * way for end in (found.lowest, found.highest))
+    lower, upper = sorted((model.angle(end) - zero) * way for end in (servo_range.lowest, servo_range.highest))
     return replace(joint, written_zero=zero, limits=(lower, upper))
 
 
 def check_keepable(path: Path) -> None:
     """Raise NotEditableError for a file in which no range will be kept: better before the arm was turned by hand."""
-    require_own(path, AGAIN)
+    require_own(path, RETRY_COMMAND)
 
 
-def keep_ranges(path: Path, ranges: Mapping[str, Range], part: str = "arm") -> Path:
+def write_ranges(path: Path, ranges: Mapping[str, ServoRange], part: str = "arm") -> Path:
     """Write what was found of an arm's joints into a robot file, and nothing else; return where that of before is kept.
 
     Raises NotEditableError where that cannot be, InvalidFileError for a file that is no robot's, OSError.
     """
     check_keepable(path)
     source = read_source(path)
-    old = robot_of(source)
-    arm = arm_of(old, part)
+    old = parse_robot(source)
+    arm = arm_keys(old, part)
     if arm is None:
         raise NotEditableError(f"{old.name} has no arm of Dynamixel servos")
     joints = dict(arm.joints)
     text = source.text
     for name, found in ranges.items():
-        new = ranged(joints[name], found)
-        for keys, value in _entries(joints[name], new).items():
-            text = with_value(Source(source.name, text), (part, "joints", name, *keys), value)
+        new = with_range(joints[name], found)
+        for keys, value in _changed_entries(joints[name], new).items():
+            text = with_value(SourceText(source.name, text), (part, "joints", name, *keys), value)
         joints[name] = new
     wanted = old.with_keys(part, replace(arm, joints=joints))
-    if not _is(Source(source.name, text), wanted, part):
+    if not _means(SourceText(source.name, text), wanted, part):
         raise NotEditableError(
             f"{path}: it is written in a way that cannot be changed here; write the figures yourself"
         )
-    kept = free(path)
+    kept = free_backup_path(path)
     save_file(kept, path.read_bytes(), path.stat().st_mode)
     rewrite(path, text)
     return kept
 
 
-def _entries(old: JointKeys, new: JointKeys) -> dict[tuple[str, ...], str]:
+def _changed_entries(old: JointKeys, new: JointKeys) -> dict[tuple[str, ...], str]:
     """Return what is to be written at which keys of a joint."""
     if old.ticks is not None and new.ticks is not None:
         return {("ticks", key): str(value) for key, value in asdict(new.ticks).items()}
-    entries: dict[tuple[str, ...], str] = {} if new.zero == old.zero else {("zero",): written(new.zero, "angle")}
-    entries["limits",] = f"[{written(new.lower, 'angle')}, {written(new.upper, 'angle')}]"
+    entries: dict[tuple[str, ...], str] = {} if new.zero == old.zero else {("zero",): quantity_text(new.zero, "angle")}
+    entries["limits",] = f"[{quantity_text(new.lower, 'angle')}, {quantity_text(new.upper, 'angle')}]"
     return entries
 
 
-def arm_of(robot: RobotConfig, part: str) -> DynamixelKeys | None:
+def arm_keys(robot: RobotConfig, part: str) -> DynamixelKeys | None:
     """Return what a robot file says of an arm of ours; None where it has none of that name."""
     section = robot.sections.get(part)
     return section.keys if section is not None and isinstance(section.keys, DynamixelKeys) else None
 
 
-def _is(source: Source, wanted: RobotConfig, part: str) -> bool:
+def _means(source: SourceText, expected: RobotConfig, part: str) -> bool:
     """Say whether a new text means the robot that it is to mean: an anchor may stand for more than one value."""
     try:
-        new = robot_of(source)
+        new = parse_robot(source)
     except InvalidFileError:
         return False
-    arm, meant = arm_of(new, part), arm_of(wanted, part)
+    arm, meant = arm_keys(new, part), arm_keys(expected, part)
     if arm is None or meant is None or arm.joints.keys() != meant.joints.keys():
         return False
-    same = all(_same(arm.joints[name], joint) for name, joint in meant.joints.items())
-    bare, other = (robot.with_keys(part, replace(keys, joints={})) for robot, keys in ((new, arm), (wanted, meant)))
+    same = all(_same_joint(arm.joints[name], joint) for name, joint in meant.joints.items())
+    bare, other = (robot.with_keys(part, replace(keys, joints={})) for robot, keys in ((new, arm), (expected, meant)))
     return same and bare == other
 
 
-def _same(one: JointKeys, other: JointKeys) -> bool:
+def _same_joint(one: JointKeys, other: JointKeys) -> bool:
     """Say whether two joints are alike, but for what is lost when angles are written in degrees."""
     angles = ((one.zero, other.zero), (one.lower, other.lower), (one.upper, other.upper))
     near = all(isclose(here, there, abs_tol=radians(0.001)) for here, there in angles)
     return near and replace(one, written_zero=other.written_zero, limits=other.limits) == other
 
 
-def free(path: Path) -> Path:
+def free_backup_path(path: Path) -> Path:
     """Return a name beside ``path`` that nothing has yet: FILE.bak, then FILE.bak2..."""
     number, kept = 1, path.with_name(f"{path.name}.bak")
     while kept.exists():

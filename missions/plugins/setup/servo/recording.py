@@ -4,18 +4,18 @@ from pathlib import Path
 
 import click
 
-from config.library import shipped
+from config.library import shipped_files
 from config.writing import gesture_text
 from drivers.api import Joints
 from drivers.clock import Clock
 from drivers.servos.models import MODELS
 from missions.cli.commands import SharingCommand
-from missions.cli.numbers import InUnit
+from missions.cli.numbers import QuantityInUnit
 from missions.cli.outputs import check_writable, save
 from missions.cli.root import FAILURE, SUCCESS
-from missions.library.moves.record import Recording
-from missions.plugins.setup.servo.bench import hold_option, opened_arm, patience, require_terminal, show
-from missions.plugins.setup.servo.target import Target, target_options
+from missions.library.moves.record import JointRecording
+from missions.plugins.setup.servo.bench import hold_option, open_arm, require_terminal, show_line, wait_for_end
+from missions.plugins.setup.servo.target import ServoTarget, target_options
 
 
 @click.command(cls=SharingCommand, epilog="Example: mission servo record my_hello --joint elbow --seconds 5")
@@ -23,13 +23,13 @@ from missions.plugins.setup.servo.target import Target, target_options
 @click.argument("name")
 @click.option("--joint", "names", multiple=True, metavar="JOINT", help="Record this one, or a group. Repeat it for "
               "more; all without it.")  # fmt: skip
-@click.option("--seconds", type=InUnit("s", 0.1), metavar="N", help="Record for so long; else until Enter.")
+@click.option("--seconds", type=QuantityInUnit("s", 0.1), metavar="N", help="Record for so long; else until Enter.")
 @click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Where it is "
               "written; NAME.yaml without it.")  # fmt: skip
 @click.option("--force", is_flag=True, help="Write over a file that is there.")
 @hold_option
 def record(
-    target: Target, name: str, names: tuple[str, ...], seconds: float | None, output: Path | None, force: bool,
+    target: ServoTarget, name: str, names: tuple[str, ...], seconds: float | None, output: Path | None, force: bool,
     yes: bool,
 ) -> int:  # fmt: skip
     """Record a movement by hand.
@@ -40,15 +40,15 @@ def record(
     """
     require_terminal(seconds)
     path = Path(f"{name}.yaml") if output is None else output
-    if output is None and name in shipped("gestures"):
+    if output is None and name in shipped_files("gestures"):
         raise click.UsageError(f"'{name}' is a gesture that ships with MissionTree: choose another name")
     if path.exists() and not force:
         raise click.UsageError(f"{path} is there already: --force writes over it, -o FILE writes another")
     check_writable(path, "NAME" if output is None else "-o")
-    with opened_arm(target) as arm:
-        chosen = arm.reach.named(names)
-        recording = Recording({joint: MODELS[arm.config.joints[joint].model].tick for joint in chosen})
-        arm.require(chosen)
+    with open_arm(target) as arm:
+        chosen = arm.reach.resolve(names)
+        recording = JointRecording({joint: MODELS[arm.config.joints[joint].model].tick for joint in chosen})
+        arm.wait_for_reports(chosen)
         arm.confirm_limp(chosen, yes=yes)
         arm.joints.relax(chosen)
         click.echo(f"limp: {', '.join(chosen)}\nmove them by hand; Enter ends it", err=True)
@@ -65,9 +65,9 @@ def record(
     return SUCCESS
 
 
-def _record(joints: Joints, recording: Recording, clock: Clock, seconds: float | None) -> None:
+def _record(joints: Joints, recording: JointRecording, clock: Clock, seconds: float | None) -> None:
     """Take readings until it is over."""
-    with patience(clock, seconds) as over:
+    with wait_for_end(clock, seconds) as over:
         while not over():
-            recording.add(joints.states(), clock.now())
-            show(f"{recording.seconds:5.1f} s, {len(recording.snapshots)} readings")
+            recording.add(joints.states(), clock.read_value())
+            show_line(f"{recording.seconds:5.1f} s, {len(recording.snapshots)} readings")

@@ -7,34 +7,34 @@ from typing import TextIO, TypeVar
 
 from behaviours.leaf import Leaf
 from behaviours.node import Node
-from config.faults import Source
+from config.faults import SourceText
 from config.robot import RobotConfig
 from drivers.api import ignore
-from missions.cli.live import Watcher
-from missions.cli.running import EXIT_CODES, tell_unreachable
+from missions.cli.live import RunDisplay
+from missions.cli.running import EXIT_CODES, warn_unreachable
 from missions.control.control import ControlSocket
 from missions.executive.executive import Result
 from missions.language.document import check_plan
 from missions.language.notes import Lookup
 from missions.language.plan import Plan
 from missions.library.target import target_of
-from missions.plugins.setup.servo.target import Target
+from missions.plugins.setup.servo.target import ServoTarget
 from missions.request import RunRequest
 from missions.runner import Runner
 from perception.api import Frame
 
-NOTHING: Mapping[str, Lookup] = MappingProxyType({})
+NO_LOOKUPS: Mapping[str, Lookup] = MappingProxyType({})
 
 L = TypeVar("L", bound=Leaf)
 
 
 def run_leaf(
-    target: Target,
+    target: ServoTarget,
     config: RobotConfig,
     kind: type[L],
     arguments: Mapping[str, object],
     *,
-    things: Mapping[str, Lookup] = NOTHING,
+    things: Mapping[str, Lookup] = NO_LOOKUPS,
 ) -> tuple[int, L]:
     """Run a leaf that takes ``on`` on the arm, and show what happens; return the exit code, and the leaf that has run.
 
@@ -44,17 +44,17 @@ def run_leaf(
     """
     arguments = {**arguments, "on": target.arm}
     told = ", ".join(f"{name}: {value}" for name, value in arguments.items())
-    source = Source(kind.word, f"mission: {kind.word}\ntree:\n  {kind.word}: {{{told}}}\n")
-    plan = check_plan(source, {kind.word: kind}, things, robot=target_of(config))
+    source = SourceText(kind.tag, f"mission: {kind.tag}\ntree:\n  {kind.tag}: {{{told}}}\n")
+    plan = check_plan(source, {kind.tag: kind}, things, robot=target_of(config))
     ports = {} if target.port is None else {target.arm: target.port}
-    order = RunRequest(kind.word, robot=target.robot, simulate="wire" if target.virtual else None, ports=ports)
-    result, root = run_plan(plan, order, target.tell_if_simulated)
+    order = RunRequest(kind.tag, robot=target.robot, simulate="wire" if target.is_virtual else None, ports=ports)
+    result, root = run_plan(plan, order, target.report_if_simulated)
     return EXIT_CODES[result.result], next(node for node in root.iterate() if isinstance(node, kind))
 
 
 def run_plan(
     plan: Plan,
-    order: RunRequest,
+    request: RunRequest,
     before: Callable[[], None] = ignore,
     out: TextIO | None = None,
     *,
@@ -65,12 +65,12 @@ def run_plan(
     ``before`` is called once nothing can be wrong with it any more, and nothing was opened yet; ``on_frame`` with each
     picture of the camera that was searched, on its thread.
     """
-    watcher = Watcher(out or sys.stdout)
-    runner = Runner(order, listeners=[watcher], plan=plan)
+    watcher = RunDisplay(out or sys.stdout)
+    runner = Runner(request, listeners=[watcher], plan=plan)
     runner.observe(on_frame=on_frame)
-    watcher.watch(runner.root)
+    watcher.show_tree(runner.root)
     before()
     control = ControlSocket(runner)
     with watcher, control:
-        tell_unreachable(control)
+        warn_unreachable(control)
         return runner.run(), runner.root

@@ -8,33 +8,33 @@ from typing import get_args
 
 import click
 
-from drivers.servos.census import Found, census
+from drivers.servos.census import ScannedServo, scan_bus
 from drivers.servos.joint import Joint
-from drivers.servos.units import Framing, Protocol, short
+from drivers.servos.units import Framing, Protocol, protocol_label
 from missions.cli.commands import SharingCommand
 from missions.cli.root import FAILURE, SUCCESS
-from missions.plugins.setup.servo.bench import opened_bus
-from missions.plugins.setup.servo.target import Target, target_options
+from missions.plugins.setup.servo.bench import open_bus
+from missions.plugins.setup.servo.target import ServoTarget, target_options
 
 VIRTUAL_REPLY_TIMEOUT = 0.015
 """Seconds that a virtual servo may take to answer: less than elsewhere, for most of the IDs are not there."""
 
-RATES = (
+BAUD_RATES = (
     *(1_000_000, 57_600, 115_200, 500_000, 2_000_000, 200_000, 250_000, 400_000, 9600, 19_200, 3_000_000, 4_000_000),
     *(128_000, 76_800, 38_400),  # of Feetech's alone
 )
 """The rates that servos are used at, the usual ones first."""
 
-DELIVERED = RATES[:2]
+FACTORY_BAUD_RATES = BAUD_RATES[:2]
 """The rates at which servos are delivered: AX and STS the first, all others the second."""
 
 HEADINGS = ("id", "protocol", "baud", "model", "firmware", "position", "volts", "degC", "joint", "errors")
 
-ROW = "{:>3}  {:>8}  {:>8}  {:<12} {:>8}  {:>10}  {:>6}  {:>4}  {:<14} {}"
+ROW_FORMAT = "{:>3}  {:>8}  {:>8}  {:<12} {:>8}  {:>10}  {:>6}  {:>4}  {:<14} {}"
 """A line of the table, printed as soon as its servo has answered."""
 
 
-def _ids(ctx: click.Context, option: click.Parameter, value: str) -> list[int]:
+def _parse_ids(ctx: click.Context, option: click.Parameter, value: str) -> list[int]:
     """Read "1-20,30"."""
     found: dict[int, None] = {}
     for part in value.split(","):
@@ -47,13 +47,15 @@ def _ids(ctx: click.Context, option: click.Parameter, value: str) -> list[int]:
 
 @click.command(cls=SharingCommand, epilog="Example: mission servo scan --ids 1-10 --port /dev/ttyUSB0")
 @target_options
-@click.option("--ids", default="0-252", show_default=True, callback=_ids, metavar="1-20,30", help="Which to look for.")
+@click.option(
+    "--ids", default="0-252", show_default=True, callback=_parse_ids, metavar="1-20,30", help="Which to look for."
+)
 @click.option("--protocol", type=click.Choice(["1", "2", "STS"], case_sensitive=False), help="Look for this one alone.")
 @click.option("--all-bauds", is_flag=True, help="Try all usual rates, which takes a while.")
 @click.option("--framing", type=click.Choice(get_args(Framing)), help="Whose packet code: ours, or the vendor's.")
 @click.option("--json", "as_json", is_flag=True, help="A line of JSON for each servo; angles in radians.")
 def scan(
-    target: Target, ids: list[int], protocol: str | None, all_bauds: bool, framing: Framing | None, as_json: bool
+    target: ServoTarget, ids: list[int], protocol: str | None, all_bauds: bool, framing: Framing | None, as_json: bool
 ) -> int:
     """Find all servos on a bus.
 
@@ -64,80 +66,80 @@ def scan(
     """
     known: tuple[Protocol, ...] = (1, "STS", 2)
     protocols = [each for each in known if protocol in (None, str(each))]
-    with opened_bus(target, patience=VIRTUAL_REPLY_TIMEOUT, framing=framing) as bench:
+    with open_bus(target, reply_timeout=VIRTUAL_REPLY_TIMEOUT, framing=framing) as bench:
         bus, joints = bench.bus, bench.joints
         wanted, names = bus.baud, {joint.spec.id: joint.name for joint in joints.values()}
-        bauds = _bauds(wanted, fixed=target.virtual or target.baud is not None, all_bauds=all_bauds)
+        bauds = _rates_to_try(wanted, fixed=target.is_virtual or target.baud is not None, all_bauds=all_bauds)
         if not as_json:
-            click.echo(ROW.format(*HEADINGS).rstrip())
+            click.echo(ROW_FORMAT.format(*HEADINGS).rstrip())
         found = []
-        for servo in census(bus, bauds, protocols, ids):
+        for servo in scan_bus(bus, bauds, protocols, ids):
             found.append(servo)
-            click.echo(_json(servo) if as_json else _row(servo, names))
+            click.echo(_servo_json(servo) if as_json else _servo_row(servo, names))
     if not found:
-        click.echo(_causes(bus.port, bauds), err=True)
+        click.echo(_no_reply_text(bus.port, bauds), err=True)
         return FAILURE
-    troubles = differences(found, joints, wanted, looked_for=ids)
+    troubles = find_differences(found, joints, wanted, searched_ids=ids)
     for servo in found:
-        if servo.mute:
+        if servo.answers_ping_only:
             baud = "" if servo.baud == wanted else f" --baud {servo.baud}"
-            cure = f"mission servo set {servo.at.id} status_return_level 2{target.options}{baud}"
-            troubles.append(f"servo {servo.at.id} answers a ping, and no read\n  try: {cure}")
+            cure = f"mission servo set {servo.address.id} status_return_level 2{target.options}{baud}"
+            troubles.append(f"servo {servo.address.id} answers a ping, and no read\n  try: {cure}")
     for trouble in troubles:
         click.echo(trouble, err=True)
     return FAILURE if troubles else SUCCESS
 
 
-def _bauds(wanted: int, *, fixed: bool, all_bauds: bool) -> list[int]:
+def _rates_to_try(first: int, *, fixed: bool, all_bauds: bool) -> list[int]:
     """Return the rates to try, each once, the one that is wanted first."""
-    return list(dict.fromkeys((wanted, *(() if fixed else DELIVERED), *(RATES if all_bauds else ()))))
+    return list(dict.fromkeys((first, *(() if fixed else FACTORY_BAUD_RATES), *(BAUD_RATES if all_bauds else ()))))
 
 
-def _row(servo: Found, names: Mapping[int, str]) -> str:
+def _servo_row(servo: ScannedServo, names: Mapping[int, str]) -> str:
     """Return a line of the table."""
-    return ROW.format(
-        servo.at.id,
-        short(servo.at.protocol),
+    return ROW_FORMAT.format(
+        servo.address.id,
+        protocol_label(servo.address.protocol),
         servo.baud,
-        _model(servo),
-        _firmware(servo),
+        _model_text(servo),
+        _firmware_text(servo),
         "-" if servo.position is None else f"{degrees(servo.position):+.1f} deg",
         "-" if servo.voltage is None else f"{servo.voltage:.1f}",
         "-" if servo.temperature is None else f"{servo.temperature:.0f}",
-        names.get(servo.at.id, "-"),
-        ", ".join(_troubles(servo)) or "none",
+        names.get(servo.address.id, "-"),
+        ", ".join(_servo_problems(servo)) or "none",
     ).rstrip()
 
 
-def _model(servo: Found) -> str:
+def _model_text(servo: ScannedServo) -> str:
     """Return what a servo is, as far as it is known."""
     if servo.model is not None:
         return servo.model.name
     return "?" if servo.number is None else f"number {servo.number}"
 
 
-def _firmware(servo: Found) -> str:
+def _firmware_text(servo: ScannedServo) -> str:
     """Return the version of a servo's firmware; that of an STS has two parts."""
     if servo.firmware is None:
         return "-"
-    return f"{servo.firmware & 0xFF}.{servo.firmware >> 8}" if servo.at.protocol == "STS" else str(servo.firmware)
+    return f"{servo.firmware & 0xFF}.{servo.firmware >> 8}" if servo.address.protocol == "STS" else str(servo.firmware)
 
 
-def _troubles(servo: Found) -> list[str]:
+def _servo_problems(servo: ScannedServo) -> list[str]:
     """Return what a servo complains of, and what is wrong with its replies."""
     return [
-        *[servo.faults.words] * bool(servo.faults),
-        *["damaged replies: two with this ID?"] * servo.garbled,
-        *["answers a ping, and no read: status return level 0"] * servo.mute,
+        *[servo.faults.description] * bool(servo.faults),
+        *["damaged replies: two with this ID?"] * servo.has_damaged_replies,
+        *["answers a ping, and no read: status return level 0"] * servo.answers_ping_only,
     ]
 
 
-def _json(servo: Found) -> str:
+def _servo_json(servo: ScannedServo) -> str:
     """Return the same for programs."""
     return json.dumps(
         {
-            "id": servo.at.id,
-            "protocol": servo.at.protocol,
+            "id": servo.address.id,
+            "protocol": servo.address.protocol,
             "baud": servo.baud,
             "number": servo.number,
             "model": None if servo.model is None else servo.model.name,
@@ -145,38 +147,38 @@ def _json(servo: Found) -> str:
             "position": servo.position,
             "voltage": servo.voltage,
             "temperature": servo.temperature,
-            "errors": _troubles(servo),
+            "errors": _servo_problems(servo),
         }
     )
 
 
-def differences(
-    found: Sequence[Found], joints: Mapping[str, Joint], baud: int, *, looked_for: Collection[int]
+def find_differences(
+    all_servos: Sequence[ScannedServo], joints: Mapping[str, Joint], baud: int, *, searched_ids: Collection[int]
 ) -> list[str]:
     """Return in what the servos are not those of the robot file, a line for each joint that is concerned."""
     troubles = []
     for joint in joints.values():
-        servos = [servo for servo in found if servo.at.id == joint.spec.id]
+        servos = [servo for servo in all_servos if servo.address.id == joint.spec.id]
         right = [servo for servo in servos if servo.baud == baud and servo.model is joint.model]
-        if right or joint.spec.id not in looked_for:
+        if right or joint.spec.id not in searched_ids:
             continue
         if not servos:
             troubles.append(f"{joint.title} does not answer\n  try: look at its cable, and at those before it")
         for servo in servos:
             if servo.baud != baud:
-                cure = f"mission servo set {servo.at.id} baud {baud} --baud {servo.baud} --port PORT"
+                cure = f"mission servo set {servo.address.id} baud {baud} --baud {servo.baud} --port PORT"
                 troubles.append(f"{joint.title} is at {servo.baud} baud, the robot file says {baud}\n  try: {cure}")
-            elif servo.model is not joint.model and not servo.mute:
-                cure = "plug it in alone, and see what it is" if servo.model is None else servo.model.advice
-                told = f"{_model(servo)}, the robot file says {joint.model.name}"
+            elif servo.model is not joint.model and not servo.answers_ping_only:
+                cure = "plug it in alone, and see what it is" if servo.model is None else servo.model.robot_file_hint
+                told = f"{_model_text(servo)}, the robot file says {joint.model.name}"
                 troubles.append(f"{joint.title} is not what it should be: {told}\n  try: {cure}")
     return troubles
 
 
-def _causes(port: str, bauds: Sequence[int]) -> str:
+def _no_reply_text(port: str, bauds: Sequence[int]) -> str:
     """Return what may be the matter where nothing answers, likeliest first."""
     rates = ", ".join(str(rate) for rate in bauds)
-    more = [] if len(bauds) >= len(RATES) else ["another baud rate: add --all-bauds"]
+    more = [] if len(bauds) >= len(BAUD_RATES) else ["another baud rate: add --all-bauds"]
     causes = [
         "the servos have no power: USB feeds the adapter alone; LEDs flash once when the supply is switched on",
         "the cable: three wires are TTL (AX, MX-T, X, STS), four are RS-485 (RX, EX, MX-R); a bad plug ends the bus",

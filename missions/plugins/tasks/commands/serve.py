@@ -9,31 +9,31 @@ from threading import Event
 
 import click
 
-from missions.cli.declared import declared_options
+from missions.cli.declared import add_options
 from missions.cli.root import SUCCESS
-from missions.executive.signals import Signals
+from missions.executive.signals import SignalHandler
 from missions.library.folders import state_folder
 from missions.library.plugins import service
-from missions.options import filled
+from missions.options import make_options
 from missions.plugins.tasks.channels import channels_of
-from missions.plugins.tasks.courier import Courier
+from missions.plugins.tasks.courier import NoticeSender
 from missions.plugins.tasks.fleet_latch import FleetLatch
-from missions.plugins.tasks.lock import Taken, locked, run_lock, server_lock
+from missions.plugins.tasks.lock import LockHeldError, hold_lock, run_lock, server_lock
 from missions.plugins.tasks.notices import channel_of
 from missions.plugins.tasks.outbox import Outbox
-from missions.plugins.tasks.queue import Queue, local_zone, wall_clock
-from missions.plugins.tasks.schema import DiskFull, in_a_line, in_words, open_db, queue_file, trouble
-from missions.plugins.tasks.serve import Server
+from missions.plugins.tasks.queue import TaskQueue, local_zone, wall_clock
+from missions.plugins.tasks.schema import DiskFullError, describe_retry, open_db, queue_error, queue_errors, queue_file
+from missions.plugins.tasks.serve import TaskServer
 from missions.plugins.tasks.task import TaskError
-from missions.plugins.tasks.work import Child
+from missions.plugins.tasks.work import RunProcess
 
-LEAVE = 60.0
+ORPHAN_TIMEOUT = 60.0
 """Seconds that a run without a server has to come to rest; it needs a few."""
 
-FULL_PERIOD = 2.0
+DISK_CHECK_INTERVAL = 2.0
 """Seconds from one look to the next whether a full disk has room again."""
 
-FLUSH = 60.0
+FLUSH_TIMEOUT = 60.0
 """Seconds for which ``--once`` waits until every notice was tried."""
 
 
@@ -43,7 +43,7 @@ OPTIONS = {name: cls for name in ("studio_options", "fleet_options") if (cls := 
 
 @click.command("serve", epilog="Example: mission task serve --once")
 @click.option("--once", is_flag=True, help="End when nothing is due any more.")
-@declared_options(*OPTIONS.values())
+@add_options(*OPTIONS.values())
 def serve_tasks(once: bool, **values: object) -> int:
     """Do the tasks of the queue, one after another, as they are due. Ctrl-C stops what runs, safely, and ends it.
 
@@ -53,7 +53,7 @@ def serve_tasks(once: bool, **values: object) -> int:
     try:
         member = None
         if (fleet := OPTIONS.get("fleet_options")) is not None:
-            member = service("fleet_membership")(filled(fleet, values))
+            member = service("fleet_membership")(make_options(fleet, values))
         with service("serving_studio")() if values.get("studio") else nullcontext():
             serve(state_folder(), once=once, member=member)
     except TaskError as error:
@@ -72,32 +72,36 @@ def serve(where: Path, *, once: bool, member: Membership | None = None) -> None:
     Raises TaskError where another server does, or it cannot be used.
     """
     path = queue_file(where)
-    with in_words(path), ExitStack() as closed:
+    with queue_errors(path), ExitStack() as closed:
         try:
-            closed.enter_context(locked(server_lock(where)))
-            held = _after_orphan(run_lock(where), closed)
-        except Taken as error:
+            closed.enter_context(hold_lock(server_lock(where)))
+            held = _wait_for_orphan(run_lock(where), closed)
+        except LockHeldError as error:
             raise TaskError(f"another `mission task serve` does the tasks: {error}") from error
         except OSError as error:
-            raise trouble(path, error) from error
-        connection = closed.enter_context(closing(_begun(path, patient=not once)))
-        queue = Queue(connection, channels_of, local_zone())
+            raise queue_error(path, error) from error
+        connection = closed.enter_context(closing(_open_recovered(path, wait_for_space=not once)))
+        queue = TaskQueue(connection, channels_of, local_zone())
         latch = FleetLatch(where)
-        explain = partial(in_a_line, path)
-        server = Server(queue, Child([held], _tell), wall_clock, _tell, held=lambda: latch.stopped, explain=explain)
-        closed.enter_context(Signals(server.stop))
-        courier = closed.enter_context(Courier(path, partial(channel_of, print_line=click.echo), wall_clock, _tell))
+        explain = partial(describe_retry, path)
+        server = TaskServer(
+            queue, RunProcess([held], _report), wall_clock, _report, is_held=lambda: latch.is_latched, explain=explain
+        )
+        closed.enter_context(SignalHandler(server.stop))
+        courier = closed.enter_context(
+            NoticeSender(path, partial(channel_of, print_line=click.echo), wall_clock, _report)
+        )
         if member is not None:
             closed.enter_context(member(where, latch))
-        _tell(f"serving {path}")
+        _report(f"serving {path}")
         server.run(once=once)
         if once:
-            courier.flush(FLUSH)
-            if waiting := Outbox(connection).waiting():
-                _tell(f"{waiting} notices are not delivered yet: the next `mission task serve` goes on with them")
+            courier.flush(FLUSH_TIMEOUT)
+            if waiting := Outbox(connection).pending_count():
+                _report(f"{waiting} notices are not delivered yet: the next `mission task serve` goes on with them")
 
 
-def _begun(path: Path, *, patient: bool) -> sqlite3.Connection:
+def _open_recovered(path: Path, *, wait_for_space: bool) -> sqlite3.Connection:
     """Open the queue, and end the attempts of the server before: a fleet shall not hear that they run.
 
     Who is ``patient`` waits until the disk has room. Raises TaskError, and errors of sqlite3.
@@ -105,34 +109,34 @@ def _begun(path: Path, *, patient: bool) -> sqlite3.Connection:
     told = False
     while True:
         try:
-            with in_words(path), ExitStack() as undone:
+            with queue_errors(path), ExitStack() as undone:
                 connection = open_db(path)
                 undone.callback(connection.close)
-                Queue(connection, channels_of, local_zone()).recover(wall_clock())
+                TaskQueue(connection, channels_of, local_zone()).recover(wall_clock())
                 undone.pop_all()
                 return connection
-        except DiskFull as error:
-            if not patient:
+        except DiskFullError as error:
+            if not wait_for_space:
                 raise
             if not told:
-                _tell(f"{error}; waiting for room\n  try: {error.hint}")
+                _report(f"{error}; waiting for room\n  try: {error.hint}")
             told = True
-        Event().wait(FULL_PERIOD)
+        Event().wait(DISK_CHECK_INTERVAL)
 
 
-def _after_orphan(path: Path, closed: ExitStack) -> int:
+def _wait_for_orphan(path: Path, closed: ExitStack) -> int:
     """Hold what each run holds as well: where a run has lost its server, wait until it has come to rest."""
     try:
-        return closed.enter_context(locked(path))
-    except Taken:
-        _tell("waiting: a run that has lost its server comes to rest")
+        return closed.enter_context(hold_lock(path))
+    except LockHeldError:
+        _report("waiting: a run that has lost its server comes to rest")
     try:
-        return closed.enter_context(locked(path, patience=LEAVE))
-    except Taken as error:
+        return closed.enter_context(hold_lock(path, timeout=ORPHAN_TIMEOUT))
+    except LockHeldError as error:
         raise TaskError(f"a run of another server does not end: {error}", hint=f"fuser {path}") from error
 
 
-def _tell(text: str) -> None:
+def _report(text: str) -> None:
     """Say something to who watches the server, if anybody does."""
     with suppress(OSError):
         click.echo(text, err=True)

@@ -13,37 +13,37 @@ from typing import Literal
 import click
 from click.shell_completion import CompletionItem
 
-from config.library import find, shipped
-from config.notices import named
+from config.library import find_file, shipped_files
+from config.notices import public_text
 from missions.cli.commands import LazyGroup
-from missions.cli.declared import DeclaredCommand, behaviours_option, declared_options, options_of_run, params_option
+from missions.cli.declared import DeclaredCommand, add_options, behaviours_option, params_option, run_options
 from missions.cli.names import MISSION
-from missions.cli.numbers import Whole
+from missions.cli.numbers import WholeNumber
 from missions.cli.options import SECONDS
-from missions.cli.orders import check_order
-from missions.cli.printable import in_columns
+from missions.cli.orders import check_request
+from missions.cli.printable import format_columns
 from missions.cli.root import SUCCESS
 from missions.language.plan import Plan
 from missions.library.folders import state_folder
 from missions.library.shipped import find_mission, shipped_missions
 from missions.plugins.tasks.channels import channels_of
 from missions.plugins.tasks.lock import is_locked, server_lock
-from missions.plugins.tasks.outbox import Letter, Outbox
-from missions.plugins.tasks.queue import Queue, first_time, local_zone, read_at, read_every, wall_clock
-from missions.plugins.tasks.schema import in_words, open_db, queue_file
-from missions.plugins.tasks.task import PRIORITIES, Attempt, Interrupted, NewTask, Policy, Task, TaskError
+from missions.plugins.tasks.outbox import Outbox, QueuedNotice
+from missions.plugins.tasks.queue import TaskQueue, first_time, local_zone, read_at, read_repetition, wall_clock
+from missions.plugins.tasks.schema import open_db, queue_errors, queue_file
+from missions.plugins.tasks.task import PRIORITIES, Attempt, Interrupted, NewTask, RetryPolicy, Task, TaskError
 from missions.request import RunRequest, Simulate
 
 # How tasks, attempts and notices are told on a terminal.
 
 
-def row_of(task: Task) -> Mapping[str, str]:
+def list_row(task: Task) -> Mapping[str, str]:
     """Return what the list says of a task, by heading."""
     return {
         "task": str(task.id),
         "state": _state(task),
         "priority": str(task.priority),
-        "due": clock(task.since) if task.due else "at once",
+        "due": clock_text(task.due_since) if task.due else "at once",
         "every": task.every or "-",
         "mission": task.name,
         "params": " ".join(f"{name}={value}" for name, value in task.params.items()) or "-",
@@ -52,30 +52,30 @@ def row_of(task: Task) -> Mapping[str, str]:
 
 
 def _state(task: Task) -> str:
-    if task.unapproved:
+    if task.awaits_approval:
         return "needs approval"
     return "stopping" if task.cancelling and task.state == "running" else task.state.replace("_", " ")
 
 
-def about_attempt(attempt: Attempt) -> str:
+def describe_attempt(attempt: Attempt) -> str:
     """Return what the log says of an attempt."""
     if attempt.ended is None:
-        return f"{clock(attempt.began)}  attempt {attempt.number} begins"
+        return f"{clock_text(attempt.began)}  attempt {attempt.number} begins"
     reason = f": {attempt.reason}" if attempt.reason else ""
     seconds = attempt.ended - attempt.began
-    return f"{clock(attempt.began)}  attempt {attempt.number}: {attempt.how} after {seconds:.0f} s{reason}"
+    return f"{clock_text(attempt.began)}  attempt {attempt.number}: {attempt.how} after {seconds:.0f} s{reason}"
 
 
-def about_letter(letter: Letter) -> str:
+def describe_notice(queued: QueuedNotice) -> str:
     """Return what the log says of a notice."""
-    if letter.delivered is not None:
-        return f"{clock(letter.delivered)}  delivered to {letter.channel}: {letter.notice.text}"
-    why = f" ({letter.tries} tries; {letter.last_error})" if letter.tries else ""
-    state = "never delivered, and given up," if letter.given_up else "not delivered yet"
-    return f"{clock(letter.added)}  {state} to {letter.channel}{why}: {letter.notice.text}"
+    if queued.delivered is not None:
+        return f"{clock_text(queued.delivered)}  delivered to {queued.channel}: {queued.notice.text}"
+    why = f" ({queued.tries} tries; {queued.last_error})" if queued.tries else ""
+    state = "never delivered, and given up," if queued.given_up else "not delivered yet"
+    return f"{clock_text(queued.added)}  {state} to {queued.channel}{why}: {queued.notice.text}"
 
 
-def clock(time: float) -> str:
+def clock_text(time: float) -> str:
     """Write a time, whatever stands in the file: of other calendars than ours, the bare number."""
     try:
         return f"{datetime.fromtimestamp(time, UTC).astimezone(local_zone()):%Y-%m-%d %H:%M:%S}"
@@ -83,7 +83,7 @@ def clock(time: float) -> str:
         return f"{time:g}"
 
 
-LATE = 3600.0
+DEFAULT_LATE_LIMIT = 3600.0
 """Seconds after which a task that has a time is missed, unless somebody says otherwise."""
 
 POLICIES: Mapping[str, Interrupted] = {"": "retry", "retry": "retry", "give_up": "give-up"}
@@ -101,18 +101,18 @@ def _numbers(ctx: click.Context, param: click.Parameter, incomplete: str) -> lis
     return []
 
 
-def _user() -> str:
+def _user_name() -> str:
     """Return who sits here: a name, or in a container without names, a number."""
     with suppress(KeyError, OSError):
         return getuser()
     return str(os.geteuid())
 
 
-NUMBER = click.argument("number", metavar="TASK", type=Whole(min=1), shell_complete=_numbers)
+NUMBER = click.argument("number", metavar="TASK", type=WholeNumber(min=1), shell_complete=_numbers)
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="As JSON, for programs.")
 
 
-DOUBT = 60.0
+MAX_CLOCK_ERROR = 60.0
 """Seconds that a task may have been added ahead of the clock, which is put right by as much now and then."""
 
 
@@ -129,12 +129,12 @@ def command() -> None:
 
 
 @contextmanager
-def _queue() -> Iterator[tuple[Queue, Outbox]]:
+def _queue() -> Iterator[tuple[TaskQueue, Outbox]]:
     """Open the user's queue, and tell in words what goes wrong with it."""
     try:
         path = queue_file(state_folder())
-        with in_words(path), closing(open_db(path)) as connection:
-            yield Queue(connection, channels_of, local_zone()), Outbox(connection)
+        with queue_errors(path), closing(open_db(path)) as connection:
+            yield TaskQueue(connection, channels_of, local_zone()), Outbox(connection)
     except TaskError as error:
         hint = f"\n  try: {error.hint}" if error.hint else ""
         raise click.ClickException(f"{error}{hint}") from error
@@ -151,12 +151,12 @@ def _queue() -> Iterator[tuple[Queue, Outbox]]:
 )
 @click.option(
     "--priority",
-    type=Whole(*PRIORITIES),
+    type=WholeNumber(*PRIORITIES),
     default=0,
     metavar="NUMBER",
     help="Of the tasks that are due, the highest is first: -100 to 100, else 0. What runs is not broken off.",
 )
-@click.option("--retry", type=Whole(min=0), default=0, metavar="TIMES", help="Try again when it fails.")
+@click.option("--retry", type=WholeNumber(min=0), default=0, metavar="TIMES", help="Try again when it fails.")
 @click.option(
     "--if-interrupted",
     "interrupted",
@@ -164,7 +164,7 @@ def _queue() -> Iterator[tuple[Queue, Outbox]]:
     help="What to do where nobody knows how far it came, after a power cut, say. Else as its mission says, or retry.",
 )
 @click.option("--needs-approval", is_flag=True, help="Begin it once somebody approves it: mission task approve.")
-@declared_options(*options_of_run("robot", "simulate", "world", "eyes"))
+@add_options(*run_options("robot", "simulate", "world", "eyes"))
 def add(
     mission: str,
     params: dict[str, str],
@@ -187,29 +187,29 @@ def add(
     time = wall_clock()
     due, repetition = _when(at, every, time)
     new = NewTask(
-        mission=_kept(mission, shipped_missions(), find_mission(mission)),
+        mission=_portable_name(mission, shipped_missions(), find_mission(mission)),
         params=params,
-        robot="" if robot is None else _kept(robot, shipped("robots"), find("robots", robot)),
+        robot="" if robot is None else _portable_name(robot, shipped_files("robots"), find_file("robots", robot)),
         options=tuple(_options(order)),
         due=due,
         priority=priority,
-        late=LATE if late is None and (at or every) else late,
+        late=DEFAULT_LATE_LIMIT if late is None and (at or every) else late,
         every=repetition,
-        policy=Policy(interrupted or POLICIES[plan.if_interrupted], retries=retry),
+        policy=RetryPolicy(interrupted or POLICIES[plan.if_interrupted], retries=retry),
         needs_approval=needs_approval,
     )
     with _queue() as (queue, _):
         number = queue.add(new, time)
-    when = f"at {clock(due)}" if due > time else "as soon as its turn comes"
+    when = f"at {clock_text(due)}" if due > time else "as soon as its turn comes"
     click.echo(f"task {number}: {new.name} {when}" + (f", then every {repetition}" if repetition else ""))
     if needs_approval:
         click.echo(f"it begins once somebody approves it: mission task approve {number}")
-    if _served() is False:
+    if _is_served() is False:
         click.echo("nobody does tasks at the moment: mission task serve", err=True)
     return SUCCESS
 
 
-def _served() -> bool | None:
+def _is_served() -> bool | None:
     """Return whether a server does the tasks; None where that is not known, which is told."""
     try:
         return is_locked(server_lock(state_folder()))
@@ -220,19 +220,19 @@ def _served() -> bool | None:
 
 def _as_json(task: Task) -> dict[str, object]:
     """Return a task for programs; of where it is told, what may be told of that."""
-    return asdict(task) | {"channels": [named(each) for each in task.channels]}
+    return asdict(task) | {"channels": [public_text(each) for each in task.channels]}
 
 
-def _check(order: RunRequest) -> Plan:
+def _check(request: RunRequest) -> Plan:
     """Return the mission; raise what `mission run` would raise for this order, before anything moves."""
     from missions.cli.orders import check_people  # noqa: PLC0415 - the other subcommands need none of what they import
-    from missions.runner import load, robot_of  # noqa: PLC0415
+    from missions.runner import load_plan, requested_robot  # noqa: PLC0415
 
-    check_order(order)
-    if order.simulation is not None:
-        order.world_file()
-    plan = load(order, robot_of(order))
-    check_people(order, plan)
+    check_request(request)
+    if request.simulation is not None:
+        request.world_file()
+    plan = load_plan(request, requested_robot(request))
+    check_people(request, plan)
     return plan
 
 
@@ -243,25 +243,25 @@ def _when(at: str | None, every: str | None, time: float) -> tuple[float, str]:
         due = 0.0 if at is None else read_at(at, time, zone)
         if every is None:
             return due, ""
-        repetition = read_every(every, due or time, zone, at or "")
+        repetition = read_repetition(every, due or time, zone, at or "")
         return (due if repetition.period else first_time(repetition, due or time, zone)), str(repetition)
     except ValueError as error:
         raise click.UsageError(str(error)) from error
 
 
-def _options(order: RunRequest) -> Iterator[str]:
+def _options(request: RunRequest) -> Iterator[str]:
     """Yield what `mission run` is to be told beside the mission, its params and the robot."""
-    if order.simulate is not None:
-        yield f"--simulate={order.simulate}"
-    if isinstance(order.world, str):
-        yield f"--world={_kept(order.world, shipped('worlds'), find('worlds', order.world))}"
-    if order.eyes != "pixels":
-        yield f"--eyes={order.eyes}"
-    for file in order.behaviours:
+    if request.simulate is not None:
+        yield f"--simulate={request.simulate}"
+    if isinstance(request.world, str):
+        yield f"--world={_portable_name(request.world, shipped_files('worlds'), find_file('worlds', request.world))}"
+    if request.eyes != "pixels":
+        yield f"--eyes={request.eyes}"
+    for file in request.behaviours:
         yield f"--behaviours={file.resolve()}"
 
 
-def _kept(name: str, library: dict[str, Path], path: Path) -> str:
+def _portable_name(name: str, library: dict[str, Path], path: Path) -> str:
     """Return a name as the server understands it, wherever that runs: one in the library, or a whole path."""
     return name if path in library.values() else str(path.resolve())
 
@@ -273,26 +273,26 @@ def list_command(everything: bool, as_json: bool) -> None:
     """List the tasks that wait or run, by priority, then in the order in which they are due."""
     now = wall_clock()
     with _queue() as (queue, _):
-        tasks = [replace(task, due=queue.expected(task, now)) for task in queue.tasks(ended=everything)]
+        tasks = [replace(task, due=queue.expected_time(task, now)) for task in queue.tasks(ended=everything)]
     if as_json:
         click.echo(json.dumps([_as_json(task) for task in tasks], indent=2))
     elif not tasks:
         click.echo("no tasks" if everything else "no tasks wait; --all shows those that have ended")
     else:
-        rows = [row_of(task) for task in tasks]
+        rows = [list_row(task) for task in tasks]
         headings = [name for name in rows[0] if name != "priority" or any(task.priority for task in tasks)]
         cells = [[row[name] for name in headings] for row in rows]
-        click.echo(in_columns(headings, cells, left=frozenset(headings[1:]) - {"priority"}))
+        click.echo(format_columns(headings, cells, left=frozenset(headings[1:]) - {"priority"}))
     for task in tasks:
-        if not task.ended and task.added > now + DOUBT:
-            said = f"task {task.id} was added at {clock(task.added)}, to come: the clock was wrong then, or is"
+        if not task.has_ended and task.added > now + MAX_CLOCK_ERROR:
+            said = f"task {task.id} was added at {clock_text(task.added)}, to come: the clock was wrong then, or is"
             cure = f"date; where that is right: mission task remove {task.id}, and add it anew"
             click.echo(f"{said} now\n  try: {cure}", err=True)
 
 
 @command.command(epilog="Example: mission task approve 3")
 @NUMBER
-@click.option("--by", default=_user, metavar="NAME", help="Who approves it, if not the user of this computer.")
+@click.option("--by", default=_user_name, metavar="NAME", help="Who approves it, if not the user of this computer.")
 def approve(number: int, by: str) -> None:
     """Let a task begin that was added with --needs-approval; each of a repetition needs its own."""
     with _queue() as (queue, _):
@@ -306,7 +306,7 @@ def remove(number: int) -> None:
     """Cancel a task, and its repetition; one that runs is stopped safely."""
     with _queue() as (queue, _):
         state = queue.cancel(number, wall_clock())
-    running = _served()
+    running = _is_served()
     stopping = "is being stopped" if running else "is cancelled as soon as `mission task serve` runs again"
     if running is None:
         stopping = "is cancelled; it is perhaps not stopped: mission stop"
@@ -315,7 +315,7 @@ def remove(number: int) -> None:
 
 @command.command(epilog="Example: mission task move 3 --priority 5")
 @NUMBER
-@click.option("--priority", type=Whole(*PRIORITIES), required=True, metavar="NUMBER", help="-100 to 100.")
+@click.option("--priority", type=WholeNumber(*PRIORITIES), required=True, metavar="NUMBER", help="-100 to 100.")
 def move(number: int, priority: int) -> None:
     """Give a task that waits another priority: of those that are due, the highest is first."""
     with _queue() as (queue, _):
@@ -329,19 +329,21 @@ def move(number: int, priority: int) -> None:
 def log(number: int, as_json: bool) -> None:
     """Say what became of a task: every attempt, and every notice with its delivery."""
     with _queue() as (queue, outbox):
-        task, attempts, letters = queue.task(number), queue.attempts(number), outbox.of(number)
+        task, attempts, letters = queue.task(number), queue.attempts(number), outbox.notices_of(number)
     if as_json:
         told = {"task": _as_json(task), "attempts": [asdict(each) for each in attempts]}
         click.echo(json.dumps(told | {"notices": [asdict(each) for each in letters]}, indent=2))
         return
     reason = f": {task.reason}" if task.reason else ""
     click.echo(f"task {number}: {task.name}, {task.state.replace('_', ' ')}{reason}")
-    click.echo(f"{clock(task.added)}  added, due {f'at {clock(task.due)}' if task.due else 'at once'}")
+    click.echo(f"{clock_text(task.added)}  added, due {f'at {clock_text(task.due)}' if task.due else 'at once'}")
     if task.needs_approval:
         click.echo(
-            "needs approval" if task.approved is None else f"{clock(task.approved)}  approved by {task.approved_by}"
+            "needs approval"
+            if task.approved is None
+            else f"{clock_text(task.approved)}  approved by {task.approved_by}"
         )
     for attempt in attempts:
-        click.echo(about_attempt(attempt))
+        click.echo(describe_attempt(attempt))
     for letter in letters:
-        click.echo(about_letter(letter))
+        click.echo(describe_notice(letter))

@@ -3,24 +3,24 @@
 import os
 from collections.abc import Callable, Mapping
 
-from config.notices import CommandNotice, MqttNotice, TerminalNotice, WebhookNotice, read_written
-from missions.plugins.tasks.notice import Channel, Terminal
-from missions.plugins.tasks.notices.command import Command
-from missions.plugins.tasks.notices.mqtt import Mqtt
-from missions.plugins.tasks.notices.webhook import Webhook
+from config.notices import CommandNotice, MqttNotice, TerminalNotice, WebhookNotice, decode_notice
+from missions.plugins.tasks.notice import Channel, TerminalChannel
+from missions.plugins.tasks.notices.command import CommandChannel
+from missions.plugins.tasks.notices.mqtt import MqttChannel
+from missions.plugins.tasks.notices.webhook import WebhookChannel
 
 
 def channel_of(text: str, print_line: Callable[[str], None], environment: Mapping[str, str] = os.environ) -> Channel:
-    """Return the channel that ``config.notices.written`` wrote; ``print_line`` is the terminal.
+    """Return the channel that ``config.notices.encode_notice`` wrote; ``print_line`` is the terminal.
 
     Raises ValueError for one that is not known.
     """
-    match read_written(text):
+    match decode_notice(text):
         case TerminalNotice():
-            return Terminal(print_line)
+            return TerminalChannel(print_line)
         case CommandNotice() as config:
-            return Command(config)
+            return CommandChannel(config)
         case WebhookNotice() as config:
-            return Webhook(config, environment)
+            return WebhookChannel(config, environment)
         case MqttNotice() as config:
-            return Mqtt(config, environment)
+            return MqttChannel(config, environment)

@@ -9,19 +9,19 @@ from threading import Event
 
 from config.notices import CommandNotice
 from drivers.clock import SystemClock
-from missions.plugins.tasks.notice import Notice, NotTaken
+from missions.plugins.tasks.notice import DeliveryError, Notice
 
 TIMEOUT = 30.0
 """Seconds that the program has."""
 
-SLICE = 0.05
+POLL_INTERVAL = 0.05
 """Seconds from one look whether it has ended to the next."""
 
-SHOWN = 200
+MAX_ERROR_BYTES = 200
 """Bytes of what it says on its standard error that are told."""
 
 
-class Command:
+class CommandChannel:
     """Starts the program for each notice; it has taken the notice when it ends with exit code 0."""
 
     def __init__(self, config: CommandNotice, timeout: float = TIMEOUT) -> None:
@@ -40,28 +40,28 @@ class Command:
                     self._command, stdin=told, stdout=subprocess.DEVNULL, stderr=words, start_new_session=True
                 )
             except (OSError, ValueError) as error:
-                raise NotTaken(f"{name}: cannot be started: {error}") from error
+                raise DeliveryError(f"{name}: cannot be started: {error}") from error
             try:
-                code = self._code(process)
+                code = self._wait_exit_code(process)
             finally:
                 _kill(process)
-            words.seek(max(0, words.seek(0, os.SEEK_END) - SHOWN))
+            words.seek(max(0, words.seek(0, os.SEEK_END) - MAX_ERROR_BYTES))
             said = words.read().decode(errors="replace").strip()
         if code != 0:
-            raise NotTaken(f"{name}: ended with exit code {code}" + (f": {said}" if said else ""))
+            raise DeliveryError(f"{name}: ended with exit code {code}" + (f": {said}" if said else ""))
 
-    def give_up(self) -> None:
+    def abandon_halt(self) -> None:
         """Kill the program that runs, if one does, with all that it has started. From any thread, once and for all."""
         self._given_up.set()
 
-    def _code(self, process: "subprocess.Popen[bytes]") -> int:
+    def _wait_exit_code(self, process: "subprocess.Popen[bytes]") -> int:
         """Wait for the end of the program; return its exit code."""
         clock = SystemClock()
         while (code := process.poll()) is None:
-            if clock.now() > self._timeout:
-                raise NotTaken(f"{self._command[0]}: did not end within {self._timeout:g} s")
-            if self._given_up.wait(SLICE):
-                raise NotTaken(f"{self._command[0]}: had not ended when the server did")
+            if clock.read_value() > self._timeout:
+                raise DeliveryError(f"{self._command[0]}: did not end within {self._timeout:g} s")
+            if self._given_up.wait(POLL_INTERVAL):
+                raise DeliveryError(f"{self._command[0]}: had not ended when the server did")
         return code
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from config.notices import MqttNotice
 from drivers.clock import Clock, SystemClock
-from missions.plugins.tasks.notice import Notice, NotTaken, secret
+from missions.plugins.tasks.notice import DeliveryError, Notice, read_secret
 
 if TYPE_CHECKING:
     from paho.mqtt.client import Client
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 TIMEOUT = 10.0
 """Seconds for connecting, and then for the broker's word that it has the notice."""
 
-SLICE = 0.1
+POLL_INTERVAL = 0.1
 """Seconds for which the network is waited for at a time."""
 
 
-class Mqtt:
+class MqttChannel:
     """Connects, publishes one notice with QoS 1, and waits until the broker has acknowledged it.
 
     QoS 1 is at least once, as all that is sent here; the JSON has the notice's ``id``.
@@ -37,8 +37,8 @@ class Mqtt:
     def __call__(self, notice: Notice) -> None:
         """Publish it once. Raises NotTaken where the broker is away, refuses, or does not acknowledge in time."""
         client, delivery = self._client(), _Delivery()
-        client.on_connect, client.on_disconnect = delivery.connected, delivery.gone
-        client.on_publish = delivery.acknowledged
+        client.on_connect, client.on_disconnect = delivery.on_connect, delivery.on_disconnect
+        client.on_publish = delivery.on_publish
         where = f"mqtt {self._config.host}:{self._config.port}"
         try:
             client.connect(self._config.host, self._config.port)
@@ -49,53 +49,57 @@ class Mqtt:
         finally:
             client.disconnect()
         if problem:
-            raise NotTaken(f"{where}: {problem}")
+            raise DeliveryError(f"{where}: {problem}")
 
     def _client(self) -> "Client":
         try:
             from paho.mqtt.client import Client  # noqa: PLC0415 - an extra
             from paho.mqtt.enums import CallbackAPIVersion  # noqa: PLC0415
         except ImportError as error:
-            raise NotTaken("MQTT needs paho-mqtt: pip install 'missiontree[mqtt]'") from error
+            raise DeliveryError("MQTT needs paho-mqtt: pip install 'missiontree[mqtt]'") from error
         client, config = Client(CallbackAPIVersion.VERSION2), self._config
         client.connect_timeout = self._timeout
         if config.tls:
             client.tls_set()
         if config.user:
-            client.username_pw_set(config.user, secret(config.password, self._environment) if config.password else None)
+            client.username_pw_set(
+                config.user, read_secret(config.password, self._environment) if config.password else None
+            )
         return client
 
     def _wait(self, client: "Client", delivery: "_Delivery") -> str:
         """Do the network's work until the notice is acknowledged; return what went wrong instead."""
-        until = self._clock.now() + self._timeout
-        while not (delivery.taken or delivery.problem):
-            code = client.loop(SLICE)
+        until = self._clock.read_value() + self._timeout
+        while not (delivery.is_acknowledged or delivery.problem):
+            code = client.loop(POLL_INTERVAL)
             if code:  # most of the time, a callback has said more of it
-                delivery.wrong(f"the connection broke: {code.name}")
-            elif self._clock.now() > until:
-                delivery.wrong(f"the broker did not acknowledge within {self._timeout:g} s")
-        return "" if delivery.taken else delivery.problem
+                delivery.fail(f"the connection broke: {code.name}")
+            elif self._clock.read_value() > until:
+                delivery.fail(f"the broker did not acknowledge within {self._timeout:g} s")
+        return "" if delivery.is_acknowledged else delivery.problem
 
 
 class _Delivery:
-    """What paho tells of one notice: whether it was ``taken``, and the first ``problem``."""
+    """What paho tells of one notice: whether it was ``is_acknowledged``, and the first ``problem``."""
 
     def __init__(self) -> None:
-        self.taken = False
+        self.is_acknowledged = False
         self.problem = ""
 
-    def wrong(self, problem: str) -> None:
+    def fail(self, problem: str) -> None:
         self.problem = self.problem or problem
 
-    def connected(self, _client: object, _data: object, _flags: object, reason: "ReasonCode", _more: object) -> None:
+    def on_connect(self, _client: object, _data: object, _flags: object, reason: "ReasonCode", _more: object) -> None:
         if reason.is_failure:
-            self.wrong(f"the broker refuses: {reason}")
+            self.fail(f"the broker refuses: {reason}")
 
-    def gone(self, _client: object, _data: object, _flags: object, reason: "ReasonCode", _more: object) -> None:
-        self.wrong(f"the broker hung up: {reason}")
+    def on_disconnect(
+        self, _client: object, _data: object, _flags: object, reason: "ReasonCode", _more: object
+    ) -> None:
+        self.fail(f"the broker hung up: {reason}")
 
-    def acknowledged(self, _client: object, _data: object, _id: int, reason: "ReasonCode", _more: object) -> None:
+    def on_publish(self, _client: object, _data: object, _id: int, reason: "ReasonCode", _more: object) -> None:
         if reason.is_failure:
-            self.wrong(f"the broker refuses the notice: {reason}")
+            self.fail(f"the broker refuses the notice: {reason}")
         else:
-            self.taken = True
+            self.is_acknowledged = True

@@ -12,19 +12,19 @@ from urllib.error import HTTPError, URLError
 from urllib.request import HTTPHandler, HTTPRedirectHandler, HTTPSHandler, Request, build_opener
 
 from config.notices import WebhookNotice, site_of
-from missions.plugins.tasks.notice import Notice, NotTaken, secret
+from missions.plugins.tasks.notice import DeliveryError, Notice, read_secret
 
 # A deadline for a talk with a server: a time-out for each read alone lets one go on for ever that sends little.
 
 
 class Deadline:
-    """While it is entered, cuts the sockets that it ``ends`` when ``seconds`` have passed; then it is ``over``."""
+    """While it is entered, cuts the sockets that it ``watch_socket`` when ``seconds`` have passed; then it is ``expired``."""
 
     def __init__(self, seconds: float) -> None:
-        self.over = False
+        self.expired = False
         self._lock = Lock()
         self._sockets: list[socket.socket] = []
-        self._timer = Timer(seconds, self._cut)
+        self._timer = Timer(seconds, self._shut_down)
         self._timer.daemon = True
 
     def __enter__(self) -> Self:
@@ -39,16 +39,16 @@ class Deadline:
         for each in self._sockets:
             each.close()
 
-    def ends(self, connection: socket.socket) -> None:
+    def watch_socket(self, connection: socket.socket) -> None:
         """Cut this one too, whatever is wrapped around it later; at once where the time is over."""
         with self._lock:
             self._sockets.append(connection.dup())
-        if self.over:
-            self._cut()
+        if self.expired:
+            self._shut_down()
 
-    def _cut(self) -> None:
+    def _shut_down(self) -> None:
         with self._lock:
-            self.over = True
+            self.expired = True
             for each in self._sockets:
                 with suppress(OSError):  # it has ended
                     each.shutdown(socket.SHUT_RDWR)
@@ -58,7 +58,7 @@ TIMEOUT = 10.0
 """Seconds that it may take altogether, however slowly the server goes on."""
 
 
-class Webhook:
+class WebhookChannel:
     """Posts each notice; the server has taken it when it answers 2xx.
 
     The header ``Idempotency-Key`` holds the notice's id, which is also in the JSON: so the server can drop doubles.
@@ -73,14 +73,14 @@ class Webhook:
         """Post it once. Raises NotTaken for any other answer, and none."""
         url, site = self._address()
         headers = {"Content-Type": "application/json", "Idempotency-Key": notice.id}
-        headers |= {name: secret(value, self._environment) for name, value in self._config.headers.items()}
+        headers |= {name: read_secret(value, self._environment) for name, value in self._config.headers.items()}
         request = Request(url, notice.as_json().encode(), headers, method="POST")  # noqa: S310 - http(s), as read
         late = f"did not answer within {self._timeout:g} s"
         with Deadline(self._timeout) as deadline:
             try:
-                opener = build_opener(_Stay, _Http(deadline), _Https(deadline))
+                opener = build_opener(_NoRedirect, _Http(deadline), _Https(deadline))
                 with closing(opener.open(request, timeout=self._timeout)):
-                    if not deadline.over:  # the end of its headers came from them, not from us
+                    if not deadline.expired:  # the end of its headers came from them, not from us
                         return
                 problem = ""
             except HTTPError as error:
@@ -95,22 +95,22 @@ class Webhook:
                 problem = late
             except (HTTPException, OSError) as error:
                 problem = str(error) or type(error).__name__
-            if deadline.over:
+            if deadline.expired:
                 problem = late
         path = url.removeprefix(site)
-        raise NotTaken(f"{site}: {problem.replace(path, '...') if len(path) > 1 else problem}")
+        raise DeliveryError(f"{site}: {problem.replace(path, '...') if len(path) > 1 else problem}")
 
     def _address(self) -> tuple[str, str]:
         """Return the whole address, and what of it may be told."""
         variable = self._config.url_from
-        url = secret(variable, self._environment).strip() if variable else self._config.url
+        url = read_secret(variable, self._environment).strip() if variable else self._config.url
         try:
             return url, site_of(url)
         except ValueError:
-            raise NotTaken(f"the environment variable {variable} holds no address of a web server") from None
+            raise DeliveryError(f"the environment variable {variable} holds no address of a web server") from None
 
 
-class _Stay(HTTPRedirectHandler):
+class _NoRedirect(HTTPRedirectHandler):
     """Follows no redirection: each is an error then."""
 
     def redirect_request(self, *_: object, **__: object) -> None:
@@ -125,14 +125,14 @@ class _Connection(HTTPConnection):
     def connect(self) -> None:
         """Connect, and have it ended in time: from here on, also while TLS is negotiated."""
         super().connect()
-        self.deadline.ends(self.sock)
+        self.deadline.watch_socket(self.sock)
 
 
 class _SecureConnection(HTTPSConnection, _Connection):
     """The same with TLS: HTTPSConnection connects by way of its neighbour here."""
 
 
-def _connected(kind: type[_Connection], deadline: Deadline, host: str, **options: Any) -> _Connection:
+def _make_connection(kind: type[_Connection], deadline: Deadline, host: str, **options: Any) -> _Connection:
     connection = kind(host, **options)
     connection.deadline = deadline
     return connection
@@ -141,7 +141,7 @@ def _connected(kind: type[_Connection], deadline: Deadline, host: str, **options
 class _Http(HTTPHandler):
     def __init__(self, deadline: Deadline) -> None:
         super().__init__()
-        self._connected = partial(_connected, _Connection, deadline)
+        self._connected = partial(_make_connection, _Connection, deadline)
 
     def http_open(self, req: Request) -> HTTPResponse:
         """Connect with a deadline."""
@@ -151,7 +151,7 @@ class _Http(HTTPHandler):
 class _Https(HTTPSHandler):
     def __init__(self, deadline: Deadline) -> None:
         super().__init__()
-        self._connected = partial(_connected, _SecureConnection, deadline)
+        self._connected = partial(_make_connection, _SecureConnection, deadline)
 
     def https_open(self, req: Request) -> HTTPResponse:
         """Connect with a deadline."""

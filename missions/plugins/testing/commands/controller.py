@@ -9,25 +9,25 @@ import click
 from behaviours.tracking.fuzzy import RuleBases
 from behaviours.tracking.track import TrackFace
 from config.controller import ControllerConfig, load_controller
-from config.library import find
+from config.library import find_file
 from missions.cli.commands import LazyGroup
 from missions.cli.names import CONTROLLER
-from missions.cli.numbers import Whole
-from missions.cli.outputs import writing
-from missions.plugins.pictures.png import NO_PLOTS
+from missions.cli.numbers import WholeNumber
+from missions.cli.outputs import report_write_errors
+from missions.plugins.pictures.png import PLOTS_MISSING
 from missions.plugins.testing.controllers.bench import (
-    COMPARED,
-    CONTROLLERS,
-    STANDING,
-    bench,
-    lines_about,
+    DEFAULT_CONTROLLERS,
+    DELAY_CONTROLLERS,
+    NO_MOTION,
+    delay_summary,
+    describe_controller,
+    run_bench,
     stamp_summary,
-    summary,
-    table,
+    table_lines,
 )
-from missions.plugins.testing.controllers.trial import DELAYS, STAMPS
+from missions.plugins.testing.controllers.trial import DELAY_SCENARIOS, STAMP_SCENARIOS
 
-LAG = TrackFace.lag
+DEFAULT_LAG = TrackFace.lag
 """Seconds that a base is believed to take until that is learnt, as missions have it."""
 
 
@@ -54,25 +54,27 @@ def command() -> None:
 @picture_option
 def show(name: str, output: Path | None) -> None:
     """Say what a controller (a name or a file) is made of; draw its terms and the surfaces that its rules make."""
-    config, _ = read(name)
-    for line in lines_about(config):
+    config, _ = read_controller(name)
+    for line in describe_controller(config):
         click.echo(line)
     if output is not None:
         try:
             from missions.plugins.testing.controllers.plots import draw_controller  # noqa: PLC0415 - an extra, and slow to import
         except ImportError as error:
-            raise click.UsageError(NO_PLOTS) from error
-        _drawn(output, lambda: draw_controller(output, config))
+            raise click.UsageError(PLOTS_MISSING) from error
+        _draw_picture(output, lambda: draw_controller(output, config))
 
 
 @command.command(name="bench", epilog="Example: mission controller bench face pd --delays --seeds 1")
 @click.argument("names", type=CONTROLLER, metavar="[CONTROLLER]...", nargs=-1)
 @picture_option
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as one JSON list: seconds and degrees.")
-@click.option("--seed", type=Whole(min=0), default=0, show_default=True, help="Of the noise and what is lost.")
+@click.option("--seed", type=WholeNumber(min=0), default=0, show_default=True, help="Of the noise and what is lost.")
 @click.option("--delays", is_flag=True, help="With delays that nobody tells the robot, and what cannot be foreseen.")
 @click.option("--stamps", is_flag=True, help="With time stamps that jitter, and a delay of the camera that changes.")
-@click.option("--seeds", type=Whole(min=1), default=3, show_default=True, help="How many, with --delays or --stamps.")
+@click.option(
+    "--seeds", type=WholeNumber(min=1), default=3, show_default=True, help="How many, with --delays or --stamps."
+)
 def bench_(
     names: tuple[str, ...], output: Path | None, as_json: bool, seed: int, delays: bool, stamps: bool, seeds: int
 ) -> None:
@@ -82,43 +84,45 @@ def bench_(
     head has: with the head alone, with the base alone that carries the camera, and with both. --delays and --stamps
     take minutes.
     """
-    chosen = names or (COMPARED if delays else COMPARED[1::2] if stamps else CONTROLLERS)
-    rules = {Path(name).stem if Path(name).suffix else name: read(name)[1] for name in chosen}
+    chosen = names or (DELAY_CONTROLLERS if delays else DELAY_CONTROLLERS[1::2] if stamps else DEFAULT_CONTROLLERS)
+    rules = {Path(name).stem if Path(name).suffix else name: read_controller(name)[1] for name in chosen}
     if delays or stamps:
         if delays:
-            rules["standing"] = STANDING
-        scenarios, sum_up = (DELAYS, summary) if delays else (STAMPS, stamp_summary)
-        rows = [row for n in range(seeds) for row in bench(rules, scenarios=scenarios, seed=seed + n, lag=LAG)]
+            rules["standing"] = NO_MOTION
+        scenarios, sum_up = (DELAY_SCENARIOS, delay_summary) if delays else (STAMP_SCENARIOS, stamp_summary)
+        rows = [
+            row for n in range(seeds) for row in run_bench(rules, scenarios=scenarios, seed=seed + n, lag=DEFAULT_LAG)
+        ]
         lines = json.dumps([row.as_dict() for row in rows], indent=2).splitlines() if as_json else sum_up(rows)
         for line in lines:
             click.echo(line)
         return
-    rows = list(bench(rules, seed=seed))
+    rows = list(run_bench(rules, seed=seed))
     if as_json:
         click.echo(json.dumps([row.as_dict() for row in rows], indent=2))
     else:
-        for line in table(rows):
+        for line in table_lines(rows):
             click.echo(line)
     if output is not None:
         try:
             from missions.plugins.testing.controllers.plots import draw_bench  # noqa: PLC0415 - an extra, and slow to import
         except ImportError as error:
-            raise click.UsageError(NO_PLOTS) from error
-        _drawn(output, lambda: draw_bench(output, rows))
+            raise click.UsageError(PLOTS_MISSING) from error
+        _draw_picture(output, lambda: draw_bench(output, rows))
 
 
-def read(name: str) -> tuple[ControllerConfig, RuleBases]:
+def read_controller(name: str) -> tuple[ControllerConfig, RuleBases]:
     """Return a controller by name or path. Raises click.UsageError for rules that are wrong."""
-    config = load_controller(find("controllers", name))
+    config = load_controller(find_file("controllers", name))
     try:
         return config, RuleBases.from_mapping(config.values)
     except ValueError as error:
         raise click.UsageError(f"controller '{name}': {error}") from error
 
 
-def _drawn(output: Path, draw: Callable[[], None]) -> None:
+def _draw_picture(output: Path, draw: Callable[[], None]) -> None:
     if output.suffix != ".png":
         raise click.UsageError(f"'{output}': the name of the picture must end in .png")
-    with writing(output, "-o"):
+    with report_write_errors(output, "-o"):
         draw()
     click.echo(f"drew {output}", err=True)

@@ -9,31 +9,31 @@ from collections.abc import Iterator
 
 import click
 
-from config.faults import one_of
-from config.library import DEFAULT_ROBOT, find
+from config.faults import suggest_from
+from config.library import DEFAULT_ROBOT, find_file
 from config.robot import RobotConfig
-from config.units import in_dimension
+from config.units import si_value
 from config.world import load_world
-from drivers.api.joints import joint_called
+from drivers.api.joints import qualified_joint_name
 from drivers.clock import SystemClock
 from drivers.servos.declared import DynamixelKeys
 from drivers.servos.joint import Joint
-from drivers.servos.make import joints
+from drivers.servos.make import joint_specs
 from drivers.servos.models import MODELS
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
-from drivers.virtual.plugged import Socket
+from drivers.virtual.plugged import VirtualPort
 from missions.assembly.simulation import Simulation
 from missions.cli.commands import LazyGroup
 from missions.cli.names import ROBOT, WORLD
-from missions.cli.numbers import InUnit
+from missions.cli.numbers import QuantityInUnit
 from missions.cli.origin import robot_file
-from missions.executive.executive import GLANCE
+from missions.executive.executive import STOP_POLL_INTERVAL
 from missions.library.drivers import load_robot
 
 # What a person does to virtual devices, in words: `turn elbow 30 deg`, typed while `mission simulate` runs them.
 
-ON_JOINTS = {
+JOINT_COMMANDS = {
     "turn": "JOINT ANGLE: turn a limp joint by hand, such as turn elbow 30 deg",
     "burden": "JOINT SHARE: load it with a share of its stall torque, such as burden elbow 40 %",
     "heat": "JOINT TEMPERATURE: make its servo so warm, such as heat elbow 85 degC",
@@ -45,7 +45,7 @@ ON_JOINTS = {
 }
 """What can be done to a servo, and what the words behind it are."""
 
-HELP = ON_JOINTS | {
+COMMAND_HELP = JOINT_COMMANDS | {
     "unplug": "[PART]: pull the plug of base, head, arm or another; of all that there are without a name",
     "plug": "[PART]: put it in again",
     "help": "this list",
@@ -53,7 +53,7 @@ HELP = ON_JOINTS | {
 """All that can be done."""
 
 
-class Hands:
+class DeviceCommands:
     """Does such things to the devices of a simulation that is open."""
 
     def __init__(self, simulation: Simulation, robot: RobotConfig) -> None:
@@ -62,50 +62,50 @@ class Hands:
         for part, plugged in simulation.parts.items():
             keys = robot.sections[part].keys
             if isinstance(keys, DynamixelKeys) and isinstance(plugged.device, VirtualServoBus):
-                told = (Joint(name, spec, MODELS[spec.model]) for name, spec in joints(keys).items())
+                told = (Joint(name, spec, MODELS[spec.model]) for name, spec in joint_specs(keys).items())
                 for joint, servo in zip(told, plugged.device.servos, strict=True):  # whatever ID it has by now
-                    self._joints[joint_called(part, joint.name)] = part, joint, servo
+                    self._joints[qualified_joint_name(part, joint.name)] = part, joint, servo
 
-    def do(self, line: str) -> str:
+    def run_command(self, line: str) -> str:
         """Do what ``line`` says; return what to tell of it. Raises ValueError for words that make no sense."""
         verb, *rest = line.split()
-        if verb in ON_JOINTS:
+        if verb in JOINT_COMMANDS:
             part, joint, servo = self._joint(rest[0] if rest else "")
-            self._simulation.terminals[part].ask(lambda: touch(verb, joint, servo, " ".join(rest[1:])))
+            self._simulation.terminals[part].call_paused(lambda: act_on_servo(verb, joint, servo, " ".join(rest[1:])))
         elif verb in ("plug", "unplug"):
             for terminal in self._terminals(" ".join(rest)):
                 terminal.unplug() if verb == "unplug" else terminal.replug()
         elif verb == "help":
-            return "; ".join(f"{word} {what}" for word, what in HELP.items())
+            return "; ".join(f"{word} {what}" for word, what in COMMAND_HELP.items())
         else:
-            raise ValueError(f"unknown command '{verb}'; {one_of(verb, HELP)}")
+            raise ValueError(f"unknown command '{verb}'; {suggest_from(verb, COMMAND_HELP)}")
         return " ".join((verb, *rest))
 
     def _joint(self, name: str) -> tuple[str, Joint, VirtualServo]:
         if name not in self._joints:
-            raise ValueError(f"no joint '{name}'; {one_of(name, self._joints) or 'this robot has none'}")
+            raise ValueError(f"no joint '{name}'; {suggest_from(name, self._joints) or 'this robot has none'}")
         return self._joints[name]
 
-    def _terminals(self, part: str) -> list[Socket]:
+    def _terminals(self, part: str) -> list[VirtualPort]:
         terminals = self._simulation.terminals
         if part and part not in terminals:
-            raise ValueError(f"no part '{part}' with a plug; {one_of(part, terminals)}")
+            raise ValueError(f"no part '{part}' with a plug; {suggest_from(part, terminals)}")
         return [terminals[part]] if part else list(terminals.values())
 
 
-def touch(verb: str, joint: Joint, servo: VirtualServo, value: str) -> None:
+def act_on_servo(verb: str, joint: Joint, servo: VirtualServo, value: str) -> None:
     """Do to a servo what ``verb`` says. Raises ValueError for a value that makes no sense, or a joint that resists."""
     match verb:
         case "turn" if servo.limp:
-            servo.turn_by_hand(joint.spec.zero + joint.spec.direction * in_dimension(value, "angle"))
+            servo.turn_by_hand(joint.spec.zero + joint.spec.direction * si_value(value, "angle"))
         case "turn":
             raise ValueError(f"{joint.title} is stiff: no hand can turn it")
         case "burden":
-            servo.burden = in_dimension(value, "share") * joint.spec.direction
+            servo.load = si_value(value, "share") * joint.spec.direction
         case "heat":
-            servo.temperature = in_dimension(value, "temperature")
+            servo.temperature = si_value(value, "temperature")
         case "brown_out":
-            servo.brown_out(in_dimension(value, "duration"))
+            servo.brown_out(si_value(value, "duration"))
         case _ if value:
             raise ValueError(f"needs the name of a joint and nothing else, got '{value}' too")
         case "overload":
@@ -116,12 +116,12 @@ def touch(verb: str, joint: Joint, servo: VirtualServo, value: str) -> None:
             servo.present = verb == "insert"
 
 
-class Lines:
+class LineReader:
     """Whole lines from a descriptor, as they come; at its end, or where there is none, none come."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
-        self._begun = b""
+        self._partial_line = b""
         self._open = True
 
     def wait(self, seconds: float) -> Iterator[str]:
@@ -135,7 +135,7 @@ class Lines:
             self._open = False
         if not self._open:
             threading.Event().wait(seconds)
-        *lines, self._begun = (self._begun + data).split(b"\n")
+        *lines, self._partial_line = (self._partial_line + data).split(b"\n")
         yield from (line.decode(errors="replace").strip() for line in lines)
 
 
@@ -149,7 +149,7 @@ class Lines:
 @click.option(
     "--state",
     "period",
-    type=InUnit("s", 0.01),
+    type=QuantityInUnit("s", 0.01),
     metavar="SECONDS",
     help="Print what the devices do, as JSON, so often.",
 )
@@ -177,7 +177,7 @@ def command(
     config = load_robot(robot_file(robot, DEFAULT_ROBOT if listen is None else "turtlebot4"))
     if listen is not None and "ros2" not in config.sections:
         raise click.UsageError(f"{config.name} is no robot of ROS 2: mission simulate --ros2 --robot turtlebot4")
-    around = None if world is None else load_world(find("worlds", world))
+    around = None if world is None else load_world(find_file("worlds", world))
     clock = SystemClock()
     ending: list[int] = []  # a plain list: a signal handler must not take a lock that it may have interrupted
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -190,22 +190,22 @@ def command(
     try:
         simulation.open()
         click.echo(json.dumps({"robot": config.name, "ports": simulation.ports}))
-        hands, lines, told = Hands(simulation, config), Lines(0), clock.now()
+        hands, lines, told = DeviceCommands(simulation, config), LineReader(0), clock.read_value()
         while not ending:
-            for line in lines.wait(GLANCE if period is None else min(GLANCE, period)):
+            for line in lines.wait(STOP_POLL_INTERVAL if period is None else min(STOP_POLL_INTERVAL, period)):
                 if line:
-                    _do(hands, line)
-            if period is not None and clock.now() - told >= period:
-                told = clock.now()
+                    _run_line(hands, line)
+            if period is not None and clock.read_value() - told >= period:
+                told = clock.read_value()
                 click.echo(json.dumps({"t": round(told, 3)} | simulation.state()))
     finally:
         simulation.close()
 
 
-def _do(hands: Hands, line: str) -> None:
+def _run_line(hands: DeviceCommands, line: str) -> None:
     """Carry out what was typed, and say so: in a line of JSON, as all that is said here."""
     try:
-        told = {"done": hands.do(line)}
+        told = {"done": hands.run_command(line)}
     except ValueError as error:
         told = {"error": f"{line}: {error}"}
     click.echo(json.dumps(told))

@@ -12,34 +12,34 @@ import click
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from config.defaults import load_defaults
-from config.units import in_dimension
+from config.units import si_value
 from drivers.clock import SystemClock
 from missions.cli.console import console
-from missions.cli.declared import behaviours_option, declared_options, options_of_run, params_option
+from missions.cli.declared import add_options, behaviours_option, params_option, run_options
 from missions.cli.keys import interruptible
 from missions.cli.names import MISSION
-from missions.cli.numbers import Whole
-from missions.cli.options import pairs
+from missions.cli.numbers import WholeNumber
+from missions.cli.options import name_value_callback
 from missions.cli.origin import chosen_robot
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS
 from missions.cli.running import EXIT_CODES
 from missions.cli.running import run as run_watched
-from missions.plugins.testing.many import cores
-from missions.plugins.testing.sweep.files import PICTURE, RUNS, SUMMARY, Folder, write_world
-from missions.plugins.testing.sweep.knobs import known_names
+from missions.plugins.testing.many import core_count
+from missions.plugins.testing.sweep.files import PICTURE, RUNS, SUMMARY, SweepFolder, write_world
+from missions.plugins.testing.sweep.knobs import parameter_names
 from missions.plugins.testing.sweep.processes import run_here
 from missions.plugins.testing.sweep.report import percent, report
 from missions.plugins.testing.sweep.summary import Summary, summarise
-from missions.plugins.testing.sweep.sweep import Sweep, VariationError, Wish, design, told
-from missions.plugins.testing.sweep.variation import Row
+from missions.plugins.testing.sweep.sweep import SweepPlan, SweepRequest, VariationError, describe_draw, design_sweep
+from missions.plugins.testing.sweep.variation import SweepRow
 
 
-def _in(dimension: str) -> Callable[[click.Context, click.Parameter, str | None], float | None]:
+def _quantity_reader(dimension: str) -> Callable[[click.Context, click.Parameter, str | None], float | None]:
     """Return a click callback that reads a quantity."""
 
     def read(ctx: click.Context, option: click.Parameter, value: str | None) -> float | None:
         try:
-            return None if value is None else in_dimension(value, dimension)
+            return None if value is None else si_value(value, dimension)
         except ValueError as error:
             raise click.BadParameter(str(error), ctx=ctx, param=option) from error
 
@@ -48,35 +48,35 @@ def _in(dimension: str) -> Callable[[click.Context, click.Parameter, str | None]
 
 @click.command(epilog="Example: mission sweep greet --runs 20 --vary person.distance='0.6..2.5 m'")
 @click.argument("name", type=MISSION, metavar="MISSION")
-@click.option("--runs", type=Whole(min=1), default=100, show_default=True, help="How many runs.")
+@click.option("--runs", type=WholeNumber(min=1), default=100, show_default=True, help="How many runs.")
 @click.option(
     "--vary",
     multiple=True,
     metavar="NAME=VALUES",
-    callback=pairs('person.distance="0.6 m..3 m"'),
+    callback=name_value_callback('person.distance="0.6 m..3 m"'),
     help="Draw this anew for each run: from a range (a..b) or a list (a,b,c). Repeat it for more. "
-    f"NAME is one of {', '.join(known_names())}; person2 is the second person of the world, and so on.",
+    f"NAME is one of {', '.join(parameter_names())}; person2 is the second person of the world, and so on.",
 )
 @params_option
 @behaviours_option
-@declared_options(
-    *options_of_run("robot", "world", "physics"),
-    *(replace(each, default="truth") for each in options_of_run("eyes")),
-    *(replace(each, help="Seed of the first run; the next one has one more.") for each in options_of_run("seed")),
+@add_options(
+    *run_options("robot", "world", "physics"),
+    *(replace(each, default="truth") for each in run_options("eyes")),
+    *(replace(each, help="Seed of the first run; the next one has one more.") for each in run_options("seed")),
 )
 @click.option(
     "--limit",
     metavar="TIME",
     default="300 s",
     show_default=True,
-    callback=_in("duration"),
+    callback=_quantity_reader("duration"),
     help="How long a run may take, in simulated time, before it counts as unfinished.",
 )
-@click.option("-j", "--jobs", type=Whole(min=1), metavar="N", help="As many processes; one for each core.")
+@click.option("-j", "--jobs", type=WholeNumber(min=1), metavar="N", help="As many processes; one for each core.")
 @click.option(
     "--target",
     metavar="SHARE",
-    callback=_in("share"),
+    callback=_quantity_reader("share"),
     help='Fail unless the success rate is surely above this, such as "95 %": the low end of its interval counts.',
 )
 @click.option(
@@ -87,7 +87,7 @@ def _in(dimension: str) -> Callable[[click.Context, click.Parameter, str | None]
     help="Where the files go; sweep-MISSION when not given.",
 )
 @click.option("--force", is_flag=True, help="Write over the files of an earlier sweep.")
-@click.option("--only", type=Whole(min=0), metavar="SEED", help="Run this one run of the sweep, and watch it.")
+@click.option("--only", type=WholeNumber(min=0), metavar="SEED", help="Run this one run of the sweep, and watch it.")
 @click.option(
     "--save-world",
     type=click.Path(dir_okay=False, path_type=Path),
@@ -125,12 +125,12 @@ def command(
         raise click.UsageError("--save-world is for one run: add --only SEED")
     try:
         robot, world = chosen_robot(robot), world or load_defaults().world or None
-        sweep, plan = design(Wish(name, vary, params, robot, world, files, eyes, limit, physics))
+        sweep, plan = design_sweep(SweepRequest(name, vary, params, robot, world, files, eyes, limit, physics))
     except VariationError as error:
         raise click.BadParameter(str(error), param_hint="--vary") from error
     if only is not None:
         return _watch(sweep, only, save_world)
-    folder = Folder(output or Path(f"sweep-{plan.mission}"))
+    folder = SweepFolder(output or Path(f"sweep-{plan.mission}"))
     try:
         folder.prepare(force=force)
     except FileExistsError as error:
@@ -138,12 +138,12 @@ def command(
     except OSError as error:
         raise click.UsageError(f"{folder.path}: {error.strerror}") from error
     clock = SystemClock()
-    jobs = jobs or cores()
+    jobs = jobs or core_count()
     with interruptible():
-        rows = _run(sweep, range(seed, seed + runs), jobs, partial(folder.keep, sweep))
-        took = f"{clock.now():.1f} s on {jobs} process{'es' if jobs > 1 else ''}"
+        rows = _run(sweep, range(seed, seed + runs), jobs, partial(folder.append_row, sweep))
+        took = f"{clock.read_value():.1f} s on {jobs} process{'es' if jobs > 1 else ''}"
         summary = summarise(rows, sweep.variations)
-        _tell(sweep, folder, plan.mission, rows, summary, took)
+        _report(sweep, folder, plan.mission, rows, summary, took)
     if len(rows) < runs:
         click.echo(f"mission: interrupted; {runs - len(rows)} runs are missing", err=True)
         return INTERRUPTED
@@ -154,12 +154,12 @@ def command(
     return SUCCESS
 
 
-def _run(sweep: Sweep, seeds: range, jobs: int, keep: Callable[[Row], None]) -> list[Row]:
+def _run(sweep: SweepPlan, seeds: range, jobs: int, keep: Callable[[SweepRow], None]) -> list[SweepRow]:
     """Run all seeds, or as many as there is time for before Ctrl-C, SIGTERM or a hang-up; ``keep`` gets each row.
 
     Returns their rows in order.
     """
-    found: list[Row] = []
+    found: list[SweepRow] = []
     with closing(run_here(sweep, seeds, jobs)) as work, _progress(len(seeds)) as progress:
         try:
             for row in work:
@@ -172,7 +172,7 @@ def _run(sweep: Sweep, seeds: range, jobs: int, keep: Callable[[Row], None]) -> 
 
 
 @contextmanager
-def _progress(runs: int) -> Iterator[Callable[[Sequence[Row]], None]]:
+def _progress(runs: int) -> Iterator[Callable[[Sequence[SweepRow]], None]]:
     """Show on a terminal how far the sweep is, and how many runs have succeeded."""
     shown = console(sys.stderr)
     columns = (
@@ -185,19 +185,21 @@ def _progress(runs: int) -> Iterator[Callable[[Sequence[Row]], None]]:
     with Progress(*columns, console=shown, transient=True, disable=not shown.is_terminal) as progress:
         task = progress.add_task("", total=runs, good=0)
 
-        def told(rows: Sequence[Row]) -> None:
+        def told(rows: Sequence[SweepRow]) -> None:
             good = progress.tasks[0].fields["good"] + (rows[-1].result == "success")
             progress.update(task, completed=len(rows), good=good)
 
         yield told
 
 
-def _tell(sweep: Sweep, folder: Folder, mission: str, rows: Sequence[Row], summary: Summary, took: str) -> None:
+def _report(
+    sweep: SweepPlan, folder: SweepFolder, mission: str, rows: Sequence[SweepRow], summary: Summary, took: str
+) -> None:
     """Write the files, print the table and draw the picture; the files first, for the terminal may have gone."""
 
-    def again(row: Row) -> tuple[str, str]:
-        world = folder.world(row.seed)
-        return told(sweep, row.values), sweep.command(row.seed, world) if world.exists() else ""
+    def again(row: SweepRow) -> tuple[str, str]:
+        world = folder.world_file(row.seed)
+        return describe_draw(sweep, row.values), sweep.command(row.seed, world) if world.exists() else ""
 
     if rows:
         about = {"mission": mission, "world": sweep.file, "eyes": sweep.eyes, "limit": sweep.limit}
@@ -208,20 +210,20 @@ def _tell(sweep: Sweep, folder: Folder, mission: str, rows: Sequence[Row], summa
     click.echo(report(summary, again))
     written = [RUNS, SUMMARY]
     try:
-        from missions.plugins.testing.sweep.picture import draw  # noqa: PLC0415 - an extra, and slow to import
+        from missions.plugins.testing.sweep.picture import draw_sweep  # noqa: PLC0415 - an extra, and slow to import
     except ImportError:
         click.echo("mission: no picture without Matplotlib: pip install 'missiontree[plots]'", err=True)
     else:
-        draw(folder.path / PICTURE, mission, summary, rows)
+        draw_sweep(folder.path / PICTURE, mission, summary, rows)
         written.append(PICTURE)
     click.echo(f"\nwritten to {folder.path}/: {', '.join(written)}")
 
 
-def _watch(sweep: Sweep, seed: int, save_world: Path | None) -> int:
+def _watch(sweep: SweepPlan, seed: int, save_world: Path | None) -> int:
     """Run one seed as ``mission run`` does, and tell how to do so again."""
-    click.echo(f"run {seed}: {told(sweep, sweep.draw(seed)) or 'nothing varied'}")
+    click.echo(f"run {seed}: {describe_draw(sweep, sweep.draw(seed)) or 'nothing varied'}")
     if save_world is not None:
         write_world(sweep, seed, save_world)
         click.echo(sweep.command(seed, save_world))
-    result = run_watched(sweep.order(seed), sys.stdout, lambda _: None)
+    result = run_watched(sweep.request(seed), sys.stdout, lambda _: None)
     return EXIT_CODES[result.result]

@@ -15,25 +15,27 @@ from config.reading import save_file
 from drivers.clock import SystemClock
 from missions.cli.console import console, echo
 from missions.cli.declared import behaviours_option
-from missions.cli.names import TESTED
-from missions.cli.numbers import Whole
-from missions.cli.options import tell_found
+from missions.cli.names import TESTED_NAME
+from missions.cli.numbers import WholeNumber
+from missions.cli.options import print_found_files
 from missions.cli.origin import chosen_robot
-from missions.cli.outputs import writing
+from missions.cli.outputs import report_write_errors
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.shipped import behaviour_files
 from missions.plugins.testing import report
-from missions.plugins.testing.many import cores, play_all
-from missions.plugins.testing.play import Verdict
-from missions.plugins.testing.report import coverage, junit, lines_of, page
-from missions.plugins.testing.suite import Case, all_tests, load_suite, named_tests
+from missions.plugins.testing.many import core_count, play_all
+from missions.plugins.testing.play import CaseVerdict
+from missions.plugins.testing.report import coverage, coverage_lines, coverage_page, junit
+from missions.plugins.testing.suite import Case, all_tests, find_tests, load_suite
 
 
 @click.command(epilog="Example: mission test greet --coverage")
-@click.argument("names", type=TESTED, nargs=-1, metavar="[PATH]...")
+@click.argument("names", type=TESTED_NAME, nargs=-1, metavar="[PATH]...")
 @click.option("-k", "words", metavar="TEXT", default="", help="Only the cases with this in their file or title.")
 @click.option("--physics", is_flag=True, help="Play all cases in physics, as a case does with `physics: true`.")
-@click.option("-j", "--jobs", type=Whole(min=1), metavar="N", help="As many processes at a time; one for each core.")
+@click.option(
+    "-j", "--jobs", type=WholeNumber(min=1), metavar="N", help="As many processes at a time; one for each core."
+)
 @click.option(
     "--junit", "junit_file", type=click.Path(dir_okay=False, path_type=Path), help="Write the verdicts as JUnit XML."
 )
@@ -66,70 +68,72 @@ def command(
     Exit code 0 is that all cases passed, 1 that one failed, 2 a mistake in the command or a file.
     """
     chosen_robot(None)  # of the cases that name none
-    cases = _chosen(names, words, files)
+    cases = _select_cases(names, words, files)
     if physics:
         cases = [replace(case, physics=True) for case in cases]
     clock = SystemClock()
     with _progress(len(cases)) as told:
-        verdicts = _played(cases, jobs or cores(), fail_fast, told)
+        verdicts = _play_cases(cases, jobs or core_count(), fail_fast, told)
     if junit_file is not None:
         _write(junit_file, junit(verdicts), "--junit")
     if page_file is not None:
-        _write(page_file, page(coverage(verdicts)).encode(), "--coverage-page")
+        _write(page_file, coverage_page(coverage(verdicts)).encode(), "--coverage-page")
     if as_json:
         click.echo(json.dumps([report.as_dict(verdict) for verdict in verdicts], indent=2, ensure_ascii=False))
     else:
-        _tell(verdicts)
+        _print_verdicts(verdicts)
         if tell_coverage:
-            click.echo("\n" + "\n".join(lines_of(coverage(verdicts))) + "\n")
-    click.echo(report.total(verdicts, planned=len(cases), seconds=clock.now()), err=as_json)
+            click.echo("\n" + "\n".join(coverage_lines(coverage(verdicts))) + "\n")
+    click.echo(report.summary_line(verdicts, planned=len(cases), seconds=clock.read_value()), err=as_json)
     if written := [str(path) for path in (junit_file, page_file) if path is not None]:
         click.echo(f"wrote {', '.join(written)}", err=True)
     return SUCCESS if all(verdict.passed for verdict in verdicts) else FAILURE
 
 
-def _chosen(names: Sequence[str], words: str, own: Sequence[Path]) -> list[Case]:
+def _select_cases(names: Sequence[str], words: str, own: Sequence[Path]) -> list[Case]:
     """Return the cases to be played; ``own`` are files of behaviours. Raises InvalidFileError with all mistakes."""
-    files = dict.fromkeys(path for name in names for path in named_tests(name)) if names else all_tests()
+    files = dict.fromkeys(path for name in names for path in find_tests(name)) if names else all_tests()
     cases: list[Case] = []
     faults: list[Diagnostic] = []
     for path in files:
         try:
             cases += load_suite(path, own)
         except InvalidFileError as error:
-            faults += error.faults
+            faults += error.diagnostics
     if faults:
         raise InvalidFileError(faults)
     for mission in dict.fromkeys(case.mission for case in cases):
-        tell_found(behaviour_files(mission, own), own)
+        print_found_files(behaviour_files(mission, own), own)
     chosen = [case for case in cases if words.lower() in f"{case.source.name}: {case.title}".lower()]
     if not chosen:
         raise click.UsageError(f"-k: none of {len(cases)} cases has '{words}' in its file or title")
     return chosen
 
 
-def _played(cases: Sequence[Case], jobs: int, fail_fast: bool, told: Callable[[Verdict], None]) -> list[Verdict]:
-    verdicts: list[Verdict] = []
+def _play_cases(
+    cases: Sequence[Case], jobs: int, fail_fast: bool, told: Callable[[CaseVerdict], None]
+) -> list[CaseVerdict]:
+    verdicts: list[CaseVerdict] = []
     with closing(play_all(cases, jobs=jobs)) as playing:
         for verdict in playing:
             verdicts.append(verdict)
             told(verdict)
             if fail_fast and not verdict.passed:
                 break
-    return report.in_order(verdicts)
+    return report.sort_verdicts(verdicts)
 
 
-def _tell(verdicts: Sequence[Verdict]) -> None:
+def _print_verdicts(verdicts: Sequence[CaseVerdict]) -> None:
     for verdict in verdicts:
         if verdict.passed:
             echo("passed", "green", f"  {verdict.case}")
     for verdict in verdicts:
         if not verdict.passed:
-            echo("\nFAILED", "red", f"  {report.failure(verdict)}\n")
+            echo("\nFAILED", "red", f"  {report.failure_text(verdict)}\n")
 
 
 @contextmanager
-def _progress(count: int) -> Iterator[Callable[[Verdict], None]]:
+def _progress(count: int) -> Iterator[Callable[[CaseVerdict], None]]:
     """Show a bar on a terminal, and give what is to be told of each verdict; without a terminal nothing is shown."""
     shown = console(sys.stderr)
     if not shown.is_terminal:
@@ -138,9 +142,9 @@ def _progress(count: int) -> Iterator[Callable[[Verdict], None]]:
     columns = (BarColumn(), MofNCompleteColumn(), TextColumn("[red]{task.fields[failed]}"), TimeElapsedColumn())
     with Progress(*columns, console=shown, transient=True) as progress:
         task = progress.add_task("cases", total=count, failed="")
-        failed: list[Verdict] = []
+        failed: list[CaseVerdict] = []
 
-        def told(verdict: Verdict) -> None:
+        def told(verdict: CaseVerdict) -> None:
             failed.extend(() if verdict.passed else (verdict,))
             progress.update(task, advance=1, failed=f"{len(failed)} failed" if failed else "")
 
@@ -148,5 +152,5 @@ def _progress(count: int) -> Iterator[Callable[[Verdict], None]]:
 
 
 def _write(path: Path, data: bytes, option: str) -> None:
-    with writing(path, option):
+    with report_write_errors(path, option):
         save_file(path, data)

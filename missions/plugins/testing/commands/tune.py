@@ -9,19 +9,19 @@ import click
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from behaviours.tracking.fuzzy import RuleBases
-from config.controller import parse_controller, renamed, rewritten
-from config.faults import Source
-from config.library import find
+from config.controller import name_changes, parse_controller, replace_words
+from config.faults import SourceText
+from config.library import find_file
 from config.marked import read_source
 from config.reading import save_file
 from missions.cli.console import console
 from missions.cli.keys import interruptible
 from missions.cli.names import CONTROLLER
-from missions.cli.numbers import Whole
-from missions.cli.outputs import writing
+from missions.cli.numbers import WholeNumber
+from missions.cli.outputs import report_write_errors
 from missions.cli.root import INTERRUPTED, SUCCESS
-from missions.plugins.testing.commands.controller import read
-from missions.plugins.testing.controllers.bench import bench, table
+from missions.plugins.testing.commands.controller import read_controller
+from missions.plugins.testing.controllers.bench import run_bench, table_lines
 from missions.plugins.testing.controllers.trial import SCENARIOS
 
 RULES = ("pan", "turn")
@@ -46,13 +46,13 @@ RULES = ("pan", "turn")
 @click.option("--force", is_flag=True, help="Write over a file that is there.")
 @click.option(
     "--evaluations",
-    type=Whole(min=10),
+    type=WholeNumber(min=10),
     default=300,
     show_default=True,
     metavar="N",
     help="How many variants to try, in all.",
 )
-@click.option("--seed", type=Whole(min=0), default=0, show_default=True, help="Of the search.")
+@click.option("--seed", type=WholeNumber(min=0), default=0, show_default=True, help="Of the search.")
 def tune(name: str, rules: tuple[str, ...], output: Path | None, force: bool, evaluations: int, seed: int) -> int:
     """Tune the numbers of a controller (a name or a file; face without one), and write them into a new file.
 
@@ -61,11 +61,11 @@ def tune(name: str, rules: tuple[str, ...], output: Path | None, force: bool, ev
     Whatever ends it, the best numbers by then are in the new file.
     """
     try:
-        from missions.plugins.testing.controllers.tuning import Tuning  # noqa: PLC0415 - an extra, and slow to import
+        from missions.plugins.testing.controllers.tuning import ControllerTuning  # noqa: PLC0415 - an extra, and slow to import
     except ImportError as error:
         raise click.UsageError("tuning needs SciPy: pip install 'missiontree[tune]'") from error
-    path = find("controllers", name)
-    config, before = read(name)
+    path = find_file("controllers", name)
+    config, before = read_controller(name)
     output = output or Path(f"{path.stem}_tuned.yaml")
     if output.exists() and not force:
         raise click.UsageError(f"'{output}' exists: name another file with --output, or add --force")
@@ -75,17 +75,17 @@ def tune(name: str, rules: tuple[str, ...], output: Path | None, force: bool, ev
 
     def keep(text: str) -> None:
         """Write the best so far, which is there then whatever ends the search."""
-        found = Source(source.name, text)
-        kept.append(rewritten(found, renamed(found, output.stem, f"{config.summary} Tuned.")))
-        with writing(output, "-o"):
+        found = SourceText(source.name, text)
+        kept.append(replace_words(found, name_changes(found, output.stem, f"{config.summary} Tuned.")))
+        with report_write_errors(output, "-o"):
             save_file(output, kept[-1])
 
     try:
         with interruptible(), _progress(evaluations) as told:
             for each in chosen:
-                tuning = Tuning(source, each)
-                found = tuning.search(evaluations // len(chosen), seed=seed, progress=told, better=keep)
-                source = Source(source.name, found.text)
+                tuning = ControllerTuning(source, each)
+                found = tuning.search(evaluations // len(chosen), seed=seed, on_cost=told, on_better=keep)
+                source = SourceText(source.name, found.text)
     except KeyboardInterrupt:
         if not kept:
             raise
@@ -93,11 +93,11 @@ def tune(name: str, rules: tuple[str, ...], output: Path | None, force: bool, ev
         return INTERRUPTED
     except ValueError as error:
         raise click.UsageError(str(error)) from error
-    text = rewritten(source, renamed(source, output.stem, f"{config.summary} Tuned."))
-    after = RuleBases.from_mapping(parse_controller(Source(str(output), text)).values)
-    for line in table(list(bench({"before": before, "after": after}, scenarios=SCENARIOS[:2]))):
+    text = replace_words(source, name_changes(source, output.stem, f"{config.summary} Tuned."))
+    after = RuleBases.from_mapping(parse_controller(SourceText(str(output), text)).values)
+    for line in table_lines(list(run_bench({"before": before, "after": after}, scenarios=SCENARIOS[:2]))):
         click.echo(line)
-    with writing(output, "-o"):
+    with report_write_errors(output, "-o"):
         save_file(output, text)
     click.echo(f"\nwrote {output}; to use it: track_face: {output}")
     return SUCCESS

@@ -7,31 +7,40 @@ from itertools import pairwise
 from math import isnan, radians, sqrt
 
 from behaviours.tracking.fuzzy import Controller, RuleBases, controllers
-from behaviours.tracking.terms import Sets
+from behaviours.tracking.terms import FuzzySets
 from config.controller import ControllerConfig
-from drivers.base.limits import BRAKING
-from missions.plugins.testing.controllers.trial import BASE, HEAD, SCENARIOS, Body, Scenario, Trace, Trial, stands
+from drivers.base.limits import BRAKING_RATIO
+from missions.plugins.testing.controllers.trial import (
+    BASE_LIMITS,
+    HEAD_LIMITS,
+    SCENARIOS,
+    Scenario,
+    TrackingBody,
+    TrackingTrace,
+    TrackingTrial,
+    standing_path,
+)
 
 # How good a trial was, and how good it could have been.
 
-CENTRED = radians(2)
+CENTRED_ERROR = radians(2)
 """Within this error the face is centred."""
 
-STAYING = 0.5
+MIN_CENTRED_TIME = 0.5
 """Seconds for which it must stay so, at least, before something unforeseen happens."""
 
-_INSTANT = 0.0005
+_TIME_STEP = 0.0005
 
 
 @dataclass(frozen=True, slots=True)
 class Score:
     """What a trial comes to.
 
-    ``centred`` is the time in seconds from which on the face was centred, None where it never was; ``bound`` the least
+    ``centred`` is the time in seconds from which on the face was centred, None where it never was; ``time_optimal_bound`` the least
     that it can be for one who knows with the first picture what the face does, and ``known`` for one who must see it.
     ``overshoot`` is how far past the face it went at first, ``rms`` the error of following; radians.
     A face that was ``lost`` has no ``rms``. ``swings`` counts how often the robot went past the face by more than
-    ``CENTRED``. ``delay_error`` is that of the camera's delay in the end, None where it was not known, and
+    ``CENTRED_ERROR``. ``delay_error`` is that of the camera's delay in the end, None where it was not known, and
     ``worst_known`` the largest one while it was known; seconds.
     """
 
@@ -66,37 +75,41 @@ class Ability:
 
 
 ABILITIES = {
-    Body.HEAD: Ability(HEAD.speed, HEAD.acceleration, HEAD.acceleration),
-    Body.BASE: Ability(BASE.max_angular, BASE.angular_acceleration, BRAKING * BASE.angular_acceleration),
+    TrackingBody.HEAD: Ability(HEAD_LIMITS.speed, HEAD_LIMITS.acceleration, HEAD_LIMITS.acceleration),
+    TrackingBody.BASE: Ability(
+        BASE_LIMITS.max_angular, BASE_LIMITS.angular_acceleration, BRAKING_RATIO * BASE_LIMITS.angular_acceleration
+    ),
 }
 
 
-def ability(body: Body) -> Ability:
+def ability_of(body: TrackingBody) -> Ability:
     """Return what a body can do; both together no more than the sum."""
-    if body is not Body.BOTH:
+    if body is not TrackingBody.BOTH:
         return ABILITIES[body]
     head, base = ABILITIES.values()
     return Ability(head.speed + base.speed, head.acceleration + base.acceleration, head.braking + base.braking)
 
 
-def score(trace: Trace, scenario: Scenario, body: Body) -> Score:
+def score_trial(trace: TrackingTrace, scenario: Scenario, body: TrackingBody) -> Score:
     """Return how good a trial was."""
     samples = list(zip(trace.times, trace.errors, strict=True))
-    foreseen = [(time, error) for time, error in samples if time < scenario.surprise]
-    outside = max((time for time, error in foreseen if abs(error) > CENTRED), default=0.0)
-    early = [error for time, error in foreseen if time < scenario.settled]
-    late = [error**2 for time, error in samples if time >= scenario.settled]
-    can, lag = ability(body), scenario.base_lag if body is Body.BASE else 0.0
+    foreseen = [(time, error) for time, error in samples if time < scenario.foreseeable_until]
+    outside = max((time for time, error in foreseen if abs(error) > CENTRED_ERROR), default=0.0)
+    early = [error for time, error in foreseen if time < scenario.settled_from]
+    late = [error**2 for time, error in samples if time >= scenario.settled_from]
+    can, lag = ability_of(body), scenario.base_lag if body is TrackingBody.BASE else 0.0
     # One picture shows where a face is. How fast it goes, two show.
-    least, told = bound(scenario, can, lag), 0 if scenario.path is stands else 1
-    seen = trace.understood[told] if len(trace.understood) > told else scenario.latency
+    least, told = time_optimal_bound(scenario, can, lag), 0 if scenario.path is standing_path else 1
+    seen = trace.known_times[told] if len(trace.known_times) > told else scenario.latency
     return Score(
-        centred=None if trace.lost or not foreseen or outside >= scenario.surprise - STAYING else outside,
+        centred=None
+        if trace.lost or not foreseen or outside >= scenario.foreseeable_until - MIN_CENTRED_TIME
+        else outside,
         bound=least,
         overshoot=max(0.0, -min(early, default=0.0)),
         rms=None if trace.lost or not late else sqrt(sum(late) / len(late)),
         lost=trace.lost,
-        known=max(least, bound(replace(scenario, latency=seen), can, lag)),
+        known=max(least, time_optimal_bound(replace(scenario, latency=seen), can, lag)),
         swings=_swings([error for _, error in foreseen]),
         delay_error=next((error for error in trace.delay_errors[-1:] if not isnan(error)), None),
         worst_known=max((abs(error) for error in trace.delay_errors if not isnan(error)), default=0.0),
@@ -104,36 +117,36 @@ def score(trace: Trace, scenario: Scenario, body: Body) -> Score:
 
 
 def _swings(errors: Sequence[float]) -> int:
-    """Count the changes of side among the errors beyond ``CENTRED``."""
-    sides = [error > 0 for error in errors if abs(error) > CENTRED]
+    """Count the changes of side among the errors beyond ``CENTRED_ERROR``."""
+    sides = [error > 0 for error in errors if abs(error) > CENTRED_ERROR]
     return sum(before != after for before, after in pairwise(sides))
 
 
-def bound(scenario: Scenario, can: Ability, lag: float = 0.0) -> float:
-    """Return the earliest time in seconds from which on the error can stay within ``CENTRED``.
+def time_optimal_bound(scenario: Scenario, ability: Ability, lag: float = 0.0) -> float:
+    """Return the earliest time in seconds from which on the error can stay within ``CENTRED_ERROR``.
 
     That is of the time-optimal motion: nothing for the time of the latency and of a base's ``lag``, then as hard as it
     can until it must brake to come to go with the face at the far edge of what counts as centred. 0 where nothing that
     the face does can be foreseen.
     """
-    if scenario.surprise <= 0.0:
+    if scenario.foreseeable_until <= 0.0:
         return 0.0
     time = outside = scenario.latency + lag
     angle = speed = 0.0
-    while time < scenario.surprise:
+    while time < scenario.foreseeable_until:
         target = scenario.path(time)
-        rate = (scenario.path(time + _INSTANT) - target) / _INSTANT
+        rate = (scenario.path(time + _TIME_STEP) - target) / _TIME_STEP
         error, closing = target - angle, speed - rate
-        if abs(error) > CENTRED:
+        if abs(error) > CENTRED_ERROR:
             outside = time
         elif closing >= 0.0:
             return outside
-        if error + CENTRED > closing * abs(closing) / (2 * can.braking):
-            speed = min(speed + can.acceleration * _INSTANT, can.speed)
+        if error + CENTRED_ERROR > closing * abs(closing) / (2 * ability.braking):
+            speed = min(speed + ability.acceleration * _TIME_STEP, ability.speed)
         else:
-            speed = max(speed - can.braking * _INSTANT, rate)
-        angle += speed * _INSTANT
-        time += _INSTANT
+            speed = max(speed - ability.braking * _TIME_STEP, rate)
+        angle += speed * _TIME_STEP
+        time += _TIME_STEP
     return outside
 
 
@@ -147,11 +160,11 @@ UNITS: Mapping[str, tuple[str, float]] = {
 }
 """The unit in which each input is shown, and how many of these one SI unit is."""
 
-OUTPUT = ("deg/s", math.degrees(1))
+OUTPUT_UNIT = ("deg/s", math.degrees(1))
 """The same for the outputs: all are rates."""
 
 
-def lines_about(config: ControllerConfig) -> Iterator[str]:
+def describe_controller(config: ControllerConfig) -> Iterator[str]:
     """Yield what is in a controller, line by line. Raises ValueError for one that is wrong."""
     yield f"{config.name}: {config.summary}"
     yield "acts on what is foreseen" if config.values.get("predict", True) else "acts on what the newest picture shows"
@@ -159,55 +172,55 @@ def lines_about(config: ControllerConfig) -> Iterator[str]:
     for name, values in config.values.items():
         if name in fuzzy:
             yield ""
-            yield from _about(name, fuzzy[name])
+            yield from _rule_base_lines(name, fuzzy[name])
         elif isinstance(values, Mapping):
             most = values.get("most", math.inf)
-            limit = f", at most {most * OUTPUT[1]:.4g} {OUTPUT[0]}" if most < math.inf else ""
+            limit = f", at most {most * OUTPUT_UNIT[1]:.4g} {OUTPUT_UNIT[0]}" if most < math.inf else ""
             yield f"\n{name}: {values['p']:g} times the error and {values['d']:g} times its rate{limit}"
 
 
-def _about(name: str, controller: Controller) -> Iterator[str]:
-    method = "Mamdani" if isinstance(controller.output, Sets) else "Sugeno"
+def _rule_base_lines(name: str, controller: Controller) -> Iterator[str]:
+    method = "Mamdani" if isinstance(controller.output, FuzzySets) else "Sugeno"
     yield f"{name}: {len(controller.rules)} rules, {method}"
     for variable in controller.inputs:
         unit, scale = UNITS[variable.name]
         terms = ", ".join(
-            f"{term} {_middle(at.full, at.until) * scale:.4g}"
-            for term, at in sorted(variable.terms.items(), key=lambda item: _middle(item[1].full, item[1].until))
+            f"{term} {_term_centre(at.full, at.until) * scale:.4g}"
+            for term, at in sorted(variable.terms.items(), key=lambda item: _term_centre(item[1].full, item[1].until))
         )
         yield f"  {variable.name} ({unit}): {terms}"
     for rule in controller.rules:
         yield f"  {rule}"
 
 
-def _middle(full: float, until: float) -> float:
+def _term_centre(full: float, until: float) -> float:
     """Return the middle of where a term is fully true; of a shoulder, where that begins."""
     if math.isinf(full):
         return until
     return full if math.isinf(until) else (full + until) / 2
 
 
-CONTROLLERS = ("course", "pd", "mamdani", "face")
+DEFAULT_CONTROLLERS = ("course", "pd", "mamdani", "face")
 """What is benched unless others are named: the course's tracker, the textbook's, and ours by both inferences."""
 
-COMPARED = ("course", "pd", "pd_ahead", "face")
+DELAY_CONTROLLERS = ("course", "pd", "pd_ahead", "face")
 """What is benched with delays that nobody tells the robot, beside standing still."""
 
-NEAR = 0.015
+MAX_DELAY_ERROR = 0.015
 """Seconds within which a delay is right."""
 
-STANDING = RuleBases.from_mapping({axis: {"p": 0, "d": 0} for axis in ("pan", "tilt", "turn")})
+NO_MOTION = RuleBases.from_mapping({axis: {"p": 0, "d": 0} for axis in ("pan", "tilt", "turn")})
 """A controller that moves nothing."""
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class BenchRow:
     """One controller in one scenario with one body: what it showed, and what that comes to."""
 
     scenario: Scenario
-    body: Body
+    body: TrackingBody
     controller: str
-    trace: Trace
+    trace: TrackingTrace
     score: Score
 
     def as_dict(self) -> dict[str, object]:
@@ -218,23 +231,23 @@ class Row:
         return {"scenario": self.scenario.name, "body": str(self.body), "controller": self.controller, **found}
 
 
-def bench(
+def run_bench(
     controllers: Mapping[str, RuleBases],
     *,
     scenarios: Sequence[Scenario] = SCENARIOS,
-    bodies: Sequence[Body] = tuple(Body),
+    bodies: Sequence[TrackingBody] = tuple(TrackingBody),
     seed: int = 0,
     lag: float = 0.0,
-) -> Iterator[Row]:
+) -> Iterator[BenchRow]:
     """Yield the rows, scenario by scenario and body by body. ``lag`` (seconds) is what the base is believed to take."""
     for scenario in scenarios:
         for body in bodies:
             for name, rules in controllers.items():
-                trace = Trial(rules, scenario, body, seed=seed, lag=lag).run()
-                yield Row(scenario, body, name, trace, score(trace, scenario, body))
+                trace = TrackingTrial(rules, scenario, body, seed=seed, lag=lag).run()
+                yield BenchRow(scenario, body, name, trace, score_trial(trace, scenario, body))
 
 
-def table(rows: Sequence[Row]) -> Iterator[str]:
+def table_lines(rows: Sequence[BenchRow]) -> Iterator[str]:
     """Yield the lines of a table: a block for each scenario and body, a line for each controller."""
     width = max((len(row.controller) for row in rows), default=0)
     yield f"{'':<{width + 2}} {'centred':>9} {'x bound':>8} {'x known':>8} {'overshoot':>10} {'RMS error':>10}"
@@ -243,63 +256,70 @@ def table(rows: Sequence[Row]) -> Iterator[str]:
         if (row.scenario, row.body) != block:
             block = row.scenario, row.body
             yield f"{row.scenario.name}, {row.body}: bound {row.score.bound:.2f} s"
-        yield f"  {row.controller:<{width}} {_figures(row.score)}"
+        yield f"  {row.controller:<{width}} {_score_columns(row.score)}"
 
 
-def summary(rows: Sequence[Row]) -> Iterator[str]:
+def delay_summary(rows: Sequence[BenchRow]) -> Iterator[str]:
     """Yield the lines of a table over several seeds: how many times the bound, and what is known; RMS errors.
 
     Each is the median and the worst.
     """
     names = list(dict.fromkeys(row.controller for row in rows))
     yield f"{'':<24} {'':<5}" + "".join(f" {name:>37}" for name in names)
-    blocks: dict[tuple[str, Body], dict[str, list[Score]]] = {}
+    blocks: dict[tuple[str, TrackingBody], dict[str, list[Score]]] = {}
     for row in rows:
         blocks.setdefault((row.scenario.name, row.body), {}).setdefault(row.controller, []).append(row.score)
     for (scenario, body), scores in blocks.items():
-        yield f"{scenario:<24} {body:<5}" + "".join(f" {_summed(scores[name]):>37}" for name in names)
+        yield f"{scenario:<24} {body:<5}" + "".join(f" {_summary_cell(scores[name]):>37}" for name in names)
 
 
-def stamp_summary(rows: Sequence[Row]) -> Iterator[str]:
+def stamp_summary(rows: Sequence[BenchRow]) -> Iterator[str]:
     """Yield the lines of a table over several seeds: what was learnt of the camera's delay, and what that was worth.
 
-    ``known`` is the share of the seeds in which the delay was known in the end, within ``NEAR`` seconds; ``worst`` the
+    ``known`` is the share of the seeds in which the delay was known in the end, within ``MAX_DELAY_ERROR`` seconds; ``worst`` the
     largest error while it was known (ms).
     """
     yield f"{'':<24} {'':<5} {'':<10} {'known':>7} {'worst':>7} {'centred':>8} {'x bound':>14} {'past':>5} {'RMS':>10}"
-    blocks: dict[tuple[str, Body, str], list[Score]] = {}
+    blocks: dict[tuple[str, TrackingBody, str], list[Score]] = {}
     for row in rows:
         blocks.setdefault((row.scenario.name, row.body, row.controller), []).append(row.score)
     for (scenario, body, name), scores in blocks.items():
         of = len(scores)
-        known = sum(score.delay_error is not None and abs(score.delay_error) <= NEAR for score in scores)
+        known = sum(score.delay_error is not None and abs(score.delay_error) <= MAX_DELAY_ERROR for score in scores)
         worst = 1000 * max(score.worst_known for score in scores)
         ratios = sorted(score.ratio for score in scores if score.ratio is not None)
         errors = sorted(math.degrees(score.rms) for score in scores if score.rms is not None)
-        figures = _both(ratios, "x", 2) if ratios else "never", _both(errors, "", 2) if errors else "lost"
+        figures = (
+            _median_and_worst(ratios, "x", 2) if ratios else "never",
+            _median_and_worst(errors, "", 2) if errors else "lost",
+        )
         yield (
             f"{scenario:<24} {body:<5} {name:<10} {f'{known}/{of}':>7} {worst:>4.0f} ms {f'{len(ratios)}/{of}':>8} "
             f"{figures[0]:>14} {max(score.swings for score in scores):>5} {figures[1]:>10}"
         )
 
 
-def _summed(scores: Sequence[Score]) -> str:
+def _summary_cell(scores: Sequence[Score]) -> str:
     """Return times the two bounds (median, worst or how often never) and degrees RMS (or how often lost)."""
     ratios = sorted(score.ratio for score in scores if score.ratio is not None)
     known = sorted(score.ratio_known for score in scores if score.ratio_known is not None)
     errors = sorted(math.degrees(score.rms) for score in scores if score.rms is not None)
     never, lost = len(scores) - len(ratios), len(scores) - len(errors)
-    centred = f"never {never}/{len(scores)}" if never else f"{_both(ratios, 'x', 2)} {_both(known, 'x', 2):>12}"
+    centred = (
+        f"never {never}/{len(scores)}"
+        if never
+        else f"{_median_and_worst(ratios, 'x', 2)} {_median_and_worst(known, 'x', 2):>12}"
+    )
     centred = "" if scores[0].bound == 0 else centred
-    return f"{centred:>25} " + (f"lost {lost}/{len(scores)}" if lost else _both(errors, "", 1))
+    return f"{centred:>25} " + (f"lost {lost}/{len(scores)}" if lost else _median_and_worst(errors, "", 1))
 
 
-def _both(sorted_values: Sequence[float], sign: str, digits: int) -> str:
+def _median_and_worst(sorted_values: Sequence[float], sign: str, digits: int) -> str:
     middle, worst = sorted_values[len(sorted_values) // 2], sorted_values[-1]
     return f"{middle:.{digits}f}{sign} {worst:.{digits}f}{sign}"
 
 
-def _figures(found: Score) -> str:
+def _score_columns(found: Score) -> str:
     centred = "never" if found.centred is None else f"{found.centred:.2f} s"
     ratios = " ".join("        " if found is None else f"{found:8.2f}" for found in (found.ratio, found.ratio_known))
     rms = "lost" if found.rms is None else f"{math.degrees(found.rms):.2f} deg"

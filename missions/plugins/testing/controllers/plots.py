@@ -12,25 +12,25 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from behaviours.tracking.fuzzy import Controller, RuleBases, controllers
-from behaviours.tracking.terms import Sets, Variable
+from behaviours.tracking.terms import FuzzySets, FuzzyVariable
 from config.controller import ControllerConfig
 from missions.plugins.pictures.moves_plot import save_figure
-from missions.plugins.testing.controllers.bench import CENTRED, OUTPUT, UNITS, Row
-from missions.plugins.testing.controllers.trial import Body
+from missions.plugins.testing.controllers.bench import CENTRED_ERROR, OUTPUT_UNIT, UNITS, BenchRow
+from missions.plugins.testing.controllers.trial import TrackingBody
 
-QUIET = "#8a8f98"
+MUTED_COLOUR = "#8a8f98"
 """The colour of what is beside the point."""
 
 COLOURS = ("#c8553d", "#d9a21b", "#6a9f58", "#2a78b5", "#7a5aa6", "#4a4f57")
 """Those of the controllers, in their order."""
 
-MARGIN = 0.12
+MARGIN_SHARE = 0.12
 """How much is shown beyond what the terms cover, to each side."""
 
-FINE = 201
+CURVE_POINTS = 201
 """Points along a curve."""
 
-COARSE = 61
+SURFACE_POINTS = 61
 """Points along a side of a surface."""
 
 
@@ -42,70 +42,72 @@ def draw_controller(path: Path, config: ControllerConfig) -> None:
     rules = RuleBases.from_mapping(config.values)
     fuzzy = controllers(config.values)
     names = [name for name in config.values if getattr(rules, name, None) not in (None, True, False)]
-    figure = _figure((16.0, 0.7 + 3.2 * len(names)), f"{config.name}: {config.summary}")
+    figure = _make_figure((16.0, 0.7 + 3.2 * len(names)), f"{config.name}: {config.summary}")
     grid = figure.subplots(len(names), 4, squeeze=False)
     for row, name in zip(grid, names, strict=True):
         if name in fuzzy:
-            _fuzzy(row, name, fuzzy[name])
+            _draw_rule_base(row, name, fuzzy[name])
         else:
-            _formula(row, name, rules, config)
+            _draw_pd(row, name, rules, config)
     save_figure(figure, path, 100)
 
 
-def draw_bench(path: Path, rows: Sequence[Row]) -> None:
+def draw_bench(path: Path, rows: Sequence[BenchRow]) -> None:
     """Draw the error over time: a panel for each scenario and body. Raises OSError where it cannot be written."""
     names = list(dict.fromkeys(row.controller for row in rows))
     colours = dict(zip(names, COLOURS * len(names), strict=False))
     panels = [(key, list(found)) for key, found in groupby(rows, key=lambda row: (row.scenario, row.body))]
     bodies = list(dict.fromkeys(row.body for row in rows))
     height = -(-len(panels) // len(bodies))
-    figure = _figure((5.0 * len(bodies), 0.9 + 2.7 * height), "How far off the face is (degrees) over time (seconds)")
+    figure = _make_figure(
+        (5.0 * len(bodies), 0.9 + 2.7 * height), "How far off the face is (degrees) over time (seconds)"
+    )
     grid = figure.subplots(height, len(bodies), squeeze=False, sharex=True)
     for axes, ((scenario, body), found) in zip(grid.flat, panels, strict=True):
         for row in found:
             errors = [degrees(error) for error in row.trace.errors]
             axes.plot(row.trace.times, errors, color=colours[row.controller], linewidth=1.1, label=row.controller)
-        axes.axhspan(-degrees(CENTRED), degrees(CENTRED), color=QUIET, alpha=0.15, linewidth=0)
+        axes.axhspan(-degrees(CENTRED_ERROR), degrees(CENTRED_ERROR), color=MUTED_COLOUR, alpha=0.15, linewidth=0)
         axes.axvline(found[0].score.bound, color="black", linestyle=":", linewidth=1.0, label="time-optimal bound")
-        axes.set_title(f"{scenario.name}: {_by(body)}", fontsize=10)
+        axes.set_title(f"{scenario.name}: {_body_title(body)}", fontsize=10)
         axes.set(ylim=(-8, 27), xlim=(0, scenario.seconds))
-        _quiet(axes)
+        _simplify_axes(axes)
     handles, labels = grid.flat[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
     save_figure(figure, path, 90)
 
 
-def _by(body: Body) -> str:
-    return {Body.HEAD: "head alone", Body.BASE: "base alone", Body.BOTH: "head and base"}[body]
+def _body_title(body: TrackingBody) -> str:
+    return {TrackingBody.HEAD: "head alone", TrackingBody.BASE: "base alone", TrackingBody.BOTH: "head and base"}[body]
 
 
 # --- one rule base, in four panels ------------------------------------------------------------------------------------
 
 
-def _fuzzy(row: Sequence[Axes], name: str, controller: Controller) -> None:
+def _draw_rule_base(row: Sequence[Axes], name: str, controller: Controller) -> None:
     for axes, variable in zip(row, controller.inputs, strict=False):
         unit, scale = UNITS[variable.name]
-        _terms(axes, {term: partial(_grade, variable, term) for term in variable.terms}, variable.corners, scale)
+        _draw_terms(axes, {term: partial(_grade, variable, term) for term in variable.terms}, variable.corners, scale)
         axes.set_xlabel(f"{variable.name} ({unit})")
     for axes in row[len(controller.inputs) : 2]:
         axes.set_axis_off()
     output = controller.output
-    if isinstance(output, Sets):
-        _terms(row[2], output.terms, output.corners, OUTPUT[1])
+    if isinstance(output, FuzzySets):
+        _draw_terms(row[2], output.terms, output.corners, OUTPUT_UNIT[1])
     else:
         numbers = {term: value for term, value in output.terms.items() if isinstance(value, int | float)}
         for number, (term, value) in enumerate(sorted(numbers.items(), key=lambda item: item[1])):
-            row[2].plot([value * OUTPUT[1]] * 2, [0, 1], color=COLOURS[number % len(COLOURS)], linewidth=2)
-            row[2].text(value * OUTPUT[1], 1.03, term, rotation=60, fontsize=7)
+            row[2].plot([value * OUTPUT_UNIT[1]] * 2, [0, 1], color=COLOURS[number % len(COLOURS)], linewidth=2)
+            row[2].text(value * OUTPUT_UNIT[1], 1.03, term, rotation=60, fontsize=7)
         row[2].set(ylim=(0, 1.6), yticks=(0, 0.5, 1))
-        _quiet(row[2])
-    row[2].set_xlabel(f"{output.name} ({OUTPUT[0]})")
+        _simplify_axes(row[2])
+    row[2].set_xlabel(f"{output.name} ({OUTPUT_UNIT[0]})")
     row[0].set_ylabel(name, fontsize=13, fontweight="bold")
     inputs = [variable.name for variable in controller.inputs]
-    _surface(row[3], inputs, [variable.corners for variable in controller.inputs], controller.tabulate())
+    _draw_surface(row[3], inputs, [variable.corners for variable in controller.inputs], controller.tabulate())
 
 
-def _formula(row: Sequence[Axes], name: str, rules: RuleBases, config: ControllerConfig) -> None:
+def _draw_pd(row: Sequence[Axes], name: str, rules: RuleBases, config: ControllerConfig) -> None:
     for axes in row[:3]:
         axes.set_axis_off()
     values = config.values[name]
@@ -113,17 +115,19 @@ def _formula(row: Sequence[Axes], name: str, rules: RuleBases, config: Controlle
         text = f"{name}\n\np = {values['p']:g} 1/s\nd = {values['d']:g}"
         row[1].text(0.5, 0.5, text, ha="center", va="center", fontsize=12)
     reach = np.radians(30.0)
-    _surface(row[3], ["error", "rate"], [(-reach, reach), (-reach * 3, reach * 3)], getattr(rules, name).surface)
+    _draw_surface(row[3], ["error", "rate"], [(-reach, reach), (-reach * 3, reach * 3)], getattr(rules, name).surface)
 
 
-def _grade(variable: Variable, term: str, value: float) -> float:
+def _grade(variable: FuzzyVariable, term: str, value: float) -> float:
     """Return the grade of an input's term; what lies beyond the outermost corners counts as they do."""
     return variable.grades(value)[term]
 
 
-def _terms(axes: Axes, terms: Mapping[str, Callable[[float], float]], corners: Sequence[float], scale: float) -> None:
-    low, high = _around(corners)
-    places = sorted({*np.linspace(low, high, FINE).tolist(), *corners})
+def _draw_terms(
+    axes: Axes, terms: Mapping[str, Callable[[float], float]], corners: Sequence[float], scale: float
+) -> None:
+    low, high = _padded_range(corners)
+    places = sorted({*np.linspace(low, high, CURVE_POINTS).tolist(), *corners})
     for number, (term, grade) in enumerate(terms.items()):
         colour = COLOURS[number % len(COLOURS)]
         grades = [grade(place) for place in places]
@@ -131,46 +135,48 @@ def _terms(axes: Axes, terms: Mapping[str, Callable[[float], float]], corners: S
         full = [place * scale for place, value in zip(places, grades, strict=True) if value == max(grades)]
         axes.text((full[0] + full[-1]) / 2, 1.03, term, rotation=60, fontsize=7, color=colour)
     axes.set(ylim=(0, 1.6), yticks=(0, 0.5, 1))
-    _quiet(axes)
+    _simplify_axes(axes)
 
 
-def _surface(
+def _draw_surface(
     axes: Axes, names: Sequence[str], corners: Sequence[Sequence[float]], surface: Callable[..., float]
 ) -> None:
     """Draw a curve for one input, a map for two; of more, the first two with the others at 0."""
-    spans = [np.linspace(*_around(along), FINE if len(names) == 1 else COARSE) for along in corners]
+    spans = [
+        np.linspace(*_padded_range(along), CURVE_POINTS if len(names) == 1 else SURFACE_POINTS) for along in corners
+    ]
     units = [UNITS[name] for name in names]
     if len(names) == 1:
-        axes.plot(spans[0] * units[0][1], [surface(float(at)) * OUTPUT[1] for at in spans[0]], color=COLOURS[3])
-        axes.set(xlabel=f"{names[0]} ({units[0][0]})", ylabel=f"output ({OUTPUT[0]})")
-        _quiet(axes)
+        axes.plot(spans[0] * units[0][1], [surface(float(at)) * OUTPUT_UNIT[1] for at in spans[0]], color=COLOURS[3])
+        axes.set(xlabel=f"{names[0]} ({units[0][0]})", ylabel=f"output ({OUTPUT_UNIT[0]})")
+        _simplify_axes(axes)
         return
     rest = [0.0] * (len(names) - 2)
-    heights = [[surface(float(x), float(y), *rest) * OUTPUT[1] for x in spans[0]] for y in spans[1]]
+    heights = [[surface(float(x), float(y), *rest) * OUTPUT_UNIT[1] for x in spans[0]] for y in spans[1]]
     drawn = axes.pcolormesh(
         spans[0] * units[0][1], spans[1] * units[1][1], heights, cmap="RdBu_r", shading="auto", rasterized=True
     )
     axes.contour(spans[0] * units[0][1], spans[1] * units[1][1], heights, levels=[0.0], colors="black", linewidths=0.8)
     axes.set(xlabel=f"{names[0]} ({units[0][0]})", ylabel=f"{names[1]} ({units[1][0]})")
     if axes.figure is not None:
-        axes.figure.colorbar(drawn, ax=axes, label=f"output ({OUTPUT[0]})")
+        axes.figure.colorbar(drawn, ax=axes, label=f"output ({OUTPUT_UNIT[0]})")
 
 
-def _around(corners: Sequence[float]) -> tuple[float, float]:
+def _padded_range(corners: Sequence[float]) -> tuple[float, float]:
     """Return a span that shows what lies beyond the outermost corners too."""
-    margin = MARGIN * (corners[-1] - corners[0])
+    margin = MARGIN_SHARE * (corners[-1] - corners[0])
     return corners[0] - margin, corners[-1] + margin
 
 
-def _figure(size: tuple[float, float], title: str) -> Figure:
+def _make_figure(size: tuple[float, float], title: str) -> Figure:
     figure = Figure(figsize=size, layout="constrained")
     FigureCanvasAgg(figure)  # a canvas of its own: no window, and nothing global
     figure.suptitle(title)
     return figure
 
 
-def _quiet(axes: Axes) -> None:
+def _simplify_axes(axes: Axes) -> None:
     """Take away what does not help to read it."""
     axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(color=QUIET, alpha=0.25)
+    axes.grid(color=MUTED_COLOUR, alpha=0.25)
     axes.set_axisbelow(True)

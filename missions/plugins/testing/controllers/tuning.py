@@ -14,37 +14,37 @@ import numpy.typing as npt
 from scipy.optimize import OptimizeResult, differential_evolution
 
 from behaviours.tracking.fuzzy import RuleBases
-from config.controller import Figure, figures, parse_controller, rewritten
-from config.faults import InvalidFileError, Mark, Source
-from missions.plugins.testing.controllers.bench import Score, score
-from missions.plugins.testing.controllers.trial import SCENARIOS, Body, Scenario, Trial
+from config.controller import TunableNumber, parse_controller, replace_words, tunable_numbers
+from config.faults import InvalidFileError, Mark, SourceText
+from missions.plugins.testing.controllers.bench import Score, score_trial
+from missions.plugins.testing.controllers.trial import SCENARIOS, Scenario, TrackingBody, TrackingTrial
 
-TUNED: Mapping[str, Body] = {"pan": Body.HEAD, "turn": Body.BASE}
+BODY_OF_RULES: Mapping[str, TrackingBody] = {"pan": TrackingBody.HEAD, "turn": TrackingBody.BASE}
 """The rule bases that can be tuned, and the body with which each is tried."""
 
-PRACTICE: Sequence[Scenario] = (SCENARIOS[0], SCENARIOS[1])
+TUNING_SCENARIOS: Sequence[Scenario] = (SCENARIOS[0], SCENARIOS[1])
 """What they are tried in: the step and the walk."""
 
-SEED = 100
+FIRST_SEED = 100
 """The first seed of the trials; those of the bench are others, so that nobody learns by heart what is asked."""
 
-REACH = log2(2.5)
+MAX_LOG_FACTOR = log2(2.5)
 """A number is changed by a factor of up to 2.5 either way."""
 
-NEVER, LOST, WRONG = 10.0, 50.0, 1000.0
+NEVER_CENTRED_COST, LOST_FACE_COST, INVALID_COST = 10.0, 50.0, 1000.0
 """What it costs to be never centred, to lose the face, and to be no controller at all."""
 
 
 @dataclass(frozen=True, slots=True)
-class Knob:
+class FigureGroup:
     """Numbers that are changed together: those of one variable that are equal but for their sign."""
 
     name: str
-    figures: tuple[Figure, ...]
+    figures: tuple[TunableNumber, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Tuned:
+class TuningResult:
     """What came of it: the text of the new file, and the costs of the old and the new one."""
 
     text: str
@@ -52,18 +52,18 @@ class Tuned:
     after: float
 
 
-class Tuning:
+class ControllerTuning:
     """The search for the numbers of one rule base of the controller file ``source``.
 
     Raises InvalidFileError for a file that is none, ValueError for a controller that is wrong or has no such rules.
     """
 
-    def __init__(self, source: Source, rules: str) -> None:
+    def __init__(self, source: SourceText, rules: str) -> None:
         self._source = source
         self._rules = rules
-        self._body = TUNED[rules]
-        self.knobs = knobs(source, rules)
-        if not self.knobs:
+        self._body = BODY_OF_RULES[rules]
+        self.groups = figure_groups(source, rules)
+        if not self.groups:
             raise ValueError(f"{source.name}: has no numbers under '{rules}' to tune")
         RuleBases.from_mapping(parse_controller(source).values)
 
@@ -72,34 +72,34 @@ class Tuning:
         evaluations: int,
         *,
         seed: int,
-        progress: Callable[[float], object],
-        better: Callable[[str], object] = lambda _: None,
-    ) -> Tuned:
+        on_cost: Callable[[float], object],
+        on_better: Callable[[str], object] = lambda _: None,
+    ) -> TuningResult:
         """Try about ``evaluations`` variants, and return the best; ``progress`` is told the cost of each.
 
         ``better`` is told the text of each that is better than all before it, the numbers of today among them.
         """
-        size = max(5, min(2 * len(self.knobs), evaluations // 4))
+        size = max(5, min(2 * len(self.groups), evaluations // 4))
         spent: list[float] = []
 
         def cost(factors: Sequence[float]) -> float:
             found = self.cost(factors)
             if spent and found < min(spent):  # the first are the numbers of today
-                better(self.text(factors))
+                on_better(self.text(factors))
             spent.append(found)
-            progress(found)
+            on_cost(found)
             return found
 
         def enough(intermediate_result: OptimizeResult) -> bool:
             del intermediate_result
             return len(spent) + size > evaluations
 
-        same = [0.0] * len(self.knobs)
+        same = [0.0] * len(self.groups)
         result: Any = differential_evolution(
             cost,
-            [(-REACH, REACH)] * len(self.knobs),
+            [(-MAX_LOG_FACTOR, MAX_LOG_FACTOR)] * len(self.groups),
             x0=same,
-            init=_population(size, len(self.knobs), seed),
+            init=_initial_population(size, len(self.groups), seed),
             maxiter=max(1, evaluations // size),
             callback=enough,
             tol=0.0,
@@ -108,59 +108,65 @@ class Tuning:
         )
         before = self.cost(same)
         if not result.fun < before:
-            return Tuned(self._source.text, before, before)
-        return Tuned(self.text(result.x), before, float(result.fun))
+            return TuningResult(self._source.text, before, before)
+        return TuningResult(self.text(result.x), before, float(result.fun))
 
     def text(self, factors: Sequence[float]) -> str:
         """Return the file with each knob's numbers multiplied by 2 to the power of its factor."""
         changes: dict[Mark, str] = {}
-        for knob, factor in zip(self.knobs, factors, strict=True):
+        for knob, factor in zip(self.groups, factors, strict=True):
             for figure in knob.figures:
                 changes[figure.mark] = f"{figure.number * 2**factor:.4g} {figure.unit}".rstrip()
-        return rewritten(self._source, changes)
+        return replace_words(self._source, changes)
 
     def cost(self, factors: Sequence[float]) -> float:
         """Return how badly the controller does with these factors: the mean over the trials, least is best."""
         try:
-            values = parse_controller(Source(self._source.name, self.text(factors))).values
+            values = parse_controller(SourceText(self._source.name, self.text(factors))).values
             # The other rule bases play no part in the trials, and would only have to be worked out.
             rules = RuleBases.from_mapping({key: values[key] for key in (self._rules, "predict") if key in values})
         except (InvalidFileError, ValueError):
-            return WRONG  # terms that no longer overlap, or points that do not rise
-        if not self._in_order(factors):
-            return WRONG  # "left" farther out than "far left" is no longer what the words say
+            return INVALID_COST  # terms that no longer overlap, or points that do not rise
+        if not self._keeps_order(factors):
+            return INVALID_COST  # "left" farther out than "far left" is no longer what the words say
         costs = [
-            price(score(Trial(rules, scenario, self._body, seed=SEED + n).run(), scenario, self._body))
-            for n, scenario in enumerate(PRACTICE)
+            cost_of(
+                score_trial(TrackingTrial(rules, scenario, self._body, seed=FIRST_SEED + n).run(), scenario, self._body)
+            )
+            for n, scenario in enumerate(TUNING_SCENARIOS)
         ]
         return sum(costs) / len(costs)
 
-    def _in_order(self, factors: Sequence[float]) -> bool:
+    def _keeps_order(self, factors: Sequence[float]) -> bool:
         """Say whether the numbers of each variable still stand in the order in which they stood."""
         order: dict[tuple[str, ...], list[tuple[float, float]]] = defaultdict(list)
-        for knob, factor in zip(self.knobs, factors, strict=True):
+        for knob, factor in zip(self.groups, factors, strict=True):
             for figure in knob.figures:
                 order[figure.keys[:3]].append((figure.number, figure.number * 2**factor))
         return all(after == sorted(after) for pairs in order.values() for after in [[new for _, new in sorted(pairs)]])
 
 
-def knobs(source: Source, rules: str) -> list[Knob]:
+def figure_groups(source: SourceText, rules: str) -> list[FigureGroup]:
     """Return what can be changed of one rule base: mirror images together, so that left and right stay alike."""
-    found: dict[tuple[tuple[str, ...], float], list[Figure]] = defaultdict(list)
-    for figure in figures(source):
+    found: dict[tuple[tuple[str, ...], float], list[TunableNumber]] = defaultdict(list)
+    for figure in tunable_numbers(source):
         if figure.keys[0] == rules and figure.number:
             found[figure.keys[:3], abs(figure.number)].append(figure)
-    return [Knob(f"{' '.join(keys[2:] or keys)} {size:g}", tuple(members)) for (keys, size), members in found.items()]
+    return [
+        FigureGroup(f"{' '.join(keys[2:] or keys)} {size:g}", tuple(members)) for (keys, size), members in found.items()
+    ]
 
 
-def price(found: Score) -> float:
+def cost_of(found: Score) -> float:
     """Return what a score costs: times the bound, degrees of overshoot and of error, all about 1 when they are good."""
     if found.rms is None:
-        return LOST
-    centred = NEVER if found.ratio is None else min(found.ratio, NEVER)
+        return LOST_FACE_COST
+    centred = NEVER_CENTRED_COST if found.ratio is None else min(found.ratio, NEVER_CENTRED_COST)
     return centred + degrees(found.overshoot) + 2 * degrees(found.rms)
 
 
-def _population(size: int, knobs: int, seed: int) -> npt.NDArray[np.float64]:
+def _initial_population(size: int, knobs: int, seed: int) -> npt.NDArray[np.float64]:
     """Return ``size`` sets of factors to begin with, shape (size, knobs): drawn near 0, where the old numbers are."""
-    return np.random.default_rng(seed).normal(0.0, REACH / 3, (size, knobs)).clip(-REACH, REACH)
+    return (
+        np.random.default_rng(seed).normal(0.0, MAX_LOG_FACTOR / 3, (size, knobs)).clip(-MAX_LOG_FACTOR, MAX_LOG_FACTOR)
+    )

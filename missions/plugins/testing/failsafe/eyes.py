@@ -9,10 +9,10 @@ from drivers.api import BASE_RADIUS, Guardable, Health, Pose2D, Quality, Ranger,
 from drivers.api.base import Base
 from drivers.clock import Clock
 
-INTERVAL = 0.1
+SCAN_INTERVAL = 0.1
 """Seconds from one scan to the next."""
 
-BEAMS = 360
+BEAM_COUNT = 360
 
 
 class StagedRanger:
@@ -35,13 +35,13 @@ class StagedRanger:
         far = BASE_RADIUS + (ahead or 0.0)
         there = pose.x + far * cos(pose.heading), pose.y + far * sin(pose.heading)
         self._thing = None if ahead is None else there
-        self._scan = None if self.frozen else self._measured()
+        self._scan = None if self.frozen else self._measure()
 
     def scan(self) -> Reading[RangeScan]:
         """Return the newest scan."""
-        now = self._clock.now()
-        if self._scan is None or (not self.frozen and now - self._scan.stamp >= INTERVAL):
-            self._scan = self._measured()
+        now = self._clock.read_value()
+        if self._scan is None or (not self.frozen and now - self._scan.stamp >= SCAN_INTERVAL):
+            self._scan = self._measure()
         return Reading(self._scan, self._scan.stamp, Quality.GOOD)
 
     def health(self) -> Health:
@@ -53,10 +53,10 @@ class StagedRanger:
         state = self._base.state().value
         return Pose2D(0.0, 0.0, 0.0) if state is None else state.pose
 
-    def _measured(self) -> RangeScan:
-        ranges = np.full(BEAMS, np.nan, dtype=np.float32)
+    def _measure(self) -> RangeScan:
+        ranges = np.full(BEAM_COUNT, np.nan, dtype=np.float32)
         if self._thing is not None:
             pose = self._pose
             dx, dy = self._thing[0] - pose.x, self._thing[1] - pose.y
-            ranges[round((atan2(dy, dx) - pose.heading) / radians(1.0)) % BEAMS] = hypot(dx, dy)
-        return RangeScan(ranges, 0.0, radians(1.0), self._clock.now(), 0, 0.05, 12.0)
+            ranges[round((atan2(dy, dx) - pose.heading) / radians(1.0)) % BEAM_COUNT] = hypot(dx, dy)
+        return RangeScan(ranges, 0.0, radians(1.0), self._clock.read_value(), 0, 0.05, 12.0)

@@ -6,18 +6,18 @@ from functools import cache, partial
 from math import radians
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from behaviours.run import Run
-from config.library import find
-from drivers.api import Base, BaseState, Reflexes, Report, Sides, Source, Steered, Velocity, ignore
+from behaviours.run import RunState
+from config.library import find_file
+from drivers.api import Base, BaseState, Reflexes, Sides, Source, StatusCallback, SteeringCallback, Velocity, ignore
 from drivers.api.quick import dataclass
 from drivers.api.sections import BaseKeys
 from drivers.base.arbitrated import settings_of
 from drivers.base.twin import BaseTwin
 from drivers.errors import DriverError, NotConnected
 from drivers.sim.timeline import Timeline
-from missions.executive.asked import Decided
-from missions.executive.guard import Guard
-from missions.executive.stream import Stream
+from missions.executive.asked import StaleCommandGuard
+from missions.executive.guard import BaseGuard
+from missions.executive.stream import EventStream
 from missions.library.drivers import load_robot
 from missions.plugins.testing.failsafe.eyes import StagedRanger
 
@@ -33,7 +33,7 @@ ROBOT = "turtlebot2"
 LEFT, CENTRE, RIGHT, NOTHING = Sides(left=True), Sides(centre=True), Sides(right=True), Sides()
 
 
-class Hand(Protocol):
+class BaseRig(Protocol):
     """Whoever can do to a base what befalls it. ``base`` is what it does about that."""
 
     @property
@@ -42,11 +42,13 @@ class Hand(Protocol):
         ...
 
     @property
-    def eyes(self) -> "StagedRanger":
+    def ranger(self) -> "StagedRanger":
         """The range finder that guards it."""
         ...
 
-    def feel(self, bumper: Sides = NOTHING, cliff: Sides = NOTHING, buttons: frozenset[int] = frozenset()) -> None:
+    def press_sensors(
+        self, bumper: Sides = NOTHING, cliff: Sides = NOTHING, buttons: frozenset[int] = frozenset()
+    ) -> None:
         """Press and uncover its sensors."""
         ...
 
@@ -54,37 +56,40 @@ class Hand(Protocol):
         """Take it off the floor, or put it back."""
         ...
 
-    def plug(self, *, there: bool) -> None:
+    def set_plugged(self, *, is_plugged: bool) -> None:
         """Plug it in, or unplug it."""
         ...
 
-    def fill(self, percent: float, *, charging: bool) -> None:
+    def set_battery(self, percent: float, *, charging: bool) -> None:
         """Leave so much in its battery."""
         ...
 
 
-Befalls = Sequence[tuple[float, Callable[[Hand], object]]]
+TimedActions = Sequence[tuple[float, Callable[[BaseRig], object]]]
 """What is done to it, and so many seconds after the first of it."""
 
 
-def _touched(
+def _press_for(
     bumper: Sides = NOTHING, cliff: Sides = NOTHING, buttons: frozenset[int] = frozenset(), seconds: float = 0.5
-) -> Befalls:
-    return (0.0, lambda hand: hand.feel(bumper, cliff, buttons)), (seconds, lambda hand: hand.feel())
+) -> TimedActions:
+    return (0.0, lambda hand: hand.press_sensors(bumper, cliff, buttons)), (seconds, lambda hand: hand.press_sensors())
 
 
-def _away(seconds: float) -> Befalls:
-    return (0.0, lambda hand: hand.plug(there=False)), (seconds, lambda hand: hand.plug(there=True))
+def _unplug_for(seconds: float) -> TimedActions:
+    return (0.0, lambda hand: hand.set_plugged(is_plugged=False)), (
+        seconds,
+        lambda hand: hand.set_plugged(is_plugged=True),
+    )
 
 
-def _freeze(*, frozen: bool) -> Callable[[Hand], object]:
-    def do(hand: Hand) -> None:
-        hand.eyes.frozen = frozen
+def _freeze(*, frozen: bool) -> Callable[[BaseRig], object]:
+    def do(hand: BaseRig) -> None:
+        hand.ranger.frozen = frozen
 
     return do
 
 
-STOP, ENABLE = frozenset({0}), frozenset({2})
+STOP_BUTTON, ENABLE_BUTTON = frozenset({0}), frozenset({2})
 
 WHO: Mapping[str, frozenset[Source]] = {
     "a mission": frozenset({Source.MISSION}),
@@ -104,26 +109,32 @@ WISHES: Mapping[str, Velocity] = {
 }
 """What they want."""
 
-FAULTS: Mapping[str, Befalls] = {
+FAULTS: Mapping[str, TimedActions] = {
     "nothing": (),
-    "bumper left": _touched(bumper=LEFT),
-    "bumper centre": _touched(bumper=CENTRE),
-    "bumper right": _touched(bumper=RIGHT),
-    "cliff left": _touched(cliff=LEFT),
-    "cliff centre": _touched(cliff=CENTRE),
+    "bumper left": _press_for(bumper=LEFT),
+    "bumper centre": _press_for(bumper=CENTRE),
+    "bumper right": _press_for(bumper=RIGHT),
+    "cliff left": _press_for(cliff=LEFT),
+    "cliff centre": _press_for(cliff=CENTRE),
     "lifted for 2 s": ((0.0, lambda hand: hand.lift(up=True)), (2.0, lambda hand: hand.lift(up=False))),
-    "stop button": _touched(buttons=STOP),
-    "stop button, then enable": (*_touched(buttons=STOP), *((at + 2.0, do) for at, do in _touched(buttons=ENABLE))),
-    "unplugged for 0.6 s": _away(0.6),
-    "unplugged for 2 s": _away(2.0),
-    "unplugged for 6 s": _away(6.0),
-    "something 2 cm ahead for 2 s": ((0.0, lambda hand: hand.eyes.put(0.02)), (2.0, lambda hand: hand.eyes.put(None))),
+    "stop button": _press_for(buttons=STOP_BUTTON),
+    "stop button, then enable": (
+        *_press_for(buttons=STOP_BUTTON),
+        *((at + 2.0, do) for at, do in _press_for(buttons=ENABLE_BUTTON)),
+    ),
+    "unplugged for 0.6 s": _unplug_for(0.6),
+    "unplugged for 2 s": _unplug_for(2.0),
+    "unplugged for 6 s": _unplug_for(6.0),
+    "something 2 cm ahead for 2 s": (
+        (0.0, lambda hand: hand.ranger.put(0.02)),
+        (2.0, lambda hand: hand.ranger.put(None)),
+    ),
     "no scans for 4 s": ((0.0, _freeze(frozen=True)), (4.0, _freeze(frozen=False))),
     "who drives falls silent": (),
 }
-"""What happens after ``BEGINS``."""
+"""What happens after ``FAULT_START``."""
 
-SILENCE = "who drives falls silent"
+SILENT_FAULT = "who drives falls silent"
 
 BATTERIES: Mapping[str, tuple[float, bool]] = {
     "full": (100.0, False),
@@ -142,7 +153,7 @@ REFLEXES: Mapping[str, Mapping[str, Any]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class FailsafeSetting:
     """Words of ``WHO``, ``WISHES``, ``FAULTS``, ``BATTERIES`` and ``REFLEXES``. Raises KeyError for others."""
 
     who: str = "a mission"
@@ -164,175 +175,177 @@ CHOICES: Mapping[str, Sequence[str]] = {
     "battery": tuple(BATTERIES),
     "reflexes": tuple(REFLEXES),
 }
-"""What can be chosen, by the members of a ``Setting``."""
+"""What can be chosen, by the members of a ``FailsafeSetting``."""
 
 
 @cache
-def _shipped() -> BaseKeys:
-    keys = load_robot(find("robots", ROBOT)).base
+def _shipped_keys() -> BaseKeys:
+    keys = load_robot(find_file("robots", ROBOT)).base
     if keys is None:
         raise LookupError(f"{ROBOT} has no base")
     return keys
 
 
-def keys_for(setting: Setting) -> BaseKeys:
+def keys_for(setting: FailsafeSetting) -> BaseKeys:
     """Return what the robot file says of its base, with the reflexes of a setting."""
-    keys = _shipped()
+    keys = _shipped_keys()
     reflexes: Reflexes = replace(keys.reflexes, **REFLEXES[setting.reflexes])
     return replace(keys, reflexes=reflexes)
 
 
-BEGINS, ENDS = 1.01, 9.0
+FAULT_START, TIME_AFTER_FAULT = 1.01, 9.0
 """Seconds after which something happens, and after that, when nobody looks any more."""
 
-TICK, TICKED = 0.04, 0.015
+TICK_INTERVAL, TICK_PHASE = 0.04, 0.015
 """Seconds from one command to the next, of missions and of people, and from a report of the base to the next one."""
 
-LOOKED = 0.018
+LOOK_PHASE = 0.018
 """Seconds from a report to a look at what has come of it: also over a wire it has arrived by then."""
 
-AWAY = "waits"
+WAITING = "waits"
 """What whoever commands a base does that is not there."""
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class ScenarioMoment:
     """What is so from ``t`` seconds after the fault began on (negative: before it): compared by all the rest.
 
-    ``source`` is who commands ("" for nobody), ``wanted`` and ``given`` are speeds (m/s, rad/s), ``because`` is why
+    ``source`` is who commands ("" for nobody), ``setpoint`` and ``limited`` are speeds (m/s, rad/s), ``reason`` is why
     they differ and ``latched`` why it stands until it is enabled, as the driver tells it. ``mission`` and ``person``
     are what these are told. ``ahead`` is how far the base is from where it was when the fault began, in metres.
     """
 
     t: float
     source: str
-    wanted: tuple[float, float]
-    given: tuple[float, float]
-    because: str
+    setpoint: tuple[float, float]
+    limited: tuple[float, float]
+    reason: str
     latched: str
     mission: str
     person: str
     ahead: float
 
     @property
-    def what(self) -> tuple[object, ...]:
+    def compared_fields(self) -> tuple[object, ...]:
         """All but when and where."""
-        return self.source, self.wanted, self.given, self.because, self.latched, self.mission, self.person
+        return self.source, self.setpoint, self.limited, self.reason, self.latched, self.mission, self.person
 
 
-class Commanding:
-    """A mission that tries again whenever a behaviour has failed, or a person who holds a key: until ``ended``.
+class CommandSource:
+    """A mission that tries again whenever a behaviour has failed, or a person who holds a key: until ``end_reason``.
 
-    ``told`` is what it was told at its last command; empty where it was obeyed, or has to wait for its turn.
+    ``feedback`` is what it was told at its last command; empty where it was obeyed, or has to wait for its turn.
     """
 
-    def __init__(self, source: Source, wish: Velocity, base: Base, run: Run) -> None:
-        self.told = self.ended = ""
-        self.since = run.clock.now()
+    def __init__(self, source: Source, velocity: Velocity, base: Base, run: RunState) -> None:
+        self.feedback = self.end_reason = ""
+        self.since = run.clock.read_value()
         self.place = "what drives"
-        self._source, self._wish, self._base, self._run = source, wish, base, run
-        self._permit = Decided(run, lambda: None)
+        self._source, self._velocity, self._base, self._run = source, velocity, base, run
+        self._permit = StaleCommandGuard(run, lambda: None)
 
     def command(self) -> None:
         """Ask for it once more."""
-        if self.ended:
+        if self.end_reason:
             return
         mission = self._source is Source.MISSION
-        self._run.working = cast("Leaf", self) if mission else None
+        self._run.active_leaf = cast("Leaf", self) if mission else None
         try:
             self._permit(self._base)
-            self._base.drive(self._wish, source=self._source)
-            self.told = ""
+            self._base.drive(self._velocity, source=self._source)
+            self.feedback = ""
         except NotConnected:
-            self.told = AWAY
+            self.feedback = WAITING
         except DriverError as error:
-            self.told = f"fails: {error}" if mission else str(error)
-            self.since = self._run.clock.now()
+            self.feedback = f"fails: {error}" if mission else str(error)
+            self.since = self._run.clock.read_value()
 
     def end(self, why: str) -> None:
         """Ask for nothing any more."""
         self._base.stop(source=self._source)
-        self.told = self.ended = why
+        self.feedback = self.end_reason = why
 
 
-class Ride:
+class FailsafeScenario:
     """One setting, on the base of a ``hand``, whose time is that of ``timeline``. ``moments`` is what came of it."""
 
-    def __init__(self, setting: Setting, timeline: Timeline, hand: Hand) -> None:
-        self.moments: list[Moment] = []
-        self._timeline, self._base = timeline, hand.base
-        self._run = Run(timeline.clock)
-        self._guard = Guard(hand.base, keys_for(setting).reflexes, self._run, Stream())
+    def __init__(self, setting: FailsafeSetting, timeline: Timeline, rig: BaseRig) -> None:
+        self.moments: list[ScenarioMoment] = []
+        self._timeline, self._base = timeline, rig.base
+        self._run = RunState(timeline.clock)
+        self._guard = BaseGuard(rig.base, keys_for(setting).reflexes, self._run, EventStream())
         wish = WISHES[setting.wish]
-        self._commanding = {who: Commanding(who, wish, hand.base, self._run) for who in WHO[setting.who]}
-        self._silent = setting.fault == SILENCE
+        self._sources = {who: CommandSource(who, wish, rig.base, self._run) for who in WHO[setting.who]}
+        self._silent = setting.fault == SILENT_FAULT
         self._origin = 0.0
         percent, charging = BATTERIES[setting.battery]
-        hand.fill(percent, charging=charging)
+        rig.set_battery(percent, charging=charging)
         for after, do in FAULTS[setting.fault]:
-            timeline.at(BEGINS + after, partial(do, hand))
+            timeline.call_at(FAULT_START + after, partial(do, rig))
 
-    def play(self) -> Sequence[Moment]:
+    def play(self) -> Sequence[ScenarioMoment]:
         """Let it happen."""
         self._base.open()
-        self._timeline.every(TICK, self._tick, start=TICK + TICKED)
-        self._timeline.every(BaseTwin.PERIOD, self._look, start=LOOKED)
-        self._timeline.run(BEGINS + ENDS)
+        self._timeline.call_every(TICK_INTERVAL, self._tick, start=TICK_INTERVAL + TICK_PHASE)
+        self._timeline.call_every(BaseTwin.PERIOD, self._look, start=LOOK_PHASE)
+        self._timeline.run_until(FAULT_START + TIME_AFTER_FAULT)
         self._base.close()
         return self.moments
 
     def _tick(self) -> None:
         """Do as the executive does: look at the base, then let whoever commands do so."""
-        why = self._guard.look()
-        mission = self._commanding.get(Source.MISSION)
-        if why and mission is not None and not mission.ended:
+        why = self._guard.check()
+        mission = self._sources.get(Source.MISSION)
+        if why and mission is not None and not mission.end_reason:
             mission.end(f"has ended: {why}")
-        if self._silent and self._timeline.clock.now() >= BEGINS:
+        if self._silent and self._timeline.clock.read_value() >= FAULT_START:
             return
-        for each in self._commanding.values():
+        for each in self._sources.values():
             each.command()
 
     def _look(self) -> None:
         """Keep what is new."""
-        now, steering = self._timeline.clock.now(), self._base.steering()
+        now, steering = self._timeline.clock.read_value(), self._base.steering()
         state: BaseState | None = self._base.state().value
         x = 0.0 if state is None else state.pose.x
-        if now <= BEGINS:
+        if now <= FAULT_START:
             self._origin = x
-        told = {who: each.told for who, each in self._commanding.items()}
-        moment = Moment(
-            round(now - BEGINS, 3),
+        told = {who: each.feedback for who, each in self._sources.items()}
+        moment = ScenarioMoment(
+            round(now - FAULT_START, 3),
             steering.source or "",
-            _rounded(steering.wanted),
-            _rounded(steering.given),
-            steering.because,
+            _rounded(steering.requested),
+            _rounded(steering.allowed),
+            steering.reason,
             self._base.latched,
             told.get(Source.MISSION, ""),
             told.get(Source.TELEOP, ""),
             round(x - self._origin, 3),
         )
-        if not self.moments or moment.what != self.moments[-1].what:
+        if not self.moments or moment.compared_fields != self.moments[-1].compared_fields:
             self.moments.append(moment)
 
 
 @dataclass(frozen=True, slots=True)
-class Nobody:
+class NullCallbacks:
     """Whom a base tells that nobody watches: a ``drivers.base.arbitrated.BaseCallbacks``."""
 
-    report: Report = ignore
-    changed: Callable[[], None] = ignore
-    steered: Steered = ignore
+    report: StatusCallback = ignore
+    on_change: Callable[[], None] = ignore
+    on_steering: SteeringCallback = ignore
 
 
-class TwinHand:
-    """A ``Hand`` on a twin, which it makes."""
+class TwinRig:
+    """A ``BaseRig`` on a twin, which it makes."""
 
-    def __init__(self, setting: Setting, timeline: Timeline) -> None:
-        self.base = BaseTwin(timeline.clock, **settings_of(keys_for(setting), Nobody()))
-        self.eyes = StagedRanger(self.base, timeline.clock)
-        timeline.every(self.base.PERIOD, self.base.step)
+    def __init__(self, setting: FailsafeSetting, timeline: Timeline) -> None:
+        self.base = BaseTwin(timeline.clock, **settings_of(keys_for(setting), NullCallbacks()))
+        self.ranger = StagedRanger(self.base, timeline.clock)
+        timeline.call_every(self.base.PERIOD, self.base.step)
 
-    def feel(self, bumper: Sides = NOTHING, cliff: Sides = NOTHING, buttons: frozenset[int] = frozenset()) -> None:
+    def press_sensors(
+        self, bumper: Sides = NOTHING, cliff: Sides = NOTHING, buttons: frozenset[int] = frozenset()
+    ) -> None:
         """See Hand."""
         self.base.press(bumper, cliff=cliff, buttons=buttons)
 
@@ -340,23 +353,23 @@ class TwinHand:
         """See Hand."""
         self.base.lift(up=up)
 
-    def plug(self, *, there: bool) -> None:
+    def set_plugged(self, *, is_plugged: bool) -> None:
         """See Hand."""
-        if there:
+        if is_plugged:
             self.base.plug.plug_in()
         else:
             self.base.plug.unplug()
 
-    def fill(self, percent: float, *, charging: bool) -> None:
+    def set_battery(self, percent: float, *, charging: bool) -> None:
         """See Hand."""
         self.base.drain(percent)
-        self.base.feed(on=charging)
+        self.base.set_power(on=charging)
 
 
-def stepped_through(setting: Setting) -> Sequence[Moment]:
+def run_scenario(setting: FailsafeSetting) -> Sequence[ScenarioMoment]:
     """Return what comes of a setting, on the twin."""
     timeline = Timeline()
-    return Ride(setting, timeline, TwinHand(setting, timeline)).play()
+    return FailsafeScenario(setting, timeline, TwinRig(setting, timeline)).play()
 
 
 def _rounded(velocity: Velocity) -> tuple[float, float]:

@@ -11,9 +11,9 @@ from py_trees.common import Status
 from behaviours.leaf import Leaf
 from behaviours.node import Node
 from behaviours.robot import Robot
-from behaviours.run import NodeByNode, Run
+from behaviours.run import NodeCallback, RunState
 from drivers.api import (
-    STILL,
+    ZERO_VELOCITY,
     Base,
     BaseLimits,
     BaseState,
@@ -37,16 +37,16 @@ from drivers.api import (
     Reading,
     Ros2,
     Screen,
-    Shown,
+    ScreenContent,
     Sounds,
     Source,
     Steering,
     Tune,
     Velocity,
 )
-from drivers.api.driver import resolved
+from drivers.api.driver import resolve_name
 from drivers.api.gait import GaitKeys
-from drivers.api.kinds import KINDS, Kind
+from drivers.api.kinds import KINDS, PartKind
 from drivers.clock import ManualClock
 from missions.plugins.testing.recorders.senses import (
     ENABLE,
@@ -82,39 +82,39 @@ class RecordedBase(Spy):
 
     def __init__(self, clock: ManualClock) -> None:
         super().__init__("base", clock)
-        self.reading: Reading[BaseState] = good(BaseState(Pose2D(0.0, 0.0, 0.0), STILL))
+        self.reading: Reading[BaseState] = good(BaseState(Pose2D(0.0, 0.0, 0.0), ZERO_VELOCITY))
         self.limits = BaseLimits(0.5, radians(110), 0.5, radians(200))
         self.latched = ""
         self.performed = 0.0
         self.sounds: Sounds | None = self
         self.lights: Lights | None = self
         self.legs: Legs | None = self
-        self.steers = Steering(None, STILL, STILL)
+        self.steers = Steering(None, ZERO_VELOCITY, ZERO_VELOCITY)
 
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
         """Keep the velocity; of another source than a mission, with the source."""
-        self.keep(velocity if source is Source.MISSION else (source, velocity))
+        self.record(velocity if source is Source.MISSION else (source, velocity))
         return velocity
 
     def perform(self, act: str, gait: GaitKeys | None = None) -> float:
         """Keep the act, with the name of a gait; return ``performed``, which the test sets."""
-        self.keep((act,) if gait is None else (act, gait.gait))
+        self.record((act,) if gait is None else (act, gait.gait))
         return self.performed
 
     def stop(self, *, source: Source | None = None) -> None:
         """Keep that it was told to stop, whoever is to."""
         del source
-        self.keep_anyway(STOP)
+        self.record_always(STOP)
 
     def latch(self, reason: str) -> None:
         """Be latched, and keep that."""
         self.latched = self.latched or reason
-        self.keep_anyway((LATCH, reason))
+        self.record_always((LATCH, reason))
 
     def enable(self) -> None:
         """Be latched no more, and keep that."""
         self.latched = ""
-        self.keep_anyway(ENABLE)
+        self.record_always(ENABLE)
 
     def steering(self) -> Steering:
         """Return what the test has set."""
@@ -122,15 +122,15 @@ class RecordedBase(Spy):
 
     def play(self, tune: Tune) -> None:
         """Keep the tune."""
-        self.keep(tune)
+        self.record(tune)
 
     def tone(self, frequency: float, seconds: float) -> None:
         """Keep the tone as (hertz, seconds)."""
-        self.keep((frequency, seconds))
+        self.record((frequency, seconds))
 
     def light(self, number: int, colour: Lamp) -> None:
         """Keep the light and its colour."""
-        self.keep((number, colour))
+        self.record((number, colour))
 
     def state(self) -> Reading[BaseState]:
         """Return what the test has set."""
@@ -159,7 +159,7 @@ class RecordedRanger(Spy):
         for angle, distance in distances.items():
             ranges[angle % 360] = distance
         number = 0 if self.reading.value is None else self.reading.value.number + 1
-        now = self.clock.now()
+        now = self.clock.read_value()
         scan = RangeScan(ranges, 0.0, radians(1), now, number, least=0.15, most=12.0)
         self.reading = Reading(scan, now, Quality.GOOD)
 
@@ -183,7 +183,7 @@ class RecordedHead(Spy):
 
     def look(self, target: HeadPose) -> HeadPose:
         """Keep the pose as clamped."""
-        return self.keep(self.limits.clamp(target))
+        return self.record(self.limits.clamp(target))
 
     def pose(self) -> Reading[HeadPose]:
         """Return what the test has set."""
@@ -196,7 +196,7 @@ class RecordedHead(Spy):
 
     def stop(self) -> None:
         """Keep that it was told to stop."""
-        self.keep_anyway(STOP)
+        self.record_always(STOP)
 
 
 class RecordedJoints(Spy):
@@ -221,15 +221,15 @@ class RecordedJoints(Spy):
     def place(self, positions: Mapping[str, float], *, stiff: bool = True) -> None:
         """Put joints where they are to be, in radians, and let that be measured now."""
         for joint, position in positions.items():
-            self.feel(joint, JointState(position, 0.0, None, 0.0, 12.0, 30.0, moving=False, torque=stiff))
+            self.set_state(joint, JointState(position, 0.0, None, 0.0, 12.0, 30.0, moving=False, torque=stiff))
 
-    def feel(self, joint: str, state: JointState) -> None:
+    def set_state(self, joint: str, state: JointState) -> None:
         """Let a joint feel this, and let that be measured now."""
-        self.readings[joint] = Reading(state, self.clock.now(), Quality.GOOD)
+        self.readings[joint] = Reading(state, self.clock.read_value(), Quality.GOOD)
 
     def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
         """Keep the goals, and the speeds."""
-        kept = self.keep(dict(goals))
+        kept = self.record(dict(goals))
         self.speeds.append(dict(speeds or {}))
         return kept
 
@@ -239,19 +239,19 @@ class RecordedJoints(Spy):
 
     def hold(self, joints: Collection[str] | None = None) -> None:
         """Keep that it, or these joints, were told to hold."""
-        self.keep_anyway(HOLD if joints is None else (HOLD, *joints))
+        self.record_always(HOLD if joints is None else (HOLD, *joints))
 
     def relax(self, joints: Collection[str] | None = None) -> None:
         """Keep that it, or these joints, were told to relax."""
-        self.keep_anyway(RELAX if joints is None else (RELAX, *joints))
+        self.record_always(RELAX if joints is None else (RELAX, *joints))
 
     def follow(self, couplings: Sequence[Coupling]) -> None:
         """Keep the couplings."""
-        self.keep(tuple(couplings))
+        self.record(tuple(couplings))
 
     def recover(self) -> tuple[str, ...]:
         """Keep that it was told to recover; return those that were shut."""
-        self.keep(RECOVER)
+        self.record(RECOVER)
         recovered, self.shut = self.shut, ()
         return recovered
 
@@ -262,7 +262,7 @@ class RecordedJoints(Spy):
 class RecordedRos2(Spy):
     """Keeps what was begun, called, sent and cancelled.
 
-    ``comes`` is how far every request has come, ``says`` the newest messages by topic, ``nav2`` whether there is Nav2.
+    ``goal_progress`` is how far every request has come, ``messages`` the newest messages by topic, ``nav2`` whether there is Nav2.
     """
 
     protocol = Ros2
@@ -270,8 +270,8 @@ class RecordedRos2(Spy):
     def __init__(self, clock: ManualClock) -> None:
         super().__init__("ros2", clock)
         self.nav2 = False
-        self.comes = Progress(GoalState.RUNNING)
-        self.says: dict[str, Reading[str]] = {}
+        self.goal_progress = Progress(GoalState.RUNNING)
+        self.messages: dict[str, Reading[str]] = {}
 
     def navigates(self) -> bool:
         """Whether there is Nav2."""
@@ -290,36 +290,36 @@ class RecordedRos2(Spy):
 
     def latest(self, topic: str) -> Reading[str]:
         """Return what the test says of a topic."""
-        return self.says.get(topic, none())
+        return self.messages.get(topic, none())
 
     def progress(self, number: int) -> Progress:
         """Return how far all have come."""
         del number
-        return self.comes
+        return self.goal_progress
 
     def call(self, *given: str) -> int:
         """Keep a call."""
-        return self._begun("call", given)
+        return self._record_request("call", given)
 
     def begin(self, *given: str) -> int:
         """Keep a goal."""
-        return self._begun("begin", given)
+        return self._record_request("begin", given)
 
     def navigate(self, *given: object) -> int:
         """Keep the places."""
-        return self._begun("navigate", given)
+        return self._record_request("navigate", given)
 
-    def _begun(self, word: str, given: tuple[object, ...]) -> int:
-        self.keep((word, *given))
+    def _record_request(self, word: str, given: tuple[object, ...]) -> int:
+        self.record((word, *given))
         return len(self.commands)
 
     def cancel(self, number: int) -> None:
         """Keep that a request is cancelled."""
-        self.keep_anyway(("cancel", number))
+        self.record_always(("cancel", number))
 
     def stop(self) -> None:
         """Keep that all are."""
-        self.keep_anyway(STOP)
+        self.record_always(STOP)
 
 
 # A screen that keeps what it was told.
@@ -335,24 +335,24 @@ class RecordedScreen(Spy):
 
     def __init__(self, clock: ManualClock) -> None:
         super().__init__("screen", clock)
-        self.now = Shown()
+        self.now = ScreenContent()
 
     def mood(self, mood: Mood) -> None:
         """Keep the mood."""
-        self.keep_anyway(mood)
-        self.now = Shown(mood, self.now.text, self.now.mouth)
+        self.record_always(mood)
+        self.now = ScreenContent(mood, self.now.text, self.now.mouth)
 
     def show(self, text: str) -> None:
         """Keep the text."""
-        self.keep_anyway(text)
-        self.now = Shown(self.now.mood, text, self.now.mouth)
+        self.record_always(text)
+        self.now = ScreenContent(self.now.mood, text, self.now.mouth)
 
     def mouth(self, opening: float) -> None:
         """Keep how far the mouth is to open."""
-        self.keep_anyway(opening)
-        self.now = Shown(self.now.mood, self.now.text, opening)
+        self.record_always(opening)
+        self.now = ScreenContent(self.now.mood, self.now.text, opening)
 
-    def shown(self) -> Shown:
+    def content(self) -> ScreenContent:
         """Return what it was told."""
         return self.now
 
@@ -360,8 +360,8 @@ class RecordedScreen(Spy):
 L = TypeVar("L", bound=Leaf)
 
 
-class Bench:
-    """A run over a robot of recorders: ``settled`` keeps what had to be stopped for a leaf, ``news`` what changed.
+class LeafTestBench:
+    """A run over a robot of recorders: ``safe_stops`` keeps what had to be stopped for a leaf, ``status_changes`` what changed.
 
     That ``robot`` takes the recorders is also what holds them to the protocols: mypy checks it. ``others`` are those of
     parts for which none is written, by their fields in ``Robot``: they keep commands by their names.
@@ -369,14 +369,14 @@ class Bench:
 
     def __init__(self, clock: ManualClock | None = None) -> None:
         self.clock = ManualClock(100.0) if clock is None else clock
-        self.run = Run(self.clock)
+        self.run = RunState(self.clock)
         self.base = RecordedBase(self.clock)
         self.ranger = RecordedRanger(self.clock)
         self.head = RecordedHead(self.clock)
         self.arm = RecordedJoints(self.clock)
         self.voice = RecordedVoice(self.clock)
         self.sight = RecordedSight()
-        self.sight.searched = self.clock.now()
+        self.sight.searched = self.clock.read_value()
         self.hearing = RecordedHearing(self.clock)
         self.screen = RecordedScreen(self.clock)
         self.ros2 = RecordedRos2(self.clock)
@@ -392,17 +392,17 @@ class Bench:
             ros2_part=self.ros2,
         )
         unwritten = (kind for kind in KINDS.values() if not hasattr(self, kind.field))
-        self.others = {kind.field: plain(kind, self.clock) for kind in unwritten}
+        self.others = {kind.field: plain_spy(kind, self.clock) for kind in unwritten}
         parts: Any = {f"{field}_part": recorder for field, recorder in self.others.items()}
         self.robot = replace(self.robot, **parts)
-        self.settled: list[frozenset[str]] = []
-        self.run.safe_stop = self.settled.append
-        self.news: list[tuple[str, Status]] = []
-        self.run.observer = NodeByNode(lambda node: self.news.append((node.name, node.status)))
+        self.safe_stops: list[frozenset[str]] = []
+        self.run.safe_stop = self.safe_stops.append
+        self.status_changes: list[tuple[str, Status]] = []
+        self.run.observer = NodeCallback(lambda node: self.status_changes.append((node.name, node.status)))
 
     def put(self, leaf: L, **arguments: object) -> L:
         """Give ``leaf`` the run, the robot and its arguments, as a mission would."""
-        leaf.run, leaf.robot, leaf.kind = self.run, self.robot, leaf.word or leaf.name
+        leaf.run, leaf.robot, leaf.kind = self.run, self.robot, leaf.tag or leaf.name
         leaf.scope = self.run.variables
         for name, value in arguments.items():
             setattr(leaf, name, value)
@@ -421,8 +421,8 @@ class Bench:
         return node.halt()
 
 
-def plain(kind: Kind, clock: ManualClock) -> Spy:
+def plain_spy(kind: PartKind, clock: ManualClock) -> Spy:
     """Return a spy for parts of a kind, by its protocol alone."""
-    protocol = resolved(kind.seen or kind.device)
+    protocol = resolve_name(kind.leaf_protocol or kind.protocol)
     made: type[Spy] = type(f"Recorded{protocol.__name__}", (Spy,), {"protocol": protocol})
     return made(kind.name, clock)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
-from drivers.api import AS_USUAL, Device, Health, Manner, MouthShape, Priority, Quality, Reading, Voice
+from drivers.api import DEFAULT_STYLE, Device, Health, MouthShape, Priority, Quality, Reading, SpeechStyle, Voice
 from drivers.api.marks import members
 from drivers.clock import ManualClock
 from drivers.errors import NotConnected
@@ -19,7 +19,7 @@ STOP, HOLD, RELAX, REST, CANCEL, RECOVER = "stop", "hold", "relax", "rest", "can
 LATCH, ENABLE = "latch", "enable"
 """The commands without a value, as recorders keep them; with joints, as a tuple: ``(HOLD, "elbow")``."""
 
-GONE = NotConnected("the cable is out", hint="plug it in")
+OFFLINE_ERROR = NotConnected("the cable is out", hint="plug it in")
 
 
 def good(value: T) -> Reading[T]:
@@ -54,16 +54,16 @@ class Spy:
         self.times: list[float] = []
         self.trouble: Exception | None = None
 
-    def keep(self, command: C) -> C:
+    def record(self, command: C) -> C:
         """Keep a command, or raise the trouble."""
         if self.trouble is not None:
             raise self.trouble
-        return self.keep_anyway(command)
+        return self.record_always(command)
 
-    def keep_anyway(self, command: C) -> C:
+    def record_always(self, command: C) -> C:
         """Keep a command that is safe in any state."""
         self.commands.append(command)
-        self.times.append(self.clock.now())
+        self.times.append(self.clock.read_value())
         return command
 
     def open(self) -> None:
@@ -71,7 +71,7 @@ class Spy:
 
     def rest(self) -> None:
         """Keep that it was told to rest."""
-        self.keep_anyway(REST)
+        self.record_always(REST)
 
     def close(self) -> None:
         """Do nothing."""
@@ -86,31 +86,31 @@ class Spy:
         if member is None:
             raise AttributeError(f"{type(self).__name__} has no {name!r}")
         if member.command is not None:
-            return lambda *given, **named: self._keep_call(name, *given, *named.values())
+            return lambda *given, **named: self._record_call(name, *given, *named.values())
         unknown = NotConnected(f"{self.name}: no test has set its {name}", hint=f"set bench.{self.name}.{name}")
         if member.kind == "property":
             raise unknown
-        return _raising(unknown)
+        return _raise_always(unknown)
 
-    def _keep_call(self, name: str, *arguments: object) -> None:
-        self.keep((name, *arguments) if arguments else name)
+    def _record_call(self, name: str, *arguments: object) -> None:
+        self.record((name, *arguments) if arguments else name)
 
 
-def _raising(error: NotConnected) -> Callable[..., object]:
+def _raise_always(error: NotConnected) -> Callable[..., object]:
     def ask(*_: object) -> object:
         raise error
 
     return ask
 
 
-class RecordedWords:
+class RecordedUtterance:
     """A ``drivers.api.Utterance`` that began when it was asked for; the test sets ``ended``, and ``cancelled``."""
 
     mouth: Sequence[MouthShape] = ()
 
     def __init__(self, voice: "RecordedVoice") -> None:
         self.ended = self.cancelled = False
-        self.started: float | None = voice.clock.now()
+        self.started: float | None = voice.clock.read_value()
         self._voice = voice
 
     def done(self) -> bool:
@@ -121,7 +121,7 @@ class RecordedWords:
         """Keep the cancellation, and end."""
         self.cancelled = self.cancelled or not self.ended
         self.ended = True
-        self._voice.keep_anyway(CANCEL)
+        self._voice.record_always(CANCEL)
 
 
 class RecordedVoice(Spy):
@@ -134,22 +134,24 @@ class RecordedVoice(Spy):
 
     def __init__(self, clock: ManualClock) -> None:
         super().__init__("voice", clock)
-        self.said: list[RecordedWords] = []
+        self.said: list[RecordedUtterance] = []
 
-    def say(self, text: str, manner: Manner = AS_USUAL, priority: Priority = Priority.NORMAL) -> RecordedWords:
+    def say(
+        self, text: str, manner: SpeechStyle = DEFAULT_STYLE, priority: Priority = Priority.NORMAL
+    ) -> RecordedUtterance:
         """Keep the text."""
-        usual = manner == AS_USUAL and priority is Priority.NORMAL
-        self.keep(text if usual else (text, manner, priority))
-        self.said.append(RecordedWords(self))
+        usual = manner == DEFAULT_STYLE and priority is Priority.NORMAL
+        self.record(text if usual else (text, manner, priority))
+        self.said.append(RecordedUtterance(self))
         return self.said[-1]
 
-    def play(self, path: Path, priority: Priority = Priority.NORMAL) -> RecordedWords:
+    def play(self, path: Path, priority: Priority = Priority.NORMAL) -> RecordedUtterance:
         """Keep the path."""
-        self.keep(path if priority is Priority.NORMAL else (path, priority))
-        self.said.append(RecordedWords(self))
+        self.record(path if priority is Priority.NORMAL else (path, priority))
+        self.said.append(RecordedUtterance(self))
         return self.said[-1]
 
-    def speaking(self) -> RecordedWords | None:
+    def speaking(self) -> RecordedUtterance | None:
         """Return the first that has not ended."""
         return next((words for words in self.said if not words.ended), None)
 
@@ -200,7 +202,7 @@ class RecordedHearing:
 
     def say(self, phrase: str, *, seconds: float = 0.5, accepted: bool = True) -> Words:
         """Have somebody say a phrase, from ``seconds`` ago until now; or something that is only near to it."""
-        now, number = self._clock.now(), len(self.understood) + len(self.unknown) + 1
+        now, number = self._clock.read_value(), len(self.understood) + len(self.unknown) + 1
         words = Words(number, phrase, now - seconds, now, 3.0 if accepted else -3.0)
         if accepted:
             self.understood = (words, *self.understood)
@@ -218,7 +220,7 @@ class RecordedHearing:
 
     def listened(self) -> float | None:
         """Return what the test has set, else now."""
-        return self._clock.now() if self.heard_until is None else self.heard_until
+        return self._clock.read_value() if self.heard_until is None else self.heard_until
 
     def level(self) -> float:
         """Return what the test has set."""

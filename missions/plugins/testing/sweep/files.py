@@ -9,15 +9,15 @@ from dataclasses import asdict
 from pathlib import Path
 
 from config.reading import save_file
-from missions.plugins.testing.sweep.summary import Summary, cause
-from missions.plugins.testing.sweep.sweep import Sweep
-from missions.plugins.testing.sweep.variation import Row, Variation
+from missions.plugins.testing.sweep.summary import Summary, cause_of
+from missions.plugins.testing.sweep.sweep import SweepPlan
+from missions.plugins.testing.sweep.variation import SweepRow, Variation
 
 RUNS, SUMMARY, PICTURE, WORLDS = "runs.csv", "summary.json", "sweep.png", "worlds"
 """The files in the folder, and the folder of worlds in it."""
 
 
-def runs_csv(rows: Iterable[Row], variations: Sequence[Variation], *, heading: bool = True) -> str:
+def runs_csv(rows: Iterable[SweepRow], variations: Sequence[Variation], *, heading: bool = True) -> str:
     """Return all runs as CSV: the same text wherever and on however many workers they ran."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -25,7 +25,7 @@ def runs_csv(rows: Iterable[Row], variations: Sequence[Variation], *, heading: b
         titles = [variation.title for variation in variations]
         writer.writerow(["seed", *titles, "result", "cause", "reason", "seconds", "ticks"])
     for row in rows:
-        writer.writerow([row.seed, *row.values, row.result, cause(row), row.reason, row.seconds, row.ticks])
+        writer.writerow([row.seed, *row.values, row.result, cause_of(row), row.reason, row.seconds, row.ticks])
     return out.getvalue()
 
 
@@ -57,19 +57,19 @@ def summary_json(summary: Summary, about: Mapping[str, object]) -> str:
     return json.dumps(found, indent=2, ensure_ascii=False) + "\n"
 
 
-def write_world(sweep: Sweep, seed: int, path: Path) -> None:
+def write_world(sweep: SweepPlan, seed: int, path: Path) -> None:
     """Write the world of one run as a world file. Raises ValueError for a world that cannot be, OSError."""
     text = sweep.world_of(sweep.draw(seed), seed)
     save_file(path, f"# As it is for run {seed} of a sweep.\n{text}")
 
 
-class Folder:
+class SweepFolder:
     """The folder that a sweep writes into."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._worlds = path / WORLDS
-        self._begun = False
+        self._has_rows = False
 
     def prepare(self, *, force: bool) -> None:
         """Make the folder, so that what is wrong with it is known before the first run.
@@ -77,40 +77,40 @@ class Folder:
         What an earlier sweep has left stays until there is something to take its place. Raises FileExistsError for
         that, unless with ``force``; OSError.
         """
-        for path in self._old():
+        for path in self._old_files():
             if not force:
                 raise FileExistsError(f"{path} is there already")
         self._worlds.mkdir(parents=True, exist_ok=True)
 
-    def _old(self) -> list[Path]:
+    def _old_files(self) -> list[Path]:
         """Return what an earlier sweep has left."""
         left = [*(self.path / name for name in (RUNS, SUMMARY, PICTURE)), *self._worlds.glob("*.yaml")]
         return [path for path in left if path.exists()]
 
-    def keep(self, sweep: Sweep, row: Row) -> None:
+    def append_row(self, sweep: SweepPlan, row: SweepRow) -> None:
         """Write a run as soon as it is done, so that it is there whatever ends the sweep. Raises OSError.
 
         The first takes the place of what an earlier sweep has left.
         """
-        if not self._begun:
+        if not self._has_rows:
             self._clear()
         with (self.path / RUNS).open("a", encoding="utf-8") as file:
-            file.write(runs_csv([row], sweep.variations, heading=not self._begun))
-        self._begun = True
+            file.write(runs_csv([row], sweep.variations, heading=not self._has_rows))
+        self._has_rows = True
 
     def _clear(self) -> None:
-        for path in self._old():
+        for path in self._old_files():
             path.unlink()
 
-    def write(self, sweep: Sweep, rows: Sequence[Row], summary: Summary, about: Mapping[str, object]) -> None:
+    def write(self, sweep: SweepPlan, rows: Sequence[SweepRow], summary: Summary, about: Mapping[str, object]) -> None:
         """Write all but the picture, in the place of what an earlier sweep has left. Raises OSError."""
         self._clear()
         for row in summary.worst:
             with suppress(ValueError):  # what is wrong with this world is the reason of its row
-                write_world(sweep, row.seed, self.world(row.seed))
+                write_world(sweep, row.seed, self.world_file(row.seed))
         save_file(self.path / RUNS, runs_csv(rows, sweep.variations))
         save_file(self.path / SUMMARY, summary_json(summary, about))
 
-    def world(self, seed: int) -> Path:
+    def world_file(self, seed: int) -> Path:
         """Return where the world of one of the worst runs is."""
         return self._worlds / f"{seed}.yaml"

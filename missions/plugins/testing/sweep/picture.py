@@ -13,68 +13,77 @@ from matplotlib.ticker import MaxNLocator
 from missions.plugins.pictures.moves_plot import save_figure
 from missions.plugins.testing.sweep.report import interval, percent
 from missions.plugins.testing.sweep.summary import Bin, Summary
-from missions.plugins.testing.sweep.variation import Row
+from missions.plugins.testing.sweep.variation import SweepRow
 
-GOOD, BAD, QUIET = "#2a78b5", "#c8553d", "#8a8f98"
+SUCCESS_COLOUR, FAILURE_COLOUR, MUTED_COLOUR = "#2a78b5", "#c8553d", "#8a8f98"
 """The colours of success, of failure, and of what is beside the point."""
 
-COLUMNS = 3
-MOST_CAUSES = 6
+MAX_COLUMNS = 3
+MAX_CAUSES = 6
 
 
-def draw(path: Path, title: str, summary: Summary, rows: Sequence[Row]) -> None:
+def draw_sweep(path: Path, title: str, summary: Summary, rows: Sequence[SweepRow]) -> None:
     """Draw the sweep as a PNG. Raises OSError where it cannot be written."""
     panels = len(summary.bins) + 1 + bool(summary.causes)
-    height = ceil(panels / COLUMNS)
-    figure = Figure(figsize=(4.6 * min(COLUMNS, panels), 0.9 + 3.3 * height), layout="constrained")
+    height = ceil(panels / MAX_COLUMNS)
+    figure = Figure(figsize=(4.6 * min(MAX_COLUMNS, panels), 0.9 + 3.3 * height), layout="constrained")
     FigureCanvasAgg(figure)  # a canvas of its own: no window, and nothing global
     rate = summary.rate
     figure.suptitle(f"{title}: {percent(rate.share)} of {rate.runs} runs succeed (95 % interval {interval(rate)})")
-    axes = iter(figure.subplots(height, min(COLUMNS, panels), squeeze=False).flat)
+    axes = iter(figure.subplots(height, min(MAX_COLUMNS, panels), squeeze=False).flat)
     for name, bins in summary.bins.items():
-        _success(next(axes), name, bins)
-    _times(next(axes), [row.seconds for row in rows if row.result == "success"])
+        _draw_success(next(axes), name, bins)
+    _draw_times(next(axes), [row.seconds for row in rows if row.result == "success"])
     if summary.causes:
-        _causes(next(axes), summary)
+        _draw_causes(next(axes), summary)
     for unused in axes:
         unused.set_axis_off()
     save_figure(figure, path, 110)
 
 
-def _success(axes: Axes, name: str, bins: Sequence[Bin]) -> None:
+def _draw_success(axes: Axes, name: str, bins: Sequence[Bin]) -> None:
     bins = [each for each in bins if each.rate.runs]
     middles = [(each.low + each.high) / 2 for each in bins]
     shares = [100 * each.rate.share for each in bins]
     low, high = zip(*((100 * bound for bound in each.rate.interval) for each in bins), strict=True)
     below = [share - bound for share, bound in zip(shares, low, strict=True)]
     above = [bound - share for share, bound in zip(shares, high, strict=True)]
-    axes.bar(middles, shares, [0.9 * (each.high - each.low) for each in bins], color=GOOD, alpha=0.35)
-    axes.errorbar(middles, shares, yerr=[below, above], fmt="o", color=GOOD, ecolor=GOOD, capsize=3, markersize=4)
+    axes.bar(middles, shares, [0.9 * (each.high - each.low) for each in bins], color=SUCCESS_COLOUR, alpha=0.35)
+    axes.errorbar(
+        middles,
+        shares,
+        yerr=[below, above],
+        fmt="o",
+        color=SUCCESS_COLOUR,
+        ecolor=SUCCESS_COLOUR,
+        capsize=3,
+        markersize=4,
+    )
     axes.set(ylim=(0, 105), xlabel=name, ylabel="success (%)")
     if all(each.high - each.low == 1 and " to " not in each.label for each in bins):
         axes.set_xticks(middles, [each.label for each in bins])
-    _quiet(axes)
+    _simplify_axes(axes)
 
 
-def _times(axes: Axes, seconds: Sequence[float]) -> None:
-    axes.hist(seconds, bins=30, color=GOOD)
+def _draw_times(axes: Axes, seconds: Sequence[float]) -> None:
+    axes.hist(seconds, bins=30, color=SUCCESS_COLOUR)
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set(xlabel="simulated time of the successes (s)", ylabel="runs", xlim=(0, None))
-    _quiet(axes)
+    _simplify_axes(axes)
 
 
-def _causes(axes: Axes, summary: Summary) -> None:
-    causes = summary.causes[:MOST_CAUSES]
+def _draw_causes(axes: Axes, summary: Summary) -> None:
+    causes = summary.causes[:MAX_CAUSES]
     places = range(len(causes))
-    axes.barh(places, [cause.runs for cause in causes], 0.6, color=BAD)
+    axes.barh(places, [cause.runs for cause in causes], 0.6, color=FAILURE_COLOUR)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_yticks(places, [fill(cause.text, 40, max_lines=3) for cause in causes], fontsize=8)
     axes.set(ylim=(max(2.5, len(causes) - 0.5), -0.5), xlabel="runs that did not succeed, by cause")
-    _quiet(axes, along="x")
+    _simplify_axes(axes, along="x")
 
 
-def _quiet(axes: Axes, along: str = "y") -> None:
+def _simplify_axes(axes: Axes, along: str = "y") -> None:
     """Take away what does not help to read it."""
     axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(axis="x" if along == "x" else "y", color=QUIET, alpha=0.25)
+    axes.grid(axis="x" if along == "x" else "y", color=MUTED_COLOUR, alpha=0.25)
     axes.set_axisbelow(True)

@@ -10,49 +10,51 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 
-from missions.plugins.testing.sweep.sweep import Sweep, run_some
-from missions.plugins.testing.sweep.variation import Row
+from missions.plugins.testing.sweep.sweep import SweepPlan, run_seeds
+from missions.plugins.testing.sweep.variation import SweepRow
 from missions.plugins.testing.with_parent import end_with_parent
 
-CHUNK = 8
+MAX_CHUNK_SEEDS = 8
 """Seeds that a worker gets at a time, at most: enough to read the mission rarely, few enough to see the sweep go on."""
 
-AHEAD = 2
+CHUNKS_PER_WORKER = 2
 """Chunks for each worker that are with the pool: one that it runs, and one that it takes next."""
 
-DEAD = "the worker process died in this run"
+WORKER_DIED = "the worker process died in this run"
 """The reason of a run that killed its worker."""
 
 Chunk = Sequence[int]
-Work = Callable[[Sweep, Chunk], list[Row]]
+Work = Callable[[SweepPlan, Chunk], list[SweepRow]]
 
 
-def chunks(seeds: Chunk, workers: int) -> list[Chunk]:
+def split_seeds(seeds: Chunk, workers: int) -> list[Chunk]:
     """Cut ``seeds`` into pieces, small enough that all workers are busy to the end."""
-    size = max(1, min(CHUNK, len(seeds) // (4 * workers)))
+    size = max(1, min(MAX_CHUNK_SEEDS, len(seeds) // (4 * workers)))
     return [seeds[start : start + size] for start in range(0, len(seeds), size)]
 
 
-def run_here(sweep: Sweep, seeds: Chunk, workers: int, *, work: Work = run_some) -> Generator[Row]:
+def run_here(sweep: SweepPlan, seeds: Chunk, workers: int, *, work: Work = run_seeds) -> Generator[SweepRow]:
     """Yield a row for every seed, in the order in which they are done, from ``workers`` processes.
 
     When a worker dies, the seeds that were with the pool are run again one by one, and those that kill their worker
     again get a row that says so. Close the iterator to stop: the workers end at once.
     """
-    waiting = deque(chunks(seeds, workers))
+    waiting = deque(split_seeds(seeds, workers))
     while waiting:
         lost: list[int] = []
-        yield from _pooled(sweep, waiting, lost, workers, work)
-        yield from _one_by_one(sweep, lost, work)
+        yield from _run_pooled(sweep, waiting, lost, workers, work)
+        yield from _run_one_by_one(sweep, lost, work)
 
 
-def _pooled(sweep: Sweep, waiting: deque[Chunk], lost: list[int], workers: int, work: Work) -> Iterator[Row]:
+def _run_pooled(
+    sweep: SweepPlan, waiting: deque[Chunk], lost: list[int], workers: int, work: Work
+) -> Iterator[SweepRow]:
     """Run what waits; once a worker has died, give up, and add the seeds that were with the pool to ``lost``."""
-    running: dict[Future[list[Row]], Chunk] = {}
-    with _pool(min(workers, len(waiting))) as pool:
+    running: dict[Future[list[SweepRow]], Chunk] = {}
+    with _worker_pool(min(workers, len(waiting))) as pool:
         try:
             while waiting or running:
-                while waiting and len(running) < AHEAD * workers:
+                while waiting and len(running) < CHUNKS_PER_WORKER * workers:
                     running[_submit(pool, work, sweep, waiting[0])] = waiting[0]
                     waiting.popleft()
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
@@ -63,26 +65,26 @@ def _pooled(sweep: Sweep, waiting: deque[Chunk], lost: list[int], workers: int, 
             lost += sorted(seed for chunk in running.values() for seed in chunk)
 
 
-def _one_by_one(sweep: Sweep, seeds: Sequence[int], work: Work) -> Iterator[Row]:
+def _run_one_by_one(sweep: SweepPlan, seeds: Sequence[int], work: Work) -> Iterator[SweepRow]:
     """Run seeds alone in one worker, with another after each that kills it."""
     waiting = deque(seeds)
     while waiting:
-        with _pool(1) as pool:
+        with _worker_pool(1) as pool:
             try:
                 while waiting:
                     yield from _submit(pool, work, sweep, [waiting[0]]).result()
                     waiting.popleft()
             except BrokenProcessPool:
-                yield dead(sweep, waiting.popleft())
+                yield dead_worker_row(sweep, waiting.popleft())
 
 
-def dead(sweep: Sweep, seed: int) -> Row:
+def dead_worker_row(sweep: SweepPlan, seed: int) -> SweepRow:
     """Return the row of a run that killed its worker."""
-    return Row(seed, sweep.draw(seed), "error", DEAD, 0.0, 0)
+    return SweepRow(seed, sweep.draw(seed), "error", WORKER_DIED, 0.0, 0)
 
 
 @contextmanager
-def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
+def _worker_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     """Have some workers; whatever ends it but its own end, Ctrl-C above all, ends them at once."""
     others = set(multiprocessing.active_children())
     # Not forked: a fork takes along whatever threads have locked.
@@ -97,13 +99,13 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
         pool.shutdown(cancel_futures=True)
 
 
-def _submit(pool: ProcessPoolExecutor, work: Work, sweep: Sweep, chunk: Chunk) -> Future[list[Row]]:
+def _submit(pool: ProcessPoolExecutor, work: Work, sweep: SweepPlan, chunk: Chunk) -> Future[list[SweepRow]]:
     """Hand on some work, which may start a worker."""
-    with _undisturbed():
-        return pool.submit(_mortal, work, sweep, chunk)
+    with _defer_interrupts():
+        return pool.submit(_exit_on_interrupt, work, sweep, chunk)
 
 
-def _mortal(work: Work, sweep: Sweep, chunk: Chunk) -> list[Row]:
+def _exit_on_interrupt(work: Work, sweep: SweepPlan, chunk: Chunk) -> list[SweepRow]:
     """Do some work, and die of a signal that would otherwise only end one run."""
     try:
         return work(sweep, chunk)
@@ -112,7 +114,7 @@ def _mortal(work: Work, sweep: Sweep, chunk: Chunk) -> list[Row]:
 
 
 @contextmanager
-def _undisturbed() -> Iterator[None]:
+def _defer_interrupts() -> Iterator[None]:
     """Start processes that never hear Ctrl-C, for this one is to end them; a Ctrl-C meanwhile is raised afterwards."""
     heard: list[int] = []
     ours = threading.current_thread() is threading.main_thread()  # no other hears of it

@@ -3,12 +3,12 @@
 from collections.abc import Callable, Iterator, Sequence
 
 from missions.plugins.testing.sweep.summary import Rate, Summary
-from missions.plugins.testing.sweep.variation import Row
+from missions.plugins.testing.sweep.variation import SweepRow
 
 
-def report(summary: Summary, again: Callable[[Row], Sequence[str]]) -> str:
+def report(summary: Summary, describe_run: Callable[[SweepRow], Sequence[str]]) -> str:
     """Return the table; ``again`` gives what a run had drawn, and the command that repeats it."""
-    parts = [_overall(summary), _causes(summary), *_varied(summary), _worst(summary.worst, again)]
+    parts = [_overall(summary), _causes(summary), *_variation_tables(summary), _worst(summary.worst, describe_run)]
     return "\n\n".join("\n".join(part) for part in parts if part)
 
 
@@ -37,7 +37,7 @@ def _causes(summary: Summary) -> list[str]:
     return _table(("why the others did not", "runs", "first seed"), rows) if rows else []
 
 
-def _varied(summary: Summary) -> Iterator[list[str]]:
+def _variation_tables(summary: Summary) -> Iterator[list[str]]:
     for title, bins in summary.bins.items():
         rows = [
             (
@@ -50,7 +50,7 @@ def _varied(summary: Summary) -> Iterator[list[str]]:
         yield _table((title, "runs", "success", "95 % interval"), rows)
 
 
-def _worst(rows: Sequence[Row], again: Callable[[Row], Sequence[str]]) -> list[str]:
+def _worst(rows: Sequence[SweepRow], again: Callable[[SweepRow], Sequence[str]]) -> list[str]:
     lines = ["the worst runs, and how to see them"]
     for row in rows:
         reason = f": {row.reason}" if row.reason else ""

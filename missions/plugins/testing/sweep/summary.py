@@ -10,7 +10,7 @@ from operator import eq
 
 import numpy as np
 
-from missions.plugins.testing.sweep.variation import Drawn, Row, Span, Variation
+from missions.plugins.testing.sweep.variation import DrawnValue, SweepRow, ValueRange, Variation
 
 # How often runs succeed for each part of the range of what was varied.
 
@@ -53,13 +53,13 @@ class Rate:
         return wilson(self.successes, self.runs)
 
 
-PARTS = 5
+RANGE_BIN_COUNT = 5
 """Parts into which a range is cut."""
 
-FEW = 10
+MAX_UNCUT_RANGE = 10
 """A range of no more whole numbers is not cut: each stands for itself."""
 
-Pairs = Sequence[tuple[Drawn, Row]]
+Pairs = Sequence[tuple[DrawnValue, SweepRow]]
 """Runs, each with the value that it had of one varied quantity."""
 
 
@@ -76,46 +76,48 @@ class Bin:
     rate: Rate
 
 
-def bins(variation: Variation, pairs: Pairs) -> list[Bin]:
+def bin_runs(variation: Variation, pairs: Pairs) -> list[Bin]:
     """Return the parts of what ``variation`` ranges over, with the runs that fall into each."""
     values = variation.values
-    if not isinstance(values, Span):
-        return _each(variation, list(dict.fromkeys(values.values)), pairs)
+    if not isinstance(values, ValueRange):
+        return _bin_per_value(variation, list(dict.fromkeys(values.values)), pairs)
     low, high = values.low, values.high
-    if isinstance(low, int) and isinstance(high, int) and high - low < FEW:
-        return _each(variation, list(range(low, high + 1)), pairs)
-    edges = [low + (high - low) * part / PARTS for part in range(PARTS)] + [float(high)]
-    return [Bin(f"{a:.4g} to {b:.4g}", a, b, _rate(pairs, _within(a, b, last=b == high))) for a, b in pairwise(edges)]
+    if isinstance(low, int) and isinstance(high, int) and high - low < MAX_UNCUT_RANGE:
+        return _bin_per_value(variation, list(range(low, high + 1)), pairs)
+    edges = [low + (high - low) * part / RANGE_BIN_COUNT for part in range(RANGE_BIN_COUNT)] + [float(high)]
+    return [
+        Bin(f"{a:.4g} to {b:.4g}", a, b, _rate(pairs, _range_test(a, b, last=b == high))) for a, b in pairwise(edges)
+    ]
 
 
-def _each(variation: Variation, values: Sequence[Drawn], pairs: Pairs) -> list[Bin]:
+def _bin_per_value(variation: Variation, values: Sequence[DrawnValue], pairs: Pairs) -> list[Bin]:
     return [
         Bin(variation.text(value), place, place + 1, _rate(pairs, partial(eq, value)))
         for place, value in enumerate(values)
     ]
 
 
-def _within(low: float, high: float, *, last: bool) -> Callable[[Drawn], bool]:
+def _range_test(low: float, high: float, *, last: bool) -> Callable[[DrawnValue], bool]:
     """Say what lies from ``low`` to below ``high``; of the last part, the end belongs to it."""
 
-    def within(value: Drawn) -> bool:
+    def within(value: DrawnValue) -> bool:
         return not isinstance(value, str) and (low <= value < high or (last and value == high))
 
     return within
 
 
-def _rate(pairs: Pairs, holds: Callable[[Drawn], bool]) -> Rate:
+def _rate(pairs: Pairs, holds: Callable[[DrawnValue], bool]) -> Rate:
     found = [row for value, row in pairs if holds(value)]
     return Rate(sum(row.result == "success" for row in found), len(found))
 
 
-WORST = 5
+MAX_WORST_RUNS = 5
 """How many of the worst runs are told of."""
 
 _NUMBER = re.compile(r"[-+]?[0-9]+(?:\.[0-9]+)?(?:e[-+]?[0-9]+)?")
 
 
-def cause(row: Row) -> str:
+def cause_of(row: SweepRow) -> str:
     """Return why a run did not succeed, without the numbers in which runs differ; empty for a success."""
     if row.result == "success":
         return ""
@@ -124,7 +126,7 @@ def cause(row: Row) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Times:
+class RunTimes:
     """Simulated seconds of the runs that succeeded."""
 
     median: float
@@ -144,16 +146,16 @@ class Cause:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What all rows say together. ``bins`` are by the title of a variation."""
+    """What all rows say together. ``bin_runs`` are by the title of a variation."""
 
     rate: Rate
-    times: Times | None
+    times: RunTimes | None
     causes: tuple[Cause, ...]
     bins: dict[str, tuple[Bin, ...]]
-    worst: tuple[Row, ...]
+    worst: tuple[SweepRow, ...]
 
 
-def summarise(rows: Sequence[Row], variations: Sequence[Variation]) -> Summary:
+def summarise(rows: Sequence[SweepRow], variations: Sequence[Variation]) -> Summary:
     """Return the summary of ``rows``, which are in the order of their seeds."""
     good = [row.seconds for row in rows if row.result == "success"]
     return Summary(
@@ -161,7 +163,7 @@ def summarise(rows: Sequence[Row], variations: Sequence[Variation]) -> Summary:
         _times(good),
         _causes(rows),
         {
-            variation.title: tuple(bins(variation, [(row.values[place], row) for row in rows]))
+            variation.title: tuple(bin_runs(variation, [(row.values[place], row) for row in rows]))
             for place, variation in enumerate(variations)
             if not variation.is_single
         },
@@ -169,32 +171,32 @@ def summarise(rows: Sequence[Row], variations: Sequence[Variation]) -> Summary:
     )
 
 
-def _causes(rows: Sequence[Row]) -> tuple[Cause, ...]:
+def _causes(rows: Sequence[SweepRow]) -> tuple[Cause, ...]:
     """Return the causes, most frequent first; with their numbers where all runs have the same."""
-    found: dict[str, list[Row]] = {}
+    found: dict[str, list[SweepRow]] = {}
     for row in rows:
-        if text := cause(row):
+        if text := cause_of(row):
             found.setdefault(text, []).append(row)
     by_count = sorted(found.items(), key=lambda item: (-len(item[1]), item[0]))
-    return tuple(Cause(_words(text, rows), len(rows), rows[0].seed) for text, rows in by_count)
+    return tuple(Cause(_cause_text(text, rows), len(rows), rows[0].seed) for text, rows in by_count)
 
 
-def _words(text: str, rows: Sequence[Row]) -> str:
+def _cause_text(text: str, rows: Sequence[SweepRow]) -> str:
     reasons = {row.reason for row in rows}
     return next(iter(reasons)) if len(reasons) == 1 and rows[0].result != "error" and rows[0].reason else text
 
 
-def _times(seconds: Sequence[float]) -> Times | None:
+def _times(seconds: Sequence[float]) -> RunTimes | None:
     if not seconds:
         return None
     p5, median, p95 = (float(each) for each in np.quantile(seconds, [0.05, 0.5, 0.95]))
-    return Times(median, p5, p95, max(seconds))
+    return RunTimes(median, p5, p95, max(seconds))
 
 
-def _worst(rows: Sequence[Row]) -> tuple[Row, ...]:
+def _worst(rows: Sequence[SweepRow]) -> tuple[SweepRow, ...]:
     """Return the runs to look at first: one of each cause, those that took longest, then the slowest successes."""
     order = {"error": 0, "failure": 1, "unfinished": 1, "success": 2}
     rows = sorted(rows, key=lambda row: (order[row.result], -row.seconds, row.seed))
-    firsts = {cause(row): row for row in reversed(rows) if cause(row)}
-    leading = [row for row in rows if firsts.get(cause(row)) is row]
-    return tuple([*leading, *(row for row in rows if row not in leading)][:WORST])
+    firsts = {cause_of(row): row for row in reversed(rows) if cause_of(row)}
+    leading = [row for row in rows if firsts.get(cause_of(row)) is row]
+    return tuple([*leading, *(row for row in rows if row not in leading)][:MAX_WORST_RUNS])

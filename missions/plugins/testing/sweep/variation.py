@@ -7,22 +7,22 @@ from dataclasses import dataclass
 from random import Random
 from typing import Literal
 
-from config.units import EXAMPLES, UNITS, quantity, seen
+from config.units import EXAMPLES, UNITS, parse_quantity, quoted_value
 
-Drawn = float | int | str
+DrawnValue = float | int | str
 """What a run has drawn: a number in the unit of its variation, or a word."""
 
-TURNS = ("angle", "turn rate")
+ANGULAR_KINDS = ("angle", "turn rate")
 """Dimensions whose SI unit nobody means by a bare number."""
 
-DIGITS = 4
+DECIMALS = 4
 """Decimals to which numbers are drawn: what a run had then stands in a table and in a file as it was."""
 
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class ValueRange:
     """Every number from ``low`` to ``high`` alike; whole ones where both are."""
 
     low: float | int
@@ -33,24 +33,24 @@ class Span:
         share = random.random()
         if isinstance(self.low, int) and isinstance(self.high, int):
             return self.low + int(share * (self.high - self.low + 1))
-        return round(self.low + share * (self.high - self.low), DIGITS)
+        return round(self.low + share * (self.high - self.low), DECIMALS)
 
-    def ends(self) -> Sequence[Drawn]:
+    def ends(self) -> Sequence[DrawnValue]:
         """Return the two ends."""
         return self.low, self.high
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class ValueList:
     """One of some values, each as likely as the others."""
 
-    values: tuple[Drawn, ...]
+    values: tuple[DrawnValue, ...]
 
-    def draw(self, random: Random) -> Drawn:
+    def draw(self, random: Random) -> DrawnValue:
         """Return one of them."""
         return self.values[int(random.random() * len(self.values))]
 
-    def ends(self) -> Sequence[Drawn]:
+    def ends(self) -> Sequence[DrawnValue]:
         """Return all of them."""
         return self.values
 
@@ -61,14 +61,14 @@ class Variation:
 
     name: str
     unit: str
-    values: Span | Choice
+    values: ValueRange | ValueList
 
-    def draw(self, seed: int) -> Drawn:
+    def draw(self, seed: int) -> DrawnValue:
         """Return what the run with this seed has: it depends on the name and the seed, and on nothing else."""
         # Seeded by a text, which Python hashes alike everywhere; so it is independent of the mission's own chance.
         return self.values.draw(Random(f"{self.name} of run {seed}"))  # noqa: S311 - a draw is no secret
 
-    def text(self, value: Drawn) -> str:
+    def text(self, value: DrawnValue) -> str:
         """Write a value as a world file or a param has it."""
         return value if isinstance(value, str) else f"{value:.12g} {self.unit}".rstrip()
 
@@ -83,7 +83,7 @@ class Variation:
         return len(set(self.values.ends())) == 1
 
 
-def read_values(text: str, kind: str) -> tuple[str, Span | Choice]:
+def read_values(text: str, kind: str) -> tuple[str, ValueRange | ValueList]:
     """Read ``a..b`` or ``a,b,c`` as values of ``kind``; return their unit, and the values in it.
 
     A kind is a dimension of ``config.units``, "number", "count" or "text". A range may say its unit once, at its end.
@@ -91,47 +91,47 @@ def read_values(text: str, kind: str) -> tuple[str, Span | Choice]:
     """
     unit = next(iter(UNITS[kind])) if kind in UNITS else ""
     if kind == "text":
-        return unit, Choice(tuple(_word(word) for word in text.split(",")))
+        return unit, ValueList(tuple(_read_word(word) for word in text.split(",")))
     if ".." not in text:
-        return unit, Choice(tuple(_number(word, kind) for word in text.split(",")))
+        return unit, ValueList(tuple(_read_number(word, kind) for word in text.split(",")))
     first, _, last = (part.strip() for part in text.partition(".."))
     if _NUMBER.fullmatch(first) and not _NUMBER.fullmatch(last):
         first += _NUMBER.sub("", last, count=1)  # 5..100 %: the unit stands for both
-    low, high = _number(first, kind), _number(last, kind)
+    low, high = _read_number(first, kind), _read_number(last, kind)
     if low > high:
-        raise ValueError(f"begins above its end: {seen(text)}")
-    return unit, Span(low, high)
+        raise ValueError(f"begins above its end: {quoted_value(text)}")
+    return unit, ValueRange(low, high)
 
 
-def _word(text: str) -> str:
+def _read_word(text: str) -> str:
     if not text.strip():
         raise ValueError("has an empty value in its list")
     return text.strip()
 
 
-def _number(text: str, kind: str) -> float | int:
+def _read_number(text: str, kind: str) -> float | int:
     """Return one number in the first unit of its kind."""
     text = text.strip()
     if kind == "count":
         if not re.fullmatch("[0-9]{1,9}", text):
-            raise ValueError(f"needs a whole number, got {seen(text)}")
+            raise ValueError(f"needs a whole number, got {quoted_value(text)}")
         return int(text)
     bare = float(text) if _NUMBER.fullmatch(text) else None
     if kind == "number":
         if bare is None or not math.isfinite(bare):
-            raise ValueError(f"needs a number without a unit, got {seen(text)}")
+            raise ValueError(f"needs a number without a unit, got {quoted_value(text)}")
         return bare
-    found = quantity(text)
-    if bare is not None and kind not in TURNS and math.isfinite(bare):
+    found = parse_quantity(text)
+    if bare is not None and kind not in ANGULAR_KINDS and math.isfinite(bare):
         si = bare
     elif found is not None and found.dimension == kind:
         si = float(found)
     else:
-        raise ValueError(f"needs values such as '{EXAMPLES[kind]}', got {seen(text)}")
+        raise ValueError(f"needs values such as '{EXAMPLES[kind]}', got {quoted_value(text)}")
     return round(si / next(iter(UNITS[kind].values())), 9)
 
 
-def shown(variation: Variation, value: Drawn) -> str:
+def display_value(variation: Variation, value: DrawnValue) -> str:
     """Write a value for people, short."""
     return value if isinstance(value, str) else f"{value:.3g} {variation.unit}".rstrip()
 
@@ -143,14 +143,14 @@ Outcome = Literal["success", "failure", "unfinished", "error"]
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class SweepRow:
     """One run: what it had drawn (in the order of the sweep's variations), and how it went.
 
     ``seconds`` are simulated. Nothing here depends on the machine, or on which of the workers ran it.
     """
 
     seed: int
-    values: tuple[Drawn, ...]
+    values: tuple[DrawnValue, ...]
     result: Outcome
     reason: str
     seconds: float

@@ -7,35 +7,35 @@ from typing import Any
 
 import yaml
 
-from config.faults import Source
+from config.faults import SourceText
 from config.marked import Listing, Mapping, Node, compose
-from missions.plugins.testing.sweep.knobs import find_knob
-from missions.plugins.testing.sweep.people import Plain
-from missions.plugins.testing.sweep.variation import Drawn, Variation
+from missions.plugins.testing.sweep.knobs import find_parameter
+from missions.plugins.testing.sweep.people import PlainMapping
+from missions.plugins.testing.sweep.variation import DrawnValue, Variation
 
 
-def plain_world(source: Source) -> Plain:
+def plain_world(source: SourceText) -> PlainMapping:
     """Return a world file as plain lists, mappings and values. Raises InvalidFileError where it is no mapping."""
-    found: Plain = _plain(compose(source))
+    found: PlainMapping = _plain_value(compose(source))
     return found
 
 
-def varied(world: Plain, drawn: Iterable[tuple[Variation, Drawn]], seed: int) -> str:
+def vary_world(world: PlainMapping, draws: Iterable[tuple[Variation, DrawnValue]], seed: int) -> str:
     """Return the text of a world file: ``world`` with all that a run has drawn. Raises ValueError.
 
     Which order the variations stand in makes no difference.
     """
     world = deepcopy(world)
-    knobs = [(find_knob(variation.name), variation, value) for variation, value in drawn]
+    knobs = [(find_parameter(variation.name), variation, value) for variation, value in draws]
     for knob, variation, value in sorted(knobs, key=lambda each: each[0].rank):
-        knob.turn(world, value, Random(f"more of {variation.name} in run {seed}"))  # noqa: S311 - no secret
+        knob.apply(world, value, Random(f"more of {variation.name} in run {seed}"))  # noqa: S311 - no secret
     return yaml.safe_dump(world, sort_keys=False, default_flow_style=None, allow_unicode=True, width=100)
 
 
-def _plain(node: Node) -> Any:
+def _plain_value(node: Node) -> Any:
     if isinstance(node, Listing):
-        return [_plain(item) for item in node.items]
+        return [_plain_value(item) for item in node.items]
     if isinstance(node, Mapping):
-        return {key.text: _plain(value) for key, value in node.entries}
+        return {key.text: _plain_value(value) for key, value in node.entries}
     # A number without a unit is of a class of its own, which YAML would not write.
     return float(node.value) if isinstance(node.value, float) else node.value

@@ -8,7 +8,7 @@ import pytest
 from config.faults import InvalidFileError
 from drivers.api.sections import ArmKeys
 from missions.library.moves.load import load_move
-from missions.library.moves.sheet import Heading, heading_of, joint_called, time_unit
+from missions.library.moves.sheet import Heading, find_joint, parse_heading, time_unit
 from tests.missions.hands.moves.test_load import ARM
 from tests.missions.hands.moves.workbooks import Row, write_ods, write_xlsx
 
@@ -23,7 +23,7 @@ def told(path: Path, arm: ArmKeys, *, rate: float | None = 10.0) -> list[tuple[s
     """Return the mistakes and what is suggested."""
     with pytest.raises(InvalidFileError) as caught:
         load_move(path, rate=rate, arm=arm)
-    return [(fault.message, fault.suggestion) for fault in caught.value.faults]
+    return [(fault.message, fault.suggestion) for fault in caught.value.diagnostics]
 
 
 def written(tmp_path: Path, text: str, encoding: str = "utf-8") -> Path:
@@ -54,13 +54,13 @@ def written(tmp_path: Path, text: str, encoding: str = "utf-8") -> Path:
     ],
 )
 def test_a_heading_is_a_name_and_a_unit(text: str, heading: Heading) -> None:
-    assert heading_of(text) == heading
+    assert parse_heading(text) == heading
 
 
 def test_a_joint_that_is_called_like_a_unit_keeps_its_name() -> None:
-    assert heading_of("elbow_rad", ["elbow_rad"]) == Heading("elbow_rad", "")
-    assert joint_called("Shoulder-Pan", ["shoulder_pan"]) == "shoulder_pan"
-    assert joint_called("shoulder", ["shoulder_pan"]) == ""
+    assert parse_heading("elbow_rad", ["elbow_rad"]) == Heading("elbow_rad", "")
+    assert find_joint("Shoulder-Pan", ["shoulder_pan"]) == "shoulder_pan"
+    assert find_joint("shoulder", ["shoulder_pan"]) == ""
     assert [time_unit(text) for text in ("time", "Time (s)", "t [ms]", "zeit", "elbow (s)")] == ["s", "s", "ms", "", ""]
 
 

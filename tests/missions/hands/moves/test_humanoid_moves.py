@@ -5,14 +5,14 @@ from math import cos, degrees, radians
 
 import pytest
 
-from config.library import shipped
+from config.library import shipped_files
 from drivers.api.sections import ArmKeys
 from missions.library.drivers import load_robot
 from missions.library.moves.load import load_move
 
 
 def humanoid() -> ArmKeys:
-    arm = load_robot(shipped("robots")["humanoid"]).arm
+    arm = load_robot(shipped_files("robots")["humanoid"]).arm
     assert arm is not None
     return arm
 
@@ -20,7 +20,7 @@ def humanoid() -> ArmKeys:
 def gait() -> list[tuple[float, dict[str, float]]]:
     """Return every keyframe with all joints of the legs, in degrees."""
     poses: list[tuple[float, dict[str, float]]] = [(0.0, dict.fromkeys(humanoid().groups["legs"], 0.0))]
-    for frame in load_move(shipped("gestures")["gait"], arm=humanoid()).keyframes:
+    for frame in load_move(shipped_files("gestures")["gait"], arm=humanoid()).keyframes:
         poses.append((frame.time, poses[-1][1] | {joint: degrees(angle) for joint, angle in frame.positions.items()}))
     return poses
 
@@ -30,7 +30,7 @@ def test_the_humanoid_can_play_its_movements_as_fast_as_they_are(name: str) -> N
     arm = humanoid()
     before: dict[str, tuple[float, float]] = {}
     last = 0.0
-    for frame in load_move(shipped("gestures")[name], arm=arm).keyframes:
+    for frame in load_move(shipped_files("gestures")[name], arm=arm).keyframes:
         for joint, angle in frame.positions.items():
             _, was = before.get(joint, (0.0, 0.0))
             assert 1.875 * abs(angle - was) <= arm.limits[joint].speed * (frame.time - last), f"{joint} at {frame.time}"

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from missions.library.moves.load import angle_at, steadied
+from missions.library.moves.load import angle_at, apply_dead_band
 
 LENGTH = st.floats(-10, 10)
 POINTS = st.tuples(LENGTH, LENGTH, LENGTH)
@@ -56,14 +56,14 @@ def test_a_limb_without_length_has_no_angle(before: tuple[float, float], behind:
 
 
 def test_changes_below_a_step_repeat_the_angle_before() -> None:
-    assert steadied([0.0, 0.004, -0.004, 0.006, 0.009, 0.0], 0.005) == [0.0, 0.0, 0.0, 0.006, 0.006, 0.0]
-    assert steadied([0.1, 0.1001, 0.1], 0.0) == [0.1, 0.1001, 0.1]
-    assert steadied([], 0.1) == []
+    assert apply_dead_band([0.0, 0.004, -0.004, 0.006, 0.009, 0.0], 0.005) == [0.0, 0.0, 0.0, 0.006, 0.006, 0.0]
+    assert apply_dead_band([0.1, 0.1001, 0.1], 0.0) == [0.1, 0.1001, 0.1]
+    assert apply_dead_band([], 0.1) == []
 
 
 @given(ANGLES, st.floats(0.001, 1))
 def test_a_steadied_movement_is_never_a_step_off(angles: list[float], resolution: float) -> None:
-    steady = steadied(angles, resolution)
+    steady = apply_dead_band(angles, resolution)
     assert all(abs(was - now) < resolution for was, now in zip(angles, steady, strict=True))
     assert all(now == was or abs(now - was) >= resolution for was, now in pairwise(steady))
-    assert steadied(steady, resolution) == steady
+    assert apply_dead_band(steady, resolution) == steady

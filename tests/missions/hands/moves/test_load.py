@@ -5,18 +5,18 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import InvalidFileError, Source
-from config.gesture import GestureConfig, gesture_of
+from config.faults import InvalidFileError, SourceText
+from config.gesture import GestureConfig, parse_gesture
 from config.writing import gesture_text
 from drivers.api import Gesture, Keyframe
 from drivers.api.sections import ArmKeys
 from drivers.servos.models import MODELS
-from missions.library.drivers import robot_of
+from missions.library.drivers import parse_robot
 from missions.library.moves.load import load_move
 from tests.missions.hands.moves.workbooks import Row, write_ods, write_xlsx
 
-ARM = robot_of(
-    Source(
+ARM = parse_robot(
+    SourceText(
         "robot.yaml",
         "robot: r\narm:\n  driver: dynamixel\n  port: x\n  joints:\n"
         "    elbow: {id: 1, limits: [0 deg, 120 deg]}\n    wrist: {id: 2, model: MX-28}\n",
@@ -49,7 +49,7 @@ def mistakes(path: Path, *, rate: float | None = 10.0, arm: ArmKeys | None = Non
     """Return the mistakes, each as FILE:row:column: words."""
     with pytest.raises(InvalidFileError) as caught:
         load_move(path, rate=rate, arm=arm)
-    faults = caught.value.faults
+    faults = caught.value.diagnostics
     return [
         f"{Path(fault.source.name).name}:{fault.mark.line}:{fault.mark.column}: {fault.message}" for fault in faults
     ]
@@ -181,7 +181,7 @@ def test_all_that_is_wrong_with_a_sheet_is_said_at_once(sheet: Path, arm: ArmKey
     sheet.write_text("elbw,hand_x,wrist\n0,0,0\n", encoding="utf-8")
     with pytest.raises(InvalidFileError) as caught:
         load_move(sheet, rate=10.0, arm=arm)
-    assert [(fault.mark.column, fault.message, fault.suggestion) for fault in caught.value.faults] == [
+    assert [(fault.mark.column, fault.message, fault.suggestion) for fault in caught.value.diagnostics] == [
         (
             1,
             "there is no joint 'elbw'",
@@ -237,6 +237,8 @@ def test_a_sheet_can_be_kept_as_a_gesture_file(sheet: Path) -> None:
     sheet.write_text("elbow,wrist\n0,0.25\n0.5,0.25\n1.25,-0.5\n", encoding="utf-8")
     move = load_move(sheet, rate=50.0)
     frames = tuple((frame.time, frame.positions) for frame in move.keyframes)
-    kept = gesture_of(Source("x", gesture_text(GestureConfig(move.name, "", frames, move.interpolation)))).movement
+    kept = parse_gesture(
+        SourceText("x", gesture_text(GestureConfig(move.name, "", frames, move.interpolation)))
+    ).movement
     assert kept.keyframes[1] == Keyframe(0.02, {"elbow": 0.5})
     assert (kept.name, kept.interpolation, len(kept.keyframes)) == ("reach", "cubic", 3)

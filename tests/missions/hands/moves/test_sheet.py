@@ -29,8 +29,8 @@ def csv(folder: Path, text: str) -> Path:
 def mistakes(path: Path, tab: str | None = None) -> list[tuple[int, int, str]]:
     with pytest.raises(InvalidFileError) as caught:
         read_sheet(path, tab)
-    assert all(fault.source.name == str(path) for fault in caught.value.faults)
-    return [(fault.mark.line, fault.mark.column, fault.message) for fault in caught.value.faults]
+    assert all(fault.source.name == str(path) for fault in caught.value.diagnostics)
+    return [(fault.mark.line, fault.mark.column, fault.message) for fault in caught.value.diagnostics]
 
 
 @pytest.mark.parametrize(
@@ -45,8 +45,8 @@ def mistakes(path: Path, tab: str | None = None) -> list[tuple[int, int, str]]:
 def test_values_separated_by_commas_semicolons_or_tabs_are_columns(tmp_path: Path, text: str) -> None:
     sheet = read_sheet(csv(tmp_path, text))
     assert list(sheet.headings) == ["time", "elbow", "wrist"]
-    assert sheet.numbers("elbow") == [0.0, 0.5, 1.25]
-    assert sheet.numbers("wrist") == [0.25, 0.25, -0.5]
+    assert sheet.read_numbers("elbow") == [0.0, 0.5, 1.25]
+    assert sheet.read_numbers("wrist") == [0.25, 0.25, -0.5]
     assert sheet.faults == []
 
 
@@ -55,13 +55,13 @@ def test_a_workbook_is_read_from_its_first_sheet_or_the_one_that_is_named(
     tmp_path: Path, kind: str, write: Write
 ) -> None:
     path = write(tmp_path / f"move.{kind}", {"moves": ROWS, "more": [("wrist",), (1.5,)]})
-    assert read_sheet(path).numbers("elbow") == [0.0, 0.5, 1.25]
-    assert read_sheet(path, "more").numbers("wrist") == [1.5]
+    assert read_sheet(path).read_numbers("elbow") == [0.0, 0.5, 1.25]
+    assert read_sheet(path, "more").read_numbers("wrist") == [1.5]
     assert mistakes(path, "mor") == [(1, 1, "there is no sheet 'mor'")]
 
 
 def test_an_old_workbook_is_read_too() -> None:
-    assert read_sheet(XLS, "moves").numbers("wrist") == [0.25, 0.25, -0.5]
+    assert read_sheet(XLS, "moves").read_numbers("wrist") == [0.25, 0.25, -0.5]
     assert mistakes(XLS) == [(1, 1, "it needs a row of headings, and rows of numbers under it")]
 
 
@@ -69,15 +69,15 @@ def test_an_old_workbook_is_read_too() -> None:
 def test_rows_and_columns_count_as_the_spreadsheet_counts_them(tmp_path: Path, kind: str, write: Write) -> None:
     path = tmp_path / f"move.{kind}"
     sheet = read_sheet(write(path, {"moves": [("# ours",), (None, "elbow"), (None, "x"), (None, 2.0)]}))
-    assert (sheet.top, sheet.headings) == (2, {"elbow": 2})
-    assert sheet.numbers("elbow") == [0.0, 2.0]
+    assert (sheet.heading_row, sheet.headings) == (2, {"elbow": 2})
+    assert sheet.read_numbers("elbow") == [0.0, 2.0]
     assert [(fault.place, fault.message) for fault in sheet.faults] == [(f"{path}:3:2", "'x' is no number")]
 
 
 def test_every_cell_without_a_number_is_a_fault(tmp_path: Path) -> None:
     sheet = read_sheet(csv(tmp_path, "a,b\n1,nan\n,inf\n1_0,true\n0x1,2024-01-05\n"))
-    assert sheet.numbers("a") == [1.0, 0.0, 0.0, 0.0]
-    assert sheet.numbers("b") == [0.0, 0.0, 0.0, 0.0]
+    assert sheet.read_numbers("a") == [1.0, 0.0, 0.0, 0.0]
+    assert sheet.read_numbers("b") == [0.0, 0.0, 0.0, 0.0]
     assert [(fault.mark.line, fault.mark.column, fault.message) for fault in sheet.faults] == [
         (3, 1, "an empty cell"),
         (4, 1, "'1_0' is no number"),
@@ -91,8 +91,8 @@ def test_every_cell_without_a_number_is_a_fault(tmp_path: Path) -> None:
 
 def test_decimal_commas_are_refused_in_words_and_once_a_column(tmp_path: Path) -> None:
     sheet = read_sheet(csv(tmp_path, "a;b\n0,5;1\n-1,25;2\n,5;3e2\n"))
-    assert sheet.numbers("a") == [0.0, 0.0, 0.0]
-    assert sheet.numbers("b") == [1.0, 2.0, 300.0]
+    assert sheet.read_numbers("a") == [0.0, 0.0, 0.0]
+    assert sheet.read_numbers("b") == [1.0, 2.0, 300.0]
     (fault,) = sheet.faults
     assert (fault.mark.line, fault.mark.column) == (2, 1)
     assert fault.message == "'0,5' has a decimal comma, and 2 more below it"
@@ -103,7 +103,7 @@ def test_decimal_commas_between_commas_are_cells_too_many(tmp_path: Path) -> Non
     path = csv(tmp_path, "a,b\n0,5,1,25\n0.5,1.25\n")
     with pytest.raises(InvalidFileError) as caught:
         read_sheet(path)
-    (fault,) = caught.value.faults
+    (fault,) = caught.value.diagnostics
     assert (fault.mark.line, fault.mark.column, fault.message) == (2, 3, "a cell without a heading")
     assert fault.suggestion == "a comma within a number makes two cells of it: write a point"
 
@@ -168,7 +168,7 @@ def test_a_workbook_without_the_extra_says_what_to_install(tmp_path: Path, monke
     monkeypatch.setattr(sheets, "find_spec", lambda _: None)
     with pytest.raises(InvalidFileError) as caught:
         read_sheet(path)
-    (fault,) = caught.value.faults
+    (fault,) = caught.value.diagnostics
     assert (fault.message, fault.suggestion) == ("it needs python-calamine", "pip install 'missiontree[sheets]'")
 
 
@@ -192,6 +192,6 @@ def outcome(path: Path, tab: str | None = None) -> str:
     try:
         sheet = read_sheet(path, tab)
     except InvalidFileError as error:
-        return "faults" if error.faults else "nothing"
-    whole = all(len(sheet.numbers(heading)) == len(sheet.rows) > 0 for heading in sheet.headings)
+        return "faults" if error.diagnostics else "nothing"
+    whole = all(len(sheet.read_numbers(heading)) == len(sheet.rows) > 0 for heading in sheet.headings)
     return "faults" if sheet.faults else "numbers" if whole else "nothing"

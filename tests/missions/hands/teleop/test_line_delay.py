@@ -15,18 +15,18 @@ import pytest
 
 from drivers.base.twin import BaseTwin
 from drivers.clock import ManualClock
-from drivers.head.twin import HeadTwin
+from drivers.head.twin import ServoHeadTwin
 from drivers.sim.timeline import Timeline
-from missions.cli.keys import Keys
+from missions.cli.keys import KeyReader
 from missions.control.pilot import MAX_STATE_AGE, Pilot
 from missions.plugins.teleop.beside import (
     ANSWER_TIMEOUT,
     FIRST_ANSWER_TIMEOUT,
-    MAX_OPEN_QUESTIONS,
+    MAX_OPEN_QUERIES,
     LineDelay,
     drive_by_hand,
 )
-from missions.plugins.teleop.command import ancestors, line_to
+from missions.plugins.teleop.command import ancestors, measure_line
 from tests.drivers.test_twins import PAN, TILT
 from tests.tries import tries
 
@@ -43,7 +43,7 @@ class FarTerminal:
         self.timeline = Timeline()
         self.clock = self.timeline.clock
         self.base = BaseTwin(self.clock)
-        self.head = HeadTwin(self.clock, pan=PAN, tilt=TILT, speed=2.0)
+        self.head = ServoHeadTwin(self.clock, pan=PAN, tilt=TILT, speed=2.0)
         self.base.open()
         self.head.open()
         self.up, self.down, self.until = up, down, until
@@ -52,9 +52,9 @@ class FarTerminal:
         self.moved: list[float] = []
         self.words: list[str] = []
         self.line = LineDelay(self.show, self.clock, lambda: (80, 24))
-        self.timeline.every(BaseTwin.PERIOD, self._step)
-        self.timeline.every(HELD_EVERY, self._hold, start=1.0)
-        self.timeline.at(until + 12.0, partial(self.came.append, "escape"))
+        self.timeline.call_every(BaseTwin.PERIOD, self._step)
+        self.timeline.call_every(HELD_EVERY, self._hold, start=1.0)
+        self.timeline.call_at(until + 12.0, partial(self.came.append, "escape"))
 
     def drive(self) -> float:
         """Return for how many seconds the base moves on after the key was let go."""
@@ -65,36 +65,36 @@ class FarTerminal:
     def show(self, text: str) -> None:
         found = ASKED.fullmatch(text)
         assert found is not None
-        self.shown = max(self.shown, self.clock.now() + self.down(self.clock.now()))
-        self.timeline.at(self.shown, partial(self._send, f"{found[1]};{found[2]}"))
+        self.shown = max(self.shown, self.clock.read_value() + self.down(self.clock.read_value()))
+        self.timeline.call_at(self.shown, partial(self._send, f"{found[1]};{found[2]}"))
 
     def _send(self, what: str) -> None:
-        self.sent = max(self.sent, self.clock.now() + self.up(self.clock.now()))
-        self.timeline.at(self.sent, partial(self.came.append, what))
+        self.sent = max(self.sent, self.clock.read_value() + self.up(self.clock.read_value()))
+        self.timeline.call_at(self.sent, partial(self.came.append, what))
 
     def _hold(self) -> None:
-        if self.clock.now() < self.until:
+        if self.clock.read_value() < self.until:
             self._send("i")
 
     def _typed(self, seconds: float) -> str:
-        """Return a key as ``Keys.read`` does: answers and keys come in one stream, which is read without a pause."""
-        until = self.clock.now() + seconds
+        """Return a key as ``KeyReader.read`` does: answers and keys come in one stream, which is read without a pause."""
+        until = self.clock.read_value() + seconds
         while True:
             while self.came:
                 what = self.came.pop(0)
                 if ";" not in what:
                     return what
-                self.line.answer(*map(int, what.split(";")))
-                until = self.clock.now()
-            if self.clock.now() >= until:
+                self.line.on_answer(*map(int, what.split(";")))
+                until = self.clock.read_value()
+            if self.clock.read_value() >= until:
                 return ""
-            self.timeline.run(until, lambda: bool(self.came))
+            self.timeline.run_until(until, lambda: bool(self.came))
 
     def _step(self) -> None:
         self.base.step()
         self.head.step()
         if self.base.body.velocity.linear:
-            self.moved.append(self.clock.now())
+            self.moved.append(self.clock.read_value())
 
 
 def constant(delay: float) -> Callable[[float], float]:
@@ -126,8 +126,8 @@ def test_after_a_slow_moment_the_key_is_to_be_let_go_once() -> None:
 def test_over_a_slow_line_the_arrows_do_not_turn_the_head() -> None:
     far = FarTerminal(constant(1.0), constant(1.0), until=0.0)
     for number in range(10):
-        far.timeline.at(8.0 + 0.2 * number, partial(far._send, "left"))
-    far.timeline.run(4.0)
+        far.timeline.call_at(8.0 + 0.2 * number, partial(far._send, "left"))
+    far.timeline.run_until(4.0)
     before = far.head.pose().value
     far.drive()
     assert far.head.pose().value == before
@@ -146,7 +146,7 @@ def test_whatever_the_delay_of_the_line_the_base_rests_soon_after_the_key_is_let
     for seed in range(tries(40, most=2000)):
         chance = Random(f"lines {seed}")  # noqa: S311 - a draw is no secret
         far = FarTerminal(drawn(chance), drawn(chance), until=6.0)
-        far.timeline.run(0.0)
+        far.timeline.run_until(0.0)
         rests[seed] = far.drive()
     record_property("figure", f"{len(rests)} seeds: rest {max(rests.values()):.2f} s after the key at most")
     assert {seed: rest for seed, rest in rests.items() if rest > MAX_STATE_AGE + BRAKING} == {}
@@ -158,20 +158,20 @@ def test_whatever_the_delay_of_the_line_the_base_rests_soon_after_the_key_is_let
 def test_an_answer_belongs_to_one_question_and_whatever_else_looks_like_one_to_none() -> None:
     clock, asked = ManualClock(), list[str]()
     line = LineDelay(asked.append, clock, lambda: (3, 2))
-    line.ask()
-    line.ask()  # a moment ago
+    line.send_query()
+    line.send_query()  # a moment ago
     clock.advance(0.2)
-    line.ask()
+    line.send_query()
     assert len(asked) == 2
     first, second = (tuple(map(int, found)) for found in (ASKED.findall(text)[0] for text in asked))
     assert first != second
-    line.answer(1, 2)  # Shift and F3
-    assert line.words() == "delay unknown: the terminal does not answer"
+    line.on_answer(1, 2)  # Shift and F3
+    assert line.status_text() == "delay unknown: the terminal does not answer"
     clock.advance(0.1)
-    line.answer(*second)
-    assert line.words() == "100 ms"
-    line.answer(*first)
-    line.answer(*second)  # once more
+    line.on_answer(*second)
+    assert line.status_text() == "100 ms"
+    line.on_answer(*first)
+    line.on_answer(*second)  # once more
     clock.advance(MAX_STATE_AGE - 0.1)
     assert line.refusal == "line too slow: 0.5 s (0.5 s at most)"
 
@@ -181,13 +181,13 @@ def test_a_terminal_that_never_answers_is_not_asked_without_end(size: tuple[int,
     clock, asked = ManualClock(), list[str]()
     line = LineDelay(asked.append, clock, lambda: size)
     for _ in range(200):
-        line.ask()
+        line.send_query()
         clock.advance(0.1)
-    assert len(asked) <= MAX_OPEN_QUESTIONS or min(size) == max(size) == 1
+    assert len(asked) <= MAX_OPEN_QUERIES or min(size) == max(size) == 1
     assert line.refusal == ""  # by now
     clock.advance(ANSWER_TIMEOUT)
     before = len(asked)
-    line.ask()
+    line.send_query()
     assert len(asked) == before + 1
 
 
@@ -198,8 +198,7 @@ def test_a_terminal_that_never_answers_is_not_asked_without_end(size: tuple[int,
 def test_where_nobody_can_know_the_delay_of_a_far_terminal_keys_do_not_drive(relay: str, refusal: str) -> None:
     clock = ManualClock()
     line, good = (
-        LineDelay(str, clock, lambda: (80, 24), remote=True, relay=relay, unknown_is_good=each)
-        for each in (False, True)
+        LineDelay(str, clock, lambda: (80, 24), remote=True, relay=relay, allow_unknown=each) for each in (False, True)
     )
     clock.advance(2 * FIRST_ANSWER_TIMEOUT)
     assert (refusal in line.refusal, good.refusal) == (True, "")
@@ -232,7 +231,7 @@ def terminal() -> Iterator[tuple[int, int]]:
 )
 def test_answers_are_told_from_keys(typed: bytes, keys: list[str], answers: list[tuple[int, int]]) -> None:
     found: list[tuple[int, int]] = []
-    with terminal() as (person, program), Keys(program, lambda row, column: found.append((row, column))) as reader:
+    with terminal() as (person, program), KeyReader(program, lambda row, column: found.append((row, column))) as reader:
         os.write(person, typed)
         read = [key for _ in range(len(keys) + 1) if (key := reader.read(0.0))]
     assert (read, found) == (keys, answers)
@@ -244,14 +243,14 @@ def test_a_question_goes_to_the_terminal_of_the_keys_and_the_last_answers_are_ta
     for name in ("TMUX", "STY", "ZELLIJ"):
         monkeypatch.delenv(name, raising=False)
     clock = ManualClock()
-    with terminal() as (person, program), line_to(program, clock) as (line, settle):
-        with Keys(program, line.answer) as keys:
-            line.ask()
+    with terminal() as (person, program), measure_line(program, clock) as (line, settle):
+        with KeyReader(program, line.on_answer) as keys:
+            line.send_query()
             asked = ASKED.fullmatch(os.read(person, 100).decode())
             assert asked is not None
             os.write(person, f"\x1b[{asked[1]};{asked[2]}R".encode())
             settle(keys.read)
-        assert line.words() == "0 ms"
+        assert line.status_text() == "0 ms"
         os.write(person, b"\x1b[3;3R")  # one that comes still later
         settle(lambda seconds: str(clock.advance(seconds))[:0])
         os.set_blocking(program, False)

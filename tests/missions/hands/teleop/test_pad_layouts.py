@@ -15,24 +15,24 @@ from hypothesis import strategies as st
 from drivers.api import DeviceStatus
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import DriverError, NotConnected
-from missions.control.pilot import ENABLE, LATCH, Push
+from missions.control.pilot import ENABLE_KEY, LATCH_KEY, DriveInput
 from missions.plugins.teleop import layout as events
 from missions.plugins.teleop import pad
 from missions.plugins.teleop import pad as pad_store
-from missions.plugins.teleop.beside import Beside
+from missions.plugins.teleop.beside import PadDevice
 from missions.plugins.teleop.layout import (
-    D_MODE,
-    STANDARD,
+    D_MODE_LAYOUT,
+    STANDARD_LAYOUT,
+    AxisRange,
     Control,
-    Event,
+    PadEvent,
     PadLayout,
     PadModel,
-    Span,
     Stick,
-    layout_for,
+    find_layout,
 )
-from missions.plugins.teleop.pad import Pad, find_pad, find_pads, keep_taught, load_taught
-from missions.plugins.teleop.teaching import ANSWER_TIMEOUT, MAX_TRIES, Teacher, TeachingError
+from missions.plugins.teleop.pad import Pad, find_pad, find_pads, load_layouts, save_layout
+from missions.plugins.teleop.teaching import ANSWER_TIMEOUT, MAX_TRIES, PadTeacher, TeachingError
 from missions.plugins.testing.recorders import RecordedBase
 from tests.missions.command import command
 from tests.tries import tries
@@ -45,7 +45,7 @@ AXES = frozenset({0, 1, 2, 5, 0x10, 0x11})
 F310 = PadModel(0x046D, 0xC216, "Logitech Logitech Dual Action", NUMBERED, AXES)
 STRANGER = PadModel(0x0810, 0x0001, "Twin USB Joystick", NUMBERED, AXES)
 XBOX = PadModel(0x045E, 0x028E, "Microsoft X-Box 360 pad", NAMED, AXES)
-SPANS = {code: Span(0, 255) for code in (0, 1, 2, 5)} | {code: Span(-1, 1) for code in (0x10, 0x11)}
+SPANS = {code: AxisRange(0, 255) for code in (0, 1, 2, 5)} | {code: AxisRange(-1, 1) for code in (0x10, 0x11)}
 
 
 class InHand:
@@ -57,16 +57,16 @@ class InHand:
         self._keep = os.open(self.path, os.O_RDWR | os.O_NONBLOCK)
         self.clock = ManualClock(100.0)
         self.pad = Pad(
-            str(self.path), self.clock, span=lambda _, axis: SPANS.get(axis), model=lambda _: model,
-            taught=lambda: layouts or {},
+            str(self.path), self.clock, read_range=lambda _, axis: SPANS.get(axis), read_model=lambda _: model,
+            load_saved=lambda: layouts or {},
         )  # fmt: skip
 
     def do(self, *done: tuple[int, int, int]) -> list[str]:
-        os.write(self._keep, b"".join(Event(*each).pack() for each in done))
-        return self.pad.keys()
+        os.write(self._keep, b"".join(PadEvent(*each).pack() for each in done))
+        return self.pad.read_keys()
 
-    def push(self) -> Push | None:
-        return self.pad.push(self.clock.now())
+    def push(self) -> DriveInput | None:
+        return self.pad.push(self.clock.read_value())
 
     def close(self) -> None:
         self.pad.close()
@@ -92,12 +92,12 @@ def test_a_known_pad_in_d_mode_drives_by_its_left_shoulder_and_stops_by_either_o
     d_mode = hand(F310)
     d_mode.pad.open()
     assert d_mode.do((events.KEY, 0x124, 1), (events.ABS, 1, 0)) == []
-    assert d_mode.push() == Push(1.0, 0.0)
+    assert d_mode.push() == DriveInput(1.0, 0.0)
     d_mode.do((events.KEY, 0x124, 0))
     assert d_mode.push() is None
     for stop in (0x121, 0x122):
-        assert d_mode.do((events.KEY, stop, 1), (events.KEY, stop, 0)) == [LATCH]
-    assert d_mode.do((events.KEY, 0x129, 1), (events.ABS, 0x11, -1)) == [ENABLE, "up"]
+        assert d_mode.do((events.KEY, stop, 1), (events.KEY, stop, 0)) == [LATCH_KEY]
+    assert d_mode.do((events.KEY, 0x129, 1), (events.ABS, 0x11, -1)) == [ENABLE_KEY, "up"]
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,7 @@ def test_beside_a_mission_a_pad_that_is_refused_is_reported_once_and_commands_no
     hand: Callable[..., InHand],
 ) -> None:
     base, told, unknown = RecordedBase(ManualClock()), list[DeviceStatus](), hand(STRANGER)
-    beside = Beside(base, lambda: unknown.pad, SystemClock(), report=told.append)
+    beside = PadDevice(base, lambda: unknown.pad, SystemClock(), report=told.append)
     beside.open()
     wait_until(lambda: "only numbered" in beside.health().detail)
     beside.close()
@@ -145,21 +145,21 @@ def test_a_node_of_which_nothing_is_known_stops_by_both_and_drives_by_named_butt
     node.pad.open()
     assert node.do((events.KEY, 0x124, 1), (events.ABS, 1, 0)) == []
     assert node.push() is None
-    assert node.do((events.KEY, 0x121, 1), (events.KEY, 0x131, 1)) == [LATCH, LATCH]
+    assert node.do((events.KEY, 0x121, 1), (events.KEY, 0x131, 1)) == [LATCH_KEY, LATCH_KEY]
 
 
 def test_models_have_layouts_and_a_taught_one_goes_first() -> None:
     mine = PadLayout(Control(0x126), (Control(0x120),), Control(0x127))
-    assert layout_for("/x", XBOX, {}) == STANDARD
-    assert layout_for("/x", F310, {}) == D_MODE
-    assert layout_for("/x", F310, {F310.key: mine}) == mine
+    assert find_layout("/x", XBOX, {}) == STANDARD_LAYOUT
+    assert find_layout("/x", F310, {}) == D_MODE_LAYOUT
+    assert find_layout("/x", F310, {F310.key: mine}) == mine
     wireless = replace(F310, product=0xC219, name="Logitech Cordless RumblePad 2")
-    assert layout_for("/x", wireless, {F310.key: mine}) == D_MODE
-    assert layout_for("/x", STRANGER, {STRANGER.key: mine}) == mine
+    assert find_layout("/x", wireless, {F310.key: mine}) == D_MODE_LAYOUT
+    assert find_layout("/x", STRANGER, {STRANGER.key: mine}) == mine
     with pytest.raises(NotConnected, match="only numbered"):
-        layout_for("/x", replace(STRANGER, name="Another"), {STRANGER.key: mine})
+        find_layout("/x", replace(STRANGER, name="Another"), {STRANGER.key: mine})
     with pytest.raises(NotConnected, match="it lacks buttons or sticks that it was taught with"):
-        layout_for("/x", replace(XBOX, buttons=NAMED), {XBOX.key: mine})
+        find_layout("/x", replace(XBOX, buttons=NAMED), {XBOX.key: mine})
 
 
 def test_pads_in_d_mode_are_found_after_those_with_names(tmp_path: Path) -> None:
@@ -174,7 +174,7 @@ def test_pads_in_d_mode_are_found_after_those_with_names(tmp_path: Path) -> None
 @given(st.binary(min_size=1, max_size=96))
 def test_codes_are_read_as_the_kernel_writes_them(bits: bytes) -> None:
     whole = int.from_bytes(bits, "little")
-    assert events.codes_of(bits) == {at for at in range(8 * len(bits)) if whole >> at & 1}
+    assert events.parse_codes(bits) == {at for at in range(8 * len(bits)) if whole >> at & 1}
 
 
 # --- teaching ---------------------------------------------------------------------------------------------------------
@@ -224,12 +224,12 @@ class Person:
         if self.gone and text.startswith(self.gone):
             raise NotConnected("pad: /dev/input/event7: it has gone")
 
-    def events(self) -> list[Event]:
+    def read_events(self) -> list[PadEvent]:
         step = self._steps.pop(0) if self._steps else []
-        return [Event(*each) for each in (*self.noise, *step)]
+        return [PadEvent(*each) for each in (*self.noise, *step)]
 
-    def teach(self, spans: Mapping[int, Span] = SPANS) -> PadLayout:
-        return Teacher(self, spans, self.values, self.clock, self.say, self.clock.advance).teach()
+    def teach(self, spans: Mapping[int, AxisRange] = SPANS) -> PadLayout:
+        return PadTeacher(self, spans, self.values, self.clock, self.say, self.clock.advance).teach()
 
 
 def person(**changed: list[list[Step]]) -> Person:
@@ -251,13 +251,13 @@ TAUGHT = PadLayout(Control(0x124), (Control(0x122),), Control(0x129), Stick(1, -
 def test_a_pad_is_taught_by_pressing_its_buttons_and_drives_so(hand: Callable[..., InHand], tmp_path: Path) -> None:
     layout = person().teach()
     assert layout == TAUGHT
-    path = keep_taught(STRANGER.key, layout, tmp_path / "mine" / "pads.json")
+    path = save_layout(STRANGER.key, layout, tmp_path / "mine" / "pads.json")
     assert path.stat().st_mode & 0o777 == 0o600
-    mine = hand(STRANGER, load_taught(path))
+    mine = hand(STRANGER, load_layouts(path))
     mine.pad.open()
     mine.do((events.KEY, 0x124, 1), (events.ABS, 0, 0))
-    assert mine.push() == Push(0.0, 1.0)
-    assert mine.do((events.KEY, 0x122, 1)) == [LATCH]
+    assert mine.push() == DriveInput(0.0, 1.0)
+    assert mine.do((events.KEY, 0x122, 1)) == [LATCH_KEY]
     assert mine.do((events.KEY, 0x121, 1)) == []
 
 
@@ -278,27 +278,27 @@ def test_triggers_hats_and_sticks_that_rest_elsewhere_are_taught(hand: Callable[
     pad_of = hand(STRANGER, {STRANGER.key: layout})
     pad_of.pad.open()
     pad_of.do((events.ABS, 2, 255), (events.ABS, 5, 160))
-    assert pad_of.push() == Push(0.0, 0.0)
+    assert pad_of.push() == DriveInput(0.0, 0.0)
     pad_of.do((events.ABS, 5, 255), (events.ABS, 0, 0))
-    assert pad_of.push() == Push(1.0, -1.0)
+    assert pad_of.push() == DriveInput(1.0, -1.0)
     pad_of.do((events.ABS, 5, 0), (events.ABS, 2, 150))  # half let go: it holds until 40 %
-    assert pad_of.push() == Push(-1.0, -1.0)
+    assert pad_of.push() == DriveInput(-1.0, -1.0)
     pad_of.do((events.ABS, 2, 90))
     assert pad_of.push() is None
-    assert pad_of.do((events.ABS, 0x11, -1), (events.ABS, 0x11, 1)) == ["up", LATCH]
+    assert pad_of.do((events.ABS, 0x11, -1), (events.ABS, 0x11, 1)) == ["up", LATCH_KEY]
 
 
 @pytest.mark.parametrize(
     ("spans", "first", "values"),
     [
-        ({2: Span(0, 255)}, 0, (255, 0)),  # one that knows two values
-        ({2: Span(-127, 127)}, 0, (127, -127)),  # of which the kernel knows nothing before its first report
-        ({2: Span(0, 1023)}, 0, (300, 1023, 0)),
-        ({2: Span(0, 255)}, 255, (0, 255)),  # turned round
+        ({2: AxisRange(0, 255)}, 0, (255, 0)),  # one that knows two values
+        ({2: AxisRange(-127, 127)}, 0, (127, -127)),  # of which the kernel knows nothing before its first report
+        ({2: AxisRange(0, 1023)}, 0, (300, 1023, 0)),
+        ({2: AxisRange(0, 255)}, 255, (0, 255)),  # turned round
     ],
 )
 def test_a_trigger_of_any_kind_is_known_by_where_it_rests(
-    spans: dict[int, Span], first: int, values: tuple[int, ...]
+    spans: dict[int, AxisRange], first: int, values: tuple[int, ...]
 ) -> None:
     pressed = axis(2, *values)
     mine = person(hold=[pressed], dry_ahead=[axis(2, values[-2]) + axis(1, 0)], dry_let_go=[axis(2, values[-1])])
@@ -366,11 +366,11 @@ def test_a_pad_that_is_pulled_out_while_it_is_taught_is_told(question: str) -> N
 def test_layouts_of_several_pads_are_kept_beside_each_other(tmp_path: Path) -> None:
     file = tmp_path / "pads.json"
     other = PadLayout(Control(2, 0, 255), (Control(0x11, 0, 1),), Control(0x129), Stick(5, 1, 160), Stick(0, 1))
-    assert load_taught(file) == {}
-    keep_taught("0810:0001 Twin", TAUGHT, file)
-    keep_taught("0810:0001 Other", other, file)
-    keep_taught("0810:0001 Twin", replace(TAUGHT, enable=Control(0x128)), file)
-    assert load_taught(file) == {"0810:0001 Twin": replace(TAUGHT, enable=Control(0x128)), "0810:0001 Other": other}
+    assert load_layouts(file) == {}
+    save_layout("0810:0001 Twin", TAUGHT, file)
+    save_layout("0810:0001 Other", other, file)
+    save_layout("0810:0001 Twin", replace(TAUGHT, enable=Control(0x128)), file)
+    assert load_layouts(file) == {"0810:0001 Twin": replace(TAUGHT, enable=Control(0x128)), "0810:0001 Other": other}
 
 
 def damaged() -> Iterator[object]:
@@ -397,7 +397,7 @@ def test_a_damaged_file_is_refused_and_drives_nothing(tmp_path: Path, content: s
     file = tmp_path / "pads.json"
     file.write_bytes(content.encode(errors="surrogateescape"))
     with pytest.raises(NotConnected, match=r"pads\.json: cannot be used") as told:
-        load_taught(file)
+        load_layouts(file)
     assert f"rm {file}" in told.value.hint
 
 
@@ -419,11 +419,11 @@ def test_the_command_teaches_a_pad_and_keeps_it(
     monkeypatch.setattr("missions.plugins.teleop.command.SystemClock", lambda: mine.clock)
     monkeypatch.setattr("missions.plugins.teleop.command._pause", mine.clock.advance)
     monkeypatch.setattr("missions.plugins.teleop.command.click.echo", mine.say)
-    monkeypatch.setattr(pad, "ask_model", lambda _: STRANGER)
-    monkeypatch.setattr(Pad, "axes", lambda *_: (SPANS, mine.values))
-    monkeypatch.setattr(Pad, "events", lambda _: mine.events())
+    monkeypatch.setattr(pad, "read_pad_model", lambda _: STRANGER)
+    monkeypatch.setattr(Pad, "read_axes", lambda *_: (SPANS, mine.values))
+    monkeypatch.setattr(Pad, "read_events", lambda _: mine.read_events())
     assert command(capsys, "teleop", "--teach-pad", str(node)).code == 0
-    assert load_taught() == {STRANGER.key: TAUGHT}
+    assert load_layouts() == {STRANGER.key: TAUGHT}
     assert str(pad_store.pads_file()) in mine.said[-1]
 
 
@@ -457,7 +457,7 @@ def test_nothing_is_asked_where_the_answers_could_not_be_kept(
     file.parent.mkdir(parents=True)
     file.write_text(content)
     monkeypatch.setattr("missions.cli.outputs.os.fsync", full)
-    monkeypatch.setattr(pad, "ask_model", lambda _: pytest.fail("the pad was opened"))
+    monkeypatch.setattr(pad, "read_pad_model", lambda _: pytest.fail("the pad was opened"))
     node = at_home / "event7"
     node.write_bytes(b"")
     told = command(capsys, "teleop", "--teach-pad", str(node))
@@ -473,14 +473,14 @@ def test_an_error_of_teaching_is_one_of_a_device() -> None:
 # --- any pad ----------------------------------------------------------------------------------------------------------
 
 
-def strange_pad(chance: Random) -> tuple[dict[int, Span], dict[int, int], PadLayout]:
+def strange_pad(chance: Random) -> tuple[dict[int, AxisRange], dict[int, int], PadLayout]:
     """Return a pad that chance has made: what its axes measure, where they are, and its layout."""
     codes = chance.sample([0, 1, 2, 3, 4, 5, 9, 10], 6)
-    spans, values = dict[int, Span](), dict[int, int]()
+    spans, values = dict[int, AxisRange](), dict[int, int]()
     sticks, triggers = codes[:2], codes[2:]
     for code in codes:
         low, high = chance.choice([(0, 255), (-32768, 32767), (0, 1023), (-127, 127)])
-        spans[code] = Span(low, high)
+        spans[code] = AxisRange(low, high)
     made = list[Stick]()
     for code in sticks:
         span = spans[code]
@@ -513,7 +513,7 @@ def press(control: Control) -> list[Step]:
     return moved(control, down=True) + moved(control, down=False)
 
 
-def pushed(stick: Stick, span: Span) -> tuple[list[Step], list[Step]]:
+def pushed(stick: Stick, span: AxisRange) -> tuple[list[Step], list[Step]]:
     """Push a stick to its end, and let it go."""
     end, rest = span.most if stick.sign > 0 else span.least, stick.rest or 0
     return axis(stick.code, (rest + end) // 2, end), axis(stick.code, (rest + end) // 2, rest)

@@ -6,13 +6,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.api import COMMAND_LIFE, HeadPose, Sides, Source, Velocity
+from drivers.api import COMMAND_TIMEOUT, HeadPose, Sides, Source, Velocity
 from drivers.base.twin import BaseTwin
 from drivers.clock import ManualClock
 from drivers.errors import NotConnected
 from drivers.sim.timeline import Timeline
-from missions.control.pilot import MAX_SHARE, MIN_SHARE, PACES, STEP, Pilot, Push
-from missions.plugins.teleop.beside import AGAIN, FIRST, HELP, MOVES, TICK, Held, drive_by_hand
+from missions.control.pilot import HEAD_STEP, MAX_SHARE, MIN_SHARE, SPEED_KEYS, DriveInput, Pilot
+from missions.plugins.teleop.beside import (
+    COMMAND_INTERVAL,
+    DRIVE_KEYS,
+    KEY_HOLD_TIME,
+    KEYS_HELP,
+    REPEAT_HOLD_TIME,
+    HeldKeys,
+    drive_by_hand,
+)
 from missions.plugins.testing.recorders import ENABLE, STOP, RecordedBase, RecordedHead
 
 FULL, TURNING = 0.5, 1.9
@@ -33,7 +41,7 @@ class Drive:
         self.clock = self.timeline.clock
         self.base = BaseTwin(self.clock, max_linear=FULL, max_angular=TURNING, linear_acceleration=5.0)
         self.base.open()
-        self.timeline.every(BaseTwin.PERIOD, self._step)
+        self.timeline.call_every(BaseTwin.PERIOD, self._step)
         self.keys = [*sorted(keys, key=lambda key: key[0]), (seconds, "escape")]
         self.held_up, self.away = held_up, away
         self.speeds: list[tuple[float, float, float]] = []
@@ -42,18 +50,18 @@ class Drive:
         drive_by_hand(Pilot(self.base), self.typed, None, self.clock, self.shown.append)
 
     def typed(self, seconds: float) -> str:
-        if self.clock.now() >= self.held_up[0]:  # the whole program stands still, and not the base
-            self.timeline.run(self.held_up[1])
+        if self.clock.read_value() >= self.held_up[0]:  # the whole program stands still, and not the base
+            self.timeline.run_until(self.held_up[1])
             self.held_up = (inf, inf)
         due, key = self.keys[0]
-        self.timeline.run(min(self.clock.now() + seconds, max(due, self.clock.now())))
-        if self.clock.now() < due:
+        self.timeline.run_until(min(self.clock.read_value() + seconds, max(due, self.clock.read_value())))
+        if self.clock.read_value() < due:
             return ""
         del self.keys[0]
         return key
 
     def _step(self) -> None:
-        now = self.clock.now()
+        now = self.clock.read_value()
         if now >= self.away[0]:
             self.base.plug.unplug()
         if now >= self.away[1]:
@@ -61,7 +69,7 @@ class Drive:
             self.away = (inf, inf)
         self.base.step()
         velocity = self.base.body.velocity
-        self.speeds.append((self.clock.now(), velocity.linear, velocity.angular))
+        self.speeds.append((self.clock.read_value(), velocity.linear, velocity.angular))
 
     def speed(self, start: float, end: float = inf) -> list[float]:
         return [ahead for time, ahead, _ in self.speeds if start <= time <= end]
@@ -85,13 +93,15 @@ def test_a_key_that_is_held_drives_on_through_the_delay_of_its_repeat(delay: flo
 def test_the_base_stops_when_the_keys_stop() -> None:
     drive = Drive(*held("i", 0.2, 1.2))
     assert min(drive.speed(0.6, 1.2)) > 0.2
-    assert max(drive.speed(1.2 + AGAIN + TICK + 0.25)) == 0.0  # and it brakes for an eighth of a second
+    assert (
+        max(drive.speed(1.2 + REPEAT_HOLD_TIME + COMMAND_INTERVAL + 0.25)) == 0.0
+    )  # and it brakes for an eighth of a second
 
 
 def test_a_tap_drives_for_no_longer_than_its_repeat_could_take() -> None:
     drive = Drive((0.2, "i"))
     assert max(drive.speed(0.2)) > 0.2
-    assert max(drive.speed(0.2 + FIRST + TICK + 0.25)) == 0.0
+    assert max(drive.speed(0.2 + KEY_HOLD_TIME + COMMAND_INTERVAL + 0.25)) == 0.0
 
 
 def test_a_line_that_stutters_does_not_stop_it_but_one_that_is_silent_does() -> None:
@@ -105,41 +115,45 @@ def test_a_line_that_stutters_does_not_stop_it_but_one_that_is_silent_does() -> 
 def test_every_key_that_means_nothing_stops_at_once(key: str) -> None:
     drive = Drive((0.2, "i"), (0.5, key))
     assert max(drive.speed(0.45, 0.5)) > 0.2
-    assert max(drive.speed(0.5 + TICK + 0.15)) == 0.0
+    assert max(drive.speed(0.5 + COMMAND_INTERVAL + 0.15)) == 0.0
 
 
-@pytest.mark.parametrize(("key", "push"), MOVES.items())
-def test_each_key_drives_its_own_way(key: str, push: Push) -> None:
+@pytest.mark.parametrize(("key", "push"), DRIVE_KEYS.items())
+def test_each_key_drives_its_own_way(key: str, push: DriveInput) -> None:
     drive = Drive((0.2, key), seconds=0.9)
     _, ahead, turn = drive.speeds[-3]
     assert (ahead, turn) == pytest.approx((push.ahead * FULL / 2, push.left * TURNING / 2), abs=0.02)
 
 
 def test_a_key_counts_as_held_for_long_only_when_it_was_pressed_anew() -> None:
-    keys = Held()
+    keys = HeldKeys()
     keys.press("i", 10.0)
-    assert keys.push(10.0 + FIRST) == Push(1, 0)
-    assert keys.push(10.01 + FIRST) is None
+    assert keys.push(10.0 + KEY_HOLD_TIME) == DriveInput(1, 0)
+    assert keys.push(10.01 + KEY_HOLD_TIME) is None
     keys.press("i", 20.0)
     keys.press("i", 20.05)
-    assert keys.push(20.05 + AGAIN) == Push(1, 0)
-    assert keys.push(20.06 + AGAIN) is None
+    assert keys.push(20.05 + REPEAT_HOLD_TIME) == DriveInput(1, 0)
+    assert keys.push(20.06 + REPEAT_HOLD_TIME) is None
     keys.press("u", 20.1)
     keys.press("q", 20.15)  # changes the speed, not the way
-    assert keys.push(20.1 + FIRST) == Push(1, 1)
+    assert keys.push(20.1 + KEY_HOLD_TIME) == DriveInput(1, 1)
 
 
-@given(st.lists(st.tuples(st.floats(0.0, 0.5), st.sampled_from([*MOVES, *PACES, "k", " ", "left", "x"])), max_size=40))
+@given(
+    st.lists(
+        st.tuples(st.floats(0.0, 0.5), st.sampled_from([*DRIVE_KEYS, *SPEED_KEYS, "k", " ", "left", "x"])), max_size=40
+    )
+)
 def test_whatever_is_typed_it_stops_when_nothing_is(typed: list[tuple[float, str]]) -> None:
-    keys, now = Held(), 0.0
+    keys, now = HeldKeys(), 0.0
     for wait, key in typed:
         now += wait
         keys.press(key, now)
-    assert keys.push(now + FIRST + 0.01) is None
+    assert keys.push(now + KEY_HOLD_TIME + 0.01) is None
 
 
 def test_the_help_names_every_key() -> None:
-    assert [key for key in (*MOVES, *PACES, "space", "Enter", "Esc") if key not in HELP] == []
+    assert [key for key in (*DRIVE_KEYS, *SPEED_KEYS, "space", "Enter", "Esc") if key not in KEYS_HELP] == []
 
 
 @pytest.mark.parametrize(("waited", "latched"), [("i" * 75, False), ("i" * 40 + " " + "i" * 30 + "\r", True)])
@@ -182,7 +196,7 @@ def test_enter_alone_sets_nothing_in_motion() -> None:
 
 def test_speeds_begin_at_half_the_limits_and_never_leave_them() -> None:
     by, base, _ = pilot()
-    by.steer(Push(1, -1))
+    by.steer(DriveInput(1, -1))
     assert base.commands == [(Source.TELEOP, Velocity(0.25, -base.limits.turn / 2))]
     for _ in range(40):
         by.press("q")
@@ -190,12 +204,12 @@ def test_speeds_begin_at_half_the_limits_and_never_leave_them() -> None:
     for _ in range(40):
         by.press("x")
     assert (by.ahead, by.turn) == pytest.approx((MIN_SHARE, MAX_SHARE))
-    assert by.words().startswith("5/100 %")
+    assert by.status_line().startswith("5/100 %")
 
 
 def test_letting_go_stops_once_and_keeps_the_wheels_for_a_moment() -> None:
     by, base, _ = pilot()
-    by.steer(Push(1, 0))
+    by.steer(DriveInput(1, 0))
     by.steer(None)
     by.steer(None)
     assert base.commands[1:] == [STOP, (Source.TELEOP, Velocity(0.0, 0.0))]
@@ -205,29 +219,29 @@ def test_the_arrows_turn_the_head_step_by_step() -> None:
     by, _, head = pilot()
     for key in ("left", "left", "up"):
         by.press(key)
-    assert head.commands[-1] == HeadPose(pan=2 * STEP, tilt=-STEP)
+    assert head.commands[-1] == HeadPose(pan=2 * HEAD_STEP, tilt=-HEAD_STEP)
 
 
 def test_a_robot_without_a_head_and_one_whose_head_is_gone_drive_on() -> None:
     by, base, head = pilot()
     head.trouble = NotConnected("head: the cable is out")
     by.press("left")
-    assert by.words().endswith("head: the cable is out")
+    assert by.status_line().endswith("head: the cable is out")
     without = Pilot(base)
     without.press("left")
-    without.steer(Push(1, 0))
+    without.steer(DriveInput(1, 0))
     assert len(base.commands) == 1
 
 
 def test_a_base_that_is_gone_is_told_and_driven_again_when_it_is_back() -> None:
     by, base, _ = pilot()
     base.trouble = NotConnected("base: /dev/kobuki: no such device")
-    by.steer(Push(1, 0))
-    assert "no such device" in by.words()
+    by.steer(DriveInput(1, 0))
+    assert "no such device" in by.status_line()
     base.trouble = None
-    by.steer(Push(1, 0))
+    by.steer(DriveInput(1, 0))
     assert base.commands == [(Source.TELEOP, Velocity(0.25, 0.0))]
-    assert "no such device" not in by.words()
+    assert "no such device" not in by.status_line()
 
 
 def test_enabling_is_a_command_of_its_own() -> None:
@@ -240,11 +254,11 @@ def test_the_line_says_who_commands_why_not_all_of_it_and_what_is_felt() -> None
     drive = Drive(seconds=0.1)
     by = Pilot(drive.base)
     drive.base.press(cliff=Sides(left=True))
-    drive.timeline.run(0.2)
-    by.steer(Push(1, 0))
-    drive.timeline.run(0.3)
-    assert by.words() == "50 % | +0.00 m/s   +0 deg/s | teleop: cliff left | cliff left | battery 100 %"
+    drive.timeline.run_until(0.2)
+    by.steer(DriveInput(1, 0))
+    drive.timeline.run_until(0.3)
+    assert by.status_line() == "50 % | +0.00 m/s   +0 deg/s | teleop: cliff left | cliff left | battery 100 %"
 
 
 def test_a_command_lives_longer_than_the_time_between_two() -> None:
-    assert COMMAND_LIFE > 3 * TICK
+    assert COMMAND_TIMEOUT > 3 * COMMAND_INTERVAL

@@ -14,12 +14,12 @@ from drivers.errors import NotConnected
 from drivers.kobuki.driver import kobuki_base
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.kobuki.wire import BAUD
-from drivers.transport.link import Link
-from drivers.virtual.terminal import Terminal
+from drivers.transport.link import SerialLink
+from drivers.virtual.terminal import PseudoTerminal
 from missions.plugins.teleop import layout
-from missions.plugins.teleop.beside import Beside
-from missions.plugins.teleop.layout import Event as Told
-from missions.plugins.teleop.layout import Span
+from missions.plugins.teleop.beside import PadDevice
+from missions.plugins.teleop.layout import AxisRange
+from missions.plugins.teleop.layout import PadEvent as Told
 from missions.plugins.teleop.pad import Pad
 from missions.plugins.testing.recorders import RecordedBase
 from tests.missions.command import command
@@ -37,7 +37,7 @@ class Node:
         self._hand = -1
 
     def pad(self) -> Pad:
-        return Pad(str(self.path), SystemClock(), span=lambda *_: Span(-32768, 32767))
+        return Pad(str(self.path), SystemClock(), read_range=lambda *_: AxisRange(-32768, 32767))
 
     def plug(self) -> None:
         os.mkfifo(self.path)
@@ -63,9 +63,9 @@ def node(tmp_path: Path) -> Iterator[Node]:
 @pytest.mark.real_time
 def test_whoever_holds_the_button_has_the_wheels_and_the_mission_gets_them_back(node: Node) -> None:
     clock, ending = SystemClock(), Event()
-    terminal = Terminal("kobuki", VirtualKobuki(), clock)
-    base = kobuki_base(Link("base", terminal.path, BAUD), clock)
-    beside = Beside(base, node.pad, clock)
+    terminal = PseudoTerminal("kobuki", VirtualKobuki(), clock)
+    base = kobuki_base(SerialLink("base", terminal.path, BAUD), clock)
+    beside = PadDevice(base, node.pad, clock)
     node.plug()
 
     def mission() -> None:
@@ -75,7 +75,7 @@ def test_whoever_holds_the_button_has_the_wheels_and_the_mission_gets_them_back(
 
     def steers(source: Source, ahead: float) -> bool:
         steering = base.steering()
-        return (steering.source, steering.given) == (source, Velocity(ahead, 0.0))
+        return (steering.source, steering.allowed) == (source, Velocity(ahead, 0.0))
 
     driving = Thread(target=mission)
     terminal.open()
@@ -102,7 +102,7 @@ def test_whoever_holds_the_button_has_the_wheels_and_the_mission_gets_them_back(
 @pytest.mark.real_time
 def test_a_pad_may_come_late_and_go_and_come_again(node: Node) -> None:
     base, told = RecordedBase(ManualClock()), list[DeviceStatus]()
-    beside = Beside(base, node.pad, SystemClock(), report=told.append)
+    beside = PadDevice(base, node.pad, SystemClock(), report=told.append)
     beside.close()
     beside.open()
     try:
@@ -144,7 +144,7 @@ def test_a_pad_that_could_drive_nothing_is_refused(
 def test_a_pad_that_was_asked_for_and_is_not_there_is_a_part_that_is_missing(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("missions.assembly.assembled.CONNECT_TIME", 0.5)
+    monkeypatch.setattr("missions.assembly.assembled.CONNECT_TIMEOUT", 0.5)
     outcome = command(capsys, "run", "motions/forward", "--pad", "/dev/input/event999")
     assert outcome.code == 3
     assert "pad: /dev/input/event999: no such device" in outcome.err

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from config.library import find
+from config.library import find_file
 from drivers.clock import SystemClock
 from missions.control.pilot import MAX_STATE_AGE
 from missions.library.drivers import load_robot
@@ -25,7 +25,7 @@ from tests.waiting import wait_until
 
 ASKED = re.compile(r"\x1b\[(\d+);(\d+)H\x1b\[6n")
 
-ROBOT = load_robot(find("robots", "turtlebot2")).base
+ROBOT = load_robot(find_file("robots", "turtlebot2")).base
 HALF = 0.5 * ROBOT.max_speed if ROBOT is not None else 0.0
 """m/s at which it begins."""
 
@@ -58,9 +58,9 @@ class Terminal:
             except OSError:  # the process has ended
                 break
         for asked in ASKED.finditer(self.text, self._seen):
-            self._answers.append((self._clock.now() + self.delay, f"\x1b[{asked[1]};{asked[2]}R"))
+            self._answers.append((self._clock.read_value() + self.delay, f"\x1b[{asked[1]};{asked[2]}R"))
             self._seen = asked.end()
-        while self._answers and self._answers[0][0] <= self._clock.now():
+        while self._answers and self._answers[0][0] <= self._clock.read_value():
             self.type(self._answers.popleft()[1].encode())
         return words in self.text
 
@@ -113,7 +113,7 @@ def test_over_a_line_that_is_too_slow_a_key_drives_nothing_and_the_reason_is_sho
         wait_until(lambda: terminal.shows("line too slow: 1."), pause=0.02)  # before anybody presses a key
         base.seen(forget=True)
         clock = SystemClock()
-        wait_until(lambda: terminal.hold() and clock.now() > 2.0, pause=0.03)
+        wait_until(lambda: terminal.hold() and clock.read_value() > 2.0, pause=0.03)
         assert base.seen().top == 0.0
         terminal.delay, before = 0.0, len(terminal.text)
         wait_until(lambda: terminal.shows("") and " ms | 50 %" in terminal.text[before:], pause=0.02)  # it was let go

@@ -12,29 +12,29 @@ from hypothesis import strategies as st
 
 from drivers.clock import ManualClock
 from drivers.errors import NotConnected
-from missions.control.pilot import ENABLE, LATCH, Pilot, Push
+from missions.control.pilot import ENABLE_KEY, LATCH_KEY, DriveInput, Pilot
 from missions.plugins.teleop import layout, pad
 from missions.plugins.teleop.beside import drive_by_hand
-from missions.plugins.teleop.layout import Event, Span, events_of, span_of, span_request
-from missions.plugins.teleop.pad import DEAD, SILENCE, Pad, find_pad
+from missions.plugins.teleop.layout import AxisRange, PadEvent, parse_events, parse_range, range_request
+from missions.plugins.teleop.pad import DEAD_ZONE, SILENCE_TIMEOUT, Pad, find_pad
 from missions.plugins.testing.recorders import RecordedBase
 
 TIME = bytes(2 * calcsize("l"))
 
 GOLDEN = [
-    ("03 00 01 00 00 80 FF FF", Event(layout.ABS, layout.STICK_Y, -32768)),
-    ("03 00 00 00 FF 7F 00 00", Event(layout.ABS, layout.STICK_X, 32767)),
-    ("03 00 10 00 FF FF FF FF", Event(layout.ABS, layout.HAT_X, -1)),
-    ("01 00 36 01 01 00 00 00", Event(layout.KEY, layout.SHOULDER_LEFT, 1)),
-    ("01 00 31 01 01 00 00 00", Event(layout.KEY, layout.EAST, 1)),
-    ("01 00 3B 01 00 00 00 00", Event(layout.KEY, layout.START, 0)),
-    ("00 00 00 00 00 00 00 00", Event(layout.SYN, 0, 0)),
-    ("00 00 03 00 00 00 00 00", Event(layout.SYN, layout.SYN_DROPPED, 0)),
+    ("03 00 01 00 00 80 FF FF", PadEvent(layout.ABS, layout.STICK_Y, -32768)),
+    ("03 00 00 00 FF 7F 00 00", PadEvent(layout.ABS, layout.STICK_X, 32767)),
+    ("03 00 10 00 FF FF FF FF", PadEvent(layout.ABS, layout.HAT_X, -1)),
+    ("01 00 36 01 01 00 00 00", PadEvent(layout.KEY, layout.SHOULDER_LEFT, 1)),
+    ("01 00 31 01 01 00 00 00", PadEvent(layout.KEY, layout.EAST, 1)),
+    ("01 00 3B 01 00 00 00 00", PadEvent(layout.KEY, layout.START, 0)),
+    ("00 00 00 00 00 00 00 00", PadEvent(layout.SYN, 0, 0)),
+    ("00 00 03 00 00 00 00 00", PadEvent(layout.SYN, layout.SYN_DROPPED, 0)),
 ]
 
-HOLD, LET_GO = (Event(layout.KEY, layout.SHOULDER_LEFT, value) for value in (1, 0))
-AHEAD = Event(layout.ABS, layout.STICK_Y, -32768)
-RIGHT = Event(layout.ABS, layout.STICK_X, 32767)
+HOLD, LET_GO = (PadEvent(layout.KEY, layout.SHOULDER_LEFT, value) for value in (1, 0))
+AHEAD = PadEvent(layout.ABS, layout.STICK_Y, -32768)
+RIGHT = PadEvent(layout.ABS, layout.STICK_X, 32767)
 
 
 class Held:
@@ -43,17 +43,17 @@ class Held:
     def __init__(self, path: Path) -> None:
         os.mkfifo(path)
         self.clock = ManualClock(100.0)
-        self.pad = Pad(str(path), self.clock, span=lambda *_: Span(-32768, 32767))
+        self.pad = Pad(str(path), self.clock, read_range=lambda *_: AxisRange(-32768, 32767))
         self.pad.open()
         self._hand = os.open(path, os.O_WRONLY)
 
-    def do(self, *done: Event) -> list[str]:
+    def do(self, *done: PadEvent) -> list[str]:
         """Do this, and return the keys that the pad makes of it."""
         os.write(self._hand, b"".join(event.pack() for event in done))
-        return self.pad.keys()
+        return self.pad.read_keys()
 
-    def push(self) -> Push | None:
-        return self.pad.push(self.clock.now())
+    def push(self) -> DriveInput | None:
+        return self.pad.push(self.clock.read_value())
 
     def unplug(self) -> None:
         if self._hand >= 0:
@@ -71,28 +71,28 @@ def held(tmp_path: Path) -> Iterator[Held]:
 
 
 @pytest.mark.parametrize(("raw", "event"), GOLDEN)
-def test_an_event_is_the_bytes_of_the_kernel_in_both_directions(raw: str, event: Event) -> None:
-    assert events_of(TIME + bytes.fromhex(raw)) == [event]
+def test_an_event_is_the_bytes_of_the_kernel_in_both_directions(raw: str, event: PadEvent) -> None:
+    assert parse_events(TIME + bytes.fromhex(raw)) == [event]
     assert event.pack() == TIME + bytes.fromhex(raw)
 
 
 @given(st.binary(max_size=200))
 def test_any_bytes_are_events_or_none(data: bytes) -> None:
-    assert len(events_of(data)) == len(data) // (len(TIME) + 8)
+    assert len(parse_events(data)) == len(data) // (len(TIME) + 8)
 
 
 def test_the_kernel_is_asked_for_the_ends_of_an_axis_by_its_own_number() -> None:
-    assert [span_request(axis) for axis in (0, 1)] == [0x80184540, 0x80184541]
+    assert [range_request(axis) for axis in (0, 1)] == [0x80184540, 0x80184541]
     info = b"".join(number.to_bytes(4, "little") for number in (128, 0, 255, 0, 15, 0))
-    assert span_of(info) == Span(0, 255)
-    assert Span(0, 255).share(255) == 1.0
-    assert Span(0, 0).share(0) == 0.0
+    assert parse_range(info) == AxisRange(0, 255)
+    assert AxisRange(0, 255).scale(255) == 1.0
+    assert AxisRange(0, 0).scale(0) == 0.0
 
 
 @given(st.integers(-40000, 40000), st.integers(-40000, 40000))
 def test_a_stick_gives_more_the_further_it_is_pushed_and_no_more_than_all(one: int, other: int) -> None:
-    span = Span(-32768, 32767)
-    low, high = (span.share(value, DEAD) for value in sorted((one, other)))
+    span = AxisRange(-32768, 32767)
+    low, high = (span.scale(value, DEAD_ZONE) for value in sorted((one, other)))
     assert -1.0 <= low <= high <= 1.0
 
 
@@ -100,15 +100,15 @@ def test_the_stick_drives_only_while_the_shoulder_button_is_held(held: Held) -> 
     held.do(AHEAD, RIGHT)
     assert held.push() is None
     held.do(HOLD)
-    assert held.push() == Push(ahead=1.0, left=-1.0)
+    assert held.push() == DriveInput(ahead=1.0, left=-1.0)
     held.do(LET_GO)
     assert held.push() is None
 
 
 def test_near_its_middle_a_stick_is_in_its_middle_and_small_pushes_are_fine_ones(held: Held) -> None:
-    held.do(HOLD, Event(layout.ABS, layout.STICK_Y, 3000))
-    assert held.push() == Push(0.0, 0.0)
-    held.do(Event(layout.ABS, layout.STICK_Y, -18000))
+    held.do(HOLD, PadEvent(layout.ABS, layout.STICK_Y, 3000))
+    assert held.push() == DriveInput(0.0, 0.0)
+    held.do(PadEvent(layout.ABS, layout.STICK_Y, -18000))
     push = held.push()
     assert push is not None
     assert 0.2 < push.ahead < 0.3
@@ -116,30 +116,30 @@ def test_near_its_middle_a_stick_is_in_its_middle_and_small_pushes_are_fine_ones
 
 def test_a_pad_that_says_nothing_any_more_is_let_go_of_until_it_is_held_anew(held: Held) -> None:
     held.do(HOLD, AHEAD)
-    held.clock.advance(SILENCE)
-    assert held.push() == Push(1.0, 0.0)
+    held.clock.advance(SILENCE_TIMEOUT)
+    assert held.push() == DriveInput(1.0, 0.0)
     held.clock.advance(0.01)
     assert held.push() is None
     held.do(AHEAD)
     assert held.push() is None
     held.do(HOLD)
-    assert held.push() == Push(1.0, 0.0)
+    assert held.push() == DriveInput(1.0, 0.0)
 
 
 def test_a_gap_in_the_events_lets_go(held: Held) -> None:
-    held.do(HOLD, AHEAD, Event(layout.SYN, layout.SYN_DROPPED, 0))
+    held.do(HOLD, AHEAD, PadEvent(layout.SYN, layout.SYN_DROPPED, 0))
     assert held.push() is None
 
 
 def test_buttons_and_the_cross_are_keys(held: Held) -> None:
     cross = [(layout.HAT_X, -1), (layout.HAT_X, 0), (layout.HAT_X, 1), (layout.HAT_Y, -1), (layout.HAT_Y, 1)]
-    assert held.do(*(Event(layout.ABS, *where) for where in cross)) == ["left", "right", "up", "down"]
-    pressed = [Event(layout.KEY, button, value) for button in (layout.EAST, layout.START, 0x120) for value in (1, 0)]
-    assert held.do(*pressed) == [LATCH, ENABLE]
+    assert held.do(*(PadEvent(layout.ABS, *where) for where in cross)) == ["left", "right", "up", "down"]
+    pressed = [PadEvent(layout.KEY, button, value) for button in (layout.EAST, layout.START, 0x120) for value in (1, 0)]
+    assert held.do(*pressed) == [LATCH_KEY, ENABLE_KEY]
 
 
 def test_who_enables_the_base_has_to_hold_the_button_anew(held: Held) -> None:
-    for key in (LATCH, ENABLE):
+    for key in (LATCH_KEY, ENABLE_KEY):
         held.do(HOLD, AHEAD)
         held.pad.press("q", 0.0)
         assert held.push() is not None
@@ -176,7 +176,7 @@ def test_the_ends_of_what_is_no_pad_are_unknown_and_it_drives_nothing(tmp_path: 
     plain.open()
     try:
         with pytest.raises(NotConnected):
-            plain.keys()
+            plain.read_keys()
         assert plain.push(0.0) is None
     finally:
         plain.close()
@@ -201,4 +201,4 @@ def test_the_first_game_pad_is_found_among_keyboards_and_mice(tmp_path: Path) ->
 
 
 def test_the_help_of_the_pad_names_its_buttons() -> None:
-    assert all(word in pad.HELP for word in ("left shoulder", "left stick", "cross", "east", "Start"))
+    assert all(word in pad.PAD_HELP for word in ("left shoulder", "left stick", "cross", "east", "Start"))

@@ -14,10 +14,10 @@ from drivers.api import BaseState, Pose2D, Quality, Reading, Velocity
 from missions.executive.events import NodeChanged
 from missions.executive.tick_record import TickRecord
 from missions.plugins.records.commands.record import command
-from missions.plugins.records.comparison.runs import Comparison, compared
-from missions.plugins.records.recording.head import Head
+from missions.plugins.records.comparison.runs import RunComparison, compare_runs
+from missions.plugins.records.recording.head import RecordHeader
 from missions.plugins.records.recording.read import open_record
-from missions.trees.drawing import Drawing
+from missions.trees.drawing import TreeDrawing
 from tests.missions.records.report.test_report_joints import ARM, waves
 from tests.missions.records.report.told_record import DRAWING, WHERE, Item, items, write
 
@@ -38,13 +38,15 @@ def changed(key: str, begin: float, *, by: float = 0.0, **other: Any) -> list[It
     )
 
 
-def runs(tmp_path: Path, other: Sequence[Item], *, head: Head = REAL, drawing: Drawing = DRAWING) -> list[Path]:
+def runs(
+    tmp_path: Path, other: Sequence[Item], *, head: RecordHeader = REAL, drawing: TreeDrawing = DRAWING
+) -> list[Path]:
     a = write(tmp_path / "a.mcap", items(), head=REAL)
     return [a, write(tmp_path / "b.mcap", other, head=head, drawing=drawing)]
 
 
-def comparison(tmp_path: Path, other: Sequence[Item]) -> Comparison:
-    return compared(*map(open_record, runs(tmp_path, other)))
+def comparison(tmp_path: Path, other: Sequence[Item]) -> RunComparison:
+    return compare_runs(*map(open_record, runs(tmp_path, other)))
 
 
 def run(*arguments: object) -> Result:
@@ -53,13 +55,13 @@ def run(*arguments: object) -> Result:
 
 def test_a_run_decides_as_itself(tmp_path: Path) -> None:
     found = comparison(tmp_path, items())
-    assert (found.split, found.settings, found.nodes) == (None, {}, 7)
+    assert (found.first_difference, found.settings, found.nodes) == (None, {}, 7)
     assert {leaf.seconds.a == leaf.seconds.b for leaf in found.leaves} == {True}
 
 
 def test_a_leaf_that_takes_longer_decides_nothing(tmp_path: Path) -> None:
     found = comparison(tmp_path, changed(DRIVE, 4.0, by=0.5))
-    assert found.split is None
+    assert found.first_difference is None
     assert {leaf.place.name: (leaf.seconds.b or 0.0) - leaf.seconds.a for leaf in found.leaves if leaf.seconds.a} == {
         "track_face": 0.0,
         "say": pytest.approx(0.5),
@@ -76,9 +78,9 @@ def test_the_leaf_that_ends_otherwise_is_named_and_not_what_follows_from_it(tmp_
 
 def test_a_node_that_one_of_them_never_asks_is_where_they_part(tmp_path: Path) -> None:
     less = [item for item in items() if not (isinstance(item, NodeChanged) and item.node == SAY)]
-    split = comparison(tmp_path, less).split
+    split = comparison(tmp_path, less).first_difference
     assert split is not None
-    assert (split.place.key, split.became.b) == (SAY, None)
+    assert (split.place.key, split.changes.b) == (SAY, None)
 
 
 def test_what_only_one_tree_has_is_told_and_shifts_no_other(tmp_path: Path) -> None:
@@ -105,7 +107,7 @@ def test_what_they_were_run_with_is_told_where_it_differs(tmp_path: Path) -> Non
         (replace(REAL, robot="s"), "is of the robot 'r', .* of 's': only runs of one mission on one robot"),
     ],
 )
-def test_other_missions_and_robots_are_refused_in_words(tmp_path: Path, head: Head, why: str) -> None:
+def test_other_missions_and_robots_are_refused_in_words(tmp_path: Path, head: RecordHeader, why: str) -> None:
     path, other = runs(tmp_path, items(), head=head)
     result = run(path, other)
     assert result.exit_code == 2
@@ -113,7 +115,7 @@ def test_other_missions_and_robots_are_refused_in_words(tmp_path: Path, head: He
 
 
 def test_trees_without_a_node_in_common_are_refused(tmp_path: Path) -> None:
-    alone = Drawing("m", "", "m.yaml", replace(DRAWING.root, kind="race", name="race", children=()))
+    alone = TreeDrawing("m", "", "m.yaml", replace(DRAWING.root, kind="race", name="race", children=()))
     result = run(*runs(tmp_path, [], drawing=alone))
     assert (result.exit_code, "have no node in common" in result.output) == (2, True)
 
@@ -146,10 +148,10 @@ def walked(path: Path, aside: float, late: float) -> Path:
 
 def test_ways_and_joints_stand_side_by_side(tmp_path: Path) -> None:
     path, other = walked(tmp_path / "a.mcap", 0.0, 0.01), walked(tmp_path / "b.mcap", 1.0, 0.02)
-    found = compared(open_record(path), open_record(other))
-    assert found.apart is not None
-    assert found.apart[0] == pytest.approx(1.0, abs=0.03)
-    assert found.apart[1] == pytest.approx(3.9)
+    found = compare_runs(open_record(path), open_record(other))
+    assert found.max_distance is not None
+    assert found.max_distance[0] == pytest.approx(1.0, abs=0.03)
+    assert found.max_distance[1] == pytest.approx(3.9)
     elbow = found.joints["elbow"]
     assert elbow.a is not None
     assert elbow.b is not None

@@ -17,14 +17,21 @@ from missions.executive.events import (
     VariableSet,
 )
 from missions.executive.tick_record import Answer, TickRecord
-from missions.plugins.records.recording.head import Contents, Head
-from missions.plugins.records.recording.items import Checked, Missed, Picture, Seen, packed, unpacked
-from missions.plugins.records.recording.writer import RecordWriter, Sink
-from missions.trees.drawing import Box, Drawing, to_json
+from missions.plugins.records.recording.head import RecordContents, RecordHeader
+from missions.plugins.records.recording.items import (
+    HealthItem,
+    LossItem,
+    PictureItem,
+    ViewItem,
+    pack_items,
+    unpack_items,
+)
+from missions.plugins.records.recording.writer import ChunkSink, RecordWriter
+from missions.trees.drawing import TreeBox, TreeDrawing, to_json
 from perception.api import Box as Place
 from perception.api import Face, View
 
-HEAD = Head(
+HEAD = RecordHeader(
     mission="greet",
     file="mission/greet.yaml",
     robot="turtlebot2",
@@ -40,18 +47,18 @@ HEAD = Head(
     parts=("base", "head", "camera"),
 )
 
-TREE = Drawing(
+TREE = TreeDrawing(
     "greet",
     "Greet somebody",
     "greet.yaml",
-    Box(
+    TreeBox(
         "1",
         "sequence",
         "sequence",
         "→",
         "greet.yaml",
         3,
-        children=(Box("1.1", "look_for", "look_for", "■", "greet.yaml", 4),),
+        children=(TreeBox("1.1", "look_for", "look_for", "■", "greet.yaml", 4),),
     ),
 )
 
@@ -62,7 +69,7 @@ JPEG = b"\xff\xd8 not much of a picture \xff\xd9"
 TICKS = 80
 END = 4.0
 
-Item = Event | TickRecord | Seen | Picture | Checked | Missed
+Item = Event | TickRecord | ViewItem | PictureItem | HealthItem | LossItem
 
 
 def moments() -> list[TickRecord]:
@@ -91,7 +98,7 @@ def face(t: float) -> Face:
 
 def items() -> list[Item]:
     """Return all that the run hands over, in order."""
-    found: list[Event | TickRecord | Seen | Picture] = [
+    found: list[Event | TickRecord | ViewItem | PictureItem] = [
         NodeChanged(0.05, 1, "1", "sequence", "sequence", 3, "running", ""),
         NodeChanged(0.05, 1, "1.1", "look_for", "look_for", 4, "running", "nobody yet"),
         VariableSet(0.05, 1, "", "patience", 5.0),
@@ -104,20 +111,20 @@ def items() -> list[Item]:
         NodeChanged(END, TICKS, "1.1", "look_for", "look_for", 4, "success", ""),
         NodeChanged(END, TICKS, "1", "sequence", "sequence", 3, "success", ""),
         *moments(),
-        *(Seen(second + 0.01, View(float(second), (face(float(second)),))) for second in range(4)),
-        *(Picture(float(second), JPEG, None) for second in range(4)),
+        *(ViewItem(second + 0.01, View(float(second), (face(float(second)),))) for second in range(4)),
+        *(PictureItem(float(second), JPEG, None) for second in range(4)),
         Ended(END, "greet", "success", "", END, TICKS),
     ]
-    return [*sorted(found, key=lambda item: item.t), Missed({"/camera": 3}, "the disk was slow")]
+    return [*sorted(found, key=lambda item: item.t), LossItem({"/camera": 3}, "the disk was slow")]
 
 
-def write(path: Path, what: Sequence[Item], *, close: bool = True, head: Head = HEAD, every: int = 10) -> Path:
+def write(path: Path, what: Sequence[Item], *, close: bool = True, head: RecordHeader = HEAD, every: int = 10) -> Path:
     """Write a record as a run's writer does, in chunks of ``every`` items; return its path."""
-    contents = Contents(head, FILES, json.dumps(to_json(TREE)).encode())
+    contents = RecordContents(head, FILES, json.dumps(to_json(TREE)).encode())
     with path.open("wb", buffering=0) as file:
-        writer = RecordWriter(Sink(file.fileno()), contents)
+        writer = RecordWriter(ChunkSink(file.fileno()), contents)
         writer.begin()
-        for number, item in enumerate(unpacked(packed(what)), start=1):
+        for number, item in enumerate(unpack_items(pack_items(what)), start=1):
             writer.add(item)
             if number % every == 0:
                 writer.flush()

@@ -10,7 +10,7 @@ from threading import Event
 from drivers.api import HeadPose, Quality, Reading
 from drivers.clock import SystemClock
 from missions.executive.tick_record import TickRecord
-from missions.plugins.records.recording.head import Contents
+from missions.plugins.records.recording.head import RecordContents
 from missions.plugins.records.recording.recorder import Recorder
 from tests.missions.records.recording.small_record import FILES, HEAD
 
@@ -24,14 +24,14 @@ def moment(tick: int, t: float) -> TickRecord:
 def main() -> None:
     """Record until killed."""
     recorder, clock, pause = Recorder(Path(sys.argv[1])), SystemClock(), Event()
-    recorder.open(Contents(HEAD, FILES), clock)
-    process = recorder._outlet._process
+    recorder.open(RecordContents(HEAD, FILES), clock)
+    process = recorder._writer._process
     print(0 if process is None else process.pid, flush=True)  # noqa: T201 - for the test
     tick = 0
     while not pause.wait(0.01):
         tick += 1
-        t = clock.now()
-        recorder.moment(moment(tick, t))
+        t = clock.read_value()
+        recorder.on_tick(moment(tick, t))
         print(t, flush=True)  # noqa: T201 - for the test
 
 

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
-from missions.plugins.records.recording.container import Container, Message, Span
+from missions.plugins.records.recording.container import McapContainer, McapMessage, RecordSpan
 from missions.plugins.records.recording.faults import InvalidRecordError
-from missions.plugins.records.recording.mend import NotMendedError, mend
-from missions.plugins.records.recording.read import Record, open_record
-from missions.plugins.records.recording.survey import FOREIGN, survey
+from missions.plugins.records.recording.mend import RepairError, repair_record
+from missions.plugins.records.recording.read import RunRecord, open_record
+from missions.plugins.records.recording.survey import FIRST_PRIVATE_OPCODE, scan_file
 from tests.missions.records.recording.small_record import END, items, write
 
 Damage = tuple[float, list[tuple[float, int]]]
@@ -31,7 +31,7 @@ class Samples:
 
     closed: bytes
     unclosed: bytes
-    written: list[Message]
+    written: list[McapMessage]
 
     def __repr__(self) -> str:
         return "samples"  # hypothesis prints it
@@ -54,23 +54,23 @@ def path(folder: Path) -> Path:
     return folder / "record.mcap"
 
 
-def surveyed(path: Path) -> Container:
-    container = survey(path)
+def surveyed(path: Path) -> McapContainer:
+    container = scan_file(path)
     assert container is not None
     return container
 
 
-def readable(path: Path) -> list[Message]:
+def readable(path: Path) -> list[McapMessage]:
     return list(surveyed(path).messages())
 
 
-def by_the_plain_reader(path: Path) -> list[Message]:
+def by_the_plain_reader(path: Path) -> list[McapMessage]:
     with path.open("rb") as file:
         found = make_reader(file, validate_crcs=True).iter_messages(log_time_order=False)
-        return [Message(channel.topic, message.log_time, message.data) for _, channel, message in found]
+        return [McapMessage(channel.topic, message.log_time, message.data) for _, channel, message in found]
 
 
-def chunks_of(path: Path) -> list[Span]:
+def chunks_of(path: Path) -> list[RecordSpan]:
     return list(surveyed(path).chunk_spans)
 
 
@@ -83,16 +83,16 @@ def damaged(data: bytes, damage: Damage) -> bytes:
     return bytes(found)
 
 
-def ask_everything(record: Record) -> None:
+def ask_everything(record: RunRecord) -> None:
     assert [event.t for event in record.events] == sorted(event.t for event in record.events)
-    assert len(record.moments) <= 80
+    assert len(record.tick_records) <= 80
     assert len(list(record.views())) <= 4
     assert all(jpeg for _, jpeg in record.frames())
     assert len(record.series("base.x")[0]) <= 40
     assert set(record.statuses(2.0)) <= {"1", "1.1"}
     assert len(record.failures()) <= len(record.search("nobody")) + 1
-    assert set(record.lost()) <= {"/camera"}
-    assert 0 <= record.until <= END
+    assert set(record.lost_counts()) <= {"/camera"}
+    assert 0 <= record.end_time <= END
 
 
 @given(DAMAGES)
@@ -116,17 +116,17 @@ def test_mending_keeps_all_that_could_be_read_and_every_reader_finds_it(
     samples: Samples, path: Path, damage: Damage, was_closed: bool
 ) -> None:
     path.write_bytes(damaged(samples.closed if was_closed else samples.unclosed, damage))
-    container = survey(path)
+    container = scan_file(path)
     before = [] if container is None else list(container.messages())
     assert set(before) <= set(samples.written)
     if not before:
         return
-    mended = mend(path)
-    assert surveyed(path).whole
+    mended = repair_record(path)
+    assert surveyed(path).is_complete
     assert readable(path) == before
-    if not mended.already:
+    if not mended.already_closed:
         assert by_the_plain_reader(path) == before
-    assert mend(path).already
+    assert repair_record(path).already_closed
 
 
 @settings(max_examples=30)
@@ -134,12 +134,12 @@ def test_mending_keeps_all_that_could_be_read_and_every_reader_finds_it(
 def test_a_mending_that_is_killed_is_finished_by_the_next(samples: Samples, path: Path, share: float) -> None:
     path.write_bytes(samples.unclosed[:-10])
     before = readable(path)
-    mend(path)
+    repair_record(path)
     mended = path.read_bytes()
     appended = len(mended) - surveyed(path).end
     path.write_bytes(mended[: len(mended) - round(share * appended)])  # cut off first, then appended up to there
     assert readable(path) == before
-    mend(path)
+    repair_record(path)
     assert by_the_plain_reader(path) == before
 
 
@@ -150,8 +150,8 @@ def test_a_record_that_was_not_closed_has_everything_up_to_its_last_chunk(sample
     left = readable(path)
     assert left == samples.written[: len(left)]
     assert len(left) < len(samples.written)
-    assert not open_record(path).whole
-    assert 3.0 < open_record(path).until <= END
+    assert not open_record(path).is_complete
+    assert 3.0 < open_record(path).end_time <= END
 
 
 def test_a_chunk_that_does_not_match_its_checksum_is_left_out_and_nothing_else(samples: Samples, path: Path) -> None:
@@ -162,13 +162,13 @@ def test_a_chunk_that_does_not_match_its_checksum_is_left_out_and_nothing_else(s
         + bytes([samples.unclosed[chunk.end - 20] ^ 1])
         + samples.unclosed[chunk.end - 19 :]
     )
-    told: list[Span] = []
-    left = list(surveyed(path).messages(damaged=told.append))
+    told: list[RecordSpan] = []
+    left = list(surveyed(path).messages(on_damage=told.append))
     assert told == [chunk]
     assert len(left) > 0.8 * len(samples.written)
-    assert mend(path).skipped == 1
+    assert repair_record(path).skipped_spans == 1
     assert by_the_plain_reader(path) == left
-    assert path.read_bytes()[chunk.start] == FOREIGN
+    assert path.read_bytes()[chunk.start] == FIRST_PRIVATE_OPCODE
 
 
 def test_beyond_a_stretch_of_rubbish_reading_goes_on_at_the_next_chunk(samples: Samples, path: Path) -> None:
@@ -178,14 +178,14 @@ def test_beyond_a_stretch_of_rubbish_reading_goes_on_at_the_next_chunk(samples: 
     left = readable(path)
     assert left[0] == samples.written[0]
     assert left[-1] == samples.written[-1]
-    assert mend(path).skipped == 1
+    assert repair_record(path).skipped_spans == 1
     assert by_the_plain_reader(path) == left
 
 
 def test_zeros_behind_the_last_record_as_a_power_cut_leaves_them_are_cut_off(samples: Samples, path: Path) -> None:
     path.write_bytes(samples.unclosed + bytes(4096))
-    assert mend(path).cut >= 4096
-    assert mend(path).already
+    assert repair_record(path).bytes_cut >= 4096
+    assert repair_record(path).already_closed
 
 
 def test_no_length_makes_it_take_much_memory(samples: Samples, path: Path) -> None:
@@ -193,18 +193,18 @@ def test_no_length_makes_it_take_much_memory(samples: Samples, path: Path) -> No
     chunk = chunks_of(path)[3]
     for at, least in ((chunk.start + 1, 8), (chunk.start + 9 + 16, 8)):  # of the record; of what it unpacks to
         path.write_bytes(samples.unclosed[:at] + b"\xff" * (least - 1) + b"\x7f" + samples.unclosed[at + least :])
-        told: list[Span] = []
+        told: list[RecordSpan] = []
         container = surveyed(path)
-        assert list(container.messages(damaged=told.append))
-        assert len(told) + len(container.spoilt) == 1
+        assert list(container.messages(on_damage=told.append))
+        assert len(told) + len(container.damaged_spans) == 1
 
 
 def test_a_record_that_is_being_written_is_not_mended(samples: Samples, path: Path) -> None:
     path.write_bytes(samples.unclosed)
     with path.open("rb") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
-        with pytest.raises(NotMendedError, match="is being written just now"):
-            mend(path)
+        with pytest.raises(RepairError, match="is being written just now"):
+            repair_record(path)
     assert path.read_bytes() == samples.unclosed
 
 
@@ -213,8 +213,8 @@ def test_a_record_without_its_beginning_is_left_as_it_is(samples: Samples, path:
     chunk = chunks_of(path)[0]
     data = samples.unclosed[: chunk.start + 60] + bytes(9) + samples.unclosed[chunk.start + 69 :]
     path.write_bytes(data)
-    with pytest.raises(NotMendedError, match="nothing in it that can be read"):
-        mend(path)
+    with pytest.raises(RepairError, match="nothing in it that can be read"):
+        repair_record(path)
     assert path.read_bytes() == data
     with pytest.raises(InvalidRecordError, match="its beginning is missing or damaged"):
         open_record(path)
@@ -222,8 +222,8 @@ def test_a_record_without_its_beginning_is_left_as_it_is(samples: Samples, path:
 
 def test_what_is_no_mcap_file_is_not_touched(path: Path) -> None:
     path.write_text("mission: greet\n")
-    with pytest.raises(NotMendedError, match="not an MCAP file"):
-        mend(path)
+    with pytest.raises(RepairError, match="not an MCAP file"):
+        repair_record(path)
     assert path.read_text() == "mission: greet\n"
 
 
@@ -232,7 +232,7 @@ def test_without_an_index_the_places_are_those_of_the_index(samples: Samples, pa
     indexed = surveyed(path)
     path.write_bytes(samples.unclosed)
     walked = surveyed(path)
-    assert (indexed.whole, walked.whole) == (True, False)
+    assert (indexed.is_complete, walked.is_complete) == (True, False)
     for opcode in (Opcode.CHUNK, Opcode.ATTACHMENT, Opcode.METADATA):
         places = [[span for span in found.spans if span.opcode == opcode] for found in (indexed, walked)]
         assert places[0] == places[1]

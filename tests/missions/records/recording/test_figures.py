@@ -7,14 +7,14 @@ import pytest
 from drivers.api import BaseState, HeadPose, Pose2D, Quality, Reading, Velocity
 from missions.executive.tick_record import Answer, TickRecord
 from missions.plugins.records.recording.foxglove import Epoch, Json, camera_transform
-from missions.plugins.records.recording.writer import Figure, Figures
-from missions.plugins.testing.recorders import Bench
+from missions.plugins.records.recording.writer import PartStateMessage, StateSampler
+from missions.plugins.testing.recorders import LeafTestBench
 from perception.api import Gaze
 
 
-def figures(*ticks: tuple[float, list[Answer]]) -> list[Figure]:
-    follow = Figures(Epoch(0), (0.1, 0.0, 1.0))
-    return [each for t, answers in ticks for each in follow.of(TickRecord("tick", 1, t, 0.0, 0.0, answers))]
+def figures(*ticks: tuple[float, list[Answer]]) -> list[PartStateMessage]:
+    follow = StateSampler(Epoch(0), (0.1, 0.0, 1.0))
+    return [each for t, answers in ticks for each in follow.sample(TickRecord("tick", 1, t, 0.0, 0.0, answers))]
 
 
 def state(t: float, heading: float = 0.0) -> Answer:
@@ -75,7 +75,7 @@ def test_another_head_turns_no_camera() -> None:
 
 
 def test_the_joints_of_all_arms_are_told_together() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     answers: list[Answer] = [(part, "states", (), bench.arm.states()) for part in ("arm", "right_arm")]
     (arms,) = figures((1.0, answers))
     joints = arms.data["joints"]

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
-from config.library import DEFAULT_ROBOT, find
-from config.reading import files_read, note_read
+from config.library import DEFAULT_ROBOT, find_file
+from config.reading import collect_read_files, record_read
 from missions.library.drivers import load_robot
 from missions.plugins.records.recording.gather import contents_of
-from missions.plugins.records.recording.head import Contents
+from missions.plugins.records.recording.head import RecordContents
 from missions.request import RunRequest
 from missions.runner import Runner
 
@@ -26,10 +26,10 @@ class Idle(Leaf):
 '''
 
 
-def gathered(order: RunRequest) -> tuple[Contents, Mapping[Path, bytes]]:
-    with files_read() as files:
+def gathered(order: RunRequest) -> tuple[RecordContents, Mapping[Path, bytes]]:
+    with collect_read_files() as files:
         runner = Runner(order)
-    config = load_robot(find("robots", order.robot or DEFAULT_ROBOT))
+    config = load_robot(find_file("robots", order.robot or DEFAULT_ROBOT))
     return contents_of(order, runner.plan, config, files, started=STARTED, command=("mission", "run")), files
 
 
@@ -43,9 +43,9 @@ def test_the_files_of_a_shipped_mission_are_all_there() -> None:
         "gesture/hello.yaml",
     }
     for name, data in contents.files.items():
-        path = Path(contents.head.paths[name])
+        path = Path(contents.header.paths[name])
         assert data == path.read_bytes() == files[path]
-    head = contents.head
+    head = contents.header
     assert (head.mission, head.file, head.robot) == ("greet", "mission/greet.yaml", "turtlebot2_arm")
     assert (head.world, head.seed, head.simulate, head.eyes) == ("living_room", 3, "fast", "pixels")
     assert head.started == "2026-11-21T14:03:00+00:00"
@@ -64,7 +64,7 @@ def test_what_the_user_brings_along_is_there_too(tmp_path: Path) -> None:
     outer.write_text("mission: outer\nparams: {to: 3}\ntree:\n  mission: inner/count.yaml\n", encoding="utf-8")
     order = RunRequest(str(outer), {"to": "5"}, simulate="fast", behaviours=[tmp_path / "leaf.py"])
     contents, _ = gathered(order)
-    head = contents.head
+    head = contents.header
     assert {"mission/count.yaml", "mission/count-2.yaml", "behaviours/leaf.py", "move/sheet.csv"} <= set(contents.files)
     assert contents.files[head.file] == outer.read_bytes()
     assert head.behaviours == ("behaviours/leaf.py",)
@@ -75,11 +75,11 @@ def test_what_the_user_brings_along_is_there_too(tmp_path: Path) -> None:
 def test_a_file_that_changes_after_it_was_read_is_kept_as_it_was(tmp_path: Path) -> None:
     path = tmp_path / "short.yaml"
     path.write_text("mission: short\ntree: {wait: 1 s}\n", encoding="utf-8")
-    with files_read() as files:
+    with collect_read_files() as files:
         runner = Runner(order := RunRequest(str(path), simulate="fast"))
     before = path.read_bytes()
     path.write_text("mission: other\ntree: {wait: 9 s}\n", encoding="utf-8")
-    config = load_robot(find("robots", DEFAULT_ROBOT))
+    config = load_robot(find_file("robots", DEFAULT_ROBOT))
     contents = contents_of(order, runner.plan, config, files, started=STARTED)
     assert contents.files["mission/short.yaml"] == before
 
@@ -87,11 +87,11 @@ def test_a_file_that_changes_after_it_was_read_is_kept_as_it_was(tmp_path: Path)
 def test_nobody_is_told_of_files_outside(tmp_path: Path) -> None:
     path = tmp_path / "a"
     path.write_bytes(b"x")
-    with files_read() as outer:
-        with files_read() as inner:
-            note_read(path)
+    with collect_read_files() as outer:
+        with collect_read_files() as inner:
+            record_read(path)
         assert dict(inner) == {path: b"x"}
-    note_read(path)
+    record_read(path)
     assert not outer
 
 
@@ -103,14 +103,14 @@ def test_no_password_of_a_camera_is_kept(tmp_path: Path) -> None:
     mission = tmp_path / "look.yaml"
     mission.write_text("mission: look\ntree: {say: hello}\n")
     order = RunRequest(str(mission), robot=str(robot), simulate="fast")
-    with files_read() as files:
+    with collect_read_files() as files:
         runner = Runner(order)
     command = ("mission", "run", "--camera=rtsp://me:secret@cam/x")
     contents = contents_of(order, runner.plan, load_robot(robot), files, started=STARTED, command=command)
     kept = contents.files["robot/far.yaml"].decode()
-    assert "secret" not in kept + " ".join(contents.head.command)
+    assert "secret" not in kept + " ".join(contents.header.command)
     assert "http://***@cam:81/stream?pwd=***" in kept
     robot.write_text(kept)
     again = load_robot(robot).camera
     assert again is not None
-    assert again.turn.sideways
+    assert again.orientation.swaps_sides

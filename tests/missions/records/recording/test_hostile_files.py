@@ -19,7 +19,7 @@ from mcap.records import Chunk
 from mcap.writer import CompressionType, Writer
 
 from missions.plugins.records.recording import container, read, survey
-from missions.plugins.records.recording.container import HEAD as RECORD_HEAD
+from missions.plugins.records.recording.container import RECORD_HEADER as RECORD_HEAD
 from missions.plugins.records.recording.export import to_csv
 from missions.plugins.records.recording.read import InvalidRecordError, open_record
 from missions.plugins.records.recording.tagged_values import to_json
@@ -86,7 +86,7 @@ def test_a_head_that_nobody_can_reckon_with_is_refused(tmp_path: Path, said: Map
 def test_a_file_that_unpacks_to_far_more_than_it_is_is_not_unpacked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(container, "ROOM", 1_000_000)
+    monkeypatch.setattr(container, "EXPANSION_ALLOWANCE", 1_000_000)
     path = write(
         tmp_path / "a.mcap", [about(), *(("/log", {"t": 1.0, "kind": "voice", "message": "x" * 60_000}),) * 200]
     )
@@ -98,7 +98,7 @@ def test_a_file_that_unpacks_to_far_more_than_it_is_is_not_unpacked(
 def test_what_a_run_writes_is_nowhere_near_that(tmp_path: Path) -> None:
     written = open_record(write_small(tmp_path / "a.mcap", small_items(), every=1000))
     unpacked = sum(chunk.uncompressed_size for _, chunk, _ in written.container.chunks())
-    assert unpacked < 0.2 * container.PACKED * written.path.stat().st_size
+    assert unpacked < 0.2 * container.MAX_EXPANSION_RATIO * written.path.stat().st_size
 
 
 def test_an_index_that_names_one_chunk_many_times_is_not_believed(tmp_path: Path) -> None:
@@ -121,31 +121,31 @@ def test_an_index_that_names_one_chunk_many_times_is_not_believed(tmp_path: Path
 
 
 def test_false_beginnings_of_chunks_do_not_hold_it_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(survey, "PATIENCE", 10_000_000)
+    monkeypatch.setattr(survey, "MAX_SEARCHED_BYTES", 10_000_000)
     whole = write_small(tmp_path / "whole.mcap", small_items(), close=False).read_bytes()
     false = struct.pack("<BQ", Opcode.CHUNK, 900_000) + bytes(28) + b"\x04\0\0\0zstd" + bytes(20)
     path = tmp_path / "a.mcap"
     path.write_bytes(whole + b"\xff" * 50 + false * 30_000)
-    read_bytes, real = [0], container.body
+    read_bytes, real = [0], container.read_body
 
     def counted(*arguments: Any) -> bytes:
         found = real(*arguments)
         read_bytes[0] += len(found)
         return found
 
-    monkeypatch.setattr(survey, "body", counted)
-    assert open_record(path).until >= 4.0
+    monkeypatch.setattr(survey, "read_body", counted)
+    assert open_record(path).end_time >= 4.0
     assert read_bytes[0] < 12_000_000
 
 
 def test_millions_of_records_that_say_nothing_take_no_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(survey, "MOST_SPANS", 1000)
+    monkeypatch.setattr(survey, "MAX_SPANS", 1000)
     whole = write_small(tmp_path / "whole.mcap", small_items(), close=False).read_bytes()
     path = tmp_path / "a.mcap"
     path.write_bytes(whole + struct.pack("<BQB", 0xFF, 1, 0) * 300_000)
     tracemalloc.start()
     try:
-        assert open_record(path).until >= 4.0
+        assert open_record(path).end_time >= 4.0
         assert tracemalloc.get_traced_memory()[1] < 20_000_000
     finally:
         tracemalloc.stop()
@@ -163,7 +163,7 @@ def test_more_than_can_be_kept_in_memory_is_told_with_what_to_type(
 
 
 def test_files_in_it_that_fill_the_memory_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(read, "MOST_OF_FILES", 1_000_000)
+    monkeypatch.setattr(read, "MAX_FILE_BYTES", 1_000_000)
     path = write(tmp_path / "a.mcap", [about()], {f"world/{number}": bytes(600_000) for number in range(2)})
     with pytest.raises(InvalidRecordError, match="has files of more than 1 MB in it"):
         open_record(path)
@@ -173,7 +173,7 @@ def test_a_tree_of_too_many_nodes_is_not_drawn(tmp_path: Path, monkeypatch: pyte
     tree = drawing_to_json(replace(TREE, root=replace(TREE.root, children=TREE.root.children * 300)))
     path = write(tmp_path / "a.mcap", [about()], {"tree.json": json.dumps(tree).encode()})
     assert len(open_record(path).drawing().root.children) == 300
-    monkeypatch.setattr(read, "MOST_BOXES", 300)
+    monkeypatch.setattr(read, "MAX_NODES", 300)
     with pytest.raises(InvalidRecordError, match="a tree of more than 300 nodes"):
         open_record(path).drawing()
 
@@ -182,7 +182,7 @@ def test_a_chunk_that_says_another_size_than_it_has_is_damaged() -> None:
     bomb = zstandard.ZstdCompressor().compress(bytes(50_000_000))
     for size in (1000, container.MAX_RECORD_SIZE + 1, 2**63):
         with pytest.raises(container.DamagedError):
-            container.unpacked(Chunk("zstd", bomb, 0, 0, 0, size))
+            container.decompress_chunk(Chunk("zstd", bomb, 0, 0, 0, size))
 
 
 def test_no_text_of_a_record_is_a_formula_of_a_spreadsheet(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from config.units import Quantity
 from drivers.api import HeadPose
 from drivers.errors import NoReply
 from missions.executive.events import NodeChanged, VariableSet
-from missions.plugins.records.recording.items import EVENTS, Other, packed, unpacked
+from missions.plugins.records.recording.items import EVENT_TOPICS, OpaqueValue, pack_items, unpack_items
 
 
 class Mine:
@@ -34,9 +34,11 @@ class Group(set[int]):
 
 
 def test_values_of_drivers_come_back_and_events_with_their_fields() -> None:
-    pose, event = unpacked(packed([HeadPose(0.1, 0.2), NodeChanged(0.5, 3, "1.2", "say", "say", 4, "running", "")]))
+    pose, event = unpack_items(
+        pack_items([HeadPose(0.1, 0.2), NodeChanged(0.5, 3, "1.2", "say", "say", 4, "running", "")])
+    )
     assert pose == HeadPose(0.1, 0.2)
-    assert isinstance(event, Other)
+    assert isinstance(event, OpaqueValue)
     assert type(event).__name__ == "NodeChanged"
     assert vars(event) == {
         "t": 0.5,
@@ -52,13 +54,13 @@ def test_values_of_drivers_come_back_and_events_with_their_fields() -> None:
 
 def test_errors_come_back_whatever_libraries_have_registered_for_pickling(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(copyreg.dispatch_table, NoReply, lambda error: (Mine, (len(str(error)),)))
-    (error,) = unpacked(packed([NoReply("head: silent", hint="wait")]))
+    (error,) = unpack_items(pack_items([NoReply("head: silent", hint="wait")]))
     assert (type(error), str(error), error.hint) == (NoReply, "head: silent", "wait")
 
 
 def test_of_a_value_of_the_user_the_name_remains() -> None:
     values = [Mine(7), Status.RUNNING, Quantity(0.5, "length", "50 cm"), Row([1, 2]), Row([3]), Table(a=1), Group({1})]
-    found = [vars(each)["value"] for each in unpacked(packed([_set(value) for value in values]))]
+    found = [vars(each)["value"] for each in unpack_items(pack_items([_set(value) for value in values]))]
     mine, status, length, *holders = found
     assert [str(each) for each in holders] == ["<Row>", "<Row>", "<Table>", "<Group>"]
     assert str(mine) == "<Mine>"
@@ -81,4 +83,4 @@ def test_every_event_is_in_the_record_or_contained_in_something_that_is() -> Non
     from missions.executive import events  # noqa: PLC0415 - only what it is made of is asked for
 
     kinds = {kind.__name__ for kind in events.Event.__subclasses__()}
-    assert kinds == contained | set(EVENTS)
+    assert kinds == contained | set(EVENT_TOPICS)

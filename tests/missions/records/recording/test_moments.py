@@ -7,7 +7,7 @@ import pytest
 from drivers.api import HeadPose, Quality, Reading, Velocity
 from drivers.errors import NotConnected
 from missions.executive.tick_record import Answer, TickRecord
-from missions.plugins.records.recording.moments import Restored, Shortened
+from missions.plugins.records.recording.moments import TickDecoder, TickEncoder
 
 POSE = Reading(HeadPose(0.1, -0.2), 1.5, Quality.GOOD)
 ANSWERS: list[Answer] = [
@@ -24,53 +24,53 @@ def moment(tick: int, answers: list[Answer]) -> TickRecord:
 
 
 def test_every_moment_comes_back_as_it_was() -> None:
-    written, restored = Shortened(), Restored()
+    written, restored = TickEncoder(), TickDecoder()
     for tick in range(1, 5):
         told = moment(tick, list(ANSWERS))
-        assert restored.read(json.loads(written.written(told))) == told
+        assert restored.decode(json.loads(written.encode(told))) == told
 
 
 def test_an_answer_that_is_as_before_is_not_written_again() -> None:
-    written = Shortened()
-    first, second = (json.loads(written.written(moment(tick, list(ANSWERS)))) for tick in (1, 2))
+    written = TickEncoder()
+    first, second = (json.loads(written.encode(moment(tick, list(ANSWERS)))) for tick in (1, 2))
     assert [len(answer) for answer in first["answers"]] == [4] * len(ANSWERS)
     assert [len(answer) for answer in second["answers"]] == [3] * len(ANSWERS)
 
 
 def test_of_two_answers_in_one_moment_each_is_told() -> None:
-    written, restored = Shortened(), Restored()
+    written, restored = TickEncoder(), TickDecoder()
     turned = Reading(HeadPose(0.3, 0.0), 1.5, Quality.GOOD)
     told = moment(1, [("head", "pose", (), POSE), ("head", "look", (), POSE.value), ("head", "pose", (), turned)])
     for _ in range(2):
-        assert restored.read(json.loads(written.written(told))) == told
+        assert restored.decode(json.loads(written.encode(told))) == told
 
 
 def test_after_forgetting_a_moment_is_read_without_those_before() -> None:
-    written = Shortened()
-    written.written(moment(1, list(ANSWERS)))
-    written.forget()
-    assert Restored().read(json.loads(written.written(moment(2, list(ANSWERS))))) == moment(2, list(ANSWERS))
+    written = TickEncoder()
+    written.encode(moment(1, list(ANSWERS)))
+    written.reset()
+    assert TickDecoder().decode(json.loads(written.encode(moment(2, list(ANSWERS))))) == moment(2, list(ANSWERS))
 
 
 def test_an_answer_that_was_never_told_is_missed() -> None:
-    written = Shortened()
-    written.written(moment(1, list(ANSWERS)))
+    written = TickEncoder()
+    written.encode(moment(1, list(ANSWERS)))
     with pytest.raises(LookupError):
-        Restored().read(json.loads(written.written(moment(2, list(ANSWERS)))))
+        TickDecoder().decode(json.loads(written.encode(moment(2, list(ANSWERS)))))
 
 
 def test_a_moment_that_cannot_be_written_takes_no_later_one_along() -> None:
-    written, restored = Shortened(), Restored()
+    written, restored = TickEncoder(), TickDecoder()
     with pytest.raises(OverflowError):
-        written.written(moment(1, [*ANSWERS, ("base", "drive", (Velocity(10**400, 0.0),), None)]))
-    assert restored.read(json.loads(written.written(moment(2, list(ANSWERS))))) == moment(2, list(ANSWERS))
+        written.encode(moment(1, [*ANSWERS, ("base", "drive", (Velocity(10**400, 0.0),), None)]))
+    assert restored.decode(json.loads(written.encode(moment(2, list(ANSWERS))))) == moment(2, list(ANSWERS))
 
 
 def test_an_error_is_an_answer() -> None:
-    written, restored = Shortened(), Restored()
+    written, restored = TickEncoder(), TickDecoder()
     told = moment(1, [("base", "drive", (Velocity(0.1, 0.0),), NotConnected("base: gone", hint="plug it in"))])
     for _ in range(2):
-        ((part, what, arguments, error),) = restored.read(json.loads(written.written(told))).answers
+        ((part, what, arguments, error),) = restored.decode(json.loads(written.encode(told))).answers
         assert (part, what, arguments) == ("base", "drive", (Velocity(0.1, 0.0),))
         assert isinstance(error, NotConnected)
         assert (str(error), error.hint) == ("base: gone", "plug it in")

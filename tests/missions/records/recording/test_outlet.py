@@ -5,29 +5,33 @@ from random import Random
 
 import pytest
 
-from missions.plugins.records.recording.outlet import Outlet, WriterEvent, WriterState
+from missions.plugins.records.recording.outlet import RecordWriterClient, WriterEvent, WriterState
 from tests.machines import walk
 
 NAME = "missions.plugins.records.recording.outlet.TRANSITIONS"
 
 
-def new_outlet() -> Outlet:
-    return Outlet(Path("none.mcap"), limit=1e6, overwrite=False, start_time=1.0)
+def new_outlet() -> RecordWriterClient:
+    return RecordWriterClient(Path("none.mcap"), limit=1e6, overwrite=False, start_timeout=1.0)
 
 
 def test_random_lines_take_every_transition(monkeypatch: pytest.MonkeyPatch) -> None:
-    def start(outlet: Outlet, _: Random) -> None:
+    def start(outlet: RecordWriterClient, _: Random) -> None:
         outlet._advance(WriterEvent.START)
 
-    def print_line(outlet: Outlet, chance: Random) -> None:
+    def print_line(outlet: RecordWriterClient, chance: Random) -> None:
         was_recording = outlet.state is WriterState.RECORDING
         closed = b'{"closed": {"counts": {}, "ended": null}}'
-        outlet._take(chance.choice((b'{"ready": true}', b'{"failed": "disk full"}', closed, b"Traceback", b"{}")))
-        assert not outlet.takes or was_recording or outlet.state in {WriterState.STARTING, WriterState.RECORDING}
+        outlet._handle_line(
+            chance.choice((b'{"ready": true}', b'{"failed": "disk full"}', closed, b"Traceback", b"{}"))
+        )
+        assert (
+            not outlet.accepts_items or was_recording or outlet.state in {WriterState.STARTING, WriterState.RECORDING}
+        )
 
-    def end(outlet: Outlet, _: Random) -> None:
+    def end(outlet: RecordWriterClient, _: Random) -> None:
         outlet._stop("its process has ended")
-        assert not outlet.takes
+        assert not outlet.accepts_items
 
     table = walk(monkeypatch, NAME, new_outlet, [start, print_line, print_line, end], steps=10)
     assert table.visited == set(table)
@@ -36,15 +40,15 @@ def test_random_lines_take_every_transition(monkeypatch: pytest.MonkeyPatch) -> 
 def test_process_that_was_ready_and_fails_at_once_has_begun_its_record() -> None:
     outlet = new_outlet()
     outlet._advance(WriterEvent.START)
-    outlet._take(b'{"ready": true}')
-    outlet._take(b'{"failed": "disk full"}')
+    outlet._handle_line(b'{"ready": true}')
+    outlet._handle_line(b'{"failed": "disk full"}')
     assert outlet.state is WriterState.STOPPED
-    assert list(outlet.troubles) == ["disk full: nothing more is recorded"]
+    assert list(outlet.problems) == ["disk full: nothing more is recorded"]
 
 
 def test_line_after_the_end_revives_no_process() -> None:
     outlet = new_outlet()
     outlet._advance(WriterEvent.START)
     outlet._stop("its process has ended")
-    outlet._take(b'{"ready": true}')
+    outlet._handle_line(b'{"ready": true}')
     assert outlet.state is WriterState.ABORTED

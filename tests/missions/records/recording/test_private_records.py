@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from drivers.clock import SystemClock
-from missions.plugins.records.recording.cut import cut
+from missions.plugins.records.recording.cut import cut_record
 from missions.plugins.records.recording.export import to_csv, to_folder, to_jsonl
-from missions.plugins.records.recording.head import Contents
-from missions.plugins.records.recording.items import Picture
+from missions.plugins.records.recording.head import RecordContents
+from missions.plugins.records.recording.items import PictureItem
 from missions.plugins.records.recording.read import open_record
 from missions.plugins.records.recording.recorder import Recorder
-from missions.plugins.setup.drawings import Drawings
+from missions.plugins.setup.drawings import AnnotatedPictures
 from tests.missions.command import command
 from tests.missions.records.recording.small_record import FILES, HEAD, items, moments, write
 from tests.missions.records.report.told_record import picture
@@ -46,16 +46,16 @@ def of_all_in(folder: Path) -> tuple[set[int], set[int]]:
 
 def record(path: Path, *, overwrite: bool = False) -> None:
     with Recorder(path, overwrite=overwrite) as recorder:
-        recorder.open(Contents(HEAD, FILES), SystemClock(), report=lambda _: None)
+        recorder.open(RecordContents(HEAD, FILES), SystemClock(), report=lambda _: None)
         for past in moments():
-            recorder.moment(past)
+            recorder.on_tick(past)
 
 
 def test_a_record_is_for_its_owner_only(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     record(path)
     assert rights(path) == 0o600
-    assert open_record(path).whole
+    assert open_record(path).is_complete
 
 
 def test_so_is_one_that_is_written_over_another(tmp_path: Path) -> None:
@@ -68,7 +68,7 @@ def test_so_is_one_that_is_written_over_another(tmp_path: Path) -> None:
 def test_a_piece_and_lines_of_it_are_for_their_owner_only(path: Path, tmp_path: Path) -> None:
     piece, lines = tmp_path / "piece.mcap", tmp_path / "lines.jsonl"
     lines.touch(0o666)
-    cut(open_record(path), 0.0, 1.0, piece)
+    cut_record(open_record(path), 0.0, 1.0, piece)
     to_jsonl(open_record(path), lines, force=True)
     assert rights(piece) == rights(lines) == 0o600
 
@@ -100,12 +100,12 @@ def test_so_is_all_else_that_shows_people(path: Path, tmp_path: Path, capsys: py
         command(capsys, "record", "report", str(path), "-o", str(report), "--plots", str(tmp_path / "plots")).code == 0
     )
     assert command(capsys, "show", str(path), "-o", str(tmp_path / "tree.svg")).code == 0
-    pictured = write(tmp_path / "pictured.mcap", [item._replace(jpeg=picture(9)) if isinstance(item, Picture) else item
+    pictured = write(tmp_path / "pictured.mcap", [item._replace(jpeg=picture(9)) if isinstance(item, PictureItem) else item
                                                   for item in items()])  # fmt: skip
     assert command(capsys, "record", "replay", str(pictured), "--frames", str(frames)).code == 0
     run = ("run", "motions/forward", "--events", str(events), "--film", str(film))
     assert command(capsys, *run).code == 0
-    Drawings(tmp_path / "drawn", ()).write(tmp_path / "a.png", 0, np.zeros((8, 8, 3), np.uint8))
+    AnnotatedPictures(tmp_path / "drawn", ()).write(tmp_path / "a.png", 0, np.zeros((8, 8, 3), np.uint8))
     for given in (path, pictured):  # written by the test itself
         given.unlink()
     folders, files = of_all_in(tmp_path)

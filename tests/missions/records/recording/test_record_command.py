@@ -9,7 +9,7 @@ from mcap.reader import make_reader
 
 from missions.executive.events import Logged
 from missions.plugins.records.commands.record import command
-from missions.plugins.records.recording.info import lines_about
+from missions.plugins.records.recording.info import record_lines
 from missions.plugins.records.recording.read import open_record
 from tests.missions.records.recording.small_record import FILES, JPEG, TREE, items, moments, write
 
@@ -52,7 +52,7 @@ def test_info_counts_as_an_independent_reader_does(path: Path) -> None:
     counts = {
         summary.channels[number].topic: count for number, count in summary.statistics.channel_message_counts.items()
     }
-    lines = [line.split() for line in lines_about(open_record(path))]
+    lines = [line.split() for line in record_lines(open_record(path))]
     assert {line[0]: int(line[1]) for line in lines if line and line[0].startswith("/")} == counts
 
 
@@ -179,12 +179,12 @@ def test_a_piece_begins_with_what_held_then(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "piece.mcap"
     assert run("cut", path, "2.6 s", "3.5s", "-o", out).exit_code == 0
     piece = open_record(out)
-    assert (piece.whole, piece.cut_from, piece.until) == (True, 2.6, 3.5)
+    assert (piece.is_complete, piece.cut_start, piece.end_time) == (True, 2.6, 3.5)
     assert piece.drawing() == TREE
-    assert [repr(moment) for moment in piece.moments] == [repr(each) for each in moments() if 2.6 <= each.t <= 3.5]
+    assert [repr(moment) for moment in piece.tick_records] == [repr(each) for each in moments() if 2.6 <= each.t <= 3.5]
     assert {key: change.status for key, change in piece.statuses(2.6).items()} == {"1": "running", "1.1": "failure"}
     assert [stamp for stamp, _ in piece.frames()] == [3.0]
-    assert piece.end() is None
+    assert piece.run_end() is None
     told = facts(run("info", out).output)
     assert told["result"] == "not recorded: this is a piece of a record"
     assert told["length"] == "0.90 s, a piece from 2.6 s on, 19 ticks"
@@ -199,7 +199,7 @@ def test_a_piece_begins_with_what_held_then(path: Path, tmp_path: Path) -> None:
 
 def test_a_piece_from_the_beginning_is_one_that_can_be_run_again(path: Path, tmp_path: Path) -> None:
     run("cut", path, "0s", "1s", "-o", tmp_path / "piece.mcap")
-    assert open_record(tmp_path / "piece.mcap").cut_from is None
+    assert open_record(tmp_path / "piece.mcap").cut_start is None
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,9 @@ import pytest
 from mcap.writer import Writer
 
 from missions.executive.events import CommandSent, Ended, NodeChanged, Ticked
-from missions.plugins.records.recording.head import FORMAT
-from missions.plugins.records.recording.info import lines_about
-from missions.plugins.records.recording.read import SERIES, InvalidRecordError, Record, open_record
+from missions.plugins.records.recording.head import FORMAT_VERSION
+from missions.plugins.records.recording.info import record_lines
+from missions.plugins.records.recording.read import SERIES, InvalidRecordError, RunRecord, open_record
 from perception.api import View
 from tests.missions.records.recording.small_record import (
     END,
@@ -27,22 +27,22 @@ from tests.missions.records.recording.small_record import (
 
 
 @pytest.fixture
-def record(tmp_path: Path) -> Record:
+def record(tmp_path: Path) -> RunRecord:
     return open_record(write(tmp_path / "greet.mcap", items()))
 
 
-def test_a_record_says_what_was_run_and_has_its_files(record: Record) -> None:
-    assert record.head == HEAD
+def test_a_record_says_what_was_run_and_has_its_files(record: RunRecord) -> None:
+    assert record.header == HEAD
     assert {name: record.files[name] for name in FILES} == FILES
     assert record.drawing() == TREE
-    assert (record.whole, record.until, record.cut_from) == (True, END, None)
+    assert (record.is_complete, record.end_time, record.cut_start) == (True, END, None)
 
 
-def test_moments_come_back_with_every_answer_as_it_was(record: Record) -> None:
-    assert [repr(moment) for moment in record.moments] == [repr(moment) for moment in moments()]
+def test_moments_come_back_with_every_answer_as_it_was(record: RunRecord) -> None:
+    assert [repr(moment) for moment in record.tick_records] == [repr(moment) for moment in moments()]
 
 
-def test_events_come_back_in_order_with_the_ticks_between_them(record: Record) -> None:
+def test_events_come_back_in_order_with_the_ticks_between_them(record: RunRecord) -> None:
     told = [event for event in record.events if not isinstance(event, Ticked)]
     assert told == [event for event in items() if isinstance(event, tuple(map(type, told)))]
     ticks = [event for event in record.events if isinstance(event, Ticked)]
@@ -50,7 +50,7 @@ def test_events_come_back_in_order_with_the_ticks_between_them(record: Record) -
     assert [tick.status for tick in ticks[-2:]] == ["running", "success"]
     assert [(tick.tick, tick.late) for tick in ticks if tick.late is not None] == [(20, 0.06)]
     assert isinstance(record.events[-1], Ended)
-    assert record.end() == record.events[-1]
+    assert record.run_end() == record.events[-1]
 
 
 def test_in_real_time_a_tick_comes_behind_what_came_of_it(tmp_path: Path) -> None:
@@ -59,12 +59,12 @@ def test_in_real_time_a_tick_comes_behind_what_came_of_it(tmp_path: Path) -> Non
     assert [event.status for event in record.events if isinstance(event, Ticked)][-2:] == ["running", "success"]
 
 
-def test_views_and_pictures_come_back_with_their_times(record: Record) -> None:
+def test_views_and_pictures_come_back_with_their_times(record: RunRecord) -> None:
     assert list(record.views()) == [(time + 0.01, View(float(time), (face(float(time)),))) for time in range(4)]
     assert list(record.frames()) == [(float(time), JPEG) for time in range(4)]
 
 
-def test_series_are_in_si_units_over_the_seconds_of_the_run(record: Record) -> None:
+def test_series_are_in_si_units_over_the_seconds_of_the_run(record: RunRecord) -> None:
     times, values = record.series("head.pan")
     assert values == pytest.approx([0.05 * time for time in times])
     assert max(times) > 0.9 * END
@@ -74,7 +74,7 @@ def test_series_are_in_si_units_over_the_seconds_of_the_run(record: Record) -> N
         record.series("head.roll")
 
 
-def test_the_status_of_a_node_is_that_of_its_newest_change(record: Record) -> None:
+def test_the_status_of_a_node_is_that_of_its_newest_change(record: RunRecord) -> None:
     assert {key: change.status for key, change in record.statuses(2.49).items()} == {"1": "running", "1.1": "running"}
     assert {key: change.status for key, change in record.statuses(2.5).items()} == {"1": "running", "1.1": "failure"}
     assert record.statuses(0.0) == {}
@@ -86,18 +86,18 @@ def test_a_record_ends_with_its_last_event_however_messages_are_stamped(tmp_path
         replace(item, t=last) if isinstance(item, Ended | NodeChanged) and item.t == END else item for item in items()
     ]
     record = open_record(write(tmp_path / "sums.mcap", told))
-    assert record.until == last
-    for time in (record.until, END):
+    assert record.end_time == last
+    for time in (record.end_time, END):
         assert {change.status for change in record.statuses(time).values()} == {"success"}
 
 
 def test_what_is_offered_is_at_the_failure_and_not_before_it(tmp_path: Path) -> None:
     told = [replace(item, t=2.50049) if isinstance(item, NodeChanged) and item.t == 2.5 else item for item in items()]
     record = open_record(write(tmp_path / "wire.mcap", told))
-    assert any("--at 2.501s    the first failure" in line for line in lines_about(record))
+    assert any("--at 2.501s    the first failure" in line for line in record_lines(record))
 
 
-def test_failures_and_words_are_found(record: Record) -> None:
+def test_failures_and_words_are_found(record: RunRecord) -> None:
     (failure,) = record.failures()
     assert (failure.t, failure.reason) == (2.5, "Nobody came")
     assert [type(event) for event in record.search("NOBODY")] == [NodeChanged, NodeChanged]
@@ -105,11 +105,11 @@ def test_failures_and_words_are_found(record: Record) -> None:
     assert record.search("no such thing") == []
 
 
-def test_what_was_lost_is_counted_by_topic(record: Record) -> None:
-    assert record.lost() == {"/camera": 3}
+def test_what_was_lost_is_counted_by_topic(record: RunRecord) -> None:
+    assert record.lost_counts() == {"/camera": 3}
 
 
-def test_a_record_keeps_no_file_open_and_can_be_asked_again(record: Record) -> None:
+def test_a_record_keeps_no_file_open_and_can_be_asked_again(record: RunRecord) -> None:
     first = next(iter(record.frames()))
     assert next(iter(record.frames())) == first
     assert record.events is record.events
@@ -117,9 +117,9 @@ def test_a_record_keeps_no_file_open_and_can_be_asked_again(record: Record) -> N
 
 def test_a_record_that_was_not_closed_says_so_and_has_all_the_same(tmp_path: Path) -> None:
     record = open_record(write(tmp_path / "killed.mcap", items(), close=False))
-    assert not record.whole
-    assert record.until == END
-    assert len(record.moments) == TICKS
+    assert not record.is_complete
+    assert record.end_time == END
+    assert len(record.tick_records) == TICKS
 
 
 def foreign(path: Path) -> Path:
@@ -133,11 +133,11 @@ def foreign(path: Path) -> Path:
 
 
 def newer(path: Path) -> Path:
-    return write(path, items(), head=replace(HEAD, format=FORMAT + 1))
+    return write(path, items(), head=replace(HEAD, format=FORMAT_VERSION + 1))
 
 
 def older(path: Path) -> Path:
-    return write(path, items(), head=replace(HEAD, format=FORMAT - 1))
+    return write(path, items(), head=replace(HEAD, format=FORMAT_VERSION - 1))
 
 
 def empty(path: Path) -> Path:

@@ -26,8 +26,8 @@ from mcap.stream_reader import StreamReader
 from drivers.api import CameraFrame, DeviceStatus, Health
 from drivers.clock import ManualClock, SystemClock
 from missions.executive.events import Event, FaultRaised, Logged, Started, VariableSet
-from missions.plugins.records.recording.budget import FRAMES, LIMIT
-from missions.plugins.records.recording.head import Contents
+from missions.plugins.records.recording.budget import DEFAULT_FRAME_RATE, DEFAULT_MAX_BYTES
+from missions.plugins.records.recording.head import RecordContents
 from missions.plugins.records.recording.outlet import CannotRecordError
 from missions.plugins.records.recording.read import open_record
 from missions.plugins.records.recording.recorder import Recorder
@@ -63,24 +63,29 @@ def times_of(path: Path) -> list[float]:
 
 @contextmanager
 def recording(
-    path: Path, *, limit: float = LIMIT, frames: float = FRAMES, patient: bool = False, overwrite: bool = False
+    path: Path,
+    *,
+    limit: float = DEFAULT_MAX_BYTES,
+    frames: float = DEFAULT_FRAME_RATE,
+    patient: bool = False,
+    overwrite: bool = False,
 ) -> Iterator[tuple[Recorder, list[DeviceStatus]]]:
     told: list[DeviceStatus] = []
-    with Recorder(path, limit=limit, frames=frames, patient=patient, overwrite=overwrite) as recorder:
-        recorder.open(Contents(HEAD, FILES), SystemClock(), report=told.append)
+    with Recorder(path, limit=limit, frame_rate=frames, lossless=patient, overwrite=overwrite) as recorder:
+        recorder.open(RecordContents(HEAD, FILES), SystemClock(), report=told.append)
         yield recorder, told
 
 
 def writer_of(recorder: Recorder) -> int:
-    process = recorder._outlet._process
+    process = recorder._writer._process
     assert process is not None
     return process.pid
 
 
 def test_a_record_says_with_which_versions_it_was_made(tmp_path: Path) -> None:
     with Recorder(tmp_path / "a.mcap") as recorder:
-        recorder.open(Contents(replace(HEAD, versions={}), FILES), SystemClock())
-    found = open_record(tmp_path / "a.mcap").head.versions
+        recorder.open(RecordContents(replace(HEAD, versions={}), FILES), SystemClock())
+    found = open_record(tmp_path / "a.mcap").header.versions
     assert {"python", "py-trees", "numpy"} <= found.keys()
 
 
@@ -92,11 +97,11 @@ def test_all_that_is_handed_over_is_in_the_record(tmp_path: Path) -> None:
                 recorder(each)
         recorder(Started(0.0, "greet", "greet.yaml", "r", {}))
         for past in moments():
-            recorder.moment(past)
+            recorder.on_tick(past)
         for number in range(3):
             stamp = float(number)
-            recorder.view(View(stamp, (face(stamp),)))
-            recorder.frame(CameraFrame(PICTURE, stamp, number), Gaze(0.1, 0.0))
+            recorder.on_view(View(stamp, (face(stamp),)))
+            recorder.on_frame(CameraFrame(PICTURE, stamp, number), Gaze(0.1, 0.0))
             wait_until(lambda: recorder._pictures._newest is None)
         loss = recorder.close()
     assert not loss
@@ -110,7 +115,7 @@ def test_all_that_is_handed_over_is_in_the_record(tmp_path: Path) -> None:
 
 def test_closing_twice_or_without_opening_is_safe(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path / "a.mcap")
-    recorder.moment(moment(1, 0.05))
+    recorder.on_tick(moment(1, 0.05))
     assert not recorder.close()
     with recording(tmp_path / "b.mcap") as (opened, _):
         assert not opened.close()
@@ -131,8 +136,8 @@ def test_a_record_that_cannot_be_begun_says_so_and_leaves_no_process(
 ) -> None:
     recorder = Recorder(make(tmp_path))
     with closing(recorder), pytest.raises(CannotRecordError, match=words):
-        recorder.open(Contents(HEAD, FILES), ManualClock())
-    assert recorder._outlet._process is None
+        recorder.open(RecordContents(HEAD, FILES), ManualClock())
+    assert recorder._writer._process is None
 
 
 def _piped(path: Path) -> Path:
@@ -148,11 +153,11 @@ def _written(path: Path) -> Path:
 def test_in_simulated_time_a_writer_that_begins_late_on_a_busy_machine_is_waited_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("missions.plugins.records.recording.recorder.START_TIME", 0.0)
+    monkeypatch.setattr("missions.plugins.records.recording.recorder.START_TIMEOUT", 0.0)
     with pytest.raises(CannotRecordError, match="did not begin within 0 s"):
-        Recorder(tmp_path / "real.mcap").open(Contents(HEAD, FILES), ManualClock())
-    with Recorder(tmp_path / "simulated.mcap", patient=True) as recorder:
-        recorder.open(Contents(HEAD, FILES), ManualClock())
+        Recorder(tmp_path / "real.mcap").open(RecordContents(HEAD, FILES), ManualClock())
+    with Recorder(tmp_path / "simulated.mcap", lossless=True) as recorder:
+        recorder.open(RecordContents(HEAD, FILES), ManualClock())
 
 
 def test_a_file_is_overwritten_only_if_that_is_asked_for(tmp_path: Path) -> None:
@@ -173,7 +178,7 @@ def test_a_full_disk_leaves_the_record_that_was_to_be_overwritten(tmp_path: Path
     resource.setrlimit(resource.RLIMIT_FSIZE, (room, hard))
     try:
         with closing(recorder), suppress(CannotRecordError):
-            recorder.open(Contents(HEAD, FILES), ManualClock(), report=told.append)
+            recorder.open(RecordContents(HEAD, FILES), ManualClock(), report=told.append)
             for number in range(1000):
                 recorder(Logged(number / 100, "info", draws.randbytes(300).hex()))
     finally:
@@ -184,16 +189,16 @@ def test_a_full_disk_leaves_the_record_that_was_to_be_overwritten(tmp_path: Path
         assert others == []
     else:
         assert others == [recorder.path] == [tmp_path / "a-incomplete.mcap"]
-        assert any("a.mcap is the earlier record, a-incomplete.mcap" in each.what for each in told)
+        assert any("a.mcap is the earlier record, a-incomplete.mcap" in each.message for each in told)
 
 
 def test_a_record_that_is_being_written_is_not_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with recording(path) as (recorder, _):
-        recorder.moment(moment(1, 0.01))
+        recorder.on_tick(moment(1, 0.01))
         other = Recorder(path, overwrite=True)
         with closing(other), pytest.raises(CannotRecordError, match="another run is writing it"):
-            other.open(Contents(HEAD, FILES), ManualClock())
+            other.open(RecordContents(HEAD, FILES), ManualClock())
         assert not recorder.close()
     assert counts_of(path)["/moments"] == 1
 
@@ -205,7 +210,7 @@ def test_a_record_that_cannot_be_begun_leaves_no_file(tmp_path: Path) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))
     try:
         with closing(recorder), pytest.raises(CannotRecordError, match="File too large"):
-            recorder.open(Contents(HEAD, FILES), ManualClock())
+            recorder.open(RecordContents(HEAD, FILES), ManualClock())
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert not path.exists()
@@ -224,12 +229,12 @@ def test_what_cannot_be_packed_costs_itself_alone(tmp_path: Path) -> None:
 def test_in_simulated_time_nothing_is_lost_however_far_the_writer_is_behind(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("missions.plugins.records.recording.recorder.MAX_WAITING", 500)
+    monkeypatch.setattr("missions.plugins.records.recording.recorder.MAX_QUEUED_ITEMS", 500)
     path = tmp_path / "a.mcap"
     with recording(path, patient=True) as (recorder, _):
         small = replace(moments()[0], answers=[])
         for tick in range(1, 3001):
-            recorder.moment(replace(small, tick=tick, t=tick / 1000))
+            recorder.on_tick(replace(small, tick=tick, t=tick / 1000))
         assert not recorder.close()
     assert counts_of(path)["/moments"] == 3000
 
@@ -238,7 +243,7 @@ def test_a_full_disk_costs_records_which_is_told_and_no_moment_waits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "missions.plugins.records.recording.recorder.FAREWELL", 60.0
+        "missions.plugins.records.recording.recorder.CLOSE_TIMEOUT", 60.0
     )  # it is not about a writer that is slow
     path = tmp_path / "a.mcap"
     with recording(path, frames=1000.0) as (recorder, told):
@@ -250,13 +255,13 @@ def test_a_full_disk_costs_records_which_is_told_and_no_moment_waits(
         def go_on() -> bool:
             nonlocal number
             number += 1
-            recorder.moment(moment(number, number / 100))
-            recorder.frame(next(frames))
+            recorder.on_tick(moment(number, number / 100))
+            recorder.on_frame(next(frames))
             return bool(told)
 
         wait_until(go_on, pause=0.005)
         assert (told[0].device, told[0].kind) == ("record", "fault")
-        assert "File too large" in told[0].what
+        assert "File too large" in told[0].message
         resource.prlimit(writer_of(recorder), resource.RLIMIT_FSIZE, (soft, hard))
         written = path.stat().st_size
 
@@ -285,7 +290,7 @@ def noise() -> Iterator[CameraFrame]:
 def test_a_writer_that_stands_still_holds_up_nobody_and_what_is_dropped_is_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("missions.plugins.records.recording.recorder.MAX_WAITING", 500)
+    monkeypatch.setattr("missions.plugins.records.recording.recorder.MAX_QUEUED_ITEMS", 500)
     path = tmp_path / "a.mcap"
     with recording(path) as (recorder, _):
         os.kill(writer_of(recorder), signal.SIGSTOP)
@@ -293,35 +298,35 @@ def test_a_writer_that_stands_still_holds_up_nobody_and_what_is_dropped_is_count
         try:
             while not recorder.loss.counts:
                 count += 1
-                recorder.moment(moment(count, count / 1000))
+                recorder.on_tick(moment(count, count / 1000))
         finally:
             os.kill(writer_of(recorder), signal.SIGCONT)
-        wait_until(lambda: not recorder._waiting)
+        wait_until(lambda: not recorder._queue)
         for _ in range(2):  # what comes once there is room again is kept
             count += 1
-            recorder.moment(moment(count, count / 1000))
+            recorder.on_tick(moment(count, count / 1000))
         loss = recorder.close()
-    assert loss.why == "the disk is too slow"
+    assert loss.reason == "the disk is too slow"
     assert counts_of(path)["/moments"] + loss.counts["/moments"] == count
     assert loss.counts["/moments"] < 10
 
 
 @pytest.mark.real_time
 def test_a_writer_that_never_comes_back_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("missions.plugins.records.recording.recorder.FAREWELL", 0.2)
+    monkeypatch.setattr("missions.plugins.records.recording.recorder.CLOSE_TIMEOUT", 0.2)
     with recording(tmp_path / "a.mcap") as (recorder, _):
         number = writer_of(recorder)
         os.kill(number, signal.SIGSTOP)
-        recorder.moment(moment(1, 0.01))
+        recorder.on_tick(moment(1, 0.01))
         loss = recorder.close()
-    assert "too slow" in loss.why
+    assert "too slow" in loss.reason
     assert not Path(f"/proc/{number}").exists()
 
 
 def test_when_the_writer_is_killed_the_run_goes_on_and_is_told(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with recording(path) as (recorder, told):
-        recorder.moment(moment(1, 0.01))
+        recorder.on_tick(moment(1, 0.01))
         wait_until(lambda: times_of(path))
         os.kill(writer_of(recorder), signal.SIGKILL)
         count = 1
@@ -329,12 +334,12 @@ def test_when_the_writer_is_killed_the_run_goes_on_and_is_told(tmp_path: Path) -
         def go_on() -> bool:
             nonlocal count
             count += 1
-            recorder.moment(moment(count, count / 100))
+            recorder.on_tick(moment(count, count / 100))
             return bool(told)
 
         wait_until(go_on, pause=0.005)
         loss = recorder.close()
-    assert "killed by signal 9: nothing more is recorded" in told[0].what
+    assert "killed by signal 9: nothing more is recorded" in told[0].message
     assert "mission record info" in told[0].hint
     assert 0 < loss.counts["/moments"] < count
     assert times_of(path)[0] == 0.01
@@ -343,30 +348,30 @@ def test_when_the_writer_is_killed_the_run_goes_on_and_is_told(tmp_path: Path) -
 def test_in_simulated_time_nobody_waits_for_a_writer_that_is_gone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("missions.plugins.records.recording.recorder.MAX_WAITING", 500)
+    monkeypatch.setattr("missions.plugins.records.recording.recorder.MAX_QUEUED_ITEMS", 500)
     with recording(tmp_path / "a.mcap", patient=True) as (recorder, told):
 
         def tick() -> None:
             for number in range(50_000):
-                recorder.moment(moment(number, number / 100))
+                recorder.on_tick(moment(number, number / 100))
 
         os.kill(writer_of(recorder), signal.SIGSTOP)
         ticking = Thread(target=tick)
         ticking.start()
-        wait_until(lambda: len(recorder._waiting) >= 250)
+        wait_until(lambda: len(recorder._queue) >= 250)
         os.kill(writer_of(recorder), signal.SIGKILL)
         ticking.join(20)
         assert not ticking.is_alive()
-        assert "killed by signal 9" in told[0].what
+        assert "killed by signal 9" in told[0].message
 
 
 def test_pictures_that_found_no_room_take_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("missions.plugins.records.recording.recorder.MAX_WAITING", 1)
+    monkeypatch.setattr("missions.plugins.records.recording.recorder.MAX_QUEUED_ITEMS", 1)
     with recording(tmp_path / "a.mcap", frames=1000.0, patient=True) as (recorder, _):
         for frame in islice(noise(), 50):
-            recorder.frame(frame)
-        wait_until(lambda: not recorder._waiting)
-        assert recorder._picture_bytes == 0
+            recorder.on_frame(frame)
+        wait_until(lambda: not recorder._queue)
+        assert recorder._queued_picture_bytes == 0
 
 
 def test_the_health_of_devices_is_sampled(tmp_path: Path) -> None:
@@ -377,7 +382,7 @@ def test_the_health_of_devices_is_sampled(tmp_path: Path) -> None:
         return {"base": Health(True, counters={"frames": 3})}
 
     with Recorder(path) as recorder:
-        recorder.open(Contents(HEAD, FILES), SystemClock(), check=check)
+        recorder.open(RecordContents(HEAD, FILES), SystemClock(), health_check=check)
         assert asked.wait(10)
         assert not recorder.close()
     assert counts_of(path)["/state/devices"] >= 1
@@ -392,13 +397,13 @@ def test_at_its_limit_the_record_is_closed_and_that_is_told(tmp_path: Path) -> N
             nonlocal count
             count += 1
             recorder(FaultRaised(count / 100, "base", "fault", os.urandom(500).hex()))
-            recorder.moment(moment(count, count / 100))
+            recorder.on_tick(moment(count, count / 100))
             return bool(told)
 
         wait_until(go_on, pause=0.005)
         loss = recorder.close()
-    assert "limit" in told[0].what
-    assert loss.ended is not None
+    assert "limit" in told[0].message
+    assert loss.limit_reached_at is not None
     assert "reached its limit" in str(loss)
     assert not loss.counts
     assert path.stat().st_size < 260_000

@@ -15,7 +15,15 @@ from hypothesis import strategies as st
 from config.units import Quantity
 from drivers.api import DockBeam, HeadPose, Image, Lamp, Quality, Ranges, RangeScan, Reading, Source, Velocity
 from drivers.errors import DriverError, NoReply
-from missions.plugins.records.recording.tagged_values import ERRORS, NAMED, dumps, from_json, tagged, to_json, untagged
+from missions.plugins.records.recording.tagged_values import (
+    ERRORS_BY_NAME,
+    TYPES_BY_NAME,
+    dumps,
+    from_json,
+    tag_value,
+    to_json,
+    untag_value,
+)
 from perception.api import View
 
 FLOATS = st.floats(allow_nan=True, allow_infinity=True)
@@ -26,12 +34,12 @@ IMAGES = st.integers(1, 5).map(lambda size: np.arange(size * size * 3, dtype=np.
 
 VALUES = {
     name: st.builds(kind, value=st.none() | st.builds(HeadPose)) if kind is Reading else st.from_type(kind)
-    for name, kind in NAMED.items()
+    for name, kind in TYPES_BY_NAME.items()
     if name not in ("RangeScan", "CameraFrame", "Sound")
 } | {
     "RangeScan": st.builds(RangeScan, ranges=RANGES),
-    "CameraFrame": st.builds(NAMED["CameraFrame"], image=IMAGES),
-    "Sound": st.builds(NAMED["Sound"], samples=SAMPLES),
+    "CameraFrame": st.builds(TYPES_BY_NAME["CameraFrame"], image=IMAGES),
+    "Sound": st.builds(TYPES_BY_NAME["Sound"], samples=SAMPLES),
 }
 
 
@@ -59,13 +67,13 @@ def through_a_file(data: object) -> object:
     return found
 
 
-@pytest.mark.parametrize("name", NAMED)
+@pytest.mark.parametrize("name", TYPES_BY_NAME)
 @settings(max_examples=25)
 @given(data=st.data())
 def test_every_value_of_a_driver_or_of_perception_comes_back_as_it_was(name: str, data: st.DataObject) -> None:
     value = data.draw(VALUES[name])
-    assert same(from_json(through_a_file(to_json(value)), NAMED[name]), value)
-    assert same(untagged(through_a_file(tagged(value))), value)
+    assert same(from_json(through_a_file(to_json(value)), TYPES_BY_NAME[name]), value)
+    assert same(untag_value(through_a_file(tag_value(value))), value)
 
 
 PLAIN = st.none() | st.booleans() | st.integers() | FLOATS | TEXTS | st.sampled_from([*Source, *Lamp, *Quality])
@@ -83,12 +91,12 @@ ANYTHING = st.recursive(
 
 @given(ANYTHING)
 def test_what_may_be_anything_comes_back_with_its_kind(value: object) -> None:
-    assert same(untagged(through_a_file(tagged(value))), value)
+    assert same(untag_value(through_a_file(tag_value(value))), value)
 
 
-@pytest.mark.parametrize("kind", ERRORS.values())
+@pytest.mark.parametrize("kind", ERRORS_BY_NAME.values())
 def test_an_error_comes_back_with_its_kind_its_words_and_its_hint(kind: type[DriverError]) -> None:
-    error = untagged(through_a_file(tagged(kind("arm: servo 3 is silent", hint="mission servo scan"))))
+    error = untag_value(through_a_file(tag_value(kind("arm: servo 3 is silent", hint="mission servo scan"))))
     assert same(error, kind("arm: servo 3 is silent", hint="mission servo scan"))
 
 
@@ -96,36 +104,39 @@ def test_an_error_of_a_kind_of_its_own_comes_back_as_the_next_that_is_known() ->
     class Hot(NoReply):
         """Too hot to speak."""
 
-    assert same(untagged(tagged(Hot("arm: hot"))), NoReply("arm: hot"))
+    assert same(untag_value(tag_value(Hot("arm: hot"))), NoReply("arm: hot"))
 
 
 def test_of_what_is_not_known_the_words_remain() -> None:
     class Mood(Enum):
         GOOD = 1
 
-    assert untagged(through_a_file(tagged(Mood.GOOD))) == "Mood.GOOD"
-    assert untagged(through_a_file(tagged(complex(1, 2)))) == "(1+2j)"
+    assert untag_value(through_a_file(tag_value(Mood.GOOD))) == "Mood.GOOD"
+    assert untag_value(through_a_file(tag_value(complex(1, 2)))) == "(1+2j)"
 
 
 def test_numbers_of_numpy_are_numbers() -> None:
     velocity = Velocity(np.float64(0.5), 0.25)
     assert from_json(through_a_file(to_json(velocity)), Velocity) == Velocity(0.5, 0.25)
-    assert untagged(through_a_file(tagged([np.int64(3), np.float32(nan)]))) == [3, pytest.approx(nan, nan_ok=True)]
+    assert untag_value(through_a_file(tag_value([np.int64(3), np.float32(nan)]))) == [
+        3,
+        pytest.approx(nan, nan_ok=True),
+    ]
 
 
 def test_a_quantity_is_its_number() -> None:
-    assert untagged(through_a_file(tagged(Quantity(0.5, "length", "50 cm")))) == 0.5
+    assert untag_value(through_a_file(tag_value(Quantity(0.5, "length", "50 cm")))) == 0.5
 
 
 def test_arrays_keep_their_form() -> None:
     for array in (np.zeros((2, 3), np.uint8), np.array([1.5], ">f4")):
-        found = untagged(through_a_file(tagged(array)))
+        found = untag_value(through_a_file(tag_value(array)))
         assert found.shape == array.shape
         assert (found == array).all()
     image: Image = np.zeros((2, 2, 3), np.uint8)
     ranges: Ranges = np.zeros(2, np.float32)
-    assert untagged(tagged(image)).dtype == np.uint8
-    assert untagged(tagged(ranges)).dtype == np.float32
+    assert untag_value(tag_value(image)).dtype == np.uint8
+    assert untag_value(tag_value(ranges)).dtype == np.float32
 
 
 @pytest.mark.parametrize("data", [None, 5, "x", [], {"looked": {}}, {"faces": [3]}, {"faces": 1}])
@@ -141,6 +152,6 @@ def test_members_that_are_missing_have_their_defaults_and_unknown_ones_are_refus
 
 
 def test_flags_are_of_their_own_kind() -> None:
-    beams = untagged(through_a_file(tagged(DockBeam(5))))
+    beams = untag_value(through_a_file(tag_value(DockBeam(5))))
     assert isinstance(beams, IntFlag)
     assert beams is DockBeam(5)

@@ -17,14 +17,23 @@ from mcap.reader import make_reader
 
 from drivers.api import BaseState, Health, JointState, Pose2D, Quality, RangeScan, Reading, Velocity
 from missions.executive import events
-from missions.plugins.records.recording.head import Contents, Head
-from missions.plugins.records.recording.info import lines_about
-from missions.plugins.records.recording.items import EVENTS, Checked, Feedback, Missed, Picture, Seen, packed, unpacked
-from missions.plugins.records.recording.mend import mend
+from missions.plugins.records.recording.head import RecordContents, RecordHeader
+from missions.plugins.records.recording.info import record_lines
+from missions.plugins.records.recording.items import (
+    EVENT_TOPICS,
+    FeedbackItem,
+    HealthItem,
+    LossItem,
+    PictureItem,
+    ViewItem,
+    pack_items,
+    unpack_items,
+)
+from missions.plugins.records.recording.mend import repair_record
 from missions.plugins.records.recording.read import open_record
 from missions.plugins.records.recording.schemas import schema
-from missions.plugins.records.recording.schemas.ours import FOXGLOVE, OURS
-from missions.plugins.records.recording.writer import SCHEMAS, RecordWriter, Sink, Written
+from missions.plugins.records.recording.schemas.ours import FOXGLOVE_SCHEMAS, MISSIONTREE_SCHEMAS
+from missions.plugins.records.recording.writer import TOPIC_SCHEMAS, ChunkSink, RecordWriter, WriteResult
 from perception.api import Gaze, Marker, Scene, Thing, View
 from tests.missions.records.recording.small_record import FILES, HEAD, face, items, moments, write
 
@@ -49,10 +58,10 @@ def everything() -> list[object]:
     return [
         *items(),
         moment,
-        Seen(0.6, view),
-        Picture(0.5, b"jpeg", Gaze(0.1, float("nan"))),
-        Checked(0.7, {"base": Health(True, counters={"frames": 7})}),
-        Feedback(0.75, 15, "1.1", "nobody yet"),
+        ViewItem(0.6, view),
+        PictureItem(0.5, b"jpeg", Gaze(0.1, float("nan"))),
+        HealthItem(0.7, {"base": Health(True, counters={"frames": 7})}),
+        FeedbackItem(0.75, 15, "1.1", "nobody yet"),
         events.Notified(0.8, 16, "Ana has the message"),
     ]
 
@@ -74,11 +83,11 @@ def read(path: Path) -> tuple[Mapping[str, int], list[tuple[str, str, Any]]]:
     return counts, found
 
 
-def record(path: Path, what: Sequence[object], *, limit: float = float("inf")) -> tuple[Written, Path]:
+def record(path: Path, what: Sequence[object], *, limit: float = float("inf")) -> tuple[WriteResult, Path]:
     with path.open("wb", buffering=0) as file:
-        writer = RecordWriter(Sink(file.fileno()), Contents(HEAD, FILES), limit=limit)
+        writer = RecordWriter(ChunkSink(file.fileno()), RecordContents(HEAD, FILES), limit=limit)
         writer.begin()
-        for item in unpacked(packed(what)):
+        for item in unpack_items(pack_items(what)):
             writer.add(item)
         return writer.close(), path
 
@@ -87,9 +96,9 @@ def test_every_message_is_as_its_schema_says_and_every_topic_is_there(tmp_path: 
     written, path = record(tmp_path / "a.mcap", everything())
     counts, found = read(path)
     assert counts == written.counts == Counter(topic for topic, _, _ in found)
-    assert set(counts) == set(SCHEMAS)
+    assert set(counts) == set(TOPIC_SCHEMAS)
     for topic, name, message in found:
-        assert name == SCHEMAS[topic]
+        assert name == TOPIC_SCHEMAS[topic]
         Draft202012Validator(json.loads(schema(name))).validate(message)
 
 
@@ -146,12 +155,12 @@ def test_schemas_are_schemas_and_stay_as_they_are(name: str) -> None:
 
 
 def test_all_schemas_are_used_and_no_others() -> None:
-    assert set(SCHEMAS.values()) == {*BYTES} == {*OURS, *FOXGLOVE}
+    assert set(TOPIC_SCHEMAS.values()) == {*BYTES} == {*MISSIONTREE_SCHEMAS, *FOXGLOVE_SCHEMAS}
 
 
 def test_schemas_have_the_fields_of_what_they_describe() -> None:
-    kinds = {SCHEMAS[topic]: getattr(events, name) for name, topic in EVENTS.items() if name != "Logged"}
-    for name, kind in {**kinds, "missiontree.Mission": Head, "missiontree.Moment": type(moments()[0])}.items():
+    kinds = {TOPIC_SCHEMAS[topic]: getattr(events, name) for name, topic in EVENT_TOPICS.items() if name != "Logged"}
+    for name, kind in {**kinds, "missiontree.Mission": RecordHeader, "missiontree.Moment": type(moments()[0])}.items():
         assert set(json.loads(schema(name))["properties"]) == {field.name for field in fields(kind)}, name
 
 
@@ -192,7 +201,7 @@ def test_a_full_disk_costs_whole_chunks_which_are_counted_and_told(
 ) -> None:
     path, disk = tmp_path / "a.mcap", Disk(monkeypatch)
     with path.open("wb", buffering=0) as file:
-        writer = RecordWriter(Sink(file.fileno()), Contents(HEAD, FILES))
+        writer = RecordWriter(ChunkSink(file.fileno()), RecordContents(HEAD, FILES))
         writer.begin()
         expected: Counter[str] = Counter()
         given = [replace(moments()[0], tick=tick, t=tick / 20) for tick in range(1, 151)]
@@ -210,7 +219,7 @@ def test_a_full_disk_costs_whole_chunks_which_are_counted_and_told(
     assert written.lost["/moments"] == 50
     assert "No space left" in written.why
     assert not written.whole
-    mend(path)
+    repair_record(path)
     counts, found = read(path)
     assert counts == written.counts
     assert counts["/moments"] == len(given) - 50
@@ -232,13 +241,13 @@ def test_what_a_disk_lost_at_the_very_end_is_told_as_soon_as_that_fits(
         return write(number, data)
 
     with path.open("wb", buffering=0) as file:
-        writer = RecordWriter(Sink(file.fileno()), Contents(HEAD, FILES))
+        writer = RecordWriter(ChunkSink(file.fileno()), RecordContents(HEAD, FILES))
         writer.begin()
         monkeypatch.setattr("missions.plugins.records.recording.writer.os.write", nearly_full)
-        writer.add(Picture(1.0, os.urandom(5000), None))
+        writer.add(PictureItem(1.0, os.urandom(5000), None))
         written = writer.close()
     assert written.lost == {"/camera": 1}
-    mend(path)
+    repair_record(path)
     assert [message["counts"] for topic, _, message in read(path)[1] if topic == "/lost"] == [{"/camera": 1}]
 
 
@@ -254,12 +263,12 @@ def test_a_disk_that_is_full_from_the_beginning_is_an_error_at_once(
 ) -> None:
     Disk(monkeypatch).full = True
     with (tmp_path / "a.mcap").open("wb", buffering=0) as file, pytest.raises(OSError, match="No space left"):
-        RecordWriter(Sink(file.fileno()), Contents(HEAD, FILES)).begin()
+        RecordWriter(ChunkSink(file.fileno()), RecordContents(HEAD, FILES)).begin()
     assert (tmp_path / "a.mcap").stat().st_size == 0
 
 
 def test_a_record_stays_within_its_limit_and_is_whole(tmp_path: Path) -> None:
-    picture = Picture(1.0, os.urandom(20_000), None)
+    picture = PictureItem(1.0, os.urandom(20_000), None)
     written, path = record(
         tmp_path / "a.mcap", [replace_stamp(picture, number / 5) for number in range(100)], limit=5e5
     )
@@ -269,16 +278,16 @@ def test_a_record_stays_within_its_limit_and_is_whole(tmp_path: Path) -> None:
     assert not written.lost
     assert 3e5 < path.stat().st_size < 5.4e5
     assert read(path)[0] == written.counts
-    assert open_record(path).full
-    assert any("not recorded: it had reached its limit" in line for line in lines_about(open_record(path)))
+    assert open_record(path).limit_reached
+    assert any("not recorded: it had reached its limit" in line for line in record_lines(open_record(path)))
 
 
-def replace_stamp(picture: Picture, t: float) -> Picture:
+def replace_stamp(picture: PictureItem, t: float) -> PictureItem:
     return picture._replace(t=t)
 
 
 def test_what_was_missed_elsewhere_is_told_in_the_record(tmp_path: Path) -> None:
-    written, path = record(tmp_path / "a.mcap", [*items(), Missed({"/nodes": 2}, "too slow")])
+    written, path = record(tmp_path / "a.mcap", [*items(), LossItem({"/nodes": 2}, "too slow")])
     assert written.lost == {"/camera": 3, "/nodes": 2}
     assert written.whole
     (message,) = (message for topic, _, message in read(path)[1] if topic == "/lost")

@@ -3,7 +3,7 @@
 import pytest
 
 from missions.executive.tick_record import TickRecord
-from missions.plugins.records.recording.read import Record
+from missions.plugins.records.recording.read import RunRecord
 from missions.request import RunRequest
 from missions.runner import Runner
 from tests.missions.records.replay.written import record_of
@@ -13,21 +13,21 @@ ENOUGH = 4.5
 
 
 @pytest.fixture(scope="session")
-def greeted(tmp_path_factory: pytest.TempPathFactory) -> Record:
+def greeted(tmp_path_factory: pytest.TempPathFactory) -> RunRecord:
     """A run of greet that has gone well, without pictures."""
     path = tmp_path_factory.mktemp("records") / "greeted.mcap"
     return record_of(RunRequest("greet", simulate="fast", eyes="truth"), path)
 
 
 @pytest.fixture(scope="session")
-def alone(tmp_path_factory: pytest.TempPathFactory) -> Record:
+def alone(tmp_path_factory: pytest.TempPathFactory) -> RunRecord:
     """A run of greet that has failed: nobody was there."""
     path = tmp_path_factory.mktemp("records") / "alone.mcap"
     return record_of(RunRequest("greet", {"patience": "2 s"}, simulate="fast", world="empty", eyes="truth"), path)
 
 
 @pytest.fixture(scope="session")
-def pictured(tmp_path_factory: pytest.TempPathFactory) -> Record:
+def pictured(tmp_path_factory: pytest.TempPathFactory) -> RunRecord:
     """A run of greet with pictures, which was stopped while it looked at somebody."""
 
     def stop(runner: Runner, moment: TickRecord) -> None:

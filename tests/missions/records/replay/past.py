@@ -10,13 +10,13 @@ from missions.executive.events import Event
 from missions.executive.stream import Listener
 from missions.executive.tick_record import TickRecord
 from missions.plugins.testing import stage
-from missions.plugins.testing.play import Verdict, play
-from missions.plugins.testing.stage import IN_PROCESS
+from missions.plugins.testing.play import CaseVerdict, play
+from missions.plugins.testing.stage import IN_PROCESS_LIMITS
 from missions.plugins.testing.suite import Case
 from missions.request import RunRequest
 from missions.runner import Runner
 from missions.trees.draw import drawing_of
-from missions.trees.drawing import Drawing
+from missions.trees.drawing import TreeDrawing
 
 
 @dataclass
@@ -25,10 +25,10 @@ class Past:
 
     runner: Runner
     events: Sequence[Event]
-    moments: list[TickRecord] = field(default_factory=list)
-    whole: bool = True
+    tick_records: list[TickRecord] = field(default_factory=list)
+    is_complete: bool = True
 
-    def drawing(self) -> Drawing:
+    def drawing(self) -> TreeDrawing:
         """The tree as it was."""
         return drawing_of(self.runner.plan)
 
@@ -48,15 +48,15 @@ def past_of(
         if act is not None:
             act(runner, moment)
 
-    runner = Runner(order, listeners=[events.append], limits=IN_PROCESS)
+    runner = Runner(order, listeners=[events.append], limits=IN_PROCESS_LIMITS)
     runner.observe(remember)
     if lag is not None:
-        runner.assembled.robot.lag.believe(lag, learnt=True)
+        runner.assembled_robot.robot.lag.set_prior(lag, learnt=True)
     runner.run()
     return Past(runner, events, moments)
 
 
-def past_of_case(case: Case, patch: pytest.MonkeyPatch) -> tuple[Verdict, Past]:
+def past_of_case(case: Case, patch: pytest.MonkeyPatch) -> tuple[CaseVerdict, Past]:
     """Play a case of a test file; return what became of it, and what was told of its run."""
     past: list[Past] = []
 
@@ -70,5 +70,5 @@ def past_of_case(case: Case, patch: pytest.MonkeyPatch) -> tuple[Verdict, Past]:
 
     with patch.context() as patched:
         patched.setattr(stage, "Runner", remembering)
-        verdict = play(case, limits=IN_PROCESS)
+        verdict = play(case, limits=IN_PROCESS_LIMITS)
     return verdict, past[0]

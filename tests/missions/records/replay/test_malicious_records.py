@@ -14,10 +14,10 @@ import pytest
 
 from missions.executive.events import Ended, FaultRaised, Logged, NodeChanged, VariableSet
 from missions.executive.tick_record import TickRecord
-from missions.plugins.records.recording.head import Contents, Head
-from missions.plugins.records.recording.items import Picture, Seen, packed, unpacked
+from missions.plugins.records.recording.head import RecordContents, RecordHeader
+from missions.plugins.records.recording.items import PictureItem, ViewItem, pack_items, unpack_items
 from missions.plugins.records.recording.tagged_values import to_json as to_fields_of
-from missions.plugins.records.recording.writer import Message, RecordWriter, Sink
+from missions.plugins.records.recording.writer import ChunkSink, RecordMessage, RecordWriter
 from missions.trees.drawing import to_json
 from perception.api import Box, View
 from tests.missions.command import command
@@ -56,21 +56,21 @@ def few(found: Sequence[Item]) -> list[Item]:
 def write(
     path: Path,
     *,
-    head: Head = HEAD,
+    head: RecordHeader = HEAD,
     files: Mapping[str, bytes] = FILES,
     tree: bytes | None = None,
     what: Sequence[Item] | None = None,
-    raw: Sequence[Message] = (),
+    raw: Sequence[RecordMessage] = (),
 ) -> Path:
     """Write a record as a run would, with ``raw`` messages at its end; return its path."""
-    contents = Contents(head, files, json.dumps(to_json(TREE)).encode() if tree is None else tree)
+    contents = RecordContents(head, files, json.dumps(to_json(TREE)).encode() if tree is None else tree)
     with path.open("wb", buffering=0) as file:
-        writer = RecordWriter(Sink(file.fileno()), contents)
+        writer = RecordWriter(ChunkSink(file.fileno()), contents)
         writer.begin()
-        for item in unpacked(packed(few(items() if what is None else what))):
+        for item in unpack_items(pack_items(few(items() if what is None else what))):
             writer.add(item)
         for message in raw:
-            writer._put(message)
+            writer._write_message(message)
         writer.flush()
         assert writer.close().whole
     return path
@@ -104,8 +104,8 @@ def to_fields(value: object) -> dict[str, Any]:
     return found
 
 
-def raw(topic: str, data: object) -> Message:
-    return Message(topic, 1.0, data if isinstance(data, bytes) else json.dumps(data).encode())
+def raw(topic: str, data: object) -> RecordMessage:
+    return RecordMessage(topic, 1.0, data if isinstance(data, bytes) else json.dumps(data).encode())
 
 
 def made(folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -156,8 +156,8 @@ def of_files(folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
     model = ROBOT + f"\n  detector: yunet\n  model: {folder / 'FIFO'}\n".encode()
     yield "a model that is a pipe", {"files": {**FILES, "robot/turtlebot2.yaml": model}}
     for width, height in ((65500, 65500), (65500, 1), (20000, 20000)):
-        shown = [Seen(second + 0.01, View(float(second), (face(float(second)),))) for second in range(4)]
-        pictures = [Picture(float(second), picture(width, height), None) for second in range(4)]
+        shown = [ViewItem(second + 0.01, View(float(second), (face(float(second)),))) for second in range(4)]
+        pictures = [PictureItem(float(second), picture(width, height), None) for second in range(4)]
         yield f"pictures of {width} x {height}", {"what": [*moments(), *shown, *pictures]}
 
 
@@ -170,7 +170,7 @@ def of_texts() -> Iterator[tuple[str, dict[str, Any]]]:
     yield "escapes in its head", {"head": texts, "files": {**FILES, ESCAPES: b""}}
     half = "half \ud800 a letter"
     yield "halves of letters in its head", {"head": replace(HEAD, mission=half, command=(half,))}
-    seen = Seen(1.01, View(1.0, (replace(face(1.0), name=half),)))
+    seen = ViewItem(1.01, View(1.0, (replace(face(1.0), name=half),)))
     changed = NodeChanged(0.1, 1, "1.1", half, half, 3, "failure", half)
     shown = {"tree": json.dumps(to_json(TREE)).replace("look_for", half).encode(errors="surrogatepass")}
     yield (
@@ -181,7 +181,7 @@ def of_texts() -> Iterator[tuple[str, dict[str, Any]]]:
                 VariableSet(0.1, 1, half, half, half),
                 *moments(),
                 seen,
-                Picture(1.0, small_picture(9), None),
+                PictureItem(1.0, small_picture(9), None),
             ],
             **shown,
         },
@@ -251,7 +251,7 @@ def of_figures() -> Iterator[tuple[str, dict[str, Any]]]:
     for value in (float("inf"), float("nan"), 3e9, 1e308):
         seen = replace(face(1.0), box=Box(value, 3e9, value, -value), bearing=value, distance=value, elevation=-value)
         told = {"t": 1.01, **to_fields(View(1.0, (seen,)))}
-        yield f"a face at {value}", {"what": [*moments(), Picture(1.0, small_picture(9), None)],
+        yield f"a face at {value}", {"what": [*moments(), PictureItem(1.0, small_picture(9), None)],
                                      "raw": [raw("/percepts", told)]}  # fmt: skip
     view = {"t": 1.0, "looked": many, "faces": [], "things": [], "markers": [], "spent": "x"}
     yield "a look of many digits", {"raw": [raw("/percepts", view)]}

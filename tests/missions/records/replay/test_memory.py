@@ -3,8 +3,8 @@
 import pytest
 
 from drivers.errors import DeviceFault
-from missions.plugins.records.replay.compare import Place, paired
-from missions.plugins.records.replay.memory import Memory, NotHeardError, Told
+from missions.plugins.records.replay.compare import NodePlace, pair_nodes
+from missions.plugins.records.replay.memory import NoRecordedAnswerError, RecordedAnswers, RecordedCommand
 
 
 class Heard:
@@ -13,24 +13,24 @@ class Heard:
     def __init__(self) -> None:
         self.unheard: list[str] = []
         self.otherwise: list[tuple[str, str | None, str | None]] = []
-        self.memory = Memory(unheard=self.unheard.append, otherwise=self._otherwise)
+        self.memory = RecordedAnswers(on_unanswered=self.unheard.append, on_different_command=self._otherwise)
 
-    def _otherwise(self, part: str, then: Told | None, now: Told | None) -> None:
+    def _otherwise(self, part: str, then: RecordedCommand | None, now: RecordedCommand | None) -> None:
         self.otherwise.append((part, None if then is None else str(then), None if now is None else str(now)))
 
 
 def test_a_question_is_answered_in_order_and_then_as_the_last_time() -> None:
     memory = Heard().memory
-    memory.begin([("head", "pose", (), 1), ("head", "look", ("there",), None), ("head", "pose", (), 2)])
-    assert [memory.ask("head", "pose") for _ in range(3)] == [1, 2, 2]
-    memory.end()
-    memory.begin([])
-    assert memory.ask("head", "pose") == 2
+    memory.begin_tick([("head", "pose", (), 1), ("head", "look", ("there",), None), ("head", "pose", (), 2)])
+    assert [memory.answer("head", "pose") for _ in range(3)] == [1, 2, 2]
+    memory.end_tick()
+    memory.begin_tick([])
+    assert memory.answer("head", "pose") == 2
 
 
 def test_a_command_that_was_no_number_is_the_same_again() -> None:
     heard = Heard()
-    heard.memory.begin([("base", "drive", (float("nan"),), DeviceFault("cannot drive at nan"))])
+    heard.memory.begin_tick([("base", "drive", (float("nan"),), DeviceFault("cannot drive at nan"))])
     with pytest.raises(DeviceFault, match="nan"):
         heard.memory.command("base", "drive", lambda: None, float("nan"))
     assert heard.otherwise == []
@@ -38,65 +38,65 @@ def test_a_command_that_was_no_number_is_the_same_again() -> None:
 
 def test_what_was_not_asked_is_remembered_too() -> None:
     memory = Heard().memory
-    memory.begin([("ranger", "scan", (), "far")])
-    memory.end()
-    memory.begin([])
-    assert memory.ask("ranger", "scan") == "far"
+    memory.begin_tick([("ranger", "scan", (), "far")])
+    memory.end_tick()
+    memory.begin_tick([])
+    assert memory.answer("ranger", "scan") == "far"
 
 
 def test_a_question_with_an_argument_has_its_own_answer_or_the_newest() -> None:
     memory = Heard().memory
-    memory.begin([("voice", "done", (1,), True), ("voice", "done", (2,), False)])
-    assert memory.ask("voice", "done", 2) is False
-    assert memory.ask("voice", "done", 1) is True
-    assert memory.ask("voice", "done", 3) is True
+    memory.begin_tick([("voice", "done", (1,), True), ("voice", "done", (2,), False)])
+    assert memory.answer("voice", "done", 2) is False
+    assert memory.answer("voice", "done", 1) is True
+    assert memory.answer("voice", "done", 3) is True
 
 
 def test_an_error_is_an_answer() -> None:
     memory = Heard().memory
-    memory.begin(
+    memory.begin_tick(
         [("base", "state", (), DeviceFault("base: too hot")), ("base", "drive", (1,), DeviceFault("base: no"))]
     )
     with pytest.raises(DeviceFault, match="too hot"):
-        memory.ask("base", "state")
+        memory.answer("base", "state")
     with pytest.raises(DeviceFault, match="no"):
         memory.command("base", "drive", lambda: None, 1)
 
 
 def test_none_is_an_answer() -> None:
     heard = Heard()
-    heard.memory.begin([("sight", "looked", (), None)])
-    assert heard.memory.ask("sight", "looked") is None
+    heard.memory.begin_tick([("sight", "looked", (), None)])
+    assert heard.memory.answer("sight", "looked") is None
     assert heard.unheard == []
 
 
 def test_what_was_never_heard_is_told() -> None:
     heard = Heard()
-    heard.memory.begin([])
-    with pytest.raises(NotHeardError, match="never heard"):
-        heard.memory.ask("arm", "states")
+    heard.memory.begin_tick([])
+    with pytest.raises(NoRecordedAnswerError, match="never heard"):
+        heard.memory.answer("arm", "states")
     assert heard.unheard == ["arm.states"]
 
 
 def test_commands_that_are_others_missing_or_too_many_are_told() -> None:
     heard = Heard()
     memory = heard.memory
-    memory.begin([("base", "drive", (1,), "yes"), ("base", "stop", (None,), None)])
+    memory.begin_tick([("base", "drive", (1,), "yes"), ("base", "stop", (None,), None)])
     assert memory.command("base", "drive", lambda: "guessed", 1) == "yes"
     assert heard.otherwise == []
-    memory.end()
+    memory.end_tick()
     assert heard.otherwise == [("base", "stop()", None)]
-    memory.begin([("base", "drive", (1,), "yes")])
+    memory.begin_tick([("base", "drive", (1,), "yes")])
     assert memory.command("base", "drive", lambda: "guessed", 2) == "guessed"
     assert memory.command("base", "drive", lambda: "guessed", 3) == "guessed"
-    memory.end()
+    memory.end_tick()
     assert heard.otherwise[1:] == [("base", "drive(1)", "drive(2)"), ("base", None, "drive(3)")]
 
 
-def tree(*words: str) -> list[Place]:
+def tree(*words: str) -> list[NodePlace]:
     """Return the places of nodes, each a kind and perhaps a name, with the keys 0, 1 and so on."""
     split = [(word.partition(" ")[0], word.rpartition(" ")[2]) for word in words]
-    return [Place(str(key), kind, name, "", 0) for key, (kind, name) in enumerate(split)]
+    return [NodePlace(str(key), kind, name, "", 0) for key, (kind, name) in enumerate(split)]
 
 
 @pytest.mark.parametrize(
@@ -112,4 +112,4 @@ def tree(*words: str) -> list[Place]:
     ],
 )
 def test_nodes_are_known_again(now: list[str], pairs: dict[str, str]) -> None:
-    assert paired(tree("sequence", "look", "say hello"), tree(*now)) == pairs
+    assert pair_nodes(tree("sequence", "look", "say hello"), tree(*now)) == pairs

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from missions.executive.events import Logged, Notified
-from missions.plugins.records.recording.read import Record
-from missions.plugins.records.replay.play import JUMP, Player
-from missions.plugins.records.replay.screen import Screen, lines, said
+from missions.plugins.records.recording.read import RunRecord
+from missions.plugins.records.replay.play import JUMP_TIME, RecordPlayer
+from missions.plugins.records.replay.screen import PlayerScreen, event_lines, event_text
 
 KEYS = [
     " ",
@@ -35,39 +35,39 @@ KEYS = [
 ]
 
 
-def shown(record: Record, player: Player, height: int = 40) -> list[str]:
+def shown(record: RunRecord, player: RecordPlayer, height: int = 40) -> list[str]:
     """Return the lines on the screen."""
     console = Console(width=100, height=height, color_system=None, file=StringIO())
     with console.capture() as captured:
-        console.print(Screen(record).draw(player, height))
+        console.print(PlayerScreen(record).draw(player, height))
     return captured.get().splitlines()
 
 
-def test_it_plays_at_its_speed_and_pauses_at_the_end(greeted: Record) -> None:
-    player = Player(greeted, at=1.0, speed=2.0)
-    player.go_on(1.5)
+def test_it_plays_at_its_speed_and_pauses_at_the_end(greeted: RunRecord) -> None:
+    player = RecordPlayer(greeted, at=1.0, speed=2.0)
+    player.advance(1.5)
     assert player.time == pytest.approx(4.0)
-    player.go_on(1000.0)
-    assert (player.time, player.playing) == (greeted.until, False)
+    player.advance(1000.0)
+    assert (player.time, player.playing) == (greeted.end_time, False)
 
 
-def test_space_pauses_and_goes_on_and_begins_anew_at_the_end(greeted: Record) -> None:
-    player = Player(greeted, at=1.0)
+def test_space_pauses_and_goes_on_and_begins_anew_at_the_end(greeted: RunRecord) -> None:
+    player = RecordPlayer(greeted, at=1.0)
     player.press(" ")
-    player.go_on(1.0)
+    player.advance(1.0)
     assert player.time == 1.0
     player.press(" ")
-    player.go_on(1.0)
+    player.advance(1.0)
     assert player.time == 2.0
-    player.go_on(1000.0)
+    player.advance(1000.0)
     player.press(" ")
     assert (player.time, player.playing) == (0.0, True)
 
 
-def test_arrows_jump_and_change_the_speed(greeted: Record) -> None:
-    player = Player(greeted)
+def test_arrows_jump_and_change_the_speed(greeted: RunRecord) -> None:
+    player = RecordPlayer(greeted)
     player.press("right")
-    assert player.time == JUMP
+    assert player.time == JUMP_TIME
     player.press("left")
     assert player.time == 0.0
     player.press("up")
@@ -77,15 +77,15 @@ def test_arrows_jump_and_change_the_speed(greeted: Record) -> None:
     assert player.speed == 0.5
 
 
-def test_digits_go_to_tenths(greeted: Record) -> None:
-    player = Player(greeted)
+def test_digits_go_to_tenths(greeted: RunRecord) -> None:
+    player = RecordPlayer(greeted)
     player.press("3")
-    assert player.time == pytest.approx(0.3 * greeted.until)
+    assert player.time == pytest.approx(0.3 * greeted.end_time)
 
 
-def test_comma_and_point_go_from_tick_to_tick(greeted: Record) -> None:
-    player = Player(greeted)
-    times = [moment.t for moment in greeted.moments]
+def test_comma_and_point_go_from_tick_to_tick(greeted: RunRecord) -> None:
+    player = RecordPlayer(greeted)
+    times = [moment.t for moment in greeted.tick_records]
     player.press(".")
     first = player.time
     player.press(".")
@@ -95,8 +95,8 @@ def test_comma_and_point_go_from_tick_to_tick(greeted: Record) -> None:
     assert not player.playing
 
 
-def test_f_goes_from_failure_to_failure(alone: Record) -> None:
-    player = Player(alone)
+def test_f_goes_from_failure_to_failure(alone: RunRecord) -> None:
+    player = RecordPlayer(alone)
     times = sorted({failure.t for failure in alone.failures()})
     assert times
     for time in times:
@@ -108,8 +108,8 @@ def test_f_goes_from_failure_to_failure(alone: Record) -> None:
     assert player.time < times[-1] or player.note == "no failure before this"
 
 
-def test_what_was_said_is_found(greeted: Record) -> None:
-    player = Player(greeted)
+def test_what_was_said_is_found(greeted: RunRecord) -> None:
+    player = RecordPlayer(greeted)
     for key in ["/", *"hellX", "\x7f", "o", "enter"]:
         player.press(key)
     assert player.time == next(event.t for event in greeted.search("hello") if event.t > 0.0)
@@ -119,8 +119,8 @@ def test_what_was_said_is_found(greeted: Record) -> None:
     assert player.note == "no 'no such thing' after this"
 
 
-def test_escape_leaves_a_search(greeted: Record) -> None:
-    player = Player(greeted)
+def test_escape_leaves_a_search(greeted: RunRecord) -> None:
+    player = RecordPlayer(greeted)
     player.press("/")
     player.press("q")
     assert player.typing == "q"
@@ -129,61 +129,61 @@ def test_escape_leaves_a_search(greeted: Record) -> None:
 
 
 @given(st.lists(st.sampled_from(KEYS), max_size=30))
-def test_whatever_is_pressed_it_stays_within_the_record(greeted: Record, keys: list[str]) -> None:
-    player = Player(greeted)
+def test_whatever_is_pressed_it_stays_within_the_record(greeted: RunRecord, keys: list[str]) -> None:
+    player = RecordPlayer(greeted)
     for key in keys:
         assert player.press(key)
-        player.go_on(0.1)
-        assert 0.0 <= player.time <= greeted.until
+        player.advance(0.1)
+        assert 0.0 <= player.time <= greeted.end_time
 
 
-def test_the_screen_shows_the_tree_with_signs_reasons_and_variables(greeted: Record) -> None:
+def test_the_screen_shows_the_tree_with_signs_reasons_and_variables(greeted: RunRecord) -> None:
     time = next(event.t for event in greeted.events if getattr(event, "kind", "") == "gesture")
-    rows = shown(greeted, Player(greeted, at=time + 0.1))
+    rows = shown(greeted, RecordPlayer(greeted, at=time + 0.1))
     text = "\n".join(rows)
     assert rows[0].startswith("greet  ▶")
     assert any("▶ gesture: ${gesture}" in row for row in rows)
     assert any("✓ find_face" in row and "[timeout: ${patience}" in row for row in rows)
-    assert any("○" in row for row in shown(greeted, Player(greeted)))
+    assert any("○" in row for row in shown(greeted, RecordPlayer(greeted)))
     assert "greeting = Hello!" in text
     assert 'robot: "Hello!"' in text
     assert "q quit" in rows[-1]
 
 
-def test_a_failure_shows_why(alone: Record) -> None:
-    player = Player(alone)
+def test_a_failure_shows_why(alone: RunRecord) -> None:
+    player = RecordPlayer(alone)
     player.press("f")
     assert any("✗" in row and "no face found" in row for row in shown(alone, player))
 
 
 def test_notices_are_told() -> None:
-    assert said(Notified(1.0, 20, "Anna was met")) == "notice: Anna was met"
+    assert event_text(Notified(1.0, 20, "Anna was met")) == "notice: Anna was met"
 
 
 def test_people_are_told_by_name() -> None:
-    assert said(Logged(1.0, "person", "Anna: yes: please")) == 'Anna: "yes: please"'
-    assert said(Logged(1.0, "voice", "Is it: you?")) == 'robot: "Is it: you?"'
-    assert said(Logged(1.0, "warning", "base: slow")) == "warning: base: slow"
+    assert event_text(Logged(1.0, "person", "Anna: yes: please")) == 'Anna: "yes: please"'
+    assert event_text(Logged(1.0, "voice", "Is it: you?")) == 'robot: "Is it: you?"'
+    assert event_text(Logged(1.0, "warning", "base: slow")) == "warning: base: slow"
 
 
-def test_who_is_seen_is_told_in_words_and_not_as_python_writes_it(greeted: Record) -> None:
-    told = [line for line in lines(greeted, 0.0) if "    person = " in line]
+def test_who_is_seen_is_told_in_words_and_not_as_python_writes_it(greeted: RunRecord) -> None:
+    told = [line for line in event_lines(greeted, 0.0) if "    person = " in line]
     assert len(told) == 1  # and not again in each picture
     assert re.search(r"person = face 1, \d\.\d m, \d+° (left|right)$", told[0])
-    assert any("  person = face 1, " in row for row in shown(greeted, Player(greeted, at=greeted.until)))
+    assert any("  person = face 1, " in row for row in shown(greeted, RecordPlayer(greeted, at=greeted.end_time)))
 
 
-def test_a_small_terminal_shows_what_runs(greeted: Record) -> None:
+def test_a_small_terminal_shows_what_runs(greeted: RunRecord) -> None:
     time = next(event.t for event in greeted.events if getattr(event, "kind", "") == "gesture")
-    rows = shown(greeted, Player(greeted, at=time + 0.1), height=12)
+    rows = shown(greeted, RecordPlayer(greeted, at=time + 0.1), height=12)
     assert len(rows) <= 12
     assert any("▶ gesture" in row for row in rows)
 
 
-def test_without_a_terminal_there_is_a_line_for_each_change(alone: Record) -> None:
-    told = list(lines(alone, 0.0))
+def test_without_a_terminal_there_is_a_line_for_each_change(alone: RunRecord) -> None:
+    told = list(event_lines(alone, 0.0))
     assert any("▶ running  find_face (line 12)" in line for line in told)
     assert any("✗ failure  timeout 'find_face' (line 13): no face found (timed out after 2 s)" in line for line in told)
-    late = list(lines(alone, 1.5))
+    late = list(event_lines(alone, 1.5))
     assert 0 < len(late) < len(told)
     assert told[-len(late) :] == late

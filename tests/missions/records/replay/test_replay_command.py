@@ -16,7 +16,7 @@ from click.testing import CliRunner, Result
 from missions.library.shipped import shipped_missions
 from missions.plugins.records.commands import replay as commands
 from missions.plugins.records.recording.faults import InvalidRecordError
-from missions.plugins.records.recording.read import Record
+from missions.plugins.records.recording.read import RunRecord
 from missions.request import RunRequest
 from tests.missions.records.replay.written import record_of
 from tests.waiting import wait_until
@@ -40,13 +40,13 @@ def refused(command: click.Command, *arguments: object) -> str:
     return str(CliRunner().invoke(command, [str(each) for each in arguments]).output)
 
 
-def test_an_unchanged_mission_exits_with_0(greeted: Record) -> None:
+def test_an_unchanged_mission_exits_with_0(greeted: RunRecord) -> None:
     result = rerun(greeted.path)
     assert result.return_value == 0
-    assert result.output == f"{len(greeted.moments)} ticks decided again, 15 nodes compared: no difference\n"
+    assert result.output == f"{len(greeted.tick_records)} ticks decided again, 15 nodes compared: no difference\n"
 
 
-def test_a_changed_threshold_exits_with_1_and_names_the_place(greeted: Record, tmp_path: Path) -> None:
+def test_a_changed_threshold_exits_with_1_and_names_the_place(greeted: RunRecord, tmp_path: Path) -> None:
     mission = tmp_path / "greet.yaml"
     mission.write_text(GREET.replace("within: 5 deg", "within: 2 deg"))
     result = rerun(greeted.path, "--mission", mission)
@@ -101,7 +101,7 @@ def test_what_the_record_never_heard_exits_with_2(tmp_path: Path) -> None:
     assert "gesture (line 4) asks for arm.limits, which it has never heard" in result.output
 
 
-def test_a_mission_that_has_nothing_in_common_exits_with_2(greeted: Record, tmp_path: Path) -> None:
+def test_a_mission_that_has_nothing_in_common_exits_with_2(greeted: RunRecord, tmp_path: Path) -> None:
     mission = tmp_path / "wave.yaml"
     mission.write_text("mission: wave\ntree:\n  drive: {distance: 1 m}\n")
     result = rerun(greeted.path, "--mission", mission)
@@ -109,7 +109,7 @@ def test_a_mission_that_has_nothing_in_common_exits_with_2(greeted: Record, tmp_
     assert "nothing to compare" in result.output
 
 
-def test_a_mistake_in_todays_mission_is_told_as_such(greeted: Record, tmp_path: Path) -> None:
+def test_a_mistake_in_todays_mission_is_told_as_such(greeted: RunRecord, tmp_path: Path) -> None:
     mission = tmp_path / "greet.yaml"
     mission.write_text(GREET.replace("find_face", "find_fase"))
     assert "did you mean 'find_face'?" in str(rerun(greeted.path, "--mission", mission).exception)
@@ -128,7 +128,7 @@ def test_a_mistake_in_todays_mission_is_told_as_such(greeted: Record, tmp_path: 
 )
 def test_what_cannot_be_is_refused_with_words(
     command: click.Command,
-    greeted: Record,
+    greeted: RunRecord,
     arguments: list[str],
     words: str,
     tmp_path: Path,
@@ -145,13 +145,13 @@ def test_a_file_that_is_no_record_is_refused(tmp_path: Path) -> None:
         CliRunner().invoke(commands.rerun, [str(path)], catch_exceptions=False)
 
 
-def test_without_a_terminal_it_writes_lines(greeted: Record) -> None:
+def test_without_a_terminal_it_writes_lines(greeted: RunRecord) -> None:
     result = replay(greeted.path, "--at", "1 s")
     assert result.return_value == 0
     assert any("✓ success  find_face" in line for line in result.output.splitlines())
 
 
-def test_frames_become_a_film_with_marks_that_lasts_as_long(pictured: Record, tmp_path: Path) -> None:
+def test_frames_become_a_film_with_marks_that_lasts_as_long(pictured: RunRecord, tmp_path: Path) -> None:
     out = tmp_path / "out.webm"
     assert replay(pictured.path, "--frames", out).return_value == 0
     stamps = [stamp for stamp, _ in pictured.frames()]
@@ -166,18 +166,18 @@ def test_frames_become_a_film_with_marks_that_lasts_as_long(pictured: Record, tm
     assert picture.shape[0] > 480  # the strip below
 
 
-def test_frames_become_pictures_in_a_folder(pictured: Record, tmp_path: Path) -> None:
+def test_frames_become_pictures_in_a_folder(pictured: RunRecord, tmp_path: Path) -> None:
     assert replay(pictured.path, "--frames", tmp_path / "out").return_value == 0
     assert len(list((tmp_path / "out").glob("*.jpg"))) == len(list(pictured.frames()))
 
 
-def test_todays_eyes_find_what_was_found_then(pictured: Record) -> None:
+def test_todays_eyes_find_what_was_found_then(pictured: RunRecord) -> None:
     result = rerun(pictured.path, "--see")
     assert result.return_value == 0
     assert re.search(r"\d+ pictures searched again: 1 found as then, 0 lost, 0 new\n  found  face", result.output)
 
 
-def test_keys_play_it_at_a_terminal(greeted: Record) -> None:
+def test_keys_play_it_at_a_terminal(greeted: RunRecord) -> None:
     master, slave = pty.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120", "LINES": "40"}
     process = subprocess.Popen(

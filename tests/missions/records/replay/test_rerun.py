@@ -8,13 +8,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from config.library import DEFAULT_ROBOT, find
+from config.library import DEFAULT_ROBOT, find_file
 from config.robot import RobotConfig
 from missions.executive.events import NodeChanged
 from missions.executive.tick_record import Answer, TickRecord
 from missions.library.drivers import load_robot
 from missions.library.shipped import load_mission, shipped_missions
-from missions.plugins.records.replay.rerun import Rerun, rerun
+from missions.plugins.records.replay.rerun import RerunResult, rerun
 from missions.request import RunRequest
 from missions.runner import Runner
 from tests.missions.records.replay.past import Past, past_of
@@ -24,7 +24,7 @@ GREET = shipped_missions()["greet"]
 
 @pytest.fixture(scope="module")
 def robot() -> RobotConfig:
-    return load_robot(find("robots", DEFAULT_ROBOT))
+    return load_robot(find_file("robots", DEFAULT_ROBOT))
 
 
 @pytest.fixture(scope="module")
@@ -42,14 +42,14 @@ def changed(folder: Path, was: str, becomes: str) -> Path:
     return path
 
 
-def again(past: Past, mission: Path, robot: RobotConfig) -> Rerun:
+def again(past: Past, mission: Path, robot: RobotConfig) -> RerunResult:
     return rerun(past, load_mission(str(mission), complete=True), robot)
 
 
 def test_an_unchanged_mission_decides_the_same(greeting: Past, robot: RobotConfig) -> None:
     found = again(greeting, GREET, robot)
-    assert found.same
-    assert found.ticks == len(greeting.moments) > 100
+    assert found.is_identical
+    assert found.ticks == len(greeting.tick_records) > 100
 
 
 def test_a_changed_threshold_is_named_with_tick_node_and_line(
@@ -58,26 +58,26 @@ def test_a_changed_threshold_is_named_with_tick_node_and_line(
     mission = changed(tmp_path, "within: 5 deg", "within: 2 deg")
     difference = again(greeting, mission, robot).difference
     assert difference is not None
-    assert (difference.now_at.key, difference.now_at.kind) == ("1.2.2.1", "face_centred")
-    assert (difference.then_at.file, difference.then_at.line) == ("greet.yaml", 17)
-    assert (difference.now_at.file, difference.now_at.line) == (str(mission), 17)
-    assert (difference.then.status, difference.now.status) == ("success", "failure")
-    assert "off" in difference.now.reason
-    moment = next(moment for moment in greeting.moments if moment.tick == difference.tick)
+    assert (difference.current_place.key, difference.current_place.kind) == ("1.2.2.1", "face_centred")
+    assert (difference.recorded_place.file, difference.recorded_place.line) == ("greet.yaml", 17)
+    assert (difference.current_place.file, difference.current_place.line) == (str(mission), 17)
+    assert (difference.recorded.status, difference.current.status) == ("success", "failure")
+    assert "off" in difference.current.reason
+    moment = next(moment for moment in greeting.tick_records if moment.tick == difference.tick)
     assert difference.t == moment.t
 
 
 def test_a_run_that_knew_the_lag_of_its_base_is_decided_again_with_it(robot: RobotConfig) -> None:
     past = past_of(RunRequest("follow_me", simulate="fast", eyes="truth"), lag=0.3)
     plan = load_mission(str(shipped_missions()["follow_me"]), complete=True)
-    assert rerun(past, plan, robot, lag=0.3).same
+    assert rerun(past, plan, robot, lag=0.3).is_identical
     assert rerun(past, plan, robot).command is not None
 
 
 def test_it_goes_on_no_further_than_the_first_difference(greeting: Past, robot: RobotConfig, tmp_path: Path) -> None:
     found = again(greeting, changed(tmp_path, "within: 5 deg", "within: 2 deg"), robot)
     assert found.difference is not None
-    assert found.ticks == found.difference.tick < len(greeting.moments)
+    assert found.ticks == found.difference.tick < len(greeting.tick_records)
 
 
 def test_what_was_put_in_shifts_no_other_node(greeting: Past, robot: RobotConfig, tmp_path: Path) -> None:
@@ -94,9 +94,9 @@ def test_a_behind_node_is_still_compared_where_its_key_is_another(
     path.write_text(path.read_text().replace("within: 5 deg", "within: 2 deg"))
     difference = again(greeting, path, robot).difference
     assert difference is not None
-    assert difference.then_at.key == "1.2.2.1"
-    assert difference.now_at.key == "1.3.2.1"
-    assert (difference.then_at.line, difference.now_at.line) == (17, 18)
+    assert difference.recorded_place.key == "1.2.2.1"
+    assert difference.current_place.key == "1.3.2.1"
+    assert (difference.recorded_place.line, difference.current_place.line) == (17, 18)
 
 
 def test_other_words_alone_are_other_commands_and_no_other_status(
@@ -104,13 +104,13 @@ def test_other_words_alone_are_other_commands_and_no_other_status(
 ) -> None:
     found = again(greeting, changed(tmp_path, "say: ${greeting}", "say: Halloo"), robot)
     assert found.command is not None
-    assert not found.same
-    assert (found.command.part, str(found.command.then), str(found.command.now)) == (
+    assert not found.is_identical
+    assert (found.command.part, str(found.command.recorded), str(found.command.current)) == (
         "voice",
         "say(Hello!)",
         "say(Halloo)",
     )
-    assert found.command.by.startswith("say (line")
+    assert found.command.place.startswith("say (line")
 
 
 def test_what_was_never_heard_cannot_be_decided(robot: RobotConfig, tmp_path: Path) -> None:
@@ -118,26 +118,26 @@ def test_what_was_never_heard_cannot_be_decided(robot: RobotConfig, tmp_path: Pa
     mission = tmp_path / "look_around.yaml"
     mission.write_text("mission: look_around\ntree:\n  gesture: hello\n")
     found = again(looked, mission, robot)
-    assert not found.same
-    assert found.unheard.startswith("in tick 1, at 0.0")
-    assert found.unheard.endswith("gesture (line 3) asks for arm.limits")
+    assert not found.is_identical
+    assert found.unanswered.startswith("in tick 1, at 0.0")
+    assert found.unanswered.endswith("gesture (line 3) asks for arm.limits")
 
 
 def test_an_answer_that_was_another_is_a_difference(greeting: Past, robot: RobotConfig) -> None:
     def unseen(answer: Answer) -> Answer:
         return (*answer[:3], ()) if answer[:2] == ("sight", "faces") else answer
 
-    blind = [replace(moment, answers=[unseen(answer) for answer in moment.answers]) for moment in greeting.moments]
-    found = again(replace(greeting, moments=blind), GREET, robot)
+    blind = [replace(moment, answers=[unseen(answer) for answer in moment.answers]) for moment in greeting.tick_records]
+    found = again(replace(greeting, tick_records=blind), GREET, robot)
     assert found.difference is not None
-    assert found.difference.now_at.kind == "find_face"
-    assert found.difference.then.status == "success"
+    assert found.difference.current_place.kind == "find_face"
+    assert found.difference.recorded.status == "success"
 
 
 def test_of_a_run_that_was_killed_the_last_tick_is_left_out(greeting: Past, robot: RobotConfig) -> None:
-    torn = replace(greeting, moments=greeting.moments[:50], whole=False)
+    torn = replace(greeting, tick_records=greeting.tick_records[:50], is_complete=False)
     found = again(torn, GREET, robot)
-    assert found.same
+    assert found.is_identical
     assert found.ticks == 49
 
 
@@ -147,8 +147,8 @@ def test_an_interrupted_run_is_decided_again_with_its_halting(robot: RobotConfig
             runner.executive.stop("enough")
 
     past = past_of(RunRequest("patrol", simulate="fast", eyes="truth"), act=stop)
-    assert [moment.kind for moment in past.moments[59:61]] == ["tick", "halt"]
-    assert again(past, shipped_missions()["patrol"], robot).same
+    assert [moment.kind for moment in past.tick_records[59:61]] == ["tick", "halt"]
+    assert again(past, shipped_missions()["patrol"], robot).is_identical
 
 
 def test_a_run_that_was_paused_is_decided_again(robot: RobotConfig) -> None:
@@ -161,8 +161,8 @@ def test_a_run_that_was_paused_is_decided_again(robot: RobotConfig) -> None:
             runner.executive.stop("enough")
 
     past = past_of(RunRequest("patrol", simulate="fast", eyes="truth"), act=pause)
-    assert {moment.kind for moment in past.moments} == {"tick", "look", "halt"}
-    assert again(past, shipped_missions()["patrol"], robot).same
+    assert {moment.kind for moment in past.tick_records} == {"tick", "look", "halt"}
+    assert again(past, shipped_missions()["patrol"], robot).is_identical
 
 
 def test_a_run_in_real_time_is_decided_again(robot: RobotConfig) -> None:
@@ -171,10 +171,10 @@ def test_a_run_in_real_time_is_decided_again(robot: RobotConfig) -> None:
             runner.executive.stop("enough")
 
     past = past_of(RunRequest("look_around", simulate="wire"), act=stop)
-    assert len(past.moments) > 10
+    assert len(past.tick_records) > 10
     found = again(past, shipped_missions()["look_around"], robot)
-    assert found.same
-    assert found.words == 0
+    assert found.is_identical
+    assert found.reworded_count == 0
 
 
 @settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -188,5 +188,5 @@ def test_a_status_that_was_another_is_found_wherever_it_is(
     events = [replace(wrong, status=other) if event is wrong else event for event in greeting.events]
     difference = again(replace(greeting, events=events), GREET, robot).difference
     assert difference is not None
-    assert difference.then.status == other
-    assert (difference.tick, difference.then_at.key) == (wrong.tick, wrong.node)
+    assert difference.recorded.status == other
+    assert (difference.tick, difference.recorded_place.key) == (wrong.tick, wrong.node)

@@ -7,9 +7,9 @@ import pytest
 
 from config.faults import InvalidFileError
 from missions.plugins.records.recording.faults import InvalidRecordError
-from missions.plugins.records.recording.read import Record
-from missions.plugins.records.replay.rerun import Rerun, rerun
-from missions.plugins.records.replay.sources import Sources
+from missions.plugins.records.recording.read import RunRecord
+from missions.plugins.records.replay.rerun import RerunResult, rerun
+from missions.plugins.records.replay.sources import RerunFiles
 from missions.request import RunRequest
 from tests.missions.records.replay.written import record_of
 
@@ -55,7 +55,7 @@ class CountTicks(Leaf):
 
 
 @pytest.fixture
-def mine(tmp_path: Path) -> tuple[Record, Path]:
+def mine(tmp_path: Path) -> tuple[RunRecord, Path]:
     """The record of a mission that has a mission inside, a gesture and a leaf of its own; and where its files are."""
     for name in ("gestures", "behaviours"):
         (tmp_path / name).mkdir()
@@ -70,20 +70,20 @@ def mine(tmp_path: Path) -> tuple[Record, Path]:
 
 
 def again(
-    record: Record, folder: Path, *, recorded: bool = False, code: Sequence[Path] = ()
-) -> tuple[Rerun, list[str]]:
-    sources = Sources(record.head, record.files, folder, recorded=recorded, code=code, trusted=True)
+    record: RunRecord, folder: Path, *, recorded: bool = False, code: Sequence[Path] = ()
+) -> tuple[RerunResult, list[str]]:
+    sources = RerunFiles(record.header, record.files, folder, recorded=recorded, code=code, trusted=True)
     sources.unpack()
     robot = sources.robot()
-    return rerun(record, sources.plan(robot), robot), list(sources.changed())
+    return rerun(record, sources.plan(robot), robot), list(sources.changed_files())
 
 
-def test_all_that_is_gone_is_taken_from_the_record(mine: tuple[Record, Path], tmp_path: Path) -> None:
+def test_all_that_is_gone_is_taken_from_the_record(mine: tuple[RunRecord, Path], tmp_path: Path) -> None:
     record, folder = mine
     for path in ("mine.yaml", "inner.yaml", "gestures/nod.yaml", "behaviours/counting.py"):
         (folder / path).unlink()
     found, changed = again(record, tmp_path / "unpacked")
-    assert found.same
+    assert found.is_identical
     assert found.nodes == 4
     assert sorted(changed) == sorted(
         f"{folder / path} is gone since"
@@ -99,30 +99,32 @@ def test_all_that_is_gone_is_taken_from_the_record(mine: tuple[Record, Path], tm
     ],
 )
 def test_what_has_changed_today_counts_unless_the_recorded_is_asked_for(
-    mine: tuple[Record, Path], tmp_path: Path, path: str, was: str, becomes: str
+    mine: tuple[RunRecord, Path], tmp_path: Path, path: str, was: str, becomes: str
 ) -> None:
     record, folder = mine
     file = folder / path
     file.write_text(file.read_text().replace(was, becomes))
     found, changed = again(record, tmp_path / "today")
-    assert not found.same
+    assert not found.is_identical
     assert changed == [f"{file} has changed since"]
-    assert again(record, tmp_path / "recorded", recorded=True)[0].same
+    assert again(record, tmp_path / "recorded", recorded=True)[0].is_identical
 
 
-def test_python_is_taken_from_the_record_or_from_where_the_user_says(mine: tuple[Record, Path], tmp_path: Path) -> None:
+def test_python_is_taken_from_the_record_or_from_where_the_user_says(
+    mine: tuple[RunRecord, Path], tmp_path: Path
+) -> None:
     record, folder = mine
     file = folder / "behaviours/counting.py"
     file.write_text(LEAF.replace(">= self.most", "> self.most"))
     found, changed = again(record, tmp_path / "trusted")
-    assert found.same
+    assert found.is_identical
     assert changed == [f"{file} has changed since"]
-    assert not again(record, tmp_path / "own", code=[file])[0].same
+    assert not again(record, tmp_path / "own", code=[file])[0].is_identical
 
 
-def test_python_is_not_run_unless_it_is_trusted(mine: tuple[Record, Path], tmp_path: Path) -> None:
+def test_python_is_not_run_unless_it_is_trusted(mine: tuple[RunRecord, Path], tmp_path: Path) -> None:
     record, folder = mine
-    sources = Sources(record.head, record.files, tmp_path / "unpacked")
+    sources = RerunFiles(record.header, record.files, tmp_path / "unpacked")
     sources.unpack()
     (line,) = sources.foreign_code()
     assert line == f"behaviours/counting.py, {len(LEAF)} bytes, of {folder / 'behaviours/counting.py'}"
@@ -130,7 +132,7 @@ def test_python_is_not_run_unless_it_is_trusted(mine: tuple[Record, Path], tmp_p
         sources.plan(sources.robot())
 
 
-def test_a_file_that_is_wrong_today_is_told_as_it_always_is(mine: tuple[Record, Path], tmp_path: Path) -> None:
+def test_a_file_that_is_wrong_today_is_told_as_it_always_is(mine: tuple[RunRecord, Path], tmp_path: Path) -> None:
     record, folder = mine
     (folder / "inner.yaml").write_text("mission: inner\ntree: {fly: 1 m}\n")
     with pytest.raises(InvalidFileError, match="fly"):
@@ -148,15 +150,17 @@ def test_what_a_mission_writes_is_not_written_over(tmp_path: Path, monkeypatch: 
     taken = tmp_path / "taken.yaml"
     taken.write_text("another by now\n")
     found, changed = again(record, tmp_path / "unpacked")
-    assert found.same
+    assert found.is_identical
     assert changed == []
     assert taken.read_text() == "another by now\n"
     assert (tmp_path / "unpacked/new/taken.yaml").is_file()
 
 
-def test_no_name_of_a_file_leads_out_of_the_folder(greeted: Record, tmp_path: Path) -> None:
+def test_no_name_of_a_file_leads_out_of_the_folder(greeted: RunRecord, tmp_path: Path) -> None:
     folder = tmp_path / "unpacked"
-    Sources(greeted.head, {"../../evil": b"1", "mission/../../evil": b"3", "nul\0": b"", "/": b""}, folder).unpack()
+    RerunFiles(
+        greeted.header, {"../../evil": b"1", "mission/../../evil": b"3", "nul\0": b"", "/": b""}, folder
+    ).unpack()
     assert {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()} == {
         "evil",
         "mission/evil",
@@ -166,7 +170,7 @@ def test_no_name_of_a_file_leads_out_of_the_folder(greeted: Record, tmp_path: Pa
     assert not (tmp_path / "evil").exists()
 
 
-def test_no_file_of_a_record_hides_behind_another(greeted: Record, tmp_path: Path) -> None:
+def test_no_file_of_a_record_hides_behind_another(greeted: RunRecord, tmp_path: Path) -> None:
     files = {"behaviours/mine.py": b"good", "behaviours/../mine.py": b"evil"}
     with pytest.raises(InvalidRecordError, match=r"two files of the record go by one name: behaviours/\.\./mine\.py"):
-        Sources(greeted.head, files, tmp_path / "unpacked").unpack()
+        RerunFiles(greeted.header, files, tmp_path / "unpacked").unpack()

@@ -2,16 +2,16 @@
 
 import pytest
 
-from missions.plugins.records.recording.read import Record, open_record
-from missions.plugins.records.report.summary import Study, study
+from missions.plugins.records.recording.read import RunRecord, open_record
+from missions.plugins.records.report.summary import RecordStudy, study_record
 from tests.missions.records.report.told_record import items, write
 
 
 @pytest.fixture(scope="session")
-def record(tmp_path_factory: pytest.TempPathFactory) -> Record:
+def record(tmp_path_factory: pytest.TempPathFactory) -> RunRecord:
     return open_record(write(tmp_path_factory.mktemp("records") / "m.mcap", items()))
 
 
 @pytest.fixture(scope="session")
-def found(record: Record) -> Study:
-    return study(record, most_pictures=3)
+def found(record: RunRecord) -> RecordStudy:
+    return study_record(record, max_pictures=3)

@@ -11,9 +11,9 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from missions.cli.root import guarded
+from missions.cli.root import run_guarded
 from missions.plugins.records.commands.report import report as command
-from missions.plugins.records.recording.read import Record
+from missions.plugins.records.recording.read import RunRecord
 from tests.missions.views.pictures.test_document import Reader
 
 
@@ -42,7 +42,7 @@ def report(capsys: pytest.CaptureFixture[str]) -> Report:
 
     def run(*arguments: object) -> Told:
         words = [str(each) for each in arguments]
-        code = guarded(lambda: command.main(words, standalone_mode=False))
+        code = run_guarded(lambda: command.main(words, standalone_mode=False))
         printed = capsys.readouterr()
         return Told(code, printed.out + printed.err)
 
@@ -54,13 +54,13 @@ def images(path: Path) -> int:
     return sum(tag == "img" for tag, _ in Reader(path.read_text(encoding="utf-8")).tags)
 
 
-def test_a_report_is_written_where_it_is_wanted(report: Report, record: Record, tmp_path: Path) -> None:
+def test_a_report_is_written_where_it_is_wanted(report: Report, record: RunRecord, tmp_path: Path) -> None:
     told = report(record.path, "-o", tmp_path / "report.html")
     assert (told.exit_code, told.output) == (0, f"wrote {tmp_path / 'report.html'} (only you can read it)\n")
     assert images(tmp_path / "report.html") == 5 + 1
 
 
-def test_else_it_is_written_beside_the_record(report: Report, record: Record, tmp_path: Path) -> None:
+def test_else_it_is_written_beside_the_record(report: Report, record: RunRecord, tmp_path: Path) -> None:
     path = tmp_path / "m.mcap"
     path.write_bytes(record.path.read_bytes())
     assert report(path).exit_code == 0
@@ -73,7 +73,7 @@ def test_else_it_is_written_beside_the_record(report: Report, record: Record, tm
     [("-o", "m.pdf", "a report is a page of HTML\n  try: -o "), ("--plots", "m.png", "would become a folder")],
 )
 def test_a_name_that_ends_as_something_else_is_refused(
-    report: Report, record: Record, tmp_path: Path, option: str, name: str, words: str
+    report: Report, record: RunRecord, tmp_path: Path, option: str, name: str, words: str
 ) -> None:
     told = report(record.path, option, tmp_path / name)
     assert told.exit_code == 2
@@ -83,14 +83,14 @@ def test_a_name_that_ends_as_something_else_is_refused(
 
 @pytest.mark.parametrize(("most", "there"), [(0, 0), (2, 3)])
 def test_there_are_no_more_pictures_than_wanted(
-    report: Report, record: Record, tmp_path: Path, most: int, there: int
+    report: Report, record: RunRecord, tmp_path: Path, most: int, there: int
 ) -> None:
     assert report(record.path, "-o", tmp_path / "report.html", "--pictures", most).exit_code == 0
     assert images(tmp_path / "report.html") == there
 
 
 def test_plots_are_written_for_papers_and_the_page_only_if_it_is_wanted(
-    report: Report, record: Record, tmp_path: Path
+    report: Report, record: RunRecord, tmp_path: Path
 ) -> None:
     told = report(record.path, "--plots", tmp_path / "plots")
     assert told.exit_code == 0
@@ -105,7 +105,7 @@ def test_plots_are_written_for_papers_and_the_page_only_if_it_is_wanted(
 
 
 def test_plots_without_their_extra_say_what_to_install(
-    report: Report, record: Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    report: Report, record: RunRecord, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib.axes", None)
     monkeypatch.delitem(sys.modules, "missions.plugins.records.report.papers", raising=False)
@@ -123,7 +123,7 @@ def test_what_is_no_record_is_said_with_what_to_try(report: Report, tmp_path: Pa
     assert report(tmp_path / "none.mcap").exit_code == 2
 
 
-def test_a_place_that_cannot_be_written_is_named(report: Report, record: Record, tmp_path: Path) -> None:
+def test_a_place_that_cannot_be_written_is_named(report: Report, record: RunRecord, tmp_path: Path) -> None:
     told = report(record.path, "-o", tmp_path / "no" / "report.html")
     assert told.exit_code == 2
     assert str(tmp_path / "no" / "report.html") in told.output

@@ -18,12 +18,12 @@ from drivers.api import JointState, Quality, Reading
 from missions.executive.tick_record import TickRecord
 from missions.plugins.records.commands.record import command
 from missions.plugins.records.recording.faults import InvalidRecordError
-from missions.plugins.records.recording.read import Record, open_record
+from missions.plugins.records.recording.read import RunRecord, open_record
 from missions.plugins.records.recording.tagged_values import to_json
-from missions.plugins.records.report.joints import MOST_JOINTS, JointFigures, figures_of, joint_charts, tracks_of
-from missions.plugins.records.report.page import page
-from missions.plugins.records.report.papers import draw
-from missions.plugins.records.report.summary import sentences, study
+from missions.plugins.records.report.joints import MAX_JOINTS, JointFigures, joint_charts, joint_figures, joint_samples
+from missions.plugins.records.report.page import report_page
+from missions.plugins.records.report.papers import draw_plots
+from missions.plugins.records.report.summary import study_record, summary_sentences
 from missions.trees.drawing import to_json as drawing_to_json
 from tests.cases import each
 from tests.missions.records.recording.test_hostile_files import about
@@ -63,7 +63,7 @@ def waves(t: float) -> JointState:
     return JointState(goal + off, 1.0, goal, 0.5, 12.0, 35.0 + t, moving=True, torque=True)
 
 
-def record_of(path: Path, *, real: bool = True, quality: Quality = Quality.GOOD, **joints: At) -> Record:
+def record_of(path: Path, *, real: bool = True, quality: Quality = Quality.GOOD, **joints: At) -> RunRecord:
     """Write a record of joints, ten times a second for 4 s."""
     ticks = [
         TickRecord(
@@ -76,8 +76,8 @@ def record_of(path: Path, *, real: bool = True, quality: Quality = Quality.GOOD,
     return open_record(write(path / "joints.mcap", ticks, head=head, files={"robot/r.yaml": ARM}))
 
 
-def figures(record: Record) -> dict[str, JointFigures]:
-    return {each.name: each for each in figures_of(record, tracks_of(record))}
+def figures(record: RunRecord) -> dict[str, JointFigures]:
+    return {each.name: each for each in joint_figures(record, joint_samples(record))}
 
 
 def test_the_error_of_a_joint_is_told_with_when_it_was_greatest(tmp_path: Path) -> None:
@@ -117,8 +117,8 @@ def test_what_a_silent_servo_said_before_does_not_count(tmp_path: Path) -> None:
 
 def test_a_joint_that_moved_has_a_chart_of_goal_and_angle_and_one_at_rest_has_none(tmp_path: Path) -> None:
     record = record_of(tmp_path, elbow=waves, wrist=lambda _: AT_REST)
-    (drawn,) = joint_charts(tracks_of(record))
-    assert (drawn.key, drawn.title, [(line.name, line.asked) for line in drawn.lines]) == (
+    (drawn,) = joint_charts(joint_samples(record))
+    assert (drawn.key, drawn.title, [(line.name, line.requested) for line in drawn.lines]) == (
         "joint_elbow",
         "elbow",
         [("goal", True), ("measured", False)],
@@ -127,20 +127,21 @@ def test_a_joint_that_moved_has_a_chart_of_goal_and_angle_and_one_at_rest_has_no
 
 
 def test_a_report_has_a_section_on_joints_and_says_the_worst(tmp_path: Path) -> None:
-    found = study(record_of(tmp_path, elbow=waves))
-    assert "The joints were 1.49° off their goals (root mean square), and 3.0° at most: elbow, at 1.50 s." in sentences(
-        found
+    found = study_record(record_of(tmp_path, elbow=waves))
+    assert (
+        "The joints were 1.49° off their goals (root mean square), and 3.0° at most: elbow, at 1.50 s."
+        in summary_sentences(found)
     )
-    assert "Their motors did 3 J." in sentences(found)
-    text = page(found)
+    assert "Their motors did 3 J." in summary_sentences(found)
+    text = report_page(found)
     assert "<h2>Joints</h2>" in text
     assert "elbow, °" in text
-    assert [path.name for path in draw(found, tmp_path / "plots")] == ["joint_elbow.png"]
+    assert [path.name for path in draw_plots(found, tmp_path / "plots")] == ["joint_elbow.png"]
 
 
 def test_a_report_of_a_robot_without_joints_has_no_such_section(tmp_path: Path) -> None:
-    found = study(open_record(write(tmp_path / "m.mcap", items())))
-    assert "<h2>Joints</h2>" not in page(found)
+    found = study_record(open_record(write(tmp_path / "m.mcap", items())))
+    assert "<h2>Joints</h2>" not in report_page(found)
 
 
 # --- the command ------------------------------------------------------------------------------------------------------
@@ -169,7 +170,7 @@ def test_the_command_says_so_where_there_are_no_joints(tmp_path: Path) -> None:
 # --- files from strangers ---------------------------------------------------------------------------------------------
 
 
-def foreign(tmp_path: Path, joints: Iterable[tuple[str, dict[str, Any]]]) -> Record:
+def foreign(tmp_path: Path, joints: Iterable[tuple[str, dict[str, Any]]]) -> RunRecord:
     """Write a record of joints as a stranger would."""
     state = to_json(waves(1.0))
     assert isinstance(state, dict)
@@ -189,29 +190,29 @@ def test_numbers_that_no_joint_has_are_left_out(tmp_path: Path, word: str, value
 def test_what_is_no_number_is_told(tmp_path: Path, value: object) -> None:
     record = foreign(tmp_path, [("elbow", {"position": value})])
     with pytest.raises(InvalidRecordError, match="holds what this MissionTree does not understand"):
-        tracks_of(record)
+        joint_samples(record)
 
 
 def test_the_greatest_numbers_that_are_believed_can_be_reckoned_with_and_drawn(tmp_path: Path) -> None:
     most = dict.fromkeys(("velocity", "goal", "load", "temperature"), 0.9e9)
-    found = study(foreign(tmp_path, [("elbow", {"position": -0.9e9, **most})]))
-    assert "NaN" not in page(found)
-    list(draw(found, tmp_path / "plots"))
+    found = study_record(foreign(tmp_path, [("elbow", {"position": -0.9e9, **most})]))
+    assert "NaN" not in report_page(found)
+    list(draw_plots(found, tmp_path / "plots"))
 
 
 def test_no_name_of_a_joint_is_markup_a_formula_or_a_path(tmp_path: Path) -> None:
     names = (HOSTILE, "=cmd()", "../../evil", "$", "", "a" * 10_000, "\x1b[2J")
     record = foreign(tmp_path, [(name, {"goal": 0.0}) for name in names])
-    found = study(record)
-    text = page(found)
+    found = study_record(record)
+    text = report_page(found)
     assert HOSTILE not in text
     assert "a" * 100 not in text
     assert "'=cmd()" in run(record.path, "--csv").output
     assert "\x1b" not in run(record.path).output
-    drawn = list(draw(found, tmp_path / "plots"))
+    drawn = list(draw_plots(found, tmp_path / "plots"))
     assert {path.parent for path in drawn} == {tmp_path / "plots"}
     assert run(record.path).exit_code == 0
 
 
 def test_of_very_many_joints_some_are_told(tmp_path: Path) -> None:
-    assert len(figures(foreign(tmp_path, [(f"j{n}", {}) for n in range(3 * MOST_JOINTS)]))) == MOST_JOINTS
+    assert len(figures(foreign(tmp_path, [(f"j{n}", {}) for n in range(3 * MAX_JOINTS)]))) == MAX_JOINTS

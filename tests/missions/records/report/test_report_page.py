@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from missions.plugins.records.recording.read import Record, open_record
-from missions.plugins.records.report.page import page
-from missions.plugins.records.report.summary import Study, study
+from missions.plugins.records.recording.read import RunRecord, open_record
+from missions.plugins.records.report.page import report_page
+from missions.plugins.records.report.summary import RecordStudy, study_record
 from missions.request import RunRequest
 from missions.trees.drawing import SIGNS
 from tests.browser import Browser, Tab
@@ -20,9 +20,9 @@ from tests.waiting import wait_until
 
 
 @pytest.fixture(scope="module")
-def file(found: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def file(found: RecordStudy, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("report") / "report.html"
-    path.write_text(page(found), encoding="utf-8")
+    path.write_text(report_page(found), encoding="utf-8")
     return path
 
 
@@ -191,15 +191,15 @@ def test_it_fits_phones_and_desks_by_day_and_by_night(
 
 
 @pytest.fixture(scope="module")
-def alone(tmp_path_factory: pytest.TempPathFactory) -> Record:
+def alone(tmp_path_factory: pytest.TempPathFactory) -> RunRecord:
     """A real run of greet: nobody was there."""
     path = tmp_path_factory.mktemp("records") / "alone.mcap"
     return record_of(RunRequest("greet", {"patience": "2 s"}, simulate="fast", world="empty", eyes="truth"), path)
 
 
-def test_a_real_run_is_reported(browser: Browser, alone: Record, tmp_path: Path) -> None:
+def test_a_real_run_is_reported(browser: Browser, alone: RunRecord, tmp_path: Path) -> None:
     path = tmp_path / "alone.html"
-    path.write_text(page(study(open_record(alone.path))), encoding="utf-8")
+    path.write_text(report_page(study_record(open_record(alone.path))), encoding="utf-8")
     tab = browser.open(path)
     assert tab.errors == []
     assert root(tab) == "running"

@@ -5,24 +5,29 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missions.plugins.records.report.percepts import WIDTH, chosen, evenly, sightings
-from missions.plugins.records.report.summary import Study
+from missions.plugins.records.report.percepts import (
+    MAX_PICTURE_WIDTH,
+    choose_frames,
+    spread_evenly,
+    summarise_sightings,
+)
+from missions.plugins.records.report.summary import RecordStudy
 from perception.annotate import INK
 from perception.api import UNKNOWN, Box, Face, View
 
 
-def test_a_picture_is_small_and_says_what_is_in_it(found: Study) -> None:
+def test_a_picture_is_small_and_says_what_is_in_it(found: RecordStudy) -> None:
     assert [picture.time for picture in found.pictures] == [1.0, 4.0, 5.0]
     for picture in found.pictures:
         image = cv2.imdecode(np.frombuffer(picture.jpeg, np.uint8), cv2.IMREAD_COLOR)
         assert image is not None
-        assert image.shape == (picture.height, picture.width, 3) == (240, WIDTH, 3)
+        assert image.shape == (picture.height, picture.width, 3) == (240, MAX_PICTURE_WIDTH, 3)
         assert picture.caption == "face 1, 1.5 m, 11° left"
         frame = image[25 : 25 + 30, 50].mean(axis=0)  # the left side of the box, at half its size
         assert np.abs(frame - INK).max() < 60
 
 
-def test_what_was_followed_is_told_once_with_how_near_it_came(found: Study) -> None:
+def test_what_was_followed_is_told_once_with_how_near_it_came(found: RecordStudy) -> None:
     assert [(each.name, each.first, each.last, each.views, each.nearest) for each in found.sightings] == [
         ("face 1", 1.01, 5.01, 5, 1.5)
     ]
@@ -34,8 +39,8 @@ def test_whoever_has_a_name_is_told_once_with_how_often_they_came() -> None:
         return t, View(looked=t, faces=faces)
 
     known = [view(1, (1, ""), (2, "Ben")), view(2, (1, "Anna")), view(3, (1, ""))]
-    found = sightings([*known, view(4, (3, "Anna"), (4, UNKNOWN)), view(5, (5, "Anna"))])
-    assert [(each.name, each.times, each.views, each.first, each.last, each.nearest) for each in found] == [
+    found = summarise_sightings([*known, view(4, (3, "Anna"), (4, UNKNOWN)), view(5, (5, "Anna"))])
+    assert [(each.name, each.count, each.views, each.first, each.last, each.nearest) for each in found] == [
         ("Anna", 3, 5, 1, 5, 1.5),
         ("Ben", 1, 1, 1, 1, 1.9),
         ("face 4", 1, 1, 4, 4, 1.6),
@@ -45,10 +50,10 @@ def test_whoever_has_a_name_is_told_once_with_how_often_they_came() -> None:
 
 def test_pictures_before_failures_are_chosen_first() -> None:
     stamps = [float(second) for second in range(100)]
-    assert {41, 60} <= chosen(stamps, 10, [41.5, 60.0])
-    assert chosen(stamps, 0, [41.5]) == set()
-    assert chosen([], 10, [1.0]) == set()
-    assert chosen(stamps, 3, [-1.0]) == {0, 50, 99}  # there was none before it
+    assert {41, 60} <= choose_frames(stamps, 10, [41.5, 60.0])
+    assert choose_frames(stamps, 0, [41.5]) == set()
+    assert choose_frames([], 10, [1.0]) == set()
+    assert choose_frames(stamps, 3, [-1.0]) == {0, 50, 99}  # there was none before it
 
 
 @given(
@@ -57,12 +62,12 @@ def test_pictures_before_failures_are_chosen_first() -> None:
     st.lists(st.floats(0, 100), max_size=30),
 )
 def test_as_many_pictures_as_there_may_be_are_chosen(stamps: list[float], most: int, failures: list[float]) -> None:
-    assert len(chosen(stamps, most, failures)) == min(most, len(stamps))
+    assert len(choose_frames(stamps, most, failures)) == min(most, len(stamps))
 
 
 @given(st.integers(0, 500), st.integers(0, 100))
 def test_even_numbers_are_different_and_have_both_ends(count: int, most: int) -> None:
-    numbers = evenly(count, most)
+    numbers = spread_evenly(count, most)
     assert len(set(numbers)) == len(numbers) == min(count, most)
     if min(count, most) > 1:
         assert (numbers[0], numbers[-1]) == (0, count - 1)

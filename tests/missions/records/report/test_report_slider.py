@@ -5,36 +5,43 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from missions.plugins.records.recording.cut import cut
-from missions.plugins.records.recording.read import Record, open_record
-from missions.plugins.records.report.slider import Texts, changes, failures, moments_of, value_at, variables
-from missions.plugins.records.report.summary import Study
+from missions.plugins.records.recording.cut import cut_record
+from missions.plugins.records.recording.read import RunRecord, open_record
+from missions.plugins.records.report.slider import (
+    TextTable,
+    failure_positions,
+    slider_times,
+    status_changes,
+    value_at,
+    variable_histories,
+)
+from missions.plugins.records.report.summary import RecordStudy
 from missions.trees.drawing import SIGNS
 from missions.trees.states import states_at
 from tests.missions.records.report.told_record import END, FAILED
 from tests.missions.views.pictures.drawn import HOSTILE
 
 
-def test_every_tick_is_a_place_from_the_first_on_and_so_is_the_end(found: Study) -> None:
-    moments = found.moments
-    assert (moments.begin, moments.end, len(moments.times)) == (0.1, END, 119)
+def test_every_tick_is_a_place_from_the_first_on_and_so_is_the_end(found: RecordStudy) -> None:
+    moments = found.slider
+    assert (moments.start, moments.end, len(moments.times)) == (0.1, END, 119)
     assert moments.ticks[:3] == [1, 2, 3]
     assert moments.ticks[-1] == 119
 
 
-def test_something_between_two_ticks_is_known_at_the_next(found: Study) -> None:
-    moments = found.moments
-    assert moments.times[moments.place(1.0)] == 1.0
-    assert moments.times[moments.place(1.01)] == pytest.approx(1.05)
-    assert moments.place(99.0) == len(moments.times) - 1
-    assert moments.place(-1.0) == 0
+def test_something_between_two_ticks_is_known_at_the_next(found: RecordStudy) -> None:
+    moments = found.slider
+    assert moments.times[moments.position(1.0)] == 1.0
+    assert moments.times[moments.position(1.01)] == pytest.approx(1.05)
+    assert moments.position(99.0) == len(moments.times) - 1
+    assert moments.position(-1.0) == 0
 
 
-def test_the_page_has_the_statuses_of_the_record_at_every_place(record: Record, found: Study) -> None:
-    texts = Texts()
-    rows = changes(record, found.moments, texts)
+def test_the_page_has_the_statuses_of_the_record_at_every_place(record: RunRecord, found: RecordStudy) -> None:
+    texts = TextTable()
+    rows = status_changes(record, found.slider, texts)
     said, statuses = texts.all(), list(SIGNS)
-    for place, time in enumerate(found.moments.times):
+    for place, time in enumerate(found.slider.times):
         shown = {key: row for key, each in rows.items() if (row := value_at(each, place)) is not None}
         truth = states_at(record.events, time)
         assert {key: (statuses[row[1]], said[row[2]]) for key, row in shown.items()} == {
@@ -42,19 +49,19 @@ def test_the_page_has_the_statuses_of_the_record_at_every_place(record: Record, 
         }
 
 
-def test_failures_are_places_each_with_the_node_that_failed_first(record: Record, found: Study) -> None:
-    moments = found.moments
-    assert [(moments.times[place], first.kind) for place, first in failures(record, moments)] == [
+def test_failures_are_places_each_with_the_node_that_failed_first(record: RunRecord, found: RecordStudy) -> None:
+    moments = found.slider
+    assert [(moments.times[place], first.kind) for place, first in failure_positions(record, moments)] == [
         (FAILED, "drive"),
         (END, "sequence"),
     ]
 
 
-def test_variables_are_in_words_and_those_of_a_mission_inside_say_so(record: Record, found: Study) -> None:
-    texts = Texts()
-    shown = variables(record, found.drawing, found.moments, texts)
+def test_variables_are_in_words_and_those_of_a_mission_inside_say_so(record: RunRecord, found: RecordStudy) -> None:
+    texts = TextTable()
+    shown = variable_histories(record, found.drawing, found.slider, texts)
     said = texts.all()
-    assert [(each.within, each.name, [said[row[1]] for row in each.rows]) for each in shown] == [
+    assert [(each.submission, each.name, [said[row[1]] for row in each.rows]) for each in shown] == [
         ("", "patience", ["5 s"]),
         ("", "greeting", [HOSTILE]),
         ("", "person", ["face 1, 1.5 m, 11° left"]),
@@ -62,13 +69,15 @@ def test_variables_are_in_words_and_those_of_a_mission_inside_say_so(record: Rec
     ]
 
 
-def test_a_piece_of_a_record_begins_where_it_was_cut_and_knows_what_held_there(record: Record, tmp_path: Path) -> None:
-    cut(record, 3.5, 4.5, tmp_path / "piece.mcap")
+def test_a_piece_of_a_record_begins_where_it_was_cut_and_knows_what_held_there(
+    record: RunRecord, tmp_path: Path
+) -> None:
+    cut_record(record, 3.5, 4.5, tmp_path / "piece.mcap")
     with (tmp_path / "piece.mcap").open("rb") as file:
         assert make_reader(file).get_summary() is not None
     piece = open_record(tmp_path / "piece.mcap")
-    moments = moments_of(piece)
-    assert moments.begin == 3.5
-    row = value_at(changes(piece, moments, Texts())["1.2.1"], 0)
+    moments = slider_times(piece)
+    assert moments.start == 3.5
+    row = value_at(status_changes(piece, moments, TextTable())["1.2.1"], 0)
     assert row is not None
     assert row[:2] == (0, list(SIGNS).index("running"))

@@ -6,18 +6,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from missions.executive.events import NodeChanged
-from missions.plugins.records.report.summary import Study
-from missions.plugins.records.report.timeline import FINEST, Bar, lanes_of, outcomes, thinned
-from missions.trees.drawing import Box, Drawing
+from missions.plugins.records.report.summary import RecordStudy
+from missions.plugins.records.report.timeline import MAX_BARS, Bar, count_outcomes, leaf_lanes, merge_bars
+from missions.trees.drawing import TreeBox, TreeDrawing
 
-LEAF = Drawing("m", "", "m.yaml", Box("1", "drive", "drive", "■", "m.yaml", 1))
+LEAF = TreeDrawing("m", "", "m.yaml", TreeBox("1", "drive", "drive", "■", "m.yaml", 1))
 
 
 def bars(*changes: tuple[float, str], end: float = 10.0) -> list[tuple[float, float, str]]:
     told = [NodeChanged(t, 1, "1", "drive", "drive", 1, status, "") for t, status in changes]
     return [
         (bar.start, bar.end, bar.outcome)
-        for lane in lanes_of(LEAF, told, {change.node: change for change in told}, end)
+        for lane in leaf_lanes(LEAF, told, {change.node: change for change in told}, end)
         for bar in lane.bars
     ]
 
@@ -38,8 +38,8 @@ def test_another_reason_while_it_runs_begins_no_other_bar() -> None:
     assert bars((1.0, "running"), (2.0, "running"), (3.0, "success")) == [(1.0, 3.0, "success")]
 
 
-def test_only_leaves_that_were_asked_have_a_lane_and_those_inside_say_where(found: Study) -> None:
-    assert [(lane.box.kind, lane.within, lane.busy) for lane in found.lanes] == [
+def test_only_leaves_that_were_asked_have_a_lane_and_those_inside_say_where(found: RecordStudy) -> None:
+    assert [(lane.box.kind, lane.submission, lane.busy_seconds) for lane in found.lanes] == [
         ("track_face", "", 2.9),
         ("say", "", 1.0),
         ("drive", "go", 1.0),
@@ -48,8 +48,8 @@ def test_only_leaves_that_were_asked_have_a_lane_and_those_inside_say_where(foun
 
 def test_bars_that_cannot_be_told_apart_are_one_that_failed_if_any_did() -> None:
     many = [Bar(t / 1000, t / 1000, "failure" if t == 3 else "success", f"at {t}") for t in range(5)]
-    assert thinned(many, 100.0) == [Bar(0.0, 0.004, "failure", "at 3", 5)]
-    assert thinned(many, 0.1) == many
+    assert merge_bars(many, 100.0) == [Bar(0.0, 0.004, "failure", "at 3", 5)]
+    assert merge_bars(many, 0.1) == many
 
 
 spans = st.lists(st.tuples(st.floats(0, 50), st.floats(0, 5), st.sampled_from(["success", "failure"])), max_size=300)
@@ -62,9 +62,9 @@ def test_thinned_bars_stay_in_order_cover_all_and_are_few(drawn: list[tuple[floa
         start = time + gap
         time = start + length
         whole.append(Bar(start, time, "success" if outcome == "success" else "failure"))
-    thin = thinned(whole, max(time, 1.0))
+    thin = merge_bars(whole, max(time, 1.0))
     assert sum(bar.count for bar in thin) == len(whole)
-    assert len(thin) <= 2 * FINEST + 2
+    assert len(thin) <= 2 * MAX_BARS + 2
     assert all(one.end <= other.start for one, other in pairwise(thin))
-    failed = outcomes(whole).get("failure", 0)
-    assert (outcomes(thin).get("failure", 0) > 0) == (failed > 0)
+    failed = count_outcomes(whole).get("failure", 0)
+    assert (count_outcomes(thin).get("failure", 0) > 0) == (failed > 0)

@@ -11,13 +11,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from missions.executive.events import NodeChanged, VariableSet
-from missions.plugins.records.recording.items import Seen
+from missions.plugins.records.recording.items import ViewItem
 from missions.plugins.records.recording.read import open_record
-from missions.plugins.records.report.chart import chart, round_numbers, share
-from missions.plugins.records.report.slider import Moments
-from missions.plugins.records.report.summary import Study, study
-from missions.plugins.records.report.traces import COLUMNS, GAP, Chart, Line, charts_of, rms, thinned, unbroken
-from missions.trees.drawing import Box, Drawing
+from missions.plugins.records.report.chart import chart_figure, percent_along, round_numbers
+from missions.plugins.records.report.slider import SliderTimes
+from missions.plugins.records.report.summary import RecordStudy, study_record
+from missions.plugins.records.report.traces import (
+    CHART_COLUMNS,
+    MAX_GAP,
+    Chart,
+    ChartLine,
+    make_charts,
+    split_at_gaps,
+    thin_points,
+    tracking_rms,
+)
+from missions.trees.drawing import TreeBox, TreeDrawing
 from perception.api import View
 from tests.missions.records.report.told_record import Item, face, write
 
@@ -25,7 +34,7 @@ values = st.floats(-1e6, 1e6)
 series = st.lists(st.tuples(st.floats(0, 100), values), min_size=1, max_size=3000).map(sorted)
 
 
-def test_there_is_a_chart_for_all_that_moved(found: Study) -> None:
+def test_there_is_a_chart_for_all_that_moved(found: RecordStudy) -> None:
     assert [(drawn.key, [line.name for line in drawn.lines]) for drawn in found.charts] == [
         ("speed", ["asked", "measured"]),
         ("pan", ["asked", "measured"]),
@@ -34,9 +43,9 @@ def test_there_is_a_chart_for_all_that_moved(found: Study) -> None:
     ]
 
 
-def test_a_chart_begins_with_what_held_then(found: Study) -> None:
+def test_a_chart_begins_with_what_held_then(found: RecordStudy) -> None:
     def battery(begin: float) -> list[tuple[float, float]]:
-        (line,) = next(drawn for drawn in charts_of(found.record, [], begin) if drawn.key == "battery").lines
+        (line,) = next(drawn for drawn in make_charts(found.record, [], begin) if drawn.key == "battery").lines
         return list(line.points)
 
     whole = battery(0.0)
@@ -45,7 +54,7 @@ def test_a_chart_begins_with_what_held_then(found: Study) -> None:
     assert battery(begin) == [(begin, before[1]), *whole[5:]]
 
 
-def test_angles_are_in_degrees_and_asked_goes_before_measured(found: Study) -> None:
+def test_angles_are_in_degrees_and_asked_goes_before_measured(found: RecordStudy) -> None:
     pan = next(drawn for drawn in found.charts if drawn.key == "pan")
     asked, measured = (dict(line.points) for line in pan.lines)
     time = max(asked)
@@ -53,62 +62,62 @@ def test_angles_are_in_degrees_and_asked_goes_before_measured(found: Study) -> N
     assert asked[time] - measured[time] == pytest.approx(degrees(0.02), abs=0.2)
 
 
-def test_the_way_of_the_base_is_as_long_as_it_drove(found: Study) -> None:
+def test_the_way_of_the_base_is_as_long_as_it_drove(found: RecordStudy) -> None:
     assert found.route.length == pytest.approx(0.2, abs=0.02)
-    assert found.route.turned == 0.0
+    assert found.route.rotation == 0.0
 
 
-def test_the_error_is_that_of_the_face_while_it_was_followed(found: Study) -> None:
-    assert [miss.time for miss in found.misses] == pytest.approx([1.01, 2.01])
-    assert {round(miss.aside, 6) for miss in found.misses} == {round(degrees(0.2), 6)}
-    assert rms(found.misses) == pytest.approx(degrees(0.2))
+def test_the_error_is_that_of_the_face_while_it_was_followed(found: RecordStudy) -> None:
+    assert [miss.time for miss in found.tracking_errors] == pytest.approx([1.01, 2.01])
+    assert {round(miss.horizontal, 6) for miss in found.tracking_errors} == {round(degrees(0.2), 6)}
+    assert tracking_rms(found.tracking_errors) == pytest.approx(degrees(0.2))
 
 
-def two_faces(tmp_path: Path, box: Box, *more: Item) -> list[float]:
+def two_faces(tmp_path: Path, box: TreeBox, *more: Item) -> list[float]:
     """Record a leaf that follows one of two faces, of which the first goes away; return by how much it was off."""
     near, far = face(1.0, bearing=0.1), face(1.0, number=2, bearing=0.3)
     views = [
-        Seen(1.0, View(1.0, (near, far))),
-        Seen(2.0, View(2.0, (replace(far, stamp=2.0), replace(near, stamp=2.0)))),
+        ViewItem(1.0, View(1.0, (near, far))),
+        ViewItem(2.0, View(2.0, (replace(far, stamp=2.0), replace(near, stamp=2.0)))),
     ]
     ran = [NodeChanged(t, 1, "1", box.kind, box.kind, 1, status, "") for t, status in ((0.5, "running"), (2.5, "idle"))]
     what = sorted([*views, *ran, *more], key=lambda item: item.t)
-    record = open_record(write(tmp_path / "two.mcap", what, drawing=Drawing("m", "", "m.yaml", box)))
-    return [round(miss.aside, 3) for miss in study(record).misses]
+    record = open_record(write(tmp_path / "two.mcap", what, drawing=TreeDrawing("m", "", "m.yaml", box)))
+    return [round(miss.horizontal, 3) for miss in study_record(record).tracking_errors]
 
 
 def test_it_stays_with_the_face_that_was_the_largest_at_first(tmp_path: Path) -> None:
-    box = Box("1", "follow_person", "follow_person", "■", "m.yaml", 1)
+    box = TreeBox("1", "follow_person", "follow_person", "■", "m.yaml", 1)
     assert two_faces(tmp_path, box) == [round(degrees(0.1), 3)] * 2
 
 
 def test_it_begins_with_the_face_that_the_file_names(tmp_path: Path) -> None:
-    box = Box("1", "track_face", "track_face", "■", "m.yaml", 1, arguments={"face": "${person}"})
+    box = TreeBox("1", "track_face", "track_face", "■", "m.yaml", 1, arguments={"face": "${person}"})
     known = VariableSet(0.1, 1, "", "person", face(0.1, number=2))
     assert two_faces(tmp_path, box, known) == [round(degrees(0.3), 3)] * 2
 
 
 def test_nothing_is_followed_by_leaves_that_follow_nothing(tmp_path: Path) -> None:
-    assert two_faces(tmp_path, Box("1", "find_face", "find_face", "■", "m.yaml", 1)) == []
+    assert two_faces(tmp_path, TreeBox("1", "find_face", "find_face", "■", "m.yaml", 1)) == []
 
 
 def test_a_line_has_a_gap_where_nothing_is_known() -> None:
-    points = [(0.0, 1.0), (0.5, 1.0), (0.6 + GAP, 2.0), (0.7 + GAP, 2.0)]
-    assert list(unbroken(points)) == [points[:2], points[2:]]
-    assert list(unbroken([])) == []
+    points = [(0.0, 1.0), (0.5, 1.0), (0.6 + MAX_GAP, 2.0), (0.7 + MAX_GAP, 2.0)]
+    assert list(split_at_gaps(points)) == [points[:2], points[2:]]
+    assert list(split_at_gaps([])) == []
 
 
 @given(series)
 def test_a_thinned_line_keeps_its_ends_and_its_peaks_and_is_no_longer_than_can_be_seen(
     points: list[tuple[float, float]],
 ) -> None:
-    thin = thinned(points, 0.0, 100.0)
+    thin = thin_points(points, 0.0, 100.0)
     assert set(thin) <= set(points)
     assert thin == sorted(thin)
     assert (thin[0], thin[-1]) == (points[0], points[-1])
     assert {min(value for _, value in each) for each in (thin, points)} == {min(value for _, value in points)}
     assert {max(value for _, value in each) for each in (thin, points)} == {max(value for _, value in points)}
-    assert len(thin) <= 4 * (COLUMNS + 1)
+    assert len(thin) <= 4 * (CHART_COLUMNS + 1)
 
 
 @given(st.floats(-1e4, 1e4), st.floats(1e-3, 1e5), st.integers(2, 8))
@@ -126,11 +135,11 @@ def test_a_scale_has_two_numbers_at_least() -> None:
 
 @given(series, st.sampled_from(["%", "°"]))
 def test_a_drawn_line_stays_within_its_chart(points: list[tuple[float, float]], unit: str) -> None:
-    moments = Moments([0.0, 100.0], [0, 1])
-    text = str(chart(Chart("x", "X", unit, [Line("x", points)]), moments))
+    moments = SliderTimes([0.0, 100.0], [0, 1])
+    text = str(chart_figure(Chart("x", "X", unit, [ChartLine("x", points)]), moments))
     path = re.findall(r"[-\d.]+", text.partition(' d="')[2].partition('"')[0])
     assert all(0.0 <= float(number) <= 1000.0 for number in path)
 
 
 def test_a_time_is_told_as_a_share_of_the_record() -> None:
-    assert share(15.0, Moments([10.0, 30.0], [0, 1])) == "25.000%"
+    assert percent_along(15.0, SliderTimes([10.0, 30.0], [0, 1])) == "25.000%"

@@ -9,25 +9,31 @@ from config.units import Quantity
 from drivers.api import HeadPose
 from missions.executive.events import Ended, FaultRaised, NodeChanged, VariableSet
 from missions.executive.tick_record import TickRecord
-from missions.plugins.records.recording.items import Missed, Picture, Seen
+from missions.plugins.records.recording.items import LossItem, PictureItem, ViewItem
 from missions.plugins.records.recording.read import open_record
-from missions.plugins.records.report.slider import moments_of
-from missions.plugins.records.report.summary import Study, faults, sentences, study, verdict
+from missions.plugins.records.report.slider import slider_times
+from missions.plugins.records.report.summary import (
+    RecordStudy,
+    reported_faults,
+    study_record,
+    summary_sentences,
+    verdict,
+)
 from missions.plugins.records.report.tables import faults_table, log_table
-from missions.trees.words import about, about_all, in_words, variable_in_words
+from missions.trees.words import percept_text, percepts_text, value_text, variable_text
 from perception.api import UNKNOWN, Marker, Scene, Thing
 from tests.cases import each
 from tests.missions.records.report.told_record import WHERE, Item, face, items, write
 from tests.missions.views.pictures.drawn import HOSTILE
 
 
-def said_of(tmp_path: Path, what: list[Item | Missed], *, eyes: str = "pixels") -> list[str]:
+def said_of(tmp_path: Path, what: list[Item | LossItem], *, eyes: str = "pixels") -> list[str]:
     path = write(tmp_path / "other.mcap", what, head=replace(WHERE, eyes=eyes))
-    return list(sentences(study(open_record(path))))
+    return list(summary_sentences(study_record(open_record(path))))
 
 
-def test_a_summary_says_how_it_went_and_why(found: Study) -> None:
-    assert list(sentences(found)) == [
+def test_a_summary_says_how_it_went_and_why(found: RecordStudy) -> None:
+    assert list(summary_sentences(found)) == [
         f"It failed after 6.00 s and 119 ticks: {HOSTILE}.",
         "What it failed by was drive (m.yaml, line 2), at 5.00 s.",
         "No action failed besides.",
@@ -42,16 +48,16 @@ def test_a_summary_says_how_it_went_and_why(found: Study) -> None:
 
 
 def test_each_number_in_an_object_has_its_unit() -> None:
-    assert in_words(HeadPose(0.5235988, -0.1)) == "HeadPose: pan 30 deg, tilt -5.7296 deg"
-    assert in_words({"elbow": JointError(0.01, 0.1, 1.5, 40)}) == (
+    assert value_text(HeadPose(0.5235988, -0.1)) == "HeadPose: pan 30 deg, tilt -5.7296 deg"
+    assert value_text({"elbow": JointError(0.01, 0.1, 1.5, 40)}) == (
         "elbow: JointError: rms 0.573 deg, worst 5.7296 deg, at 1.5 s, readings 40"
     )
-    assert in_words({}) == "nothing"
+    assert value_text({}) == "nothing"
 
 
 def test_a_quantity_of_a_record_has_its_unit() -> None:
     def told(value: object, dimension: str | None) -> str:
-        return variable_in_words(VariableSet(0.0, 0, "", "x", value, dimension))
+        return variable_text(VariableSet(0.0, 0, "", "x", value, dimension))
 
     assert told(28_800.0, "duration") == "28800 s"  # as a record has it
     assert told(Quantity(28_800.0, "duration", "8 h"), "duration") == "8 h"  # as a run has it
@@ -65,8 +71,11 @@ def test_what_failed_on_the_way_is_told_besides_what_the_run_failed_by(tmp_path:
     assert "Actions failed besides twice, first track_face (m.yaml, line 3), at 1.00 s: lost it." in told
 
 
-def test_what_comes_up_at_the_beginning_is_no_fault_but_what_comes_back_is_told(found: Study) -> None:
-    assert [(event.part, event.what) for event in faults(found.record)] == [("base", "offline"), ("base", "online")]
+def test_what_comes_up_at_the_beginning_is_no_fault_but_what_comes_back_is_told(found: RecordStudy) -> None:
+    assert [(event.part, event.what) for event in reported_faults(found.record)] == [
+        ("base", "offline"),
+        ("base", "online"),
+    ]
 
 
 def test_a_run_without_faults_and_failures_says_so(tmp_path: Path) -> None:
@@ -83,9 +92,9 @@ def test_a_run_without_faults_and_failures_says_so(tmp_path: Path) -> None:
 def test_the_time_that_a_robot_took_to_get_ready_is_said_and_is_not_on_the_timeline(tmp_path: Path) -> None:
     late = [item for item in items() if not isinstance(item, TickRecord | NodeChanged) or item.t >= 3.0]
     path = write(tmp_path / "late.mcap", late)
-    found = study(open_record(path))
-    assert list(sentences(found))[1] == "Its first tick was at 3.00 s: so long the robot took to get ready."
-    assert (found.moments.begin, found.moments.end) == (3.0, 6.0)
+    found = study_record(open_record(path))
+    assert list(summary_sentences(found))[1] == "Its first tick was at 3.00 s: so long the robot took to get ready."
+    assert (found.slider.start, found.slider.end) == (3.0, 6.0)
     assert min(time for drawn in found.charts for line in drawn.lines for time, _ in line.points) >= 3.0
 
 
@@ -95,18 +104,18 @@ def test_a_record_that_was_cut_off_says_that_the_end_is_not_in_it(tmp_path: Path
 
 
 def test_what_was_lost_is_said_and_so_is_that_it_saw_nothing(tmp_path: Path) -> None:
-    blind = [replace_view(item) for item in items() if not isinstance(item, Picture)]
-    told = said_of(tmp_path, [*blind, Missed({"/camera": 3}, "the disk was slow")])
+    blind = [replace_view(item) for item in items() if not isinstance(item, PictureItem)]
+    told = said_of(tmp_path, [*blind, LossItem({"/camera": 3}, "the disk was slow")])
     assert told[-2:] == [
         "It saw nobody and nothing that it knows.",
         "Not all of it was recorded: 3 messages lost (3 on /camera).",
     ]
-    unseen = [item for item in blind if not isinstance(item, Seen)]
+    unseen = [item for item in blind if not isinstance(item, ViewItem)]
     assert said_of(tmp_path, [*unseen])[-1] == "What it saw is not in this record."
 
 
 def replace_view(item: Item) -> Item:
-    return item._replace(view=replace(item.view, faces=())) if isinstance(item, Seen) else item
+    return item._replace(view=replace(item.view, faces=())) if isinstance(item, ViewItem) else item
 
 
 def test_a_run_that_somebody_has_stopped_is_told_so(tmp_path: Path) -> None:
@@ -118,13 +127,13 @@ def test_a_part_that_is_there_again_is_no_fault_and_its_name_is_not_said_twice(t
     gone = FaultRaised(1.0, "base", "offline", "base: no report")
     path = write(tmp_path / "back.mcap", [gone, FaultRaised(2.0, "base", "online", "base: reports again")])
     record = open_record(path)
-    assert "1 fault report, first at 1.00 s: base offline: no report." in list(sentences(study(record)))
-    table = str(faults_table(record, moments_of(record)))
+    assert "1 fault report, first at 1.00 s: base offline: no report." in list(summary_sentences(study_record(record)))
+    table = str(faults_table(record, slider_times(record)))
     assert ("! base offline" in table, "✓ base online" in table, "base: " in table) == (True, True, False)
 
 
-def test_the_log_holds_what_was_said_and_what_was_notified(found: Study) -> None:
-    table = str(log_table(found.record, moments_of(found.record)))
+def test_the_log_holds_what_was_said_and_what_was_notified(found: RecordStudy) -> None:
+    table = str(log_table(found.record, slider_times(found.record)))
     assert all(words in table for words in ("the robot", "<td>Anna</td><td>Hello</td>", "notice", "Anna was met"))
 
 
@@ -133,13 +142,16 @@ ROVER = Marker(5, 1.0, face(1.0).box, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 7, "", 
 
 
 def test_percepts_are_called_by_name_where_they_have_one() -> None:
-    assert about(face(1.0)) == "face 1, 1.5 m, 11° left"
-    assert about(replace(face(1.0), name="Anna")) == "Anna, 1.5 m, 11° left"
-    assert about(replace(face(1.0), name=UNKNOWN)) == "face 1, 1.5 m, 11° left"
-    assert about(BALL) == "red ball, 29° right"
-    assert about(replace(BALL, name="the ball", bearing=float("nan"))) == "the ball, straight ahead"
-    assert about_all([ROVER, replace(ROVER, name="R2")]) == "marker 7, 2.0 m, straight ahead; R2, 2.0 m, straight ahead"
-    assert about_all([]) == "nothing found"
+    assert percept_text(face(1.0)) == "face 1, 1.5 m, 11° left"
+    assert percept_text(replace(face(1.0), name="Anna")) == "Anna, 1.5 m, 11° left"
+    assert percept_text(replace(face(1.0), name=UNKNOWN)) == "face 1, 1.5 m, 11° left"
+    assert percept_text(BALL) == "red ball, 29° right"
+    assert percept_text(replace(BALL, name="the ball", bearing=float("nan"))) == "the ball, straight ahead"
+    assert (
+        percepts_text([ROVER, replace(ROVER, name="R2")])
+        == "marker 7, 2.0 m, straight ahead; R2, 2.0 m, straight ahead"
+    )
+    assert percepts_text([]) == "nothing found"
 
 
 @each(
@@ -156,4 +168,4 @@ def test_percepts_are_called_by_name_where_they_have_one() -> None:
     ],
 )
 def test_values_of_variables_are_short_words_on_one_line(value: object, words: str) -> None:
-    assert in_words(value) == words
+    assert value_text(value) == words

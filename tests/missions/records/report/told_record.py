@@ -23,10 +23,10 @@ from missions.executive.events import (
     VariableSet,
 )
 from missions.executive.tick_record import Answer, TickRecord
-from missions.plugins.records.recording.head import Contents, Head
-from missions.plugins.records.recording.items import Missed, Picture, Seen, packed, unpacked
-from missions.plugins.records.recording.writer import RecordWriter, Sink
-from missions.trees.drawing import Badge, Box, Drawing, to_json
+from missions.plugins.records.recording.head import RecordContents, RecordHeader
+from missions.plugins.records.recording.items import LossItem, PictureItem, ViewItem, pack_items, unpack_items
+from missions.plugins.records.recording.writer import ChunkSink, RecordWriter
+from missions.trees.drawing import Badge, TreeBox, TreeDrawing, to_json
 from perception.api import Box as Place
 from perception.api import Face, View
 from tests.missions.records.recording.small_record import HEAD
@@ -37,20 +37,20 @@ FAILED = 5.0
 """When `drive` fails."""
 
 
-def _leaf(key: str, kind: str, line: int, said: str = "") -> Box:
-    return Box(key, kind, kind, "■", "m.yaml", line, said, {"text": said} if said else {})
+def _leaf(key: str, kind: str, line: int, said: str = "") -> TreeBox:
+    return TreeBox(key, kind, kind, "■", "m.yaml", line, said, {"text": said} if said else {})
 
 
-DRAWING = Drawing(
+DRAWING = TreeDrawing(
     "m",
     HOSTILE,
     "m.yaml",
-    Box(
+    TreeBox(
         "1", "sequence", "sequence", "→", "m.yaml", 2,
         children=(
             replace(_leaf("1.1", "track_face", 3), keep_as="person"),
             replace(_leaf("1.2.1", "say", 4, HOSTILE), badges=(Badge("1.2", "timeout", "5 s", 5),)),
-            Box("1.3", "mission", "go", "▣", "m.yaml", 6, mission="go", children=(_leaf("1.3.1", "drive", 2),)),
+            TreeBox("1.3", "mission", "go", "▣", "m.yaml", 6, mission="go", children=(_leaf("1.3.1", "drive", 2),)),
             _leaf("1.4", "wait", 9),
         ),
     ),
@@ -69,8 +69,8 @@ Item = (
     | ReflexFired
     | Ended
     | TickRecord
-    | Seen
-    | Picture
+    | ViewItem
+    | PictureItem
 )
 
 
@@ -119,8 +119,8 @@ def items() -> list[Item]:
         Logged(3.5, "person", "Anna: Hello"),
         Notified(3.6, 70, "Anna was met"),
         *(_moment(tick) for tick in range(2, 121)),
-        *(Seen(second + 0.01, View(float(second), (face(float(second)),))) for second in range(1, 6)),
-        *(Picture(float(second), picture(40 * second), None) for second in range(1, 6)),
+        *(ViewItem(second + 0.01, View(float(second), (face(float(second)),))) for second in range(1, 6)),
+        *(PictureItem(float(second), picture(40 * second), None) for second in range(1, 6)),
         Ended(END, "m", "failure", HOSTILE, END, 119),
     ]
     return sorted(found, key=lambda item: item.t)
@@ -143,17 +143,19 @@ def _moment(tick: int) -> TickRecord:
 
 def write(
     path: Path,
-    what: Sequence[Item | Missed],
+    what: Sequence[Item | LossItem],
     *,
-    head: Head = WHERE,
-    drawing: Drawing = DRAWING,
+    head: RecordHeader = WHERE,
+    drawing: TreeDrawing = DRAWING,
     files: Mapping[str, bytes] = FILES,
 ) -> Path:
     """Write a record; return its path."""
     with path.open("wb", buffering=0) as file:
-        writer = RecordWriter(Sink(file.fileno()), Contents(head, files, json.dumps(to_json(drawing)).encode()))
+        writer = RecordWriter(
+            ChunkSink(file.fileno()), RecordContents(head, files, json.dumps(to_json(drawing)).encode())
+        )
         writer.begin()
-        for item in unpacked(packed(what)):
+        for item in unpack_items(pack_items(what)):
             writer.add(item)
         assert writer.close().whole
     return path

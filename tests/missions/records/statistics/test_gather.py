@@ -10,10 +10,16 @@ import pytest
 from drivers.api import HeadPose, Health, Velocity
 from drivers.errors import NoReply
 from missions.executive.tick_record import Answer, TickRecord
-from missions.plugins.records.recording.items import Checked, Seen
+from missions.plugins.records.recording.items import HealthItem, ViewItem
 from missions.plugins.records.recording.read import open_record
-from missions.plugins.records.statistics.figures import Spread, Stats, WireFigures, merge, spread
-from missions.plugins.records.statistics.gather import LATE, SEARCH, SEEN, WORK, gather
+from missions.plugins.records.statistics.figures import Stats, TimeQuantiles, WireFigures, merge_stats, time_quantiles
+from missions.plugins.records.statistics.gather import (
+    PICTURE_SEARCH,
+    PICTURE_TO_PERCEPTS,
+    TICK_LATE,
+    TICK_WORK,
+    compute_stats,
+)
 from perception.api import View
 from tests.benchmarks.recording import run
 from tests.missions.records.recording.small_record import HEAD, Item, face, items, write
@@ -22,7 +28,7 @@ REAL = replace(HEAD, simulate="", world="")
 
 
 def stats_of(path: Path, what: Sequence[Item], *, real: bool = True) -> Stats:
-    return gather(open_record(write(path / "run.mcap", what, head=REAL if real else HEAD)))
+    return compute_stats(open_record(write(path / "run.mcap", what, head=REAL if real else HEAD)))
 
 
 def tick(number: int, *answers: Answer, late: float = 0.0, spent: float = 0.001) -> TickRecord:
@@ -49,21 +55,21 @@ def test_the_run_its_ticks_and_its_nodes_are_counted(tmp_path: Path) -> None:
 def test_lateness_and_missed_ticks_are_those_of_the_schedule(tmp_path: Path) -> None:
     moments = [tick(1, late=0.002, spent=0.001), tick(2, spent=0.12), tick(3, late=0.051)]
     stats = stats_of(tmp_path, moments)
-    assert stats.delays[LATE].tolist() == [0.002, 0.0, 0.051]
-    assert stats.delays[WORK].tolist() == [0.001, 0.12, 0.001]
+    assert stats.delays[TICK_LATE].tolist() == [0.002, 0.0, 0.051]
+    assert stats.delays[TICK_WORK].tolist() == [0.001, 0.12, 0.001]
     assert stats.overruns == 2 + 1  # 0.12 s at 20 Hz, then 0.052 s
 
 
 def test_in_simulated_time_nothing_is_late_and_no_search_takes_time(tmp_path: Path) -> None:
-    stats = stats_of(tmp_path, [tick(1, spent=0.3), Seen(1.0, View(0.9, (face(0.9),)))], real=False)
-    assert (stats.overruns, LATE in stats.delays, SEARCH in stats.delays) == (0, False, False)
-    assert stats.delays[SEEN].tolist() == pytest.approx([0.1])
+    stats = stats_of(tmp_path, [tick(1, spent=0.3), ViewItem(1.0, View(0.9, (face(0.9),)))], real=False)
+    assert (stats.overruns, TICK_LATE in stats.delays, PICTURE_SEARCH in stats.delays) == (0, False, False)
+    assert stats.delays[PICTURE_TO_PERCEPTS].tolist() == pytest.approx([0.1])
 
 
 def test_searching_and_the_way_from_the_picture_to_the_percepts_are_told_apart(tmp_path: Path) -> None:
-    stats = stats_of(tmp_path, [Seen(1.08, View(1.0, spent=0.03)), Seen(2.0, View())])
-    assert stats.delays[SEARCH].tolist() == [0.03]
-    assert stats.delays[SEEN].tolist() == pytest.approx([0.08])
+    stats = stats_of(tmp_path, [ViewItem(1.08, View(1.0, spent=0.03)), ViewItem(2.0, View())])
+    assert stats.delays[PICTURE_SEARCH].tolist() == [0.03]
+    assert stats.delays[PICTURE_TO_PERCEPTS].tolist() == pytest.approx([0.08])
 
 
 def test_a_reaction_is_from_a_picture_to_the_end_of_the_first_tick_that_knew_of_it_and_commanded(
@@ -84,7 +90,7 @@ def test_a_reaction_is_from_a_picture_to_the_end_of_the_first_tick_that_knew_of_
 
 def test_a_command_to_the_base_goes_out_when_it_is_renewed(tmp_path: Path) -> None:
     counters = {"commands": 4, "command_us": 40_000, "longest_command_us": 20_000, "frames": 7}
-    checked = Checked(1.0, {"base": Health(True, counters=counters)})
+    checked = HealthItem(1.0, {"base": Health(True, counters=counters)})
     stats = stats_of(tmp_path, [tick(2, looked(0.04), DRIVE), checked])
     assert stats.wires == {("base", "command"): WireFigures(4, 0.04, 0.02)}
     assert stats.delays["picture to base on the wire"].tolist() == pytest.approx([0.1 + 0.001 + 0.01 - 0.04])
@@ -97,9 +103,9 @@ def test_in_simulated_time_a_reaction_ends_with_the_command(tmp_path: Path) -> N
 
 
 def test_counters_are_what_came_over_the_record_but_gauges_are_none(tmp_path: Path) -> None:
-    def checked(t: float, tries: int) -> Checked:
+    def checked(t: float, tries: int) -> HealthItem:
         counters = {"tries": tries, "exchanges": tries, "exchange_us": tries * 1000, "achieved rate (Hz)": 100}
-        return Checked(t, {"arm": Health(True, counters={**counters, "longest_exchange_us": 3000})})
+        return HealthItem(t, {"arm": Health(True, counters={**counters, "longest_exchange_us": 3000})})
 
     stats = stats_of(tmp_path, [checked(0.0, 10), checked(2.0, 250)])
     assert stats.counts == {("arm", "tries"): 250}
@@ -111,17 +117,17 @@ def test_runs_of_one_kind_are_taken_together_with_every_single_time(tmp_path: Pa
     fast = stats_of(tmp_path, items(), real=False)
     real = stats_of(tmp_path, [tick(1, late=0.1), tick(2, late=0.3)])
     other = stats_of(tmp_path, [tick(1, late=0.2)])
-    together = merge([real, fast, other])
+    together = merge_stats([real, fast, other])
     assert [(each.kind.simulate, each.records) for each in together] == [("", 2), ("fast", 1)]
-    assert sorted(together[0].delays[LATE].tolist()) == [0.1, 0.2, 0.3]
+    assert sorted(together[0].delays[TICK_LATE].tolist()) == [0.1, 0.2, 0.3]
     assert together[0].results == {"not recorded": 2}
-    twice = merge([fast, fast])[0]
+    twice = merge_stats([fast, fast])[0]
     assert [(node.ticks, node.runs) for node in twice.nodes.values()] == [(160, 2), (102, 4)]
 
 
 def test_a_spread_is_that_of_all_times() -> None:
     times = np.arange(101.0)
-    assert spread(times) == Spread(101, 50.0, 95.0, 99.0, 100.0)
+    assert time_quantiles(times) == TimeQuantiles(101, 50.0, 95.0, 99.0, 100.0)
 
 
 def test_all_that_a_simulated_run_tells_its_record_is_read_back_by_the_librarys_reader(tmp_path: Path) -> None:
@@ -130,4 +136,4 @@ def test_all_that_a_simulated_run_tells_its_record_is_read_back_by_the_librarys_
     assert outcome.told == outcome.read
     assert outcome.read["/moments"] >= 100
     assert len(outcome.recorded.work) == len(outcome.bare.work) == 100
-    assert gather(open_record(path)).ticks == 100
+    assert compute_stats(open_record(path)).ticks == 100

@@ -13,19 +13,19 @@ from behaviours.catalogue import LEAVES
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf, argument
 from behaviours.node import Node
 from behaviours.robot import Robot
-from behaviours.run import Run
-from config.faults import InvalidFileError, Source
+from behaviours.run import RunState
+from config.faults import InvalidFileError, SourceText
 from drivers.clock import ManualClock
 from missions.executive.build import build
 from missions.executive.events import Event, NodeChanged
 from missions.executive.executive import Executive
 from missions.executive.parent import Parent
-from missions.executive.stream import Stream
+from missions.executive.stream import EventStream
 from missions.executive.tick_record import TickRecord
 from missions.language.document import check_plan
 from missions.language.plan import Plan
 from missions.plugins.records.statistics.figures import NodeFigures
-from missions.plugins.records.statistics.nodes import figures_of
+from missions.plugins.records.statistics.nodes import node_figures
 from missions.request import RunRequest
 from missions.runner import Runner
 from missions.trees.draw import drawing_of
@@ -39,7 +39,7 @@ OUTCOMES = {"r": RUNNING, "s": SUCCESS, "f": FAILURE}
 class Scripted(Leaf):
     """Gives these outcomes in turn, for ever."""
 
-    word = "scripted"
+    tag = "scripted"
     outcomes: str = argument("text", "what it gives", principal=True)
     _given = 0
 
@@ -71,9 +71,9 @@ def worked(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 def play(plan: Plan, ticks: int) -> Mapping[str, NodeFigures]:
     """Tick a mission, and return what became of its nodes by what it has told."""
     clock, events, moments = ManualClock(), list[Event](), list[TickRecord]()
-    run = Run(clock)
+    run = RunState(clock)
     root = build(plan, run, lambda _: Robot())
-    executive = Executive(root, run, Stream([events.append]), rate=1 / PERIOD)
+    executive = Executive(root, run, EventStream([events.append]), rate=1 / PERIOD)
     executive.observe(moments.append)
     for _ in range(ticks):
         if executive.tick() is not RUNNING:
@@ -82,12 +82,12 @@ def play(plan: Plan, ticks: int) -> Mapping[str, NodeFigures]:
     else:
         executive.halt()
     changes = [event for event in events if isinstance(event, NodeChanged)]
-    found = figures_of(drawing_of(plan), changes, moments, start=0.0, until=clock.now())
+    found = node_figures(drawing_of(plan), changes, moments, start=0.0, until=clock.read_value())
     return {place.key: node for place, node in found.items()}
 
 
 def plan_of(tree: str) -> Plan:
-    return check_plan(Source("some.yaml", f"mission: some\ntree:\n{tree}\n"), {**LEAVES, "scripted": Scripted}, {})
+    return check_plan(SourceText("some.yaml", f"mission: some\ntree:\n{tree}\n"), {**LEAVES, "scripted": Scripted}, {})
 
 
 def ticks_of(found: Mapping[str, NodeFigures]) -> dict[str, int]:
@@ -162,7 +162,7 @@ def test_the_ticks_of_shipped_missions_that_are_interrupted_are_told_as_they_wer
 
     past = past_of(RunRequest(mission, simulate="fast", eyes="truth"), act=stop)
     changes = [event for event in past.events if isinstance(event, NodeChanged)]
-    found = figures_of(past.drawing(), changes, past.moments, start=0.0, until=past.moments[-1].t)
+    found = node_figures(past.drawing(), changes, past.tick_records, start=0.0, until=past.tick_records[-1].t)
     assert ticks_of({place.key: node for place, node in found.items()}) == dict(worked)
 
 
@@ -170,7 +170,7 @@ def test_the_ticks_of_shipped_missions_that_are_interrupted_are_told_as_they_wer
 
 
 def lasted(node: NodeFigures) -> list[float]:
-    return [round(seconds, 3) for seconds in node.lasted]
+    return [round(seconds, 3) for seconds in node.durations]
 
 
 def test_a_node_has_its_ticks_its_ends_and_how_long_each_of_its_runs_took() -> None:
@@ -194,12 +194,12 @@ def test_who_is_halted_by_those_behind_was_asked_before_and_who_is_halted_by_tho
 def test_what_still_runs_at_the_end_of_a_record_counts_up_to_there() -> None:
     change = NodeChanged(1.0, 1, "1", "scripted", "scripted", 3, "running", "")
     moments = [TickRecord("tick", tick, tick / 1.0, 0.0, 0.0, []) for tick in (1, 2, 3)]
-    (node,) = figures_of(drawing_of(plan_of("  scripted: r")), [change], moments, start=0.0, until=3.5).values()
+    (node,) = node_figures(drawing_of(plan_of("  scripted: r")), [change], moments, start=0.0, until=3.5).values()
     assert (node.ticks, node.runs, node.unended, lasted(node)) == (3, 1, 1, [2.5])
 
 
 def test_a_piece_counts_from_its_beginning() -> None:
     change = NodeChanged(1.0, 20, "1", "scripted", "scripted", 3, "running", "")
     moments = [TickRecord("tick", tick, tick / 20, 0.0, 0.0, []) for tick in (100, 101)]
-    (node,) = figures_of(drawing_of(plan_of("  scripted: r")), [change], moments, start=5.0, until=5.05).values()
+    (node,) = node_figures(drawing_of(plan_of("  scripted: r")), [change], moments, start=5.0, until=5.05).values()
     assert (node.ticks, lasted(node)) == (2, [0.05])

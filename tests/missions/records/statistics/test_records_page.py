@@ -3,11 +3,11 @@
 import re
 from pathlib import Path
 
-from missions.plugins.records.recording.writer import SCHEMAS
+from missions.plugins.records.recording.writer import TOPIC_SCHEMAS
 
 PAGE = Path(__file__).parents[4] / "docs" / "records.md"
 
 
 def test_the_table_of_topics_is_that_of_the_records() -> None:
     rows = re.findall(r"^\| `(/[\w/]+)` \| `([\w.]+)` \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
-    assert dict(rows) == dict(SCHEMAS)
+    assert dict(rows) == dict(TOPIC_SCHEMAS)

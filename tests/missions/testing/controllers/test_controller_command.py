@@ -15,9 +15,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from config.controller import load_controller
-from config.library import shipped
+from config.library import shipped_files
 from missions.cli.root import SUCCESS, USAGE
-from missions.plugins.testing.controllers.tuning import Tuning
+from missions.plugins.testing.controllers.tuning import ControllerTuning
 from tests.missions.command import command
 
 PNG = b"\x89PNG"
@@ -46,7 +46,7 @@ def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_list_has_every_controller_with_its_summary(capsys: pytest.CaptureFixture[str]) -> None:
     found = command(capsys, "list", "controllers")
     assert found.code == SUCCESS
-    for (name, path), line in zip(shipped("controllers").items(), found.out.splitlines()[1:], strict=True):
+    for (name, path), line in zip(shipped_files("controllers").items(), found.out.splitlines()[1:], strict=True):
         assert line.split(maxsplit=1) == [name, load_controller(path).summary]
 
 
@@ -93,7 +93,9 @@ def test_the_controller_that_the_docs_show_is_right(
     page = (Path(__file__).parents[4] / "docs" / "tracker.md").read_text(encoding="utf-8")
     Path("mine.yaml").write_text(page[page.index("controller: mine") :].partition("```")[0], encoding="utf-8")
     assert "pan: 9 rules, Sugeno" in command(capsys, "controller", "show", "mine.yaml").out
-    assert [f"| `{name}` |" in page for name in shipped("controllers")] == [True] * len(shipped("controllers"))
+    assert [f"| `{name}` |" in page for name in shipped_files("controllers")] == [True] * len(
+        shipped_files("controllers")
+    )
 
 
 def test_a_controller_that_is_wrong_says_where(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -130,7 +132,7 @@ def test_controllers_are_benched_as_figures_and_as_a_picture(small: Path, capsys
 def test_tuning_writes_a_new_file_and_shows_before_and_after(
     small: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Tuning, "cost", lambda _, factors: abs(factors[0] - 0.5))
+    monkeypatch.setattr(ControllerTuning, "cost", lambda _, factors: abs(factors[0] - 0.5))
     found = command(capsys, "controller", "tune", small.name, "--evaluations", "10")
     assert found.code == SUCCESS
     assert "  before" in found.out
@@ -145,7 +147,7 @@ def test_tuning_writes_a_new_file_and_shows_before_and_after(
 def test_tuning_writes_over_nothing_unless_forced(
     small: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Tuning, "cost", lambda _, factors: abs(factors[0] - 0.5))
+    monkeypatch.setattr(ControllerTuning, "cost", lambda _, factors: abs(factors[0] - 0.5))
     other = small.parent / "other.yaml"
     other.write_text("mine", encoding="utf-8")
     wish = ("controller", "tune", small.name, "-o", other.name, "--evaluations", "10")
@@ -163,12 +165,12 @@ def test_the_best_numbers_so_far_are_kept_whatever_ends_it(
 ) -> None:
     asked = count(1)
 
-    def cost(_: Tuning, factors: Sequence[float]) -> float:
+    def cost(_: ControllerTuning, factors: Sequence[float]) -> float:
         if next(asked) > 12:
             os.kill(os.getpid(), number)
         return abs(factors[0] - 0.5)
 
-    monkeypatch.setattr(Tuning, "cost", cost)
+    monkeypatch.setattr(ControllerTuning, "cost", cost)
     found = command(capsys, "controller", "tune", small.name, "--evaluations", "100")
     assert (found.code, found.out) == (130, "")
     assert found.err == "mission: interrupted; small_tuned.yaml has the best numbers so far\n"

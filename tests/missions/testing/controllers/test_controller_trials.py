@@ -12,42 +12,42 @@ import pytest
 from behaviours.tracking import foresight, lag
 from behaviours.tracking.follow import HEAD_LAG
 from behaviours.tracking.fuzzy import RuleBases
-from behaviours.tracking.lag import Lag, ramped
+from behaviours.tracking.lag import LagEstimator, ramp
 from behaviours.tracking.track import TrackFace
 from drivers.api import HeadPose
-from drivers.head.twin import HeadTwin
-from missions.library.things import controller
+from drivers.head.twin import ServoHeadTwin
+from missions.library.things import find_controller
 from missions.plugins.testing.controllers import trial
 from missions.plugins.testing.controllers.bench import (
-    CONTROLLERS,
-    NEAR,
+    DEFAULT_CONTROLLERS,
+    MAX_DELAY_ERROR,
     Ability,
     Score,
-    ability,
-    bench,
-    bound,
-    score,
+    ability_of,
+    run_bench,
+    score_trial,
     stamp_summary,
-    table,
+    table_lines,
+    time_optimal_bound,
 )
 from missions.plugins.testing.controllers.trial import (
-    BASE,
-    DELAYS,
-    HEAD,
-    LEARNING,
+    BASE_LIMITS,
+    DELAY_SCENARIOS,
+    HEAD_LIMITS,
+    LEARNING_TIME,
     SCENARIOS,
-    STAMPS,
-    SWING,
-    Body,
+    STAMP_SCENARIOS,
+    SWING_AMPLITUDE,
     Scenario,
     StampNoise,
-    Trace,
-    Trial,
-    stands,
-    swings,
-    walks,
+    TrackingBody,
+    TrackingTrace,
+    TrackingTrial,
+    standing_path,
+    swinging_path,
+    walking_path,
 )
-from perception.delay import Delay
+from perception.delay import CameraDelay
 from tests.tries import tries
 
 STEP, WALK = SCENARIOS[:2]
@@ -60,7 +60,7 @@ Tried = Callable[..., Score]
 @pytest.fixture(scope="module")
 def rules() -> dict[str, RuleBases]:
     """The shipped controllers, each worked out once."""
-    return {name: controller(name) for name in CONTROLLERS}
+    return {name: find_controller(name) for name in DEFAULT_CONTROLLERS}
 
 
 @pytest.fixture(scope="module")
@@ -68,8 +68,8 @@ def tried(rules: dict[str, RuleBases]) -> Tried:
     """Tries each controller, scenario, body and seed once, however many tests ask."""
 
     @cache
-    def trying(name: str, scenario: Scenario, body: Body, **options: Any) -> Score:
-        return score(Trial(rules[name], scenario, body, **options).run(), scenario, body)
+    def trying(name: str, scenario: Scenario, body: TrackingBody, **options: Any) -> Score:
+        return score_trial(TrackingTrial(rules[name], scenario, body, **options).run(), scenario, body)
 
     return trying
 
@@ -78,9 +78,9 @@ def tried(rules: dict[str, RuleBases]) -> Tried:
 
 
 @pytest.mark.parametrize("name", ["face", "mamdani"])
-@pytest.mark.parametrize("body", [Body.HEAD, Body.BASE])
+@pytest.mark.parametrize("body", [TrackingBody.HEAD, TrackingBody.BASE])
 def test_a_step_is_centred_hardly_later_than_is_possible_and_hardly_overshot(
-    tried: Tried, name: str, body: Body
+    tried: Tried, name: str, body: TrackingBody
 ) -> None:
     for seed in (0, 1):
         found = tried(name, STEP, body, seed=seed)
@@ -90,8 +90,8 @@ def test_a_step_is_centred_hardly_later_than_is_possible_and_hardly_overshot(
 
 
 @pytest.mark.parametrize("name", ["face", "mamdani"])
-@pytest.mark.parametrize("body", list(Body))
-def test_someone_who_walks_by_stays_in_the_middle(tried: Tried, name: str, body: Body) -> None:
+@pytest.mark.parametrize("body", list(TrackingBody))
+def test_someone_who_walks_by_stays_in_the_middle(tried: Tried, name: str, body: TrackingBody) -> None:
     for seed in (0, 1):
         found = tried(name, WALK, body, seed=seed)
         assert found.rms is not None
@@ -99,38 +99,38 @@ def test_someone_who_walks_by_stays_in_the_middle(tried: Tried, name: str, body:
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda scenario: scenario.name)
-@pytest.mark.parametrize("body", list(Body))
-def test_ours_never_loses_the_face(tried: Tried, scenario: Scenario, body: Body) -> None:
+@pytest.mark.parametrize("body", list(TrackingBody))
+def test_ours_never_loses_the_face(tried: Tried, scenario: Scenario, body: TrackingBody) -> None:
     found = tried("face", scenario, body, seed=0)
     assert not found.lost
     assert found.centred is not None
 
 
-@pytest.mark.parametrize("body", [Body.HEAD, Body.BASE])
-def test_without_prediction_the_walk_lags(tried: Tried, body: Body) -> None:
+@pytest.mark.parametrize("body", [TrackingBody.HEAD, TrackingBody.BASE])
+def test_without_prediction_the_walk_lags(tried: Tried, body: TrackingBody) -> None:
     found = tried("pd", WALK, body, seed=0)
     assert found.rms is not None
     assert degrees(found.rms) > 2.0
 
 
 def test_the_courses_tracker_never_centres_and_loses_who_walks(tried: Tried) -> None:
-    for body in Body:
+    for body in TrackingBody:
         assert tried("course", STEP, body, seed=0).centred is None
         assert tried("course", WALK, body, seed=0).lost
 
 
 @pytest.mark.parametrize("rate", [40, 60])
 def test_the_base_follows_the_head_beyond_its_limits(tried: Tried, rate: int) -> None:
-    beyond = Scenario("far", lambda time: radians(rate) * time, seconds=8.0, surprise=8.0)
-    found = tried("face", beyond, Body.BOTH)
+    beyond = Scenario("far", lambda time: radians(rate) * time, seconds=8.0, foreseeable_until=8.0)
+    found = tried("face", beyond, TrackingBody.BOTH)
     assert not found.lost
     assert found.rms is not None
     assert degrees(found.rms) < 1.5
 
 
 def test_no_delay_that_nobody_told_keeps_the_face_out_of_the_middle(tried: Tried) -> None:
-    steps = [each for each in DELAYS if each.path is stands]
-    found = {(each.name, body): tried("face", each, body, lag=TrackFace.lag) for each in steps for body in Body}
+    steps = [each for each in DELAY_SCENARIOS if each.path is standing_path]
+    found = {(each.name, body): tried("face", each, body, lag=TrackFace.lag) for each in steps for body in TrackingBody}
     slow = {what: score.ratio for what, score in found.items() if score.ratio is None or score.ratio > LATER}
     assert not slow
 
@@ -138,40 +138,43 @@ def test_no_delay_that_nobody_told_keeps_the_face_out_of_the_middle(tried: Tried
 def test_before_anything_is_learnt_each_loop_bears_the_margin_that_the_documents_promise(
     rules: dict[str, RuleBases], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Delay, "learn", lambda *_: None)
-    monkeypatch.setattr(Lag, "learn", lambda *_: None)
-    margins = {Body.HEAD: (-0.15, 0.07), Body.BASE: (-0.15, 0.08), Body.BOTH: (-0.15, 0.06)}
+    monkeypatch.setattr(CameraDelay, "learn", lambda *_: None)
+    monkeypatch.setattr(LagEstimator, "learn", lambda *_: None)
+    margins = {TrackingBody.HEAD: (-0.15, 0.07), TrackingBody.BASE: (-0.15, 0.08), TrackingBody.BOTH: (-0.15, 0.06)}
     tried = [
-        (Scenario(f"{stamped}", stands, latency=0.15, stamped=stamped), body)
+        (Scenario(f"{stamped}", standing_path, latency=0.15, stamp_delay=stamped), body)
         for body, ends in margins.items()
         for stamped in (*ends, ends[0] / 2, ends[1] / 2)
     ]
-    tried += [(Scenario("slow base", stands, base_lag=0.12), Body.BASE)]
-    found = {(each.name, body): score(Trial(rules["face"], each, body).run(), each, body) for each, body in tried}
+    tried += [(Scenario("slow base", standing_path, base_lag=0.12), TrackingBody.BASE)]
+    found = {
+        (each.name, body): score_trial(TrackingTrial(rules["face"], each, body).run(), each, body)
+        for each, body in tried
+    }
     assert not [what for what, each in found.items() if each.centred is None]
 
 
 def test_how_late_the_camera_stamps_is_known_within_10_ms_of_what_the_servos_take(rules: dict[str, RuleBases]) -> None:
-    for scenario in (each for each in DELAYS if each.stamped):
-        trial = Trial(rules["face"], scenario, Body.HEAD)
+    for scenario in (each for each in DELAY_SCENARIOS if each.stamp_delay):
+        trial = TrackingTrial(rules["face"], scenario, TrackingBody.HEAD)
         trial.run()
-        assert -0.01 <= trial.delay.seconds - scenario.stamped <= HEAD_LAG + 0.01
+        assert -0.01 <= trial.delay.seconds - scenario.stamp_delay <= HEAD_LAG + 0.01
 
 
-@pytest.mark.parametrize("body", list(Body))
-def test_stamps_that_jitter_teach_no_wrong_delay_and_cost_no_centring(tried: Tried, body: Body) -> None:
-    for each in (each for each in STAMPS if each.stamp_noise is not None):
+@pytest.mark.parametrize("body", list(TrackingBody))
+def test_stamps_that_jitter_teach_no_wrong_delay_and_cost_no_centring(tried: Tried, body: TrackingBody) -> None:
+    for each in (each for each in STAMP_SCENARIOS if each.stamp_noise is not None):
         found = [tried("face", each, body, seed=seed, lag=TrackFace.lag) for seed in range(1, 1 + tries(1, 20))]
-        assert max(one.worst_known for one in found) <= (NEAR if each.learning else 0.025), each.name
+        assert max(one.worst_known for one in found) <= (MAX_DELAY_ERROR if each.learning_time else 0.025), each.name
         assert all(one.centred is not None for one in found), each.name
-        if each.learning and "±10 ms" in each.name:
-            known = sum(one.delay_error is not None and abs(one.delay_error) <= NEAR for one in found)
+        if each.learning_time and "±10 ms" in each.name:
+            known = sum(one.delay_error is not None and abs(one.delay_error) <= MAX_DELAY_ERROR for one in found)
             assert known >= 0.8 * len(found), each.name
 
 
-@pytest.mark.parametrize("body", list(Body))
-def test_delay_that_changes_costs_at_most_twice_the_bound_and_one_overshoot(tried: Tried, body: Body) -> None:
-    for each in (each for each in STAMPS if each.delay_change):
+@pytest.mark.parametrize("body", list(TrackingBody))
+def test_delay_that_changes_costs_at_most_twice_the_bound_and_one_overshoot(tried: Tried, body: TrackingBody) -> None:
+    for each in (each for each in STAMP_SCENARIOS if each.delay_change):
         for seed in range(1, 1 + tries(2, 20)):
             found = tried("face", each, body, seed=seed, lag=TrackFace.lag)
             assert found.ratio is not None
@@ -191,33 +194,35 @@ def _quantised(time: float, random: Random) -> float:
 
 @pytest.mark.parametrize("noise", [_late_now_and_then, _quantised, lambda time, _: 0.02 * sin(17 * time)])
 def test_stamps_that_are_wrong_in_other_ways_cost_no_centring_either(tried: Tried, noise: StampNoise) -> None:
-    for body in Body:
-        for path in (stands, walks):
-            found = tried("face", Scenario(path.__name__, path, stamp_noise=noise, learning=LEARNING), body, seed=1)
+    for body in TrackingBody:
+        for path in (standing_path, walking_path):
+            found = tried(
+                "face", Scenario(path.__name__, path, stamp_noise=noise, learning_time=LEARNING_TIME), body, seed=1
+            )
             assert found.centred is not None
             assert found.rms is not None
             assert degrees(found.rms) < 0.6
-            assert found.delay_error is None or abs(found.delay_error) <= NEAR
+            assert found.delay_error is None or abs(found.delay_error) <= MAX_DELAY_ERROR
 
 
 def test_a_swing_is_followed_as_far_as_it_can_be_and_never_made_worse_than_by_standing_still(tried: Tried) -> None:
-    standing = SWING / sqrt(2)
+    standing = SWING_AMPLITUDE / sqrt(2)
     errors = {}
-    for each in DELAYS:
+    for each in DELAY_SCENARIOS:
         if each.name.startswith("swing"):
-            for body in Body:
+            for body in TrackingBody:
                 found = tried("face", each, body)
                 assert found.rms is not None
                 errors[each.name, body] = found.rms / standing
     assert max(errors.values()) < 1.01
-    assert max(errors["swing in 1 s", body] for body in (Body.HEAD, Body.BOTH)) < 0.55
-    assert max(errors["swing in 2 s", body] for body in Body) < 0.15
+    assert max(errors["swing in 1 s", body] for body in (TrackingBody.HEAD, TrackingBody.BOTH)) < 0.55
+    assert max(errors["swing in 2 s", body] for body in TrackingBody) < 0.15
 
 
-@pytest.mark.parametrize("body", list(Body))
-def test_who_walks_stays_in_the_middle_once_there_whatever_pictures_do(tried: Tried, body: Body) -> None:
-    for each in DELAYS:
-        if each.path is walks and each.other is None:
+@pytest.mark.parametrize("body", list(TrackingBody))
+def test_who_walks_stays_in_the_middle_once_there_whatever_pictures_do(tried: Tried, body: TrackingBody) -> None:
+    for each in DELAY_SCENARIOS:
+        if each.path is walking_path and each.other_path is None:
             found = tried("face", each, body, seed=1, lag=TrackFace.lag)
             assert found.centred is not None
             assert found.centred < 1.0, each.name
@@ -226,8 +231,8 @@ def test_who_walks_stays_in_the_middle_once_there_whatever_pictures_do(tried: Tr
 
 
 def test_who_is_followed_is_not_left_for_somebody_who_crosses(tried: Tried) -> None:
-    (crossing,) = (each for each in DELAYS if each.other is not None)
-    for body in Body:
+    (crossing,) = (each for each in DELAY_SCENARIOS if each.other_path is not None)
+    for body in TrackingBody:
         found = tried("face", crossing, body)
         assert found.rms is not None
         assert degrees(found.rms) < 1.0
@@ -238,37 +243,42 @@ def test_nothing_swings_where_a_robot_is_not_what_its_file_says(
     rules: dict[str, RuleBases], wrong: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if wrong == "servos":  # slower by 30 %
-        monkeypatch.setattr("drivers.head.twin.SERVO_SPEED", 0.7 * degrees(HEAD.speed))
+        monkeypatch.setattr("drivers.head.twin.SERVO_SPEED", 0.7 * degrees(HEAD_LIMITS.speed))
     elif wrong == "head":  # 50 ms later
-        monkeypatch.setattr(HeadTwin, "true_pose", lambda head, now: head.pose_at(now - 0.05) or HeadPose(0.0, 0.0))
+        monkeypatch.setattr(
+            ServoHeadTwin, "true_pose", lambda head, now: head.pose_at(now - 0.05) or HeadPose(0.0, 0.0)
+        )
     else:  # half as quick as is believed
-        monkeypatch.setattr(trial, "BASE", replace(BASE, angular_acceleration=BASE.angular_acceleration / 2))
+        monkeypatch.setattr(
+            trial, "BASE_LIMITS", replace(BASE_LIMITS, angular_acceleration=BASE_LIMITS.angular_acceleration / 2)
+        )
         for module in (lag, foresight):
-            monkeypatch.setattr(module, "ramped", lambda rate, told, most: ramped(rate, told, 2 * most))
-    step, walk = (Scenario(path.__name__, path, learning=LEARNING) for path in (stands, walks))
-    sways = Scenario("sways", swings(2.0), learning=LEARNING, seconds=9.0, settled=3.0)
-    for body in Body if wrong == "base" else (Body.HEAD, Body.BOTH):
+            monkeypatch.setattr(module, "ramped", lambda rate, told, most: ramp(rate, told, 2 * most))
+    step, walk = (Scenario(path.__name__, path, learning_time=LEARNING_TIME) for path in (standing_path, walking_path))
+    sways = Scenario("sways", swinging_path(2.0), learning_time=LEARNING_TIME, seconds=9.0, settled_from=3.0)
+    for body in TrackingBody if wrong == "base" else (TrackingBody.HEAD, TrackingBody.BOTH):
         centred = [
-            score(Trial(rules["face"], each, body, lag=TrackFace.lag).run(), each, body) for each in (step, walk)
+            score_trial(TrackingTrial(rules["face"], each, body, lag=TrackFace.lag).run(), each, body)
+            for each in (step, walk)
         ]
         assert all(found.centred is not None and found.centred < 1.2 for found in centred)
         assert all(found.rms is not None and degrees(found.rms) < 0.6 for found in centred)
-        swing = score(Trial(rules["face"], sways, body, lag=TrackFace.lag).run(), sways, body)
+        swing = score_trial(TrackingTrial(rules["face"], sways, body, lag=TrackFace.lag).run(), sways, body)
         assert swing.rms is not None
-        assert swing.rms < SWING / sqrt(2) / 2
+        assert swing.rms < SWING_AMPLITUDE / sqrt(2) / 2
 
 
 def test_without_learning_a_head_whose_pictures_come_late_is_centred_as_soon(tried: Tried) -> None:
     (late,) = (each for each in SCENARIOS if each.name == "step, 200 ms late")
-    ratios = sorted(tried("face", late, Body.HEAD, seed=seed).ratio or inf for seed in range(5))
+    ratios = sorted(tried("face", late, TrackingBody.HEAD, seed=seed).ratio or inf for seed in range(5))
     assert ratios[2] <= LATER
 
 
 def test_who_walks_is_centred_hardly_later_than_he_can_be_who_must_see_it(tried: Tried) -> None:
     slow = {}
-    for each in DELAYS:
-        if each.path is walks and not each.drops and not each.jitter:
-            for body in (Body.HEAD, Body.BASE):
+    for each in DELAY_SCENARIOS:
+        if each.path is walking_path and not each.drop_share and not each.jitter:
+            for body in (TrackingBody.HEAD, TrackingBody.BASE):
                 found = sorted(
                     tried("face", each, body, seed=n, lag=TrackFace.lag).ratio_known or 0.0 for n in (0, 1, 2)
                 )
@@ -282,7 +292,9 @@ def test_who_walks_is_centred_hardly_later_than_he_can_be_who_must_see_it(tried:
 
 def test_equal_seeds_make_equal_trials(rules: dict[str, RuleBases]) -> None:
     dropping = SCENARIOS[3]
-    first, again, other = (Trial(rules["face"], dropping, Body.BOTH, seed=seed).run() for seed in (4, 4, 5))
+    first, again, other = (
+        TrackingTrial(rules["face"], dropping, TrackingBody.BOTH, seed=seed).run() for seed in (4, 4, 5)
+    )
     assert first == again
     assert first != other
 
@@ -293,43 +305,51 @@ def test_the_bound_of_a_step_is_that_of_full_speed_up_and_full_braking() -> None
     peak = sqrt(3.5 * radians(23 + 4))
     at_the_edge = sqrt(2 * 3.5 * radians(4))
     expected = 0.1 + peak / 3.5 + (peak - at_the_edge) / 3.5
-    assert bound(Scenario("step", stands), can) == pytest.approx(expected, abs=0.003)
+    assert time_optimal_bound(Scenario("step", standing_path), can) == pytest.approx(expected, abs=0.003)
 
 
 def test_the_bound_of_a_step_for_what_knows_no_inertia_is_its_speed() -> None:
     can = Ability(speed=radians(120), acceleration=1e6, braking=1e6)
-    assert bound(Scenario("step", stands, latency=0.2), can) == pytest.approx(0.2 + 23 / 120, abs=0.003)
+    assert time_optimal_bound(Scenario("step", standing_path, latency=0.2), can) == pytest.approx(
+        0.2 + 23 / 120, abs=0.003
+    )
 
 
 def test_the_bound_of_a_walk_counts_what_the_face_has_gone_meanwhile() -> None:
     can = Ability(speed=radians(60), acceleration=1e6, braking=1e6)
     # 4 degrees ahead after 200 ms; 2 of them are to be made up for at 40 degrees/s.
-    assert bound(Scenario("walk", walks, latency=0.2), can) == pytest.approx(0.2 + 2 / 40, abs=0.003)
-    assert bound(WALK, ability(Body.BOTH)) < min(bound(WALK, ability(body)) for body in (Body.HEAD, Body.BASE))
+    assert time_optimal_bound(Scenario("walk", walking_path, latency=0.2), can) == pytest.approx(
+        0.2 + 2 / 40, abs=0.003
+    )
+    assert time_optimal_bound(WALK, ability_of(TrackingBody.BOTH)) < min(
+        time_optimal_bound(WALK, ability_of(body)) for body in (TrackingBody.HEAD, TrackingBody.BASE)
+    )
 
 
 def test_who_must_see_that_somebody_walks_needs_two_pictures_as_they_came() -> None:
-    for path, understood in ((walks, 0.25), (stands, 0.15)):
+    for path, understood in ((walking_path, 0.25), (standing_path, 0.15)):
         scenario = Scenario("", path, latency=0.1)
-        found = score(Trace([0.0, 5.0], [0.0, 0.0], understood=[0.15, 0.25]), scenario, Body.HEAD)
-        assert found.known == bound(replace(scenario, latency=understood), ability(Body.HEAD))
+        found = score_trial(
+            TrackingTrace([0.0, 5.0], [0.0, 0.0], known_times=[0.15, 0.25]), scenario, TrackingBody.HEAD
+        )
+        assert found.known == time_optimal_bound(replace(scenario, latency=understood), ability_of(TrackingBody.HEAD))
         assert found.known > found.bound
 
 
 def test_nobody_beats_the_bound_by_more_than_the_grain_of_the_measurement(tried: Tried) -> None:
-    for name in CONTROLLERS:
-        for body in Body:
+    for name in DEFAULT_CONTROLLERS:
+        for body in TrackingBody:
             found = tried(name, STEP, body, seed=0)
             assert found.centred is None or found.centred >= found.bound - 0.02
 
 
-def trace(*errors: float, lost: bool = False) -> Trace:
+def trace(*errors: float, lost: bool = False) -> TrackingTrace:
     """A trace with an error (degrees) every half second."""
-    return Trace([n * 0.5 for n in range(len(errors))], [radians(error) for error in errors], lost=lost)
+    return TrackingTrace([n * 0.5 for n in range(len(errors))], [radians(error) for error in errors], lost=lost)
 
 
 def test_a_score_tells_when_it_was_centred_for_good() -> None:
-    found = score(trace(25, 10, 1, 3, 1, -0.5, 0.5, 0.5), STEP, Body.HEAD)
+    found = score_trial(trace(25, 10, 1, 3, 1, -0.5, 0.5, 0.5), STEP, TrackingBody.HEAD)
     assert (found.centred, found.lost) == (1.5, False)
     assert found.overshoot == 0.0  # that at 2.5 s is no overshoot any more
     assert found.rms is not None
@@ -337,26 +357,26 @@ def test_a_score_tells_when_it_was_centred_for_good() -> None:
 
 
 def test_a_score_tells_how_far_it_went_past() -> None:
-    assert degrees(score(trace(25, 10, -4, 1, 0, 0), STEP, Body.HEAD).overshoot) == pytest.approx(4)
+    assert degrees(score_trial(trace(25, 10, -4, 1, 0, 0), STEP, TrackingBody.HEAD).overshoot) == pytest.approx(4)
 
 
 def test_never_centred_and_lost_are_no_numbers() -> None:
-    never = score(trace(*[5.0] * 13), STEP, Body.HEAD)
+    never = score_trial(trace(*[5.0] * 13), STEP, TrackingBody.HEAD)
     assert (never.centred, never.ratio) == (None, None)
-    lost = score(trace(0, 0, 5, 30, lost=True), STEP, Body.HEAD)
+    lost = score_trial(trace(0, 0, 5, 30, lost=True), STEP, TrackingBody.HEAD)
     assert (lost.centred, lost.rms, lost.lost) == (None, None, True)
 
 
 def test_what_comes_unforeseen_does_not_count_as_not_centred() -> None:
-    found = score(trace(5, 0, 0, 0, 0, 0, 20, 20), SCENARIOS[2], Body.HEAD)
+    found = score_trial(trace(5, 0, 0, 0, 0, 0, 20, 20), SCENARIOS[2], TrackingBody.HEAD)
     assert found.centred == 0.0
 
 
 def test_the_table_has_a_block_for_each_scenario_and_body(rules: dict[str, RuleBases]) -> None:
     chosen = {name: rules[name] for name in ("face", "course")}
-    rows = list(bench(chosen, scenarios=[WALK], bodies=[Body.BASE]))
+    rows = list(run_bench(chosen, scenarios=[WALK], bodies=[TrackingBody.BASE]))
     assert [row.controller for row in rows] == ["face", "course"]
-    heading, block, ours, theirs = table(rows)
+    heading, block, ours, theirs = table_lines(rows)
     assert heading.split() == ["centred", "x", "bound", "x", "known", "overshoot", "RMS", "error"]
     assert block == "walk at 20 deg/s, base: bound 0.30 s"
     assert ours.split()[0] == "face"
@@ -367,12 +387,12 @@ def test_the_table_has_a_block_for_each_scenario_and_body(rules: dict[str, RuleB
 
 
 def test_the_table_of_stamps_tells_what_was_learnt_and_what_that_was_worth(rules: dict[str, RuleBases]) -> None:
-    rows = list(bench({"face": rules["face"]}, scenarios=STAMPS[:1], bodies=[Body.BASE]))
+    rows = list(run_bench({"face": rules["face"]}, scenarios=STAMP_SCENARIOS[:1], bodies=[TrackingBody.BASE]))
     heading, line = stamp_summary(rows)
     assert heading.split() == ["known", "worst", "centred", "x", "bound", "past", "RMS"]
     assert line.split()[:6] == ["step", "±10", "ms", "base", "face", "1/1"]
 
 
 def test_a_score_counts_how_often_the_robot_went_past() -> None:
-    found = score(trace(25, 10, -4, 1, 3, 0, 0, -1), STEP, Body.HEAD)
+    found = score_trial(trace(25, 10, -4, 1, 3, 0, 0, -1), STEP, TrackingBody.HEAD)
     assert found.swings == 2

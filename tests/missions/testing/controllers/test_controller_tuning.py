@@ -3,53 +3,60 @@
 import pytest
 
 from config.controller import parse_controller
-from config.faults import InvalidFileError, Source
-from config.library import shipped
+from config.faults import InvalidFileError, SourceText
+from config.library import shipped_files
 from config.marked import read_source
 from missions.plugins.testing.controllers.bench import Score
-from missions.plugins.testing.controllers.tuning import LOST, WRONG, Tuned, Tuning, knobs, price
+from missions.plugins.testing.controllers.tuning import (
+    INVALID_COST,
+    LOST_FACE_COST,
+    ControllerTuning,
+    TuningResult,
+    cost_of,
+    figure_groups,
+)
 
-FACE = read_source(shipped("controllers")["face"])
-WEAK = Source(
+FACE = read_source(shipped_files("controllers")["face"])
+WEAK = SourceText(
     "weak.yaml",
     "# By hand.\ncontroller: weak\nsummary: Far too gentle.\nturn: {p: 1.2, d: 0.1, most: 110 deg/s}\npredict: false\n",
 )
 
 
-def tuned(evaluations: int, seed: int = 3) -> tuple[Tuned, list[float]]:
+def tuned(evaluations: int, seed: int = 3) -> tuple[TuningResult, list[float]]:
     costs: list[float] = []
-    return Tuning(WEAK, "turn").search(evaluations, seed=seed, progress=costs.append), costs
+    return ControllerTuning(WEAK, "turn").search(evaluations, seed=seed, on_cost=costs.append), costs
 
 
 def test_left_and_right_are_changed_together() -> None:
-    found = knobs(FACE, "pan")
+    found = figure_groups(FACE, "pan")
     assert [knob.name for knob in found] == [
         "error 6", "error 2", "rate 120", "rate 40", "pan_rate 120", "pan_rate 80", "pan_rate 40",
     ]  # fmt: skip
     assert all(min(figure.number for figure in knob.figures) < 0 for knob in found)
-    text = Tuning(FACE, "pan").text([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    text = ControllerTuning(FACE, "pan").text([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     assert text == FACE.text.replace("far_right: -6 deg", "far_right: -12 deg").replace(
         "far_left: 6 deg", "far_left: 12 deg"
     )
 
 
 def test_what_is_no_controller_any_more_costs_most() -> None:
-    tuning = Tuning(FACE, "pan")
-    assert tuning.cost([-2.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]) == WRONG  # left farther out than far left
+    tuning = ControllerTuning(FACE, "pan")
+    assert tuning.cost([-2.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]) == INVALID_COST  # left farther out than far left
     assert tuning.cost([0.0] * 7) < 5.0
 
 
 def test_a_score_is_priced_by_time_overshoot_and_error_and_a_lost_face_above_all() -> None:
     good = Score(centred=0.5, bound=0.5, overshoot=0.0, rms=0.01, lost=False)
-    assert price(good) == pytest.approx(1.0 + 2 * 0.573, abs=0.001)
+    assert cost_of(good) == pytest.approx(1.0 + 2 * 0.573, abs=0.001)
     worse = [
         Score(0.6, 0.5, 0.0, 0.01, lost=False),
         Score(0.5, 0.5, 0.1, 0.01, lost=False),
         Score(0.5, 0.5, 0.0, 0.02, lost=False),
         Score(None, 0.5, 0.0, 0.01, lost=False),
     ]
-    assert all(price(good) < price(each) < LOST for each in worse)
-    assert price(Score(None, 0.5, 0.0, None, lost=True)) == LOST
+    assert all(cost_of(good) < cost_of(each) < LOST_FACE_COST for each in worse)
+    assert cost_of(Score(None, 0.5, 0.0, None, lost=True)) == LOST_FACE_COST
 
 
 def test_the_search_finds_a_better_controller_and_changes_nothing_but_its_numbers() -> None:
@@ -57,7 +64,7 @@ def test_the_search_finds_a_better_controller_and_changes_nothing_but_its_number
     assert found.after < 0.9 * found.before
     assert found.after == min(costs)
     assert 10 <= len(costs) <= 20
-    values = parse_controller(Source("new.yaml", found.text)).values["turn"]
+    values = parse_controller(SourceText("new.yaml", found.text)).values["turn"]
     assert isinstance(values, dict)
     assert values["p"] > 1.5
     changed = found.text.splitlines()
@@ -66,16 +73,16 @@ def test_the_search_finds_a_better_controller_and_changes_nothing_but_its_number
 
 
 def test_the_same_seed_finds_the_same_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
-    tuning, gentler = Tuning(WEAK, "turn"), [-0.1] * len(knobs(WEAK, "turn"))
+    tuning, gentler = ControllerTuning(WEAK, "turn"), [-0.1] * len(figure_groups(WEAK, "turn"))
     assert tuning.cost(gentler) == tuning.cost(gentler)
-    monkeypatch.setattr(Tuning, "cost", lambda _, factors: sum((factor - 0.3) ** 2 for factor in factors))
+    monkeypatch.setattr(ControllerTuning, "cost", lambda _, factors: sum((factor - 0.3) ** 2 for factor in factors))
     assert tuned(30)[0].text == tuned(30)[0].text != tuned(30, seed=4)[0].text
 
 
 def test_what_cannot_be_tuned_is_told() -> None:
     with pytest.raises(ValueError, match=r"weak\.yaml: has no numbers under 'pan' to tune"):
-        Tuning(WEAK, "pan")
+        ControllerTuning(WEAK, "pan")
     with pytest.raises(ValueError, match="a PD controller needs 'd'"):
-        Tuning(Source("bad.yaml", "controller: bad\nturn: {p: 3}\n"), "turn")
+        ControllerTuning(SourceText("bad.yaml", "controller: bad\nturn: {p: 3}\n"), "turn")
     with pytest.raises(InvalidFileError):
-        Tuning(Source("bad.yaml", "turn: {p: 3"), "turn")
+        ControllerTuning(SourceText("bad.yaml", "turn: {p: 3"), "turn")

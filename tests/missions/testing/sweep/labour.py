@@ -4,8 +4,8 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from missions.plugins.testing.sweep.sweep import Sweep
-from missions.plugins.testing.sweep.variation import Choice, Row, Span, Variation
+from missions.plugins.testing.sweep.sweep import SweepPlan
+from missions.plugins.testing.sweep.variation import SweepRow, ValueList, ValueRange, Variation
 
 GLANCE = """\
 mission: glance
@@ -24,32 +24,32 @@ tree:
 PERSON = {"name": "Anna", "at": ["1.7 m", "0 m"]}
 
 VARIED = (
-    Variation("person.bearing", "deg", Span(-90.0, 90.0)),
-    Variation("light", "%", Choice((100.0, 5.0))),
-    Variation("param.patience", "s", Choice((2.0, 3.0))),
+    Variation("person.bearing", "deg", ValueRange(-90.0, 90.0)),
+    Variation("light", "%", ValueList((100.0, 5.0))),
+    Variation("param.patience", "s", ValueList((2.0, 3.0))),
 )
 
 
-def glance(folder: Path, variations: tuple[Variation, ...] = VARIED) -> Sweep:
+def glance(folder: Path, variations: tuple[Variation, ...] = VARIED) -> SweepPlan:
     """A sweep of that mission, written into ``folder``."""
     mission = folder / "glance.yaml"
     mission.write_text(GLANCE, encoding="utf-8")
-    return Sweep(str(mission), {"world": "hall", "people": [PERSON]}, "hall.yaml", variations=variations)
+    return SweepPlan(str(mission), {"world": "hall", "people": [PERSON]}, "hall.yaml", variations=variations)
 
 
-def at_once(sweep: Sweep, seeds: Sequence[int]) -> list[Row]:
+def at_once(sweep: SweepPlan, seeds: Sequence[int]) -> list[SweepRow]:
     """Make rows without running anything."""
-    return [Row(seed, sweep.draw(seed), "success", "", float(seed), 1) for seed in seeds]
+    return [SweepRow(seed, sweep.draw(seed), "success", "", float(seed), 1) for seed in seeds]
 
 
-def deadly(sweep: Sweep, seeds: Sequence[int]) -> list[Row]:
+def deadly(sweep: SweepPlan, seeds: Sequence[int]) -> list[SweepRow]:
     """The same, but seed 5 kills whoever runs it."""
     if 5 in seeds:
         os._exit(3)
     return at_once(sweep, seeds)
 
 
-def deadly_once(sweep: Sweep, seeds: Sequence[int]) -> list[Row]:
+def deadly_once(sweep: SweepPlan, seeds: Sequence[int]) -> list[SweepRow]:
     """The same, but the first worker that runs seed 5 dies, as one that was killed for want of memory."""
     died = Path(sweep.file)
     if 5 in seeds and not died.exists():

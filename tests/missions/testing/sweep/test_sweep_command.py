@@ -15,8 +15,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from config.world import load_world
-from missions.plugins.testing.sweep.sweep import Sweep, run_some
-from missions.plugins.testing.sweep.variation import Row
+from missions.plugins.testing.sweep.sweep import SweepPlan, run_seeds
+from missions.plugins.testing.sweep.variation import SweepRow
 from tests.missions.command import Process, command
 from tests.missions.testing.sweep.labour import GLANCE
 from tests.waiting import wait_until
@@ -40,8 +40,8 @@ def here(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
-def iter_rows(sweep: Sweep, seeds: range) -> Generator[Row]:
-    yield from run_some(sweep, seeds)
+def iter_rows(sweep: SweepPlan, seeds: range) -> Generator[SweepRow]:
+    yield from run_seeds(sweep, seeds)
 
 
 @pytest.fixture

@@ -9,43 +9,43 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missions.plugins.testing.sweep.processes import CHUNK, DEAD, chunks, run_here
-from missions.plugins.testing.sweep.sweep import run_some
-from missions.plugins.testing.sweep.variation import Row, Span, Variation
+from missions.plugins.testing.sweep.processes import MAX_CHUNK_SEEDS, WORKER_DIED, run_here, split_seeds
+from missions.plugins.testing.sweep.sweep import run_seeds
+from missions.plugins.testing.sweep.variation import SweepRow, ValueRange, Variation
 from tests.missions.testing.sweep import labour
 
 
-def by_seed(rows: list[Row]) -> list[Row]:
+def by_seed(rows: list[SweepRow]) -> list[SweepRow]:
     return sorted(rows, key=lambda row: row.seed)
 
 
 def test_a_run_follows_from_its_seed_alone(tmp_path: Path) -> None:
     sweep = labour.glance(tmp_path)
-    rows = run_some(sweep, range(8))
+    rows = run_seeds(sweep, range(8))
     assert [row.seed for row in rows] == list(range(8))
     assert {row.result for row in rows} == {"success", "failure"}
-    assert run_some(sweep, [6, 2]) == [rows[6], rows[2]]
+    assert run_seeds(sweep, [6, 2]) == [rows[6], rows[2]]
 
 
 def test_a_row_tells_what_was_drawn_and_why_the_run_failed(tmp_path: Path) -> None:
     bearing, light, patience = labour.VARIED
-    behind = replace(bearing, values=Span(150.0, 150.0))
-    (row,) = run_some(labour.glance(tmp_path, (behind, light, patience)), [3])
+    behind = replace(bearing, values=ValueRange(150.0, 150.0))
+    (row,) = run_seeds(labour.glance(tmp_path, (behind, light, patience)), [3])
     assert row.values == (150.0, light.draw(3), patience.draw(3))
     assert (row.result, row.reason) == ("failure", f"no face found (timed out after {patience.draw(3):g} s)")
     assert row.seconds == pytest.approx(float(patience.draw(3)), abs=0.1)
 
 
 def test_a_run_that_takes_too_long_is_ended_and_the_others_go_on(tmp_path: Path) -> None:
-    sweep = labour.glance(tmp_path, (Variation("person.bearing", "deg", Span(150.0, 150.0)),))
-    rows = run_some(replace(sweep, limit=1.0), [0, 1])
+    sweep = labour.glance(tmp_path, (Variation("person.bearing", "deg", ValueRange(150.0, 150.0)),))
+    rows = run_seeds(replace(sweep, limit=1.0), [0, 1])
     assert [(row.result, row.reason) for row in rows] == [("unfinished", "not over within 1 s")] * 2
     assert rows[0].seconds == pytest.approx(1.0, abs=0.1)
 
 
 def test_a_world_that_cannot_be_is_told_in_the_row_of_its_run(tmp_path: Path) -> None:
-    sweep = labour.glance(tmp_path, (Variation("person.distance", "m", Span(1.0, 8.0)),))
-    rows = run_some(sweep, range(8))
+    sweep = labour.glance(tmp_path, (Variation("person.distance", "m", ValueRange(1.0, 8.0)),))
+    rows = run_seeds(sweep, range(8))
     outside = [row for row in rows if float(row.values[0]) > 5.0]
     assert outside
     assert outside == [row for row in rows if row.result == "error"]
@@ -54,7 +54,7 @@ def test_a_world_that_cannot_be_is_told_in_the_row_of_its_run(tmp_path: Path) ->
 
 def test_opencv_keeps_to_one_thread_while_a_worker_runs_and_no_longer(tmp_path: Path) -> None:
     before = cv2.getNumThreads()
-    run_some(labour.glance(tmp_path, ()), [0])
+    run_seeds(labour.glance(tmp_path, ()), [0])
     assert cv2.getNumThreads() == before
 
 
@@ -62,7 +62,7 @@ def test_a_run_that_kills_its_worker_gets_a_row_and_costs_no_other(tmp_path: Pat
     sweep = labour.glance(tmp_path)
     rows = by_seed(list(run_here(sweep, range(16), 1, work=labour.deadly)))
     expected = labour.at_once(sweep, range(16))
-    expected[5] = Row(5, sweep.draw(5), "error", DEAD, 0.0, 0)
+    expected[5] = SweepRow(5, sweep.draw(5), "error", WORKER_DIED, 0.0, 0)
     assert rows == expected
 
 
@@ -83,7 +83,7 @@ def test_a_sweep_that_is_given_up_leaves_no_worker(tmp_path: Path) -> None:
 @given(st.integers(1, 500), st.integers(1, 64), st.integers(0, 1000))
 def test_the_chunks_hold_every_seed_once_and_keep_all_workers_busy(runs: int, workers: int, first: int) -> None:
     seeds = range(first, first + runs)
-    cut = chunks(seeds, workers)
+    cut = split_seeds(seeds, workers)
     assert [seed for chunk in cut for seed in chunk] == list(seeds)
-    assert max(len(chunk) for chunk in cut) <= CHUNK
+    assert max(len(chunk) for chunk in cut) <= MAX_CHUNK_SEEDS
     assert len(cut) >= min(runs, 4 * workers)

@@ -8,14 +8,16 @@ from hypothesis import strategies as st
 
 from missions.plugins.testing.sweep.files import runs_csv
 from missions.plugins.testing.sweep.report import report
-from missions.plugins.testing.sweep.summary import Z95, Rate, Summary, bins, cause, summarise, wilson
-from missions.plugins.testing.sweep.variation import Choice, Drawn, Outcome, Row, Span, Variation
+from missions.plugins.testing.sweep.summary import Z95, Rate, Summary, bin_runs, cause_of, summarise, wilson
+from missions.plugins.testing.sweep.variation import DrawnValue, Outcome, SweepRow, ValueList, ValueRange, Variation
 
-FAR = Variation("person.distance", "m", Span(0.0, 5.0))
+FAR = Variation("person.distance", "m", ValueRange(0.0, 5.0))
 
 
-def row(seed: int, result: Outcome = "success", reason: str = "", seconds: float = 5.0, *values: Drawn) -> Row:
-    return Row(seed, values, result, reason, seconds, 100)
+def row(
+    seed: int, result: Outcome = "success", reason: str = "", seconds: float = 5.0, *values: DrawnValue
+) -> SweepRow:
+    return SweepRow(seed, values, result, reason, seconds, 100)
 
 
 @pytest.mark.parametrize(
@@ -66,7 +68,7 @@ def test_causes_are_counted_without_their_numbers_and_the_most_frequent_comes_fi
         ("failure", 1, 5),
         ("no face for 2 s", 1, 1),
     ]
-    assert cause(rows[0]) == ""
+    assert cause_of(rows[0]) == ""
 
 
 def test_times_are_those_of_the_successes() -> None:
@@ -92,26 +94,26 @@ def test_the_worst_show_one_of_each_cause_before_more_of_the_same() -> None:
 @given(st.lists(st.tuples(st.floats(0, 5), st.booleans()), max_size=60))
 def test_each_run_is_in_one_part_of_a_range(values: list[tuple[float, bool]]) -> None:
     pairs = [(far, row(0, "success" if good else "failure")) for far, good in values]
-    found = bins(FAR, pairs)
+    found = bin_runs(FAR, pairs)
     assert [(each.low, each.high) for each in found] == [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5)]
     assert sum(each.rate.runs for each in found) == len(values)
     assert sum(each.rate.successes for each in found) == sum(good for _, good in values)
 
 
 def test_few_whole_numbers_and_words_each_stand_for_themselves() -> None:
-    pairs: list[tuple[Drawn, Row]] = [(1, row(0)), (3, row(1)), (3, row(2, "failure"))]
-    found = bins(Variation("people", "", Span(1, 3)), pairs)
+    pairs: list[tuple[DrawnValue, SweepRow]] = [(1, row(0)), (3, row(1)), (3, row(2, "failure"))]
+    found = bin_runs(Variation("people", "", ValueRange(1, 3)), pairs)
     assert [(each.label, each.rate.successes, each.rate.runs) for each in found] == [
         ("1", 1, 1),
         ("2", 0, 0),
         ("3", 1, 2),
     ]
-    words = bins(Variation("person.look", "", Choice(("anna", "ben", "anna"))), [("ben", row(0))])
+    words = bin_runs(Variation("person.look", "", ValueList(("anna", "ben", "anna"))), [("ben", row(0))])
     assert [(each.label, each.rate.runs) for each in words] == [("anna", 0), ("ben", 1)]
-    assert len(bins(Variation("people", "", Span(1, 100)), pairs)) == 5
+    assert len(bin_runs(Variation("people", "", ValueRange(1, 100)), pairs)) == 5
 
 
-def example() -> tuple[list[Row], Summary]:
+def example() -> tuple[list[SweepRow], Summary]:
     rows = [row(seed, "success", "", 5.0 + seed, seed / 2) for seed in range(9)]
     rows.append(row(9, "failure", "no face for 2 s", 7.25, 4.5))
     return rows, summarise(rows, [FAR])

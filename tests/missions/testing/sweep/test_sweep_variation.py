@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from config.units import in_dimension
-from missions.plugins.testing.sweep.variation import Choice, Span, Variation, read_values
+from config.units import si_value
+from missions.plugins.testing.sweep.variation import ValueList, ValueRange, Variation, read_values
 
 finite = st.floats(-1e6, 1e6)
 
@@ -15,30 +15,32 @@ finite = st.floats(-1e6, 1e6)
 @pytest.mark.parametrize(
     ("text", "kind", "values"),
     [
-        ("0.6..3", "length", Span(0.6, 3.0)),
-        ("0.6 m..3 m", "length", Span(0.6, 3.0)),
-        ("60 cm .. 3 m", "length", Span(0.6, 3.0)),
-        ("0.6..3 m", "length", Span(0.6, 3.0)),
-        ("5..100 %", "share", Span(5.0, 100.0)),
-        ("0.2..1", "share", Span(20.0, 100.0)),
-        ("-30..30 deg", "angle", Span(-30.0, 30.0)),
-        ("50 %", "share", Choice((50.0,))),
-        ("1,2.5 , 3 m", "length", Choice((1.0, 2.5, 3.0))),
-        ("0..20", "number", Span(0.0, 20.0)),
-        ("1..3", "count", Span(1, 3)),
-        ("1,4", "count", Choice((1, 4))),
-        ("Hello,Good morning", "text", Choice(("Hello", "Good morning"))),
-        ("../a,b", "text", Choice(("../a", "b"))),
+        ("0.6..3", "length", ValueRange(0.6, 3.0)),
+        ("0.6 m..3 m", "length", ValueRange(0.6, 3.0)),
+        ("60 cm .. 3 m", "length", ValueRange(0.6, 3.0)),
+        ("0.6..3 m", "length", ValueRange(0.6, 3.0)),
+        ("5..100 %", "share", ValueRange(5.0, 100.0)),
+        ("0.2..1", "share", ValueRange(20.0, 100.0)),
+        ("-30..30 deg", "angle", ValueRange(-30.0, 30.0)),
+        ("50 %", "share", ValueList((50.0,))),
+        ("1,2.5 , 3 m", "length", ValueList((1.0, 2.5, 3.0))),
+        ("0..20", "number", ValueRange(0.0, 20.0)),
+        ("1..3", "count", ValueRange(1, 3)),
+        ("1,4", "count", ValueList((1, 4))),
+        ("Hello,Good morning", "text", ValueList(("Hello", "Good morning"))),
+        ("../a,b", "text", ValueList(("../a", "b"))),
     ],
 )
-def test_values_are_a_range_or_a_list_and_a_unit_may_stand_once(text: str, kind: str, values: Span | Choice) -> None:
+def test_values_are_a_range_or_a_list_and_a_unit_may_stand_once(
+    text: str, kind: str, values: ValueRange | ValueList
+) -> None:
     assert read_values(text, kind)[1] == values
 
 
 def test_numbers_are_kept_in_the_unit_in_which_people_read_them() -> None:
     units = {kind: read_values("1", kind)[0] for kind in ("length", "share", "duration", "speed", "number", "count")}
     assert units == {"length": "m", "share": "%", "duration": "s", "speed": "m/s", "number": "", "count": ""}
-    assert read_values("1 rad", "angle") == ("deg", Choice((57.295779513,)))
+    assert read_values("1 rad", "angle") == ("deg", ValueList((57.295779513,)))
 
 
 @pytest.mark.parametrize(
@@ -64,25 +66,25 @@ def test_what_is_no_such_value_is_refused_with_what_would_be(text: str, kind: st
 @given(st.tuples(finite, finite).map(sorted), st.integers(0, 10_000))
 def test_a_draw_lies_in_its_range_and_is_always_the_same(ends: list[float], seed: int) -> None:
     low, high = (round(end, 4) for end in ends)
-    variation = Variation("person.distance", "m", Span(low, high))
+    variation = Variation("person.distance", "m", ValueRange(low, high))
     drawn = variation.draw(seed)
     assert isinstance(drawn, float)
     assert low <= drawn <= high
     assert variation.draw(seed) == drawn
     # As a file has it, it is what was drawn.
-    assert in_dimension(variation.text(drawn), "length") == drawn
+    assert si_value(variation.text(drawn), "length") == drawn
 
 
 @given(st.integers(0, 20), st.integers(0, 20))
 def test_whole_numbers_are_drawn_whole_and_all_of_them(low: int, more: int) -> None:
-    variation = Variation("people", "", Span(low, low + more))
+    variation = Variation("people", "", ValueRange(low, low + more))
     drawn = {variation.draw(seed) for seed in range(60 * (more + 1))}
     assert all(type(each) is int for each in drawn)
     assert {low, low + more} <= drawn <= set(range(low, low + more + 1))
 
 
 def test_draws_are_spread_evenly_and_of_two_quantities_independently() -> None:
-    far, light = (Variation(name, "", Span(0.0, 1.0)) for name in ("far", "light"))
+    far, light = (Variation(name, "", ValueRange(0.0, 1.0)) for name in ("far", "light"))
     drawn = [(float(far.draw(seed)), float(light.draw(seed))) for seed in range(2000)]
     for corner in ((0, 0), (0, 1), (1, 0), (1, 1)):
         share = sum((a >= 0.5, b >= 0.5) == corner for a, b in drawn) / len(drawn)
@@ -90,11 +92,11 @@ def test_draws_are_spread_evenly_and_of_two_quantities_independently() -> None:
 
 
 def test_a_draw_is_known_so_that_a_sweep_of_last_year_can_be_repeated() -> None:
-    variation = Variation("person.distance", "m", Span(0.6, 3.0))
+    variation = Variation("person.distance", "m", ValueRange(0.6, 3.0))
     assert [variation.draw(seed) for seed in range(3)] == [1.5799, 1.5607, 2.8107]
 
 
 def test_what_has_one_value_does_not_vary() -> None:
-    assert Variation("light", "%", Choice((50.0, 50.0))).is_single
-    assert Variation("light", "%", Span(50.0, 50.0)).is_single
-    assert not Variation("light", "%", Choice((50.0, 60.0))).is_single
+    assert Variation("light", "%", ValueList((50.0, 50.0))).is_single
+    assert Variation("light", "%", ValueRange(50.0, 50.0)).is_single
+    assert not Variation("light", "%", ValueList((50.0, 60.0))).is_single

@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from config.faults import Source
-from config.library import shipped
+from config.faults import SourceText
+from config.library import shipped_files
 from config.marked import read_source
 from config.things import PersonConfig
-from config.world import WorldConfig, read_world
-from missions.plugins.testing.sweep.knobs import find_knob, known_names
-from missions.plugins.testing.sweep.variation import Choice, Drawn, Variation
-from missions.plugins.testing.sweep.worlds import plain_world, varied
+from config.world import WorldConfig, parse_world
+from missions.plugins.testing.sweep.knobs import find_parameter, parameter_names
+from missions.plugins.testing.sweep.variation import DrawnValue, ValueList, Variation
+from missions.plugins.testing.sweep.worlds import plain_world, vary_world
 
 HALL: dict[str, Any] = {
     "world": "hall",
@@ -28,10 +28,10 @@ HALL: dict[str, Any] = {
 }
 
 
-def turned(drawn: Mapping[str, Drawn], world: dict[str, Any] = HALL, seed: int = 0) -> WorldConfig:
+def turned(drawn: Mapping[str, DrawnValue], world: dict[str, Any] = HALL, seed: int = 0) -> WorldConfig:
     """The world with these values."""
-    pairs = [(Variation(name, "", Choice((value,))), value) for name, value in drawn.items()]
-    return read_world(Source("hall.yaml", varied(world, pairs, seed)))
+    pairs = [(Variation(name, "", ValueList((value,))), value) for name, value in drawn.items()]
+    return parse_world(SourceText("hall.yaml", vary_world(world, pairs, seed)))
 
 
 def seen_from_start(world: WorldConfig, person: PersonConfig) -> tuple[float, float]:
@@ -98,7 +98,7 @@ def test_people_go_or_come_to_places_of_the_runs_own() -> None:
 
 
 def test_the_world_as_a_whole_is_varied() -> None:
-    values: dict[str, Drawn] = {"light": 25.0, "noise": 12.0, "slip": 5.0, "lag": 0.2, "dropouts": 10.0}
+    values: dict[str, DrawnValue] = {"light": 25.0, "noise": 12.0, "slip": 5.0, "lag": 0.2, "dropouts": 10.0}
     world = turned(
         values, {**HALL, "light": [{"at": "1 s", "light": "10 %"}], "physics": {"slip": "1 %", "lag": "1 s"}}
     )
@@ -110,10 +110,10 @@ def test_noise_that_stands_under_camera_is_varied_as_well() -> None:
     assert turned({"noise": 12.0}, {**HALL, "camera": {"noise": 5}}).noise == 12.0
 
 
-@pytest.mark.parametrize("name", [name for name in known_names() if not name.startswith("param.")])
+@pytest.mark.parametrize("name", [name for name in parameter_names() if not name.startswith("param.")])
 def test_every_name_that_is_told_of_can_be_varied(name: str) -> None:
-    kind = find_knob(name).kind
-    value: Drawn = "ben" if kind == "text" else 1 if kind == "count" else 0.9
+    kind = find_parameter(name).kind
+    value: DrawnValue = "ben" if kind == "text" else 1 if kind == "count" else 0.9
     assert turned({name: value}) != turned({})
 
 
@@ -131,7 +131,7 @@ def test_every_name_that_is_told_of_can_be_varied(name: str) -> None:
 )
 def test_an_unknown_name_is_told_with_what_is_near_it(name: str, hint: str) -> None:
     with pytest.raises(LookupError) as unknown:
-        find_knob(name)
+        find_parameter(name)
     assert str(unknown.value).startswith(hint)
 
 
@@ -148,8 +148,8 @@ def test_varying_leaves_the_world_as_it_was() -> None:
     assert repr(HALL) == before
 
 
-@pytest.mark.parametrize("name", shipped("worlds"))
+@pytest.mark.parametrize("name", shipped_files("worlds"))
 def test_every_shipped_world_survives_being_written(name: str) -> None:
-    source = read_source(shipped("worlds")[name])
-    again = Source(source.name, varied(plain_world(source), [], 0))
-    assert read_world(again) == read_world(source)
+    source = read_source(shipped_files("worlds")[name])
+    again = SourceText(source.name, vary_world(plain_world(source), [], 0))
+    assert parse_world(again) == parse_world(source)

@@ -4,14 +4,14 @@ from collections.abc import Iterable, Mapping
 
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
-from config.faults import Source
+from config.faults import SourceText
 from drivers.clock import ManualClock
 from missions.language.document import check_plan
 from missions.language.plan import Plan
 from missions.library.shipped import find_mission
-from missions.library.things import THINGS
-from missions.plugins.verify.explore import Report
-from missions.plugins.verify.judge import BOUND, verify
+from missions.library.things import LOOKUPS
+from missions.plugins.verify.explore import VerificationReport
+from missions.plugins.verify.judge import MAX_STATES, verify
 
 
 def plan_of(tree: str, *properties: str, leaves: Iterable[type[Leaf]] = (), params: str = "{}") -> Plan:
@@ -19,16 +19,18 @@ def plan_of(tree: str, *properties: str, leaves: Iterable[type[Leaf]] = (), para
     lines = "".join(f"  {line}\n" for line in tree.strip("\n").splitlines())
     promises = "properties:\n" + "".join(f"  - {each}\n" for each in properties) if properties else ""
     text = f"mission: m\nparams: {params}\ntree:\n{lines}{promises}"
-    known = {**LEAVES, **{leaf.word: leaf for leaf in leaves}}
-    return check_plan(Source("m.yaml", text), known, THINGS, find_mission=find_mission)
+    known = {**LEAVES, **{leaf.tag: leaf for leaf in leaves}}
+    return check_plan(SourceText("m.yaml", text), known, LOOKUPS, find_mission=find_mission)
 
 
-def explored(tree: str, *properties: str, bound: int = BOUND, leaves: Iterable[type[Leaf]] = ()) -> Report:
+def explored(
+    tree: str, *properties: str, bound: int = MAX_STATES, leaves: Iterable[type[Leaf]] = ()
+) -> VerificationReport:
     """What comes out for such a mission."""
     return verify(plan_of(tree, *properties, leaves=leaves), ManualClock(), bound=bound)
 
 
-def outcomes(report: Report) -> Mapping[str, str]:
+def outcomes(report: VerificationReport) -> Mapping[str, str]:
     """The outcome of every rule, by the first words of the rule."""
     return {verdict.rule: verdict.outcome for verdict in report.verdicts}
 

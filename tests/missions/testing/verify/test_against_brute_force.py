@@ -10,13 +10,13 @@ from py_trees.common import Status
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.robot import Robot
-from behaviours.run import Run
+from behaviours.run import RunState
 from drivers.clock import ManualClock
 from missions.executive.build import build
 from missions.language.plan import Plan, Step
-from missions.plugins.verify.explore import GOING, Space
-from missions.plugins.verify.judge import BOUND
-from missions.plugins.verify.model import Model
+from missions.plugins.verify.explore import GOING, StateSpace
+from missions.plugins.verify.judge import MAX_STATES
+from missions.plugins.verify.model import MissionModel
 from tests.missions.testing.verify.exploring import plan_of
 
 TICKS = 3
@@ -74,7 +74,7 @@ def enumerated(plan: Plan, seconds: tuple[float, ...]) -> Iterator[tuple[int, St
     more = True
     while more:
         clock = ManualClock()
-        run = Run(clock)
+        run = RunState(clock)
         root = build(replace(plan, tree=tree), run, lambda _: Robot())
         for tick in range(1, TICKS + 1):
             clock.advance(seconds[tick - 1])
@@ -135,9 +135,9 @@ def plan(tree: str) -> Plan | None:
 
 def explored(plan: Plan) -> dict[str, int]:
     """How many ticks it takes at least to each end."""
-    space = Space(Model(plan), BOUND)
+    space = StateSpace(MissionModel(plan), MAX_STATES)
     space.explore()
-    assert space.whole
+    assert space.is_complete
     return {place.kind: place.depth for place in reversed(space.places)}
 
 
@@ -181,14 +181,14 @@ def test_a_run_that_is_never_put_back_comes_to_the_state_that_was_explored(tree:
     found = plan(tree)
     if found is None:
         return
-    space = Space(Model(found), BOUND)
+    space = StateSpace(MissionModel(found), MAX_STATES)
     space.explore()
     going = [number for number, place in enumerate(space.places) if place.kind == GOING]
-    way = space.way_to(going[pick % len(going)])
+    way = space.path_to(going[pick % len(going)])
     first, last = space.places[0].state, space.places[way[-1]].state
     assert first is not None
     assert last is not None
-    space.model.put(first)
+    space.model.restore(first)
     for number in way[1:]:
         script = space.places[number].script
         space.model.oracle.follow(script)

@@ -10,8 +10,8 @@ import pytest
 import missions
 from drivers.clock import ManualClock
 from missions.library.shipped import load_mission, shipped_missions
-from missions.library.vocabulary import vocabulary
-from missions.plugins.verify.explore import PROVED, REFUTED, Report
+from missions.library.vocabulary import load_leaves
+from missions.plugins.verify.explore import PROVED, REFUTED, VerificationReport
 from missions.plugins.verify.judge import verify
 
 FOLDER = Path(__file__).parent / "faulty"
@@ -62,8 +62,8 @@ ALSO = {
 
 
 @cache
-def report(name: str) -> Report:
-    leaves = vocabulary([FOLDER / "rolling.py"])
+def report(name: str) -> VerificationReport:
+    leaves = load_leaves([FOLDER / "rolling.py"])
     return verify(load_mission(str(FOLDER / f"{name}.yaml"), leaves=leaves), ManualClock())
 
 

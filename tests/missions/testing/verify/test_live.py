@@ -13,17 +13,19 @@ from missions.language.nodes import MISSION
 from missions.language.plan import Plan, Step
 from missions.library.shipped import load_mission
 from missions.plugins.verify.choices import Oracle
-from missions.plugins.verify.explore import PROVED, REFUTED, Space
-from missions.plugins.verify.judge import BOUND, Judge, verify
+from missions.plugins.verify.explore import PROVED, REFUTED, StateSpace
+from missions.plugins.verify.judge import MAX_STATES, RuleChecker, verify
 from missions.plugins.verify.live import live_while_running, names_read
-from missions.plugins.verify.model import Model, abstract
-from missions.plugins.verify.watch import Watch
+from missions.plugins.verify.model import MissionModel, abstract_step
+from missions.plugins.verify.watch import RuleMonitor
 from tests.missions.testing.verify.exploring import explored, outcome, outcomes, plan_of
 
 
 def live_at(word: str, tree: str) -> set[str]:
     """What is live while the one leaf with this word, or the one node of this kind, runs after two were set."""
-    step = abstract(plan_of(f"sequence: [{{set: {{a: 1, b: 2}}}}, {tree}]").tree, Oracle(), Watch(), frozenset())
+    step = abstract_step(
+        plan_of(f"sequence: [{{set: {{a: 1, b: 2}}}}, {tree}]").tree, Oracle(), RuleMonitor(), frozenset()
+    )
     live = live_while_running(step)
     (key,) = (key for key, each in keyed(step, "1").items() if each.kind == word)
     return set(live[key])
@@ -132,7 +134,7 @@ class Slow(Leaf):
     Running until it succeeds.
     """
 
-    word = "slow"
+    tag = "slow"
 
     def halting(self) -> bool:
         return True
@@ -200,7 +202,7 @@ def test_when_a_time_began_that_nobody_knows_tells_no_states_apart_and_it_may_be
 def everything(tree: Step) -> dict[str, frozenset[str]]:
     """All variables, of every node."""
     names = names_read(value for step in tree.walk() for value in (*step.arguments.values(), *step.returns.values()))
-    stored = {step.keep_as for step in tree.walk() if step.keep_as is not None}
+    stored = {step.output_variable for step in tree.walk() if step.output_variable is not None}
     stored |= {name for step in tree.walk() if step.leaf is not None for name in step.arguments}
     stored |= {name for step in tree.walk() if step.kind == MISSION for name in (*step.arguments, *step.returns)}
     return dict.fromkeys(keyed(tree, "1"), names | stored)
@@ -208,11 +210,13 @@ def everything(tree: Step) -> dict[str, frozenset[str]]:
 
 def ways(plan: Plan) -> tuple[set[object], list[tuple[str, str]], dict[str, int], int]:
     """Which leaves can run at once, the verdicts, how many ticks it takes to each end, and in how many states."""
-    space = Space(Model(plan), BOUND)
+    space = StateSpace(MissionModel(plan), MAX_STATES)
     space.explore()
-    assert space.whole
-    seen: set[object] = {(each.kind, frozenset(leaf.key for leaf in each.live), each.happened) for each in space.places}
-    verdicts = [(each.rule, each.outcome) for each in Judge(space, plan).verdicts()]
+    assert space.is_complete
+    seen: set[object] = {
+        (each.kind, frozenset(leaf.key for leaf in each.live_leaves), each.happened) for each in space.places
+    }
+    verdicts = [(each.rule, each.outcome) for each in RuleChecker(space, plan).verdicts()]
     return seen, verdicts, {place.kind: place.depth for place in reversed(space.places)}, len(space.places)
 
 

@@ -3,8 +3,8 @@
 import pytest
 
 from config.faults import InvalidFileError
-from missions.language.body import FORMS, PROPERTIES
-from missions.language.plan import Property
+from missions.language.body import PROPERTIES, PROPERTY_FORMS
+from missions.language.plan import MissionProperty
 from tests.missions.testing.verify.exploring import plan_of
 
 TREE = """
@@ -20,7 +20,7 @@ sequence:
 """
 
 
-def read(promise: str) -> Property:
+def read(promise: str) -> MissionProperty:
     (found,) = plan_of(TREE, promise).properties
     return found
 
@@ -67,7 +67,7 @@ def test_each_form_is_read(promise: str, form: str, subject: str, other: str) ->
 def test_a_mistake_is_shown_at_its_place_with_a_hint(promise: str, under: str, message: str, hint: str) -> None:
     with pytest.raises(InvalidFileError) as caught:
         read(promise)
-    (fault,) = caught.value.faults
+    (fault,) = caught.value.diagnostics
     begin = fault.mark.column - 1
     assert fault.source.line(fault.mark.line)[begin : begin + fault.mark.length] == under
     assert message in fault.message
@@ -80,4 +80,4 @@ def test_properties_need_a_list() -> None:
 
 
 def test_the_examples_of_the_forms_are_forms() -> None:
-    assert {form.partition(":")[0] for form in FORMS} == set(PROPERTIES)
+    assert {form.partition(":")[0] for form in PROPERTY_FORMS} == set(PROPERTIES)

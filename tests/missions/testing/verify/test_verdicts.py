@@ -185,7 +185,7 @@ class Careful(Leaf):
     Running until it succeeds.
     """
 
-    word = "careful"
+    tag = "careful"
     drives = frozenset({"base"})
 
     _left = 0
@@ -218,7 +218,7 @@ reactive_selector:
 class Restless(Careful):
     """Never stop to stop."""
 
-    word = "restless"
+    tag = "restless"
 
     def halting(self) -> bool:
         return True
@@ -292,7 +292,7 @@ def test_a_reactive_node_that_takes_over_never_overlaps_with_what_it_halts() -> 
 class Hasty(ManualClock):
     """A clock that is a second later each time that it is asked."""
 
-    def now(self) -> float:
+    def read_value(self) -> float:
         return self.advance(1.0)
 
 

@@ -7,7 +7,17 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from missions.plugins.verify.choices import Oracle
-from missions.plugins.verify.instants import EQUAL, FREE, START, Instant, Some, Timing, Zone, loosened, plus
+from missions.plugins.verify.instants import (
+    INITIAL_ZONE,
+    UNBOUNDED,
+    ZERO_BOUND,
+    Instant,
+    SymbolicClock,
+    UnknownTime,
+    Zone,
+    add_bounds,
+    extrapolate,
+)
 
 BOUNDS = st.tuples(st.integers(-4, 4).map(float), st.sampled_from((0, 1)))
 DEMANDS = st.lists(st.tuples(st.integers(0, 2), st.integers(0, 2), BOUNDS), max_size=5)
@@ -25,71 +35,71 @@ def holds(times: tuple[float, ...], i: int, j: int, bound: tuple[float, int]) ->
 def test_a_zone_allows_exactly_what_some_times_meet(
     demands: list[tuple[int, int, tuple[float, int]]], asked: tuple[int, int, tuple[float, int]]
 ) -> None:
-    zone = Zone([[EQUAL if i == j else FREE for j in range(3)] for i in range(3)])
+    zone = Zone([[ZERO_BOUND if i == j else UNBOUNDED for j in range(3)] for i in range(3)])
     for demand in demands:
         assume(zone.allows(*demand))
-        zone.demand(*demand)
+        zone.constrain(*demand)
     coarse = GRID[::3] if all(bound[1] for _, _, bound in [*demands, asked]) else GRID[::2]
     solutions = (all(holds((0.0, a, b), *demand) for demand in (*demands, asked)) for a, b in product(coarse, repeat=2))
     assert zone.allows(*asked) == any(solutions)
 
 
 def test_two_ways_add_up_and_are_strict_where_one_is() -> None:
-    assert plus((1.0, 1), (2.0, 1)) == (3.0, 1)
-    assert plus((1.0, 0), (2.0, 1)) == (3.0, 0)
-    assert plus((1.0, 1), FREE) == FREE
+    assert add_bounds((1.0, 1), (2.0, 1)) == (3.0, 1)
+    assert add_bounds((1.0, 0), (2.0, 1)) == (3.0, 0)
+    assert add_bounds((1.0, 1), UNBOUNDED) == UNBOUNDED
 
 
 def test_time_goes_on_and_what_is_long_past_is_only_that() -> None:
-    zone = Zone(START)
-    first = Zone(zone.later({0: 5.0}))
+    zone = Zone(INITIAL_ZONE)
+    first = Zone(zone.advance({0: 5.0}))
     assert first.allows(0, 1, (-100.0, 1))
-    first.demand(0, 1, (-5.0, 1))
-    assert first.later({0: 5.0}) == ((EQUAL, (-5.0, 1)), (FREE, EQUAL))
+    first.constrain(0, 1, (-5.0, 1))
+    assert first.advance({0: 5.0}) == ((ZERO_BOUND, (-5.0, 1)), (UNBOUNDED, ZERO_BOUND))
 
 
 def test_loosened_bounds_are_among_those_given_and_never_tighter() -> None:
-    rows = ((EQUAL, (3.0, 0), (-6.0, 1)), ((-2.0, 0), EQUAL, (11.0, 1)), (FREE, FREE, EQUAL))
-    assert loosened(rows, [2.0, 5.0]) == (
-        (EQUAL, (5.0, 1), (-5.0, 1)),
-        ((-2.0, 0), EQUAL, FREE),
-        (FREE, FREE, EQUAL),
+    rows = ((ZERO_BOUND, (3.0, 0), (-6.0, 1)), ((-2.0, 0), ZERO_BOUND, (11.0, 1)), (UNBOUNDED, UNBOUNDED, ZERO_BOUND))
+    assert extrapolate(rows, [2.0, 5.0]) == (
+        (ZERO_BOUND, (5.0, 1), (-5.0, 1)),
+        ((-2.0, 0), ZERO_BOUND, UNBOUNDED),
+        (UNBOUNDED, UNBOUNDED, ZERO_BOUND),
     )
 
 
-def elapsed(timing: Timing) -> tuple[float, float]:
+def elapsed(timing: SymbolicClock) -> tuple[float, float]:
     """Two instants: one that is kept, and the one after it."""
-    since = timing.now()
-    timing.set(timing.zone.later({0: 100.0}))
-    return since, timing.now()
+    since = timing.read_value()
+    timing.set(timing.zone.advance({0: 100.0}))
+    return since, timing.read_value()
 
 
 @pytest.mark.parametrize("over", [False, True])
 def test_whether_a_time_is_over_is_a_choice_once_and_then_a_fact(over: bool) -> None:
     oracle = Oracle()
-    timing = Timing(oracle)
+    timing = SymbolicClock(oracle)
     since, now = elapsed(timing)
     oracle.follow((int(over),))
     assert (now - since >= 5.0) is over
     assert (now - since >= 5.0) is over
     assert (now - since >= (4.0 if over else 6.0)) is over
-    assert len(oracle.made) == 1
+    assert len(oracle.choices) == 1
 
 
 def test_no_time_passes_within_a_tick() -> None:
     oracle = Oracle()
-    timing = Timing(oracle)
-    assert not timing.now() - timing.now() >= 0.1
-    assert timing.now() - timing.now() >= 0.0
-    assert timing.now() < timing.now() + 1.0
-    assert oracle.made == []
+    timing = SymbolicClock(oracle)
+    assert not timing.read_value() - timing.read_value() >= 0.1
+    assert timing.read_value() - timing.read_value() >= 0.0
+    assert timing.read_value() < timing.read_value() + 1.0
+    assert oracle.choices == []
 
 
 def test_a_time_that_nobody_knows_is_a_choice_each_time() -> None:
     oracle = Oracle()
-    timing = Timing(oracle)
+    timing = SymbolicClock(oracle)
     since, now = elapsed(timing)
-    unknown = Some.of(oracle)
+    unknown = UnknownTime.of(oracle)
     assert isinstance(since, Instant)
     oracle.follow((1, 0, 1))
     assert now - since >= unknown
@@ -98,10 +108,10 @@ def test_a_time_that_nobody_knows_is_a_choice_each_time() -> None:
 
 
 def test_each_instant_is_forgotten_once_its_own_time_is_over() -> None:
-    zone = Zone([[EQUAL if i == j else FREE for j in range(3)] for i in range(3)])
-    zone.demand(0, 2, (-4.0, 1))  # both were 4 s ago, at the same moment
-    zone.demand(0, 1, EQUAL)
-    zone.demand(1, 0, EQUAL)
-    kept = Zone(zone.later({0: 3.0, 1: 5.0}))
-    assert kept.bounds[0] == [EQUAL, FREE, (-3.0, 1)]
-    assert kept.bounds[1] == [FREE, EQUAL, (-4.0, 1)]
+    zone = Zone([[ZERO_BOUND if i == j else UNBOUNDED for j in range(3)] for i in range(3)])
+    zone.constrain(0, 2, (-4.0, 1))  # both were 4 s ago, at the same moment
+    zone.constrain(0, 1, ZERO_BOUND)
+    zone.constrain(1, 0, ZERO_BOUND)
+    kept = Zone(zone.advance({0: 3.0, 1: 5.0}))
+    assert kept.bounds[0] == [ZERO_BOUND, UNBOUNDED, (-3.0, 1)]
+    assert kept.bounds[1] == [UNBOUNDED, ZERO_BOUND, (-4.0, 1)]

@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping
 
-from missions.trees.drawing import Badge, Box, Drawing, to_json
+from missions.trees.drawing import Badge, TreeBox, TreeDrawing, to_json
 
 Message = Mapping[str, object]
 
-GREET = Box(
+GREET = TreeBox(
     "1",
     "sequence",
     "sequence",
@@ -14,7 +14,7 @@ GREET = Box(
     "greet.yaml",
     3,
     children=(
-        Box(
+        TreeBox(
             "1.1.1",
             "find_face",
             "find_face",
@@ -24,7 +24,7 @@ GREET = Box(
             arguments={"pan": "[-60 deg, 60 deg]", "speed": "20 deg/s"},
             badges=(Badge("1.1", "timeout", "60 s", 5),),
         ),
-        Box(
+        TreeBox(
             "1.2",
             "mission",
             "mission",
@@ -32,16 +32,16 @@ GREET = Box(
             "greet.yaml",
             6,
             mission="wave",
-            children=(Box("1.2.1", "gesture", "gesture", "■", "wave.yaml", 3, said="hello"),),
+            children=(TreeBox("1.2.1", "gesture", "gesture", "■", "wave.yaml", 3, said="hello"),),
         ),
-        Box("1.3", "say", "say", "■", "greet.yaml", 7, said="[bold]Hello!"),
+        TreeBox("1.3", "say", "say", "■", "greet.yaml", 7, said="[bold]Hello!"),
     ),
 )
 
 
-def first(root: Box = GREET) -> Message:
+def first(root: TreeBox = GREET) -> Message:
     """Return the message that comes before all others."""
-    return {"drawing": to_json(Drawing("greet", "Greet.", "greet.yaml", root)), "robot": "turtlebot2_arm"}
+    return {"drawing": to_json(TreeDrawing("greet", "Greet.", "greet.yaml", root)), "robot": "turtlebot2_arm"}
 
 
 def news(t: float = 0.0, **what: object) -> Message:
@@ -54,10 +54,10 @@ def part(level: str, **what: object) -> Message:
     return {"part": "base", "level": level, "age": 0.1, "values": {}, "detail": "", "hint": "", **what}
 
 
-def many(missions: int, leaves: int) -> Box:
+def many(missions: int, leaves: int) -> TreeBox:
     """Return a tree of that many missions of that many leaves each."""
     inside = (
-        Box(
+        TreeBox(
             f"1.{number}",
             "mission",
             "mission",
@@ -69,8 +69,8 @@ def many(missions: int, leaves: int) -> Box:
         )
         for number in range(1, missions + 1)
     )
-    return Box("1", "sequence", "sequence", "→", "long.yaml", 1, children=tuple(inside))
+    return TreeBox("1", "sequence", "sequence", "→", "long.yaml", 1, children=tuple(inside))
 
 
-def _leaves(key: str, count: int) -> tuple[Box, ...]:
-    return tuple(Box(f"{key}.{i}", "wait", f"wait {key}.{i}", "■", "part.yaml", i) for i in range(1, count + 1))
+def _leaves(key: str, count: int) -> tuple[TreeBox, ...]:
+    return tuple(TreeBox(f"{key}.{i}", "wait", f"wait {key}.{i}", "■", "part.yaml", i) for i in range(1, count + 1))

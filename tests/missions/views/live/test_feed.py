@@ -14,9 +14,9 @@ from drivers.clock import ManualClock
 from missions.executive import executive
 from missions.executive.events import Event, Logged, NodeChanged, Ticked, VariableSet
 from missions.executive.executive import Executive, RunMode, RunModeEvent
-from missions.executive.parts import PartState
-from missions.executive.stream import Stream
-from missions.trees.feed import MOST_LINES, Feed
+from missions.executive.parts import PartStatus
+from missions.executive.stream import EventStream
+from missions.trees.feed import MAX_LOG_LINES, ViewFeed
 from perception.api import Box, Face, Scene
 from tests.machines import RecordingTable, tables, walk
 from tests.missions.views.pictures.drawn import plan_of, ready
@@ -28,17 +28,17 @@ class Fed:
     def __init__(self, *, in_tick: bool = False) -> None:
         self.clock, self.wall = ManualClock(), ManualClock()
         root, run = ready(plan_of("  wait: 1000 s\n"), self.clock)
-        self.stream = Stream()
+        self.stream = EventStream()
         self.executive = Executive(root, run, self.stream)
         self.looks = 0
-        self.feed = Feed(self.executive, self.wall, look=self.look, lines=self.lines, in_tick=in_tick)
+        self.feed = ViewFeed(self.executive, self.wall, look=self.look, lines=self.lines, in_tick=in_tick)
         self.stream.listeners.append(self.feed)
 
-    def look(self) -> Sequence[PartState]:
+    def look(self) -> Sequence[PartStatus]:
         self.looks += 1
         if self.looks == 3:
             raise RuntimeError("a driver with a fault of its own")
-        return (PartState("base", "OK", 0.5, {"x": 1.0}),)
+        return (PartStatus("base", "OK", 0.5, {"x": 1.0}),)
 
     def lines(self, event: Event) -> Sequence[str]:
         return event.text.splitlines() if isinstance(event, Logged) else ()
@@ -50,28 +50,28 @@ def test_news_are_told_once_and_of_many_changes_only_the_last() -> None:
         fed.feed(NodeChanged(float(number), number, "1", "wait", "wait", 3, "running", f"{number}\n!"))
         fed.feed(VariableSet(float(number), number, "", "count", number))
         fed.feed(Logged(float(number), "info", f"line {number}\x1b"))
-    told = fed.feed.news()
+    told = fed.feed.take_changes()
     assert told["changed"] == {"1": ("running", "99999 !", 99_999.0)}
     assert told["variables"] == {"count": "99999"}
     log = told["log"]
     assert isinstance(log, list)
-    assert len(log) == MOST_LINES
+    assert len(log) == MAX_LOG_LINES
     assert log[-1] == "line 99999\N{REPLACEMENT CHARACTER}"
-    assert not {"changed", "variables", "log"} & set(fed.feed.news())
+    assert not {"changed", "variables", "log"} & set(fed.feed.take_changes())
 
 
 def test_what_runs_on_is_told_with_its_present_reason() -> None:
     fed = Fed()
     fed.executive.tick()
-    assert fed.feed.news()["changed"] == {"1": ("running", "", 0.0)}
+    assert fed.feed.take_changes()["changed"] == {"1": ("running", "", 0.0)}
     fed.executive.root.feedback_message = "2.5 of\n1000 s"
-    assert fed.feed.news()["changed"] == {"1": ("running", "2.5 of 1000 s", 0.0)}
-    assert "changed" not in fed.feed.news()
+    assert fed.feed.take_changes()["changed"] == {"1": ("running", "2.5 of 1000 s", 0.0)}
+    assert "changed" not in fed.feed.take_changes()
     fed.clock.advance(1000.0)
     fed.executive.tick()
     fed.executive.root.feedback_message = "not asked for any more"
-    assert fed.feed.news()["changed"] == {"1": ("success", "", 1000.0)}
-    assert "changed" not in fed.feed.news()
+    assert fed.feed.take_changes()["changed"] == {"1": ("success", "", 1000.0)}
+    assert "changed" not in fed.feed.take_changes()
 
 
 def test_ticks_are_told_with_how_many_were_late() -> None:
@@ -79,20 +79,20 @@ def test_ticks_are_told_with_how_many_were_late() -> None:
     fed.clock.advance(2.5)
     fed.executive.tick()
     fed.feed(Ticked(2.5, 7, "running", 0.3))
-    told = fed.feed.news()
+    told = fed.feed.take_changes()
     assert (told["t"], told["tick"], told["lates"], told["paused"], told["stopping"]) == (2.5, 7, 1, False, False)
 
 
 def test_the_way_of_the_last_tick_is_told() -> None:
-    clock, stream = ManualClock(), Stream()
+    clock, stream = ManualClock(), EventStream()
     root, run = ready(plan_of("  sequence:\n    - wait: 1 s\n    - wait: 1000 s\n"), clock)
     executive = Executive(root, run, stream)
-    feed = Feed(executive, clock, look=lambda: (), lines=lambda _: ())
+    feed = ViewFeed(executive, clock, look=lambda: (), lines=lambda _: ())
     stream.listeners.append(feed)
     visited = []
     for _ in range(3):
         executive.tick()
-        visited.append(feed.visited())
+        visited.append(feed.visited_keys())
         clock.advance(1.0)
     assert visited == [["1.1", "1"], ["1.1", "1.2", "1"], ["1.2", "1"]]
 
@@ -109,7 +109,7 @@ def test_values_are_told_in_words_that_fit_a_line() -> None:
     }
     for name, value in values.items():
         fed.feed(VariableSet(0.0, 1, "1.2", name, value))
-    told = fed.feed.news()["variables"]
+    told = fed.feed.take_changes()["variables"]
     assert told == {
         "1.2 yes": "yes",
         "1.2 gone": None,
@@ -122,7 +122,7 @@ def test_values_are_told_in_words_that_fit_a_line() -> None:
 def test_every_message_is_json() -> None:
     fed = Fed()
     fed.feed(NodeChanged(0.0, 1, "1", "wait", "wait", 3, "running", "why"))
-    told = json.loads(json.dumps(fed.feed.news()))
+    told = json.loads(json.dumps(fed.feed.take_changes()))
     assert told["changed"] == {"1": ["running", "why", 0.0]}
     assert told["parts"][0] == {
         "part": "base",
@@ -138,47 +138,47 @@ def test_parts_are_looked_at_now_and_then_and_a_driver_that_raises_costs_only_th
     fed = Fed()
     seen = []
     for _ in range(20):
-        seen.append("parts" in fed.feed.news())
+        seen.append("parts" in fed.feed.take_changes())
         fed.wall.advance(0.125)
     assert [place for place, new in enumerate(seen) if new] == [0, 4, 12, 16]
 
 
 def test_in_simulated_time_parts_are_looked_at_by_the_tick_alone() -> None:
     fed = Fed(in_tick=True)
-    assert "parts" not in fed.feed.news()
+    assert "parts" not in fed.feed.take_changes()
     fed.executive.tick()
-    assert "parts" in fed.feed.news()
+    assert "parts" in fed.feed.take_changes()
 
 
 def test_parts_that_are_being_closed_are_not_looked_at() -> None:
     fed = Fed()
     fed.feed(Ticked(1.0, 20, "success"))
-    assert "parts" not in fed.feed.news()
+    assert "parts" not in fed.feed.take_changes()
     stopped = Fed()
     stopped.executive.stop("enough")
-    assert "parts" not in stopped.feed.news()
+    assert "parts" not in stopped.feed.take_changes()
 
 
 def test_a_view_stops_the_run_and_nonsense_does_nothing() -> None:
     fed = Fed()
     for message in ({}, {"do": 3}, {"do": "fly"}, {"do": "step"}):
-        fed.feed.do(message)
+        fed.feed.execute(message)
     assert not fed.executive.stopping
-    fed.feed.do({"do": "stop"})
-    assert fed.feed.news()["stopping"] is True
+    fed.feed.execute({"do": "stop"})
+    assert fed.feed.take_changes()["stopping"] is True
     assert fed.executive.loop().reason == "stopped from the view"
 
 
 def test_a_step_is_made_only_while_paused() -> None:
     fed = Fed()
-    fed.feed.do({"do": "step"})
+    fed.feed.execute({"do": "step"})
     assert fed.executive._steps.empty()
-    fed.feed.do({"do": "pause"})
-    assert fed.feed.news()["paused"] is True
-    fed.feed.do({"do": "step"})
+    fed.feed.execute({"do": "pause"})
+    assert fed.feed.take_changes()["paused"] is True
+    fed.feed.execute({"do": "step"})
     assert not fed.executive._steps.empty()
-    fed.feed.do({"do": "resume"})
-    assert fed.feed.news()["paused"] is False
+    fed.feed.execute({"do": "resume"})
+    assert fed.feed.take_changes()["paused"] is False
 
 
 def test_random_requests_take_every_transition_and_a_hold_outlasts_all_but_an_alarm(
@@ -234,7 +234,7 @@ def test_an_interrupt_is_a_signal_as_from_the_keyboard() -> None:
 
     before = signal.signal(signal.SIGINT, hear)
     try:
-        Fed().feed.do({"do": "interrupt"})
+        Fed().feed.execute({"do": "interrupt"})
     finally:
         signal.signal(signal.SIGINT, before)
     assert heard == [signal.SIGINT]
@@ -242,8 +242,8 @@ def test_an_interrupt_is_a_signal_as_from_the_keyboard() -> None:
 
 def test_a_run_that_nobody_could_resume_is_stopped() -> None:
     fed = Fed()
-    fed.feed.abandoned()
+    fed.feed.on_view_lost()
     assert not fed.executive.stopping
-    fed.feed.do({"do": "pause"})
-    fed.feed.abandoned()
+    fed.feed.execute({"do": "pause"})
+    fed.feed.on_view_lost()
     assert fed.executive.loop().reason == "the view ended while the mission was paused"

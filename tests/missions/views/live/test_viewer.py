@@ -15,7 +15,7 @@ from threading import Thread
 
 import pytest
 
-from missions.plugins.view.terminal import unviewable
+from missions.plugins.view.terminal import view_error
 from missions.plugins.view.viewer import Viewer
 from tests.missions.views.live.messages import Message, first, news, part
 from tests.missions.views.live.test_feed import Fed
@@ -82,13 +82,13 @@ def test_a_view_that_does_not_read_makes_nobody_wait_and_gets_whole_messages_lat
     viewer = Viewer(fed.feed, {"long": "x" * 2_000_000})
     ours, theirs = socket.socketpair()
     ours.setblocking(False)
-    thread = Thread(target=viewer._talk, args=(ours,))
+    thread = Thread(target=viewer._exchange_messages, args=(ours,))
     with ours, theirs:
         thread.start()
         for _ in range(1000):
             fed.executive.tick()
         theirs.sendall(b'{"do": "pause"}\nnonsense\n[]\n{"do": "pau')
-        wait_until(lambda: fed.feed.news()["paused"])
+        wait_until(lambda: fed.feed.take_changes()["paused"])
         theirs.sendall(b'se"}\n')
         heard = theirs.makefile("rb")
         assert len(json.loads(heard.readline())["long"]) == 2_000_000
@@ -103,20 +103,20 @@ def test_a_view_that_was_never_opened_can_be_closed() -> None:
     viewer = Viewer(Fed().feed, {})
     viewer.close()
     viewer.close()
-    assert not viewer.showing
+    assert not viewer.is_showing
 
 
 def test_there_is_no_view_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert "--view needs a terminal\n  try: " in unviewable(StringIO())
+    assert "--view needs a terminal\n  try: " in view_error(StringIO())
     master, slave = pty.openpty()
     with os.fdopen(slave, "w") as out, os.fdopen(os.dup(slave)) as keys:
         monkeypatch.setattr(sys, "stdin", keys)
         monkeypatch.setenv("TERM", "xterm")
-        assert unviewable(out) == ""
+        assert view_error(out) == ""
         monkeypatch.setenv("TERM", "dumb")
-        assert "TERM" in unviewable(out)
+        assert "TERM" in view_error(out)
         monkeypatch.setattr("missions.plugins.view.terminal.find_spec", lambda _: None)
-        assert "pip install 'missiontree[view]'" in unviewable(out)
+        assert "pip install 'missiontree[view]'" in view_error(out)
     os.close(master)
 
 
@@ -124,7 +124,7 @@ def test_what_is_printed_meanwhile_is_kept_back_and_comes_in_the_end() -> None:
     master, slave = pty.openpty()
     text = Text(master)
     program = (
-        "import os; from missions.plugins.view.terminal import hushed\n"
+        "import os; from missions.plugins.view.terminal import hold_output\n"
         "with hushed():\n"
         "    print('from python')\n"
         "    os.system('echo from elsewhere')\n"
@@ -154,7 +154,7 @@ def test_the_process_of_a_view_loads_nothing_of_a_robot() -> None:
 
 
 def test_ctrl_c_while_a_view_loads_is_the_run_s_to_hear(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("missions.plugins.view.viewer.FAREWELL", 90.0)
+    monkeypatch.setattr("missions.plugins.view.viewer.EXIT_TIMEOUT", 90.0)
     master, slave = pty.openpty()
     viewer = Viewer(Fed().feed, dict(first()), keys=slave, screen=slave)
     viewer.open()
@@ -166,7 +166,7 @@ def test_ctrl_c_while_a_view_loads_is_the_run_s_to_hear(monkeypatch: pytest.Monk
         assert process.poll() is None
         select.select([master], [], [], 0.02)
     viewer.close()
-    assert viewer.cause == ""
+    assert viewer.exit_cause == ""
     assert "Traceback" not in text.read()
     os.close(slave)
     os.close(master)

@@ -10,7 +10,7 @@ import sys
 import termios
 from pathlib import Path
 
-from missions.cli.live import Watcher
+from missions.cli.live import RunDisplay
 from missions.plugins.view import terminal, viewer
 from missions.plugins.view.viewing import LiveView
 from missions.request import RunRequest
@@ -20,12 +20,12 @@ from missions.runner import Runner
 def main(result: Path, speed: float, patience: float | None = None) -> int:
     """Run greet; return the exit code of the command."""
     if patience is not None:
-        terminal.WRITE_TIMEOUT = viewer.FAREWELL = patience
+        terminal.WRITE_TIMEOUT = viewer.EXIT_TIMEOUT = patience
     os.setsid()
     fcntl.ioctl(0, termios.TIOCSCTTY, 0)
     runner = Runner(RunRequest("greet", simulate="fast", eyes="truth", speed=speed))
-    watcher = Watcher(sys.stdout)
-    watcher.watch(runner.root)
+    watcher = RunDisplay(sys.stdout)
+    watcher.show_tree(runner.root)
     view = LiveView(runner, watcher)
     runner.stream.listeners.append(view)
     with view:

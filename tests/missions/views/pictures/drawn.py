@@ -7,16 +7,16 @@ from hypothesis import strategies as st
 from behaviours.catalogue import LEAVES
 from behaviours.node import Node
 from behaviours.robot import Robot
-from behaviours.run import Run
-from config.faults import Source
+from behaviours.run import RunState
+from config.faults import SourceText
 from drivers.clock import ManualClock
 from missions.executive.build import build
 from missions.language.document import check_plan
 from missions.language.plan import Plan
 from missions.library.shipped import find_mission
-from missions.library.things import THINGS
+from missions.library.things import LOOKUPS
 from missions.trees.draw import one_line
-from missions.trees.drawing import SIGNS, Badge, Box, Drawing, Status
+from missions.trees.drawing import SIGNS, Badge, Status, TreeBox, TreeDrawing
 
 HOSTILE = """"';</script><img src=x onerror=alert(1)> \\n \\ | # `[{(&amp;%%"""
 """What a name, an argument or a reason may hold, and a picture must not take for anything but text."""
@@ -24,12 +24,14 @@ HOSTILE = """"';</script><img src=x onerror=alert(1)> \\n \\ | # `[{(&amp;%%"""
 
 def plan_of(tree: str, head: str = "") -> Plan:
     """Check a mission whose tree is ``tree``, in YAML; it stands in a file "m.yaml"."""
-    return check_plan(Source("m.yaml", f"mission: m\n{head}tree:\n{tree}"), LEAVES, THINGS, find_mission=find_mission)
+    return check_plan(
+        SourceText("m.yaml", f"mission: m\n{head}tree:\n{tree}"), LEAVES, LOOKUPS, find_mission=find_mission
+    )
 
 
-def ready(plan: Plan, clock: ManualClock) -> tuple[Node, Run]:
+def ready(plan: Plan, clock: ManualClock) -> tuple[Node, RunState]:
     """Build a mission for a robot without parts."""
-    run = Run(clock)
+    run = RunState(clock)
     return build(plan, run, lambda leaf: Robot()), run  # noqa: ARG005 - a robot without parts
 
 
@@ -44,7 +46,7 @@ KINDS = st.sampled_from(["sequence", "selector", "parallel", "race", "switch", "
 
 
 @st.composite
-def boxes(draw: st.DrawFn, key: str = "1", depth: int = 2) -> Box:
+def boxes(draw: st.DrawFn, key: str = "1", depth: int = 2) -> TreeBox:
     """Draw a box with everything that one can have, and others below it."""
     badges: list[Badge] = []
     for _ in range(draw(st.integers(0, 2))):
@@ -53,7 +55,7 @@ def boxes(draw: st.DrawFn, key: str = "1", depth: int = 2) -> Box:
     count = draw(st.integers(0, 3)) if depth else 0
     kind = draw(KINDS) if count else "say"
     count = min(count, 1) if kind == "mission" else count
-    return Box(
+    return TreeBox(
         key,
         kind,
         draw(st.just(kind) | TEXTS),
@@ -73,12 +75,12 @@ def boxes(draw: st.DrawFn, key: str = "1", depth: int = 2) -> Box:
     )
 
 
-DRAWINGS: st.SearchStrategy[Drawing] = st.builds(
-    Drawing, TEXTS, TEXTS, st.just("m.yaml"), boxes(), st.none() | st.floats(0, 1e6)
+DRAWINGS: st.SearchStrategy[TreeDrawing] = st.builds(
+    TreeDrawing, TEXTS, TEXTS, st.just("m.yaml"), boxes(), st.none() | st.floats(0, 1e6)
 )
 
 
-def keys_and_lines(drawing: Drawing) -> Mapping[str, int]:
+def keys_and_lines(drawing: TreeDrawing) -> Mapping[str, int]:
     """Return the line of every box and badge by its key."""
     found = {box.key: box.line for box in drawing.root.walk()}
     return found | {badge.key: badge.line for box in drawing.root.walk() for badge in box.badges}

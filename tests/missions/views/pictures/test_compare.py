@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from rich.cells import cell_len
 
 from missions.library.shipped import load_mission
-from missions.plugins.pictures.compare import Change, Comparison, compare, side_by_side
+from missions.plugins.pictures.compare import Change, TreeComparison, compare, side_by_side
 from missions.plugins.pictures.forms import comparison_to_json
-from missions.trees.draw import drawing_of, folded
-from missions.trees.drawing import Drawing
+from missions.trees.draw import drawing_of, fold_missions
+from missions.trees.drawing import TreeDrawing
 from tests.missions.views.pictures.drawn import DRAWINGS, plan_of
 
 BEFORE = """
@@ -24,14 +24,16 @@ BEFORE = """
 """
 
 
-def drawn(tree: str) -> Drawing:
+def drawn(tree: str) -> TreeDrawing:
     return drawing_of(plan_of(tree))
 
 
-def told(comparison: Comparison) -> dict[str, tuple[Change, str]]:
+def told(comparison: TreeComparison) -> dict[str, tuple[Change, str]]:
     """What is said of each pair that is not the same, by the title of its node."""
     pairs = (pair for pair in comparison.root.walk() if pair.change != "same")
-    return {box.title: (pair.change, pair.what) for pair in pairs if (box := pair.right or pair.left) is not None}
+    return {
+        box.title: (pair.change, pair.differences) for pair in pairs if (box := pair.right or pair.left) is not None
+    }
 
 
 def test_a_mission_is_the_same_as_itself() -> None:
@@ -93,7 +95,7 @@ def test_roots_of_different_kinds_belong_together() -> None:
 
 @settings(max_examples=15)
 @given(DRAWINGS, DRAWINGS)
-def test_every_node_stands_in_one_pair_and_keeps_its_order(left: Drawing, right: Drawing) -> None:
+def test_every_node_stands_in_one_pair_and_keeps_its_order(left: TreeDrawing, right: TreeDrawing) -> None:
     pairs = list(compare(left, right).root.walk())
     assert sorted(pair.left.key for pair in pairs if pair.left) == sorted(box.key for box in left.root.walk())
     assert sorted(pair.right.key for pair in pairs if pair.right) == sorted(box.key for box in right.root.walk())
@@ -107,7 +109,7 @@ def test_every_node_stands_in_one_pair_and_keeps_its_order(left: Drawing, right:
 
 @settings(max_examples=20)
 @given(DRAWINGS)
-def test_nothing_differs_from_itself(drawing: Drawing) -> None:
+def test_nothing_differs_from_itself(drawing: TreeDrawing) -> None:
     assert compare(drawing, drawing).summary == "no difference"
 
 
@@ -146,7 +148,7 @@ def test_a_comparison_as_json_names_nodes_by_their_keys() -> None:
 
 def test_a_folded_mission_is_compared_by_what_is_seen_of_it() -> None:
     patrol = drawing_of(load_mission("patrol"))
-    comparison = compare(patrol, folded(patrol, 0))
+    comparison = compare(patrol, fold_missions(patrol, 0))
     inside = [box for mission in patrol.root.walk() if mission.mission for box in mission.walk() if box is not mission]
     assert comparison.count("removed") == len(inside) > 0
     assert comparison.count("changed") == 0

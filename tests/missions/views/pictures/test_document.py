@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions.plugins.pictures.compare import compare
-from missions.plugins.pictures.page.document import PAGE, Markup, document, join, start, tag, without_assets
+from missions.plugins.pictures.page.document import PAGE_FOLDER, Markup, document, join, start_tag, tag, without_assets
 from missions.plugins.pictures.page.pair import page, pair_page
-from missions.trees.drawing import Drawing
+from missions.trees.drawing import TreeDrawing
 from tests.cases import each
 from tests.missions.views.pictures.drawn import DRAWINGS, HOSTILE
 
@@ -49,13 +49,13 @@ def test_text_and_attributes_come_back_as_they_were(text: str) -> None:
 
 def test_what_is_markup_already_is_not_escaped_again() -> None:
     assert join(tag("b", "<"), " & ") == "<b>&lt;</b> &amp; "
-    assert start("input", hidden=True, name=None, disabled=False, data_key="1.2") == '<input hidden data-key="1.2">'
+    assert start_tag("input", hidden=True, name=None, disabled=False, data_key="1.2") == '<input hidden data-key="1.2">'
 
 
 def test_a_page_carries_its_style_and_its_script_and_names_no_other_place() -> None:
     text = document("A title", tag("h1", "Hello"))
-    assert PAGE.joinpath("page.css").read_text() in text
-    assert PAGE.joinpath("page.js").read_text() in text
+    assert PAGE_FOLDER.joinpath("page.css").read_text() in text
+    assert PAGE_FOLDER.joinpath("page.js").read_text() in text
     assert values(text, "src") == []
     assert values(text, "href") == ["data:,"]
     assert not re.search(r"https?://|@import|url\(", text)
@@ -99,7 +99,7 @@ def test_a_number_that_json_does_not_have_is_refused() -> None:
 
 @settings(max_examples=30)
 @given(DRAWINGS)
-def test_every_drawing_gives_a_page_of_just_these_elements(drawing: Drawing) -> None:
+def test_every_drawing_gives_a_page_of_just_these_elements(drawing: TreeDrawing) -> None:
     text = page(drawing)
     read = Reader(text)
     boxes = list(drawing.root.walk())
@@ -111,7 +111,7 @@ def test_every_drawing_gives_a_page_of_just_these_elements(drawing: Drawing) -> 
 
 @settings(max_examples=30)
 @given(DRAWINGS, DRAWINGS)
-def test_every_pair_of_drawings_gives_a_page(left: Drawing, right: Drawing) -> None:
+def test_every_pair_of_drawings_gives_a_page(left: TreeDrawing, right: TreeDrawing) -> None:
     comparison = compare(left, right)
     text = pair_page(comparison)
     assert values(text, "data-change") == [pair.change for pair in comparison.root.walk()]

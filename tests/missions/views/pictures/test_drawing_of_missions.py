@@ -6,13 +6,21 @@ from behaviours.catalogue import LEAVES
 from drivers.clock import ManualClock
 from missions.language.nodes import BRANCHES, MISSION
 from missions.library.shipped import load_mission, shipped_missions
-from missions.trees.draw import ACTION, CONDITION, at, drawing_of, folded, legend, one_line
-from missions.trees.drawing import Box, Drawing, Now
+from missions.trees.draw import (
+    ACTION_SYMBOL,
+    CONDITION_SYMBOL,
+    drawing_of,
+    fold_missions,
+    legend,
+    one_line,
+    with_states,
+)
+from missions.trees.drawing import NodeState, TreeBox, TreeDrawing
 from tests.cases import each
 from tests.missions.views.pictures.drawn import downwards, keys_and_lines, plan_of, ready
 
 
-def box(drawing: Drawing, kind: str) -> Box:
+def box(drawing: TreeDrawing, kind: str) -> TreeBox:
     """Return the first box of a kind."""
     return next(box for box in drawing.root.walk() if box.kind == kind)
 
@@ -51,7 +59,7 @@ def test_each_form_of_an_argument_is_written_back(tree: str, arguments: dict[str
 
 def test_what_is_written_takes_no_part_in_comparing_plans() -> None:
     one, other = (plan_of(f"  wait: {time}\n").tree for time in ("2 s", "2.0 s"))
-    assert one.written != other.written
+    assert one.arguments_as_written != other.arguments_as_written
     assert (one.arguments["duration"].constant, other.arguments["duration"].constant) == (2.0, 2.0)
 
 
@@ -110,26 +118,28 @@ def test_a_leaf_that_only_asks_is_a_condition() -> None:
     root = drawing_of(
         plan_of("  sequence:\n    - bumped\n    - wait: 1 s\n    - set: {a: 1}\n    - turn: 3 deg\n")
     ).root
-    assert [child.symbol for child in root.children] == [CONDITION, ACTION, ACTION, ACTION]
+    assert [child.symbol for child in root.children] == [CONDITION_SYMBOL, ACTION_SYMBOL, ACTION_SYMBOL, ACTION_SYMBOL]
     assert {word for word, leaf in LEAVES.items() if leaf.instant} > {"bumped", "set"}
 
 
 def test_statuses_fall_on_boxes_and_badges_by_key_and_the_rest_is_idle() -> None:
     drawing = drawing_of(plan_of("  sequence:\n    - wait: 5 s\n      timeout: 1 s\n    - wait: 1 s\n"))
-    failed = at(drawing, {"1": Now("running", "a\nb", 0.5), "1.1": Now("failure", "timed out", 1.5)}, 2.0)
+    failed = with_states(
+        drawing, {"1": NodeState("running", "a\nb", 0.5), "1.1": NodeState("failure", "timed out", 1.5)}, 2.0
+    )
     first, second = failed.root.children
     assert (failed.time, failed.root.status, failed.root.reason, failed.root.since) == (2.0, "running", "a b", 0.5)
     assert (first.status, first.badges[0].status, first.badges[0].reason) == ("idle", "failure", "timed out")
-    assert (first.outer, second.outer, second.since) == ("failure", "idle", None)
-    assert at(failed, {}, 0.0) == at(drawing, {}, 0.0)
+    assert (first.outer_status, second.outer_status, second.since) == ("failure", "idle", None)
+    assert with_states(failed, {}, 0.0) == with_states(drawing, {}, 0.0)
 
 
 def test_submissions_fold_into_one_box_that_counts_what_it_hides() -> None:
     drawing = drawing_of(load_mission("patrol"))
-    closed = box(folded(drawing, 0), MISSION)
+    closed = box(fold_missions(drawing, 0), MISSION)
     below = [each for child in box(drawing, MISSION).children for each in child.walk()]
     assert (closed.children, closed.folded) == ((), len(below) + sum(len(each.badges) for each in below))
-    assert folded(drawing, 1) == drawing
+    assert fold_missions(drawing, 1) == drawing
 
 
 def test_only_submissions_that_lie_in_too_many_others_fold(tmp_path: Path) -> None:
@@ -139,9 +149,9 @@ def test_only_submissions_that_lie_in_too_many_others_fold(tmp_path: Path) -> No
     drawing = drawing_of(load_mission(str(tmp_path / "outer.yaml")))
 
     def hidden(depth: int) -> list[tuple[str, int]]:
-        return [(box.mission, box.folded) for box in folded(drawing, depth).root.walk() if box.mission]
+        return [(box.mission, box.folded) for box in fold_missions(drawing, depth).root.walk() if box.mission]
 
     assert hidden(0) == [("middle", 2)]
     assert hidden(1) == [("middle", 0), ("inner", 1)]
     assert hidden(2) == [("middle", 0), ("inner", 0)]
-    assert folded(folded(drawing, 1), 0) == folded(drawing, 0), "what is hidden is counted once"
+    assert fold_missions(fold_missions(drawing, 1), 0) == fold_missions(drawing, 0), "what is hidden is counted once"

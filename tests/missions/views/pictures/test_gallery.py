@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from docs.dumps import GALLERY, IN_EVERY_FORM, LINKED, PAGES, ROOT, drawing, dump, dumps, is_stale, look_alike
-from missions.cli.show import FORMS, SUFFIXES
+from missions.cli.show import FORM_OF_SUFFIX, TREE_FORMS
 from missions.library.shipped import shipped_missions
 
 OF_PY_TREES = (".unicode", ".ascii", ".dot")
@@ -48,7 +48,7 @@ def test_each_dump_of_each_mission_has_all_its_nodes_and_nothing_of_this_machine
 
 
 def test_every_mission_is_in_the_gallery_three_in_every_form_and_nothing_else_is() -> None:
-    assert {SUFFIXES[path.suffix] for path in dumps()} == set(FORMS)
+    assert {FORM_OF_SUFFIX[path.suffix] for path in dumps()} == set(TREE_FORMS)
     for name in shipped_missions():
         files = f"{name.replace('/', '-')}.*"
         there = {path.suffix for path in (*GALLERY.glob(files), *PAGES.glob(files))}

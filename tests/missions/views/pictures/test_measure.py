@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from matplotlib import get_data_path
 from matplotlib.ft2font import FT2Font, LoadFlags
 
-from missions.plugins.pictures.layout import cut, packed, width
+from missions.plugins.pictures.layout import text_width, truncate, wrap_items
 from tests.cases import each
 
 FONTS = {
@@ -27,46 +27,49 @@ def taken(text: str, *, bold: bool) -> float:
 @each("bold", [False, True])
 def test_the_table_is_that_of_the_font(bold: bool) -> None:
     for letter in map(chr, range(32, 127)):
-        assert taken(letter, bold=bold) <= width(letter, 1.0, bold=bold) < taken(letter, bold=bold) + 0.001, letter
+        assert taken(letter, bold=bold) <= text_width(letter, 1.0, bold=bold) < taken(letter, bold=bold) + 0.001, letter
 
 
 @each("bold", [False, True])
 def test_the_signs_of_our_pictures_have_room(bold: bool) -> None:
     for text in (*"○▶✓✗→⇉¹↻⇄▣◇■≠…°·äßéñøΩ", "Здравствуйте, как дела", "Καλημέρα σας"):
-        assert taken(text, bold=bold) <= width(text, 1.0, bold=bold), text
+        assert taken(text, bold=bold) <= text_width(text, 1.0, bold=bold), text
 
 
 @each("bold", [False, True])
 def test_no_letter_of_latin_greek_or_russian_takes_more_than_is_reckoned(bold: bool) -> None:
     blocks = (range(0xA0, 0x250), range(0x370, 0x400), range(0x400, 0x460))
     letters = [chr(number) for block in blocks for number in block if FONTS[bold].get_char_index(number)]
-    found = {letter: (taken(letter, bold=bold), width(letter, 1.0, bold=bold)) for letter in letters}
+    found = {letter: (taken(letter, bold=bold), text_width(letter, 1.0, bold=bold)) for letter in letters}
     assert not {each: both for each, both in found.items() if both[0] > both[1] + 0.003 and category(each) != "Cf"}
 
 
 def test_what_is_wide_or_has_no_width_is_known() -> None:
-    assert width("日本", 10) >= 20
-    assert width("e\u0301", 10) == width("e", 10)
+    assert text_width("日本", 10) >= 20
+    assert text_width("e\u0301", 10) == text_width("e", 10)
 
 
 @given(st.text(), st.floats(20, 400))
 def test_a_text_that_is_cut_fits_and_says_so(text: str, most: float) -> None:
-    shown = cut(text, 11, most)
+    shown = truncate(text, 11, most)
     whole = " ".join(text.split())
-    assert width(shown, 11) <= most
+    assert text_width(shown, 11) <= most
     assert shown == whole or (shown.endswith("…") and whole.startswith(shown[:-1].rstrip()))
 
 
 @given(st.lists(st.text(min_size=1)), st.floats(30, 400), st.integers(1, 4))
 def test_items_fill_no_more_lines_than_there_are(items: list[str], most: float, lines: int) -> None:
-    rows = packed(items, ", ", 11, most, lines)
+    rows = wrap_items(items, ", ", 11, most, lines)
     assert len(rows) <= lines
-    assert all(width(row, 11) <= most for row in rows)
+    assert all(text_width(row, 11) <= most for row in rows)
 
 
 def test_items_stay_in_one_piece_and_a_long_one_is_broken_between_words() -> None:
-    assert packed(["pan: [-60 deg, 60 deg]", "scans: 1"], ", ", 11, 150, 3) == ("pan: [-60 deg, 60 deg]", "scans: 1")
-    assert packed(["pan: 1", "scans: 1"], ", ", 11, 150, 3) == ("pan: 1, scans: 1",)
-    long = packed(["text: so much to say that it takes two lines"], ", ", 11, 150, 3)
+    assert wrap_items(["pan: [-60 deg, 60 deg]", "scans: 1"], ", ", 11, 150, 3) == (
+        "pan: [-60 deg, 60 deg]",
+        "scans: 1",
+    )
+    assert wrap_items(["pan: 1", "scans: 1"], ", ", 11, 150, 3) == ("pan: 1, scans: 1",)
+    long = wrap_items(["text: so much to say that it takes two lines"], ", ", 11, 150, 3)
     assert " ".join(long) == "text: so much to say that it takes two lines"
-    assert packed(["one", "two", "three"], ", ", 11, 50, 1)[0].endswith("…")
+    assert wrap_items(["one", "two", "three"], ", ", 11, 50, 1)[0].endswith("…")

@@ -11,22 +11,22 @@ from missions.library.shipped import load_mission
 from missions.plugins.pictures.compare import compare
 from missions.plugins.pictures.page.pair import page, pair_page
 from missions.plugins.pictures.svg import STYLE, svg
-from missions.trees.draw import at, drawing_of
-from missions.trees.drawing import SIGNS, Badge, Box, Drawing, Now
+from missions.trees.draw import drawing_of, with_states
+from missions.trees.drawing import SIGNS, Badge, NodeState, TreeBox, TreeDrawing
 from tests.browser import Browser, Tab, chromium
 from tests.cases import each
 from tests.missions.views.pictures.drawn import HOSTILE, plan_of
 from tests.waiting import wait_until
 
 GREETING = {
-    "1": Now("running", "", 0.0),
-    "1.1": Now("success", "", 3.1),
-    "1.1.1": Now("success", "a face at 12 deg", 3.1),
-    "1.2": Now("running", "", 3.1),
-    "1.2.1": Now("running", "off by 4 deg", 3.1),
-    "1.2.2": Now("failure", "held for 0.3 s", 5.0),
-    "1.2.2.1": Now("failure", "off by 7 deg", 5.0),
-    "1.3.1.1.2": Now("skipped", "not true: polite", 5.0),
+    "1": NodeState("running", "", 0.0),
+    "1.1": NodeState("success", "", 3.1),
+    "1.1.1": NodeState("success", "a face at 12 deg", 3.1),
+    "1.2": NodeState("running", "", 3.1),
+    "1.2.1": NodeState("running", "off by 4 deg", 3.1),
+    "1.2.2": NodeState("failure", "held for 0.3 s", 5.0),
+    "1.2.2.1": NodeState("failure", "off by 7 deg", 5.0),
+    "1.3.1.1.2": NodeState("skipped", "not true: polite", 5.0),
 }
 """How the nodes of the mission "greet" may stand 6.25 s into a run: in all ways but suspended."""
 
@@ -36,8 +36,8 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "page.html"
 
 
-def greeting() -> Drawing:
-    return at(drawing_of(load_mission("greet")), GREETING, 6.25)
+def greeting() -> TreeDrawing:
+    return with_states(drawing_of(load_mission("greet")), GREETING, 6.25)
 
 
 def page_of(sort: str) -> str:
@@ -131,8 +131,8 @@ def test_a_page_counts_nodes_as_the_checker_does(browser: Browser, file: Path) -
 
 
 def test_no_status_is_told_by_colour_alone(browser: Browser, file: Path) -> None:
-    waiting = GREETING | {"1.2": Now("suspended", "waiting: the camera does not report", 3.1)}
-    tab = shown(browser, file, page(at(drawing_of(load_mission("greet")), waiting, 6.25)))
+    waiting = GREETING | {"1.2": NodeState("suspended", "waiting: the camera does not report", 3.1)}
+    tab = shown(browser, file, page(with_states(drawing_of(load_mission("greet")), waiting, 6.25)))
     look = """[...document.querySelectorAll('li')].map(li => [li, getComputedStyle(li.firstElementChild)])
         .map(([li, is]) => [li.dataset.status, li.querySelector('.sign').innerText, is.borderStyle + is.borderWidth])"""
     seen = {status: (sign, border) for status, sign, border in tab.evaluate(look)}
@@ -208,10 +208,10 @@ def test_a_picture_is_dark_by_night(browser: Browser, file: Path) -> None:
 
 def test_what_is_said_in_a_mission_or_by_a_robot_is_only_text(browser: Browser, file: Path) -> None:
     badge = Badge("1.1", "timeout", HOSTILE, 3, reason=HOSTILE)
-    box = Box("1.1.1", "say", HOSTILE, "■", HOSTILE, 3, "", {HOSTILE: HOSTILE}, (badge,), HOSTILE, HOSTILE)
+    box = TreeBox("1.1.1", "say", HOSTILE, "■", HOSTILE, 3, "", {HOSTILE: HOSTILE}, (badge,), HOSTILE, HOSTILE)
     box = replace(box, reason=HOSTILE)
-    root = Box("1", "mission", HOSTILE, "▣", "m.yaml", 2, mission=HOSTILE, children=(box,))
-    hostile = Drawing(HOSTILE, HOSTILE, HOSTILE, root, 1.0)
+    root = TreeBox("1", "mission", HOSTILE, "▣", "m.yaml", 2, mission=HOSTILE, children=(box,))
+    hostile = TreeDrawing(HOSTILE, HOSTILE, HOSTILE, root, 1.0)
     for html in (page(hostile), pair_page(compare(hostile, hostile))):
         tab = shown(browser, file, html)
         assert tab.errors == []

@@ -8,44 +8,46 @@ import pytest
 from missions.plugins.pictures.page.document import document, join
 from missions.plugins.pictures.page.pair import page
 from missions.plugins.pictures.page.tree import tools, tree
-from missions.trees.drawing import Box, Drawing
+from missions.trees.drawing import TreeBox, TreeDrawing
 from tests.browser import Browser, Tab
 
 
-def leaf(key: str, kind: str, text: str) -> Box:
-    return Box(key, kind, kind, "■", "m.yaml", int(key[-1]), text, {"text": text})
+def leaf(key: str, kind: str, text: str) -> TreeBox:
+    return TreeBox(key, kind, kind, "■", "m.yaml", int(key[-1]), text, {"text": text})
 
 
-SMALL = Drawing(
+SMALL = TreeDrawing(
     "m",
     "",
     "m.yaml",
-    Box(
+    TreeBox(
         "1", "sequence", "sequence", "→", "m.yaml", 1,
         children=(
             leaf("1.1", "say", "Hello"),
-            Box(
+            TreeBox(
                 "1.2", "mission", "nod", "▣", "m.yaml", 2, mission="nod",
                 children=(leaf("1.2.1", "gesture", "nod"), leaf("1.2.2", "wait", "2 s")),
             ),
-            Box("1.3", "selector", "selector", "?", "m.yaml", 3, children=(leaf("1.3.1", "drive", "1 m"),)),
+            TreeBox("1.3", "selector", "selector", "?", "m.yaml", 3, children=(leaf("1.3.1", "drive", "1 m"),)),
         ),
     ),
     time=0.0,
 )  # fmt: skip
 
 
-def large(depth: int = 3, width: int = 7, key: str = "1") -> Box:
+def large(depth: int = 3, width: int = 7, key: str = "1") -> TreeBox:
     """Return a tree of 1 + 7 + 49 + 343 nodes; every second of the lowest but one is a sub-mission."""
     if not depth:
         return leaf(key, "say", f"I am {key}")
     children = tuple(large(depth - 1, width, f"{key}.{place}") for place in range(1, width + 1))
     mission = "greet" if depth == 1 and int(key[-1]) % 2 else ""
     kind = "mission" if mission else "sequence"
-    return Box(key, kind, mission or kind, "▣" if mission else "→", "large.yaml", 1, mission=mission, children=children)
+    return TreeBox(
+        key, kind, mission or kind, "▣" if mission else "→", "large.yaml", 1, mission=mission, children=children
+    )
 
 
-LARGE = Drawing("large", "", "large.yaml", large())
+LARGE = TreeDrawing("large", "", "large.yaml", large())
 NODES, FOLDED = 1 + 7 + 49 + 343, 28 * 7
 """How many nodes LARGE has, and how many of them are in sub-missions."""
 

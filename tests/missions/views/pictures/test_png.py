@@ -8,7 +8,7 @@ import pytest
 
 from missions.library.shipped import load_mission
 from missions.plugins.pictures.layout import lay_out
-from missions.plugins.pictures.png import MOST_PIXELS, png
+from missions.plugins.pictures.png import MAX_PIXELS, png
 from missions.plugins.pictures.svg import HEADER, MARGIN, svg
 from missions.trees.draw import drawing_of
 from perception.api import Image
@@ -23,7 +23,7 @@ def pixels(data: bytes) -> Image:
 def test_text_stands_where_it_was_laid_out() -> None:
     drawing = drawing_of(load_mission("greet"))
     image = pixels(png(svg(drawing), zoom=2.0))
-    for placed in lay_out(drawing).placed:
+    for placed in lay_out(drawing).cards:
         for line in placed.lines:
             x, y = MARGIN + placed.x + line.x, HEADER + placed.y + line.y
             around = image[2 * (y - 11) : 2 * (y + 4), 2 * x : 2 * (x + line.width)]
@@ -38,8 +38,8 @@ def test_it_is_as_large_as_it_is_asked_to_be() -> None:
 
 
 def test_a_huge_picture_is_drawn_smaller(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert MOST_PIXELS >= 2000 * 4000
-    monkeypatch.setattr("missions.plugins.pictures.png.MOST_PIXELS", 90_000)
+    assert MAX_PIXELS >= 2000 * 4000
+    monkeypatch.setattr("missions.plugins.pictures.png.MAX_PIXELS", 90_000)
     huge = '<svg xmlns="http://www.w3.org/2000/svg" width="1000" height="9000"></svg>'
     assert pixels(png(huge)).shape[:2] == (900, 100)
 

@@ -6,19 +6,19 @@ from pathlib import Path
 
 import pytest
 
-from missions.cli.show import FORMS, SUFFIXES
+from missions.cli.show import FORM_OF_SUFFIX, TREE_FORMS
 from missions.executive.events import NodeChanged
 from missions.library.shipped import load_mission
 from missions.plugins.pictures.forms import PAIR_FORMS
-from missions.plugins.records.recording.head import Contents, Head
-from missions.plugins.records.recording.items import packed, unpacked
-from missions.plugins.records.recording.writer import RecordWriter, Sink
+from missions.plugins.records.recording.head import RecordContents, RecordHeader
+from missions.plugins.records.recording.items import pack_items, unpack_items
+from missions.plugins.records.recording.writer import ChunkSink, RecordWriter
 from missions.trees.draw import drawing_of
 from missions.trees.drawing import to_json
 from tests.cases import each
 from tests.missions.command import Outcome, command
 
-HEAD = Head(
+HEAD = RecordHeader(
     "greet",
     "mission/greet.yaml",
     "turtlebot2",
@@ -68,24 +68,26 @@ def record(folder: Path) -> Path:
         NodeChanged(4.0, 60, "1", "sequence", "sequence", 10, "failure", ""),
     ]
     with path.open("wb", buffering=0) as file:
-        writer = RecordWriter(Sink(file.fileno()), Contents(HEAD, {"mission/greet.yaml": b"mission: greet\n"}, tree))
+        writer = RecordWriter(
+            ChunkSink(file.fileno()), RecordContents(HEAD, {"mission/greet.yaml": b"mission: greet\n"}, tree)
+        )
         writer.begin()
-        for change in unpacked(packed(changes)):
+        for change in unpack_items(pack_items(changes)):
             writer.add(change)
         assert writer.close().counts["/nodes"] == len(changes)
     return path
 
 
-@each("suffix", list(SUFFIXES))
+@each("suffix", list(FORM_OF_SUFFIX))
 def test_the_name_of_the_file_says_the_format(suffix: str, show: Show) -> None:
     outcome = show("greet", "-o", f"it{suffix}")
     assert outcome.code == 0, outcome.err
     assert outcome.err == f"wrote it{suffix}\n"
-    dumped = FORMS[SUFFIXES[suffix]](drawing_of(load_mission("greet")))
+    dumped = TREE_FORMS[FORM_OF_SUFFIX[suffix]](drawing_of(load_mission("greet")))
     assert Path(f"it{suffix}").read_bytes() == (dumped if isinstance(dumped, bytes) else dumped.encode())
 
 
-@each("form", [form for form in FORMS if form != "png"])
+@each("form", [form for form in TREE_FORMS if form != "png"])
 def test_texts_go_to_stdout(form: str, show: Show) -> None:
     outcome = show("greet", "--format", form)
     assert (outcome.code, outcome.err) == (0, "")

@@ -5,9 +5,9 @@ import pytest
 from drivers.clock import ManualClock
 from missions.executive.events import STATUS_WORDS, Event, NodeChanged, Ticked
 from missions.executive.executive import Executive
-from missions.executive.stream import Stream
-from missions.trees.drawing import Now
-from missions.trees.states import States, now_of, states_at
+from missions.executive.stream import EventStream
+from missions.trees.drawing import NodeState
+from missions.trees.states import NodeStates, state_after, states_at
 from tests.missions.views.pictures.drawn import downwards, plan_of, ready
 
 TREE = """\
@@ -39,7 +39,7 @@ def test_the_statuses_at_every_tick_of_a_run_are_those_that_the_nodes_had() -> N
         if isinstance(event, Ticked):
             sampled[event.t] = {node.key: STATUS_WORDS[node.status] for node in downwards(root)}
 
-    executive = Executive(root, run, Stream([sample]))
+    executive = Executive(root, run, EventStream([sample]))
     statuses = list[str]()
     while len(statuses) < 200 and "failure" not in statuses:
         clock.advance(0.05)
@@ -50,14 +50,14 @@ def test_the_statuses_at_every_tick_of_a_run_are_those_that_the_nodes_had() -> N
     for time, then in sampled.items():
         found = states_at(heard, time)
         assert {key: found[key].status if key in found else "idle" for key in keys} == then
-    assert states_at(heard, max(sampled))["1"] == Now("failure", "enough", max(sampled))
+    assert states_at(heard, max(sampled))["1"] == NodeState("failure", "enough", max(sampled))
 
 
 def test_a_status_holds_from_its_own_moment_on() -> None:
     events = [change(1.0, "running", "waiting"), Ticked(1.0, 1, "running"), change(2.0, "success")]
     assert states_at(events, 0.99) == {}
-    assert states_at(events, 1.0) == states_at(events, 1.99) == {"1": Now("running", "waiting", 1.0)}
-    assert states_at(events, 2.0) == {"1": Now("success", "", 2.0)}
+    assert states_at(events, 1.0) == states_at(events, 1.99) == {"1": NodeState("running", "waiting", 1.0)}
+    assert states_at(events, 2.0) == {"1": NodeState("success", "", 2.0)}
 
 
 def test_a_time_that_was_added_up_is_the_one_that_is_typed() -> None:
@@ -67,12 +67,12 @@ def test_a_time_that_was_added_up_is_the_one_that_is_typed() -> None:
 
 def test_what_is_followed_as_it_happens_is_what_is_found_afterwards() -> None:
     events = [change(1.0, "running"), change(2.0, "idle")]
-    states = States()
+    states = NodeStates()
     for event in events:
-        states.take(event)
-    assert states.now == states_at(events, 9.0) == {"1": Now("idle", "", 2.0)}
+        states.on_event(event)
+    assert states.by_key == states_at(events, 9.0) == {"1": NodeState("idle", "", 2.0)}
 
 
 def test_a_status_that_is_none_is_refused() -> None:
     with pytest.raises(KeyError, match="done"):
-        now_of(change(1.0, "done"))
+        state_after(change(1.0, "done"))

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from missions.library.shipped import load_mission
 from missions.plugins.pictures.compare import CHANGES, compare
 from missions.plugins.pictures.svg import svg, svg_pair
-from missions.trees.draw import at, drawing_of, folded
-from missions.trees.drawing import SIGNS, Box, Drawing, Now, Status
+from missions.trees.draw import drawing_of, fold_missions, with_states
+from missions.trees.drawing import SIGNS, NodeState, Status, TreeBox, TreeDrawing
 from tests.missions.views.pictures.drawn import DRAWINGS, HOSTILE, plan_of
 
 NAME = "{http://www.w3.org/2000/svg}"
@@ -27,9 +27,9 @@ def texts(picture: str, kind: str = "") -> list[str]:
     return [each.text or "" for each in found if not kind or kind in each.attrib["class"].split()]
 
 
-def standing(status: Status, *, children: tuple[Box, ...] = ()) -> Drawing:
-    box = Box("1", "say", "say", "■", "m.yaml", 7, "Hello", {"text": "Hello"}, status=status, children=children)
-    return Drawing("m", "", "m.yaml", box, time=1.0)
+def standing(status: Status, *, children: tuple[TreeBox, ...] = ()) -> TreeDrawing:
+    box = TreeBox("1", "say", "say", "■", "m.yaml", 7, "Hello", {"text": "Hello"}, status=status, children=children)
+    return TreeDrawing("m", "", "m.yaml", box, time=1.0)
 
 
 def test_a_card_says_kind_argument_modifier_variable_and_line() -> None:
@@ -67,8 +67,12 @@ def test_a_mission_at_rest_has_no_signs_of_statuses() -> None:
 
 def test_a_moment_says_when_it_is_and_why_and_since_when_each_node_stands_so() -> None:
     drawing = drawing_of(load_mission("greet"))
-    now = {"1": Now("running", "", 0.5), "1.1.1": Now("failure", "no face found", 3.0), "1.1": Now("failure", "", 3.0)}
-    picture = svg(at(drawing, now, 3.25))
+    now = {
+        "1": NodeState("running", "", 0.5),
+        "1.1.1": NodeState("failure", "no face found", 3.0),
+        "1.1": NodeState("failure", "", 3.0),
+    }
+    picture = svg(with_states(drawing, now, 3.25))
     assert texts(picture, "moment") == ["at 3.25 s"]
     assert texts(picture, "reason") == ["since 0.50 s", "no face found; since 3.00 s"]
     assert "✗ timeout ${patience}" in texts(picture, "badge")
@@ -79,27 +83,29 @@ def test_a_folded_mission_says_how_much_is_inside() -> None:
     (inner,) = (box for box in drawing_of(load_mission("patrol")).root.walk() if box.mission)
     hidden = sum(child.nodes for child in inner.children)
     assert hidden > 0
-    assert texts(svg(folded(drawing_of(load_mission("patrol")), 0)), "folded") == [f"{hidden} more inside"]
+    assert texts(svg(fold_missions(drawing_of(load_mission("patrol")), 0)), "folded") == [f"{hidden} more inside"]
 
 
 def test_what_is_too_long_for_a_card_stands_in_its_tooltip() -> None:
     said = "word " * 60
-    box = Box("1", "say", "say", "■", "m.yaml", 7, said.strip(), {"text": said.strip()})
-    root = parsed(svg(Drawing("m", "", "m.yaml", box)))
+    box = TreeBox("1", "say", "say", "■", "m.yaml", 7, said.strip(), {"text": said.strip()})
+    root = parsed(svg(TreeDrawing("m", "", "m.yaml", box)))
     assert any((each.text or "").endswith("…") for each in root.iter(f"{NAME}text"))
     assert any(said.strip() in (each.text or "") for each in root.iter(f"{NAME}title"))
 
 
 def test_hostile_texts_stay_texts() -> None:
-    box = Box("1", "say", HOSTILE, "■", "m.yaml", 7, HOSTILE, {HOSTILE: HOSTILE}, reason=f"{HOSTILE}\x00\x1b[31m\ud800")
-    root = parsed(svg(Drawing(HOSTILE, HOSTILE, "m.yaml", replace(box, case=HOSTILE, keep_as=HOSTILE))))
+    box = TreeBox(
+        "1", "say", HOSTILE, "■", "m.yaml", 7, HOSTILE, {HOSTILE: HOSTILE}, reason=f"{HOSTILE}\x00\x1b[31m\ud800"
+    )
+    root = parsed(svg(TreeDrawing(HOSTILE, HOSTILE, "m.yaml", replace(box, case=HOSTILE, keep_as=HOSTILE))))
     known = {"svg", "title", "style", "rect", "g", "text", "path", "circle"}
     assert {each.tag.removeprefix(NAME) for each in root.iter()} <= known
 
 
 @settings(max_examples=25)
 @given(DRAWINGS)
-def test_every_drawing_is_a_document_of_whole_numbers(drawing: Drawing) -> None:
+def test_every_drawing_is_a_document_of_whole_numbers(drawing: TreeDrawing) -> None:
     root = parsed(svg(drawing))
     for each in root.iter():
         for name in ("x", "y", "width", "height"):

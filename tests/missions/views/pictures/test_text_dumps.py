@@ -12,8 +12,8 @@ from py_trees import display
 
 from drivers.clock import ManualClock
 from missions.library.shipped import load_mission, shipped_missions
-from missions.trees.draw import at, drawing_of, folded
-from missions.trees.drawing import ASCII_SIGNS, SIGNS, Drawing, Now, outline
+from missions.trees.draw import drawing_of, fold_missions, with_states
+from missions.trees.drawing import ASCII_SIGNS, SIGNS, NodeState, TreeDrawing, outline
 from missions.trees.text import dot, mermaid, text_tree
 from tests.cases import each
 from tests.missions.views.pictures.drawn import DRAWINGS, HOSTILE, downwards, plan_of, ready
@@ -30,10 +30,10 @@ TREE = """\
 """
 
 STATES = {
-    "1": Now("running", "", 0.0),
-    "1.1": Now("success", "", 1.0),
-    "1.2": Now("failure", "no base", 1.25),
-    "1.3": Now("failure", "timed out", 6.0),
+    "1": NodeState("running", "", 0.0),
+    "1.1": NodeState("success", "", 1.0),
+    "1.2": NodeState("failure", "no base", 1.25),
+    "1.3": NodeState("failure", "timed out", 6.0),
 }
 
 LINK = re.compile(r'  (\w+) --> (?:\|"[^"|]*"\| )?(\w+)')
@@ -74,7 +74,7 @@ def test_an_outline_has_our_symbols_with_modifiers_above_what_they_modify() -> N
 
 
 def test_an_outline_of_a_moment_says_when_and_how_each_node_stands() -> None:
-    assert outline(at(drawing_of(plan_of(TREE)), STATES, 6.0)) == (
+    assert outline(with_states(drawing_of(plan_of(TREE)), STATES, 6.0)) == (
         "m at 6.00 s\n"
         "→ ▶ sequence (line 3) since 0.00 s\n"
         "├─ ■ ✓ wait: 1 s (line 4) since 1.00 s\n"
@@ -87,7 +87,7 @@ def test_an_outline_of_a_moment_says_when_and_how_each_node_stands() -> None:
 
 @settings(deadline=None, max_examples=40)
 @given(DRAWINGS)
-def test_an_outline_has_a_line_for_each_node_and_modifier(drawing: Drawing) -> None:
+def test_an_outline_has_a_line_for_each_node_and_modifier(drawing: TreeDrawing) -> None:
     shown = sum(1 + len(box.badges) for box in drawing.root.walk())
     assert len(outline(drawing).split("\n")) == shown + (drawing.time is not None) + 1
     hidden = sum(box.folded for box in drawing.root.walk())
@@ -95,19 +95,19 @@ def test_an_outline_has_a_line_for_each_node_and_modifier(drawing: Drawing) -> N
 
 
 def test_ascii_is_ascii_whatever_stands_in_the_mission() -> None:
-    drawn = text_tree(plan_of("  say: Grüß dich ✓\n"), {"1": Now("success", "", 1.0)}, ascii=True)
+    drawn = text_tree(plan_of("  say: Grüß dich ✓\n"), {"1": NodeState("success", "", 1.0)}, ascii=True)
     assert drawn == "--> + say: Gr?? dich ? (line 3) since 1.00 s\n"
 
 
 def test_a_drawing_is_dumped_as_its_mission_is() -> None:
     plan = plan_of(TREE)
-    drawing = at(drawing_of(plan), STATES, 6.0)
+    drawing = with_states(drawing_of(plan), STATES, 6.0)
     assert text_tree(drawing) == text_tree(plan, STATES)
     assert dot(drawing) == dot(plan, STATES)
 
 
 def test_a_folded_submission_says_how_much_it_hides() -> None:
-    dumped = text_tree(folded(drawing_of(load_mission("follow_me")), 0))
+    dumped = text_tree(fold_missions(drawing_of(load_mission("follow_me")), 0))
     assert "mission: find_person {patience: ${patience}} (line 14) and 8 more below\n" in dumped
     assert "find_face" not in dumped
 
@@ -133,7 +133,7 @@ def test_the_children_of_a_switch_begin_with_their_case() -> None:
 def test_a_drawing_counts_its_nodes_as_the_checker_does(name: str) -> None:
     plan = load_mission(name)
     drawing = drawing_of(plan)
-    assert drawing.root.nodes == folded(drawing, 0).root.nodes == sum(1 for _ in plan.tree.walk())
+    assert drawing.root.nodes == fold_missions(drawing, 0).root.nodes == sum(1 for _ in plan.tree.walk())
 
 
 @each("name", shipped_missions())
@@ -152,7 +152,7 @@ def test_dumps_are_the_same_bytes_under_every_encoding_of_the_terminal() -> None
     program = (
         "import sys; from missions.library.shipped import load_mission\n"
         "from missions.trees.text import dot, text_tree\n"
-        "from missions.trees.states import Now\n"
+        "from missions.trees.states import NodeState\n"
         "plan, now = load_mission('patrol'), {'1': Now('running', '', 0.0), '1.1': Now('failure', 'é', 1.0)}\n"
         "for drawn in (text_tree(plan, now), text_tree(plan, now, ascii=True), dot(plan, now), dot(plan)):\n"
         "    sys.stdout.buffer.write(drawn.encode('utf-8'))\n"
@@ -186,8 +186,8 @@ def test_dot_names_nodes_by_their_keys_and_keeps_every_text_as_it_is() -> None:
 
 @settings(deadline=None, max_examples=40)
 @given(DRAWINGS)
-def test_mermaid_has_one_line_for_each_box_and_each_link(drawing: Drawing) -> None:
-    lines = mermaid(at(drawing, {}, 1.0)).splitlines()
+def test_mermaid_has_one_line_for_each_box_and_each_link(drawing: TreeDrawing) -> None:
+    lines = mermaid(with_states(drawing, {}, 1.0)).splitlines()
     drawn = list(drawing.root.walk())
     assert len([line for line in lines if LINK.fullmatch(line)]) == len(drawn) - 1
     found = [match for line in lines if (match := BOX.fullmatch(line))]
@@ -195,7 +195,7 @@ def test_mermaid_has_one_line_for_each_box_and_each_link(drawing: Drawing) -> No
 
 
 def test_mermaid_puts_modifiers_into_the_box_and_colours_it_as_its_parent_sees_it() -> None:
-    drawing = at(drawing_of(plan_of(TREE)), STATES, 6.0)
+    drawing = with_states(drawing_of(plan_of(TREE)), STATES, 6.0)
     assert mermaid(drawing).splitlines()[5:] == [
         '  n1["→ ▶ sequence<br/>(line 3)<br/>since 0.00 s"]:::running',
         '  n1_1["■ ✓ wait: 1 s<br/>(line 4)<br/>since 1.00 s"]:::success',
@@ -220,8 +220,8 @@ def test_mermaid_takes_no_text_for_markup() -> None:
 @each("status", SIGNS)
 def test_no_dump_tells_statuses_apart_by_colour_alone(status: str) -> None:
     (known,) = [each for each in SIGNS if each == status]
-    plan, now = plan_of("  wait: 1 s\n"), {"1": Now(known, "", 1.0)}
-    drawing = at(drawing_of(plan), now, 1.0)
+    plan, now = plan_of("  wait: 1 s\n"), {"1": NodeState(known, "", 1.0)}
+    drawing = with_states(drawing_of(plan), now, 1.0)
     for drawn in (outline(drawing), text_tree(plan, now), dot(plan, now), mermaid(drawing)):
         assert [sign for sign in SIGNS.values() if sign in drawn.replace("-->", "")] == [SIGNS[known]]
     assert f"--> {ASCII_SIGNS[known]} wait" in text_tree(plan, now, ascii=True)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 
 from missions.library.shipped import load_mission, shipped_missions
 from missions.trees.draw import drawing_of
-from missions.trees.drawing import FORMAT, Drawing, from_json, schema, to_json
+from missions.trees.drawing import FORMAT, TreeDrawing, from_json, schema, to_json
 from tests.cases import each
 from tests.missions.command import command
 from tests.missions.views.pictures.drawn import DRAWINGS, plan_of
@@ -25,7 +25,7 @@ def dump() -> dict[str, Any]:
 
 @settings(deadline=None, max_examples=40)
 @given(DRAWINGS)
-def test_what_is_written_is_read_back(drawing: Drawing) -> None:
+def test_what_is_written_is_read_back(drawing: TreeDrawing) -> None:
     data = json.loads(json.dumps(to_json(drawing)))
     VALIDATOR.validate(data)
     assert from_json(data) == drawing

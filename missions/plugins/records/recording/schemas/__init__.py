@@ -2,11 +2,11 @@
 
 import json
 
-from missions.plugins.records.recording.schemas.ours import FOXGLOVE, OURS
+from missions.plugins.records.recording.schemas.ours import FOXGLOVE_SCHEMAS, MISSIONTREE_SCHEMAS
 
 
 def schema(name: str) -> bytes:
     """Return the schema of that name, ``foxglove.Log`` or ``missiontree.Moment``, without blanks."""
-    found = OURS.get(name) or FOXGLOVE[name]
+    found = MISSIONTREE_SCHEMAS.get(name) or FOXGLOVE_SCHEMAS[name]
     described = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": name, **found}
     return json.dumps(described, separators=(",", ":"), ensure_ascii=False).encode()

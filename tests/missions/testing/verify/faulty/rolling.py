@@ -12,7 +12,7 @@ class RollAway(Leaf):
     Running until it fails for want of floor.
     """
 
-    word = "roll_away"
+    tag = "roll_away"
     needs = frozenset({"base"})
     drives = frozenset({"base"})
     ends = frozenset({"failure"})
@@ -28,7 +28,7 @@ class RollAway(Leaf):
 class RollOn(RollAway):
     """Roll until halted."""
 
-    word = "roll_on"
+    tag = "roll_on"
     ends = frozenset()
 
     def terminate(self, new_status: Status) -> None:
@@ -39,7 +39,7 @@ class RollOn(RollAway):
 class Dither(RollAway):
     """Say for ever that it still stops."""
 
-    word = "dither"
+    tag = "dither"
     ends = frozenset({"success", "failure"})
 
     def halting(self) -> bool:
