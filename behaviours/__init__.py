@@ -2,7 +2,7 @@
 
 import sys
 
-from behaviours.deferred import LAZY_MODULES, LazyModuleFinder
+from behaviours.lazy_imports import LAZY_MODULES, LazyModuleFinder
 
 __project__ = "missiontree"
 

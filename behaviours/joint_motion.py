@@ -10,8 +10,8 @@ from py_trees.common import Status
 
 from behaviours.leaf import SUCCESS, Leaf, argument
 from drivers.api import Angle, Coupling, Duration, JointLimits, Joints, JointState, Reading
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.joints import ActiveCouplings
-from drivers.api.quick import dataclass
 
 # How well joints followed a motion: where each should have been, where it was measured, and how far it was off.
 

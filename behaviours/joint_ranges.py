@@ -7,7 +7,7 @@ from dataclasses import field, replace
 from typing import Any
 
 from drivers.api import JointLimits
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.errors import BadRequest
 
 # The arguments of a leaf, declared once, in its class: for the checker, the catalogue, the schema and the docs.

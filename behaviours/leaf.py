@@ -7,11 +7,11 @@ from typing import Any, ClassVar
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from behaviours.haltable_node import AT_REST, HALTING, STARTING, WORKING, HaltableNode
 from behaviours.joint_ranges import REQUIRED, Argument, JointRanges, argument
 from behaviours.node import sensor_timeout_reason
 from behaviours.robot import Robot
 from behaviours.run import log
-from behaviours.stopping import AT_REST, HALTING, STARTING, WORKING, HaltableNode
 from drivers.errors import DriverError, NotConnected, SensorSilent
 
 # What a leaf raised or gave, in words: whatever that is, and whatever it does when it is asked for them.

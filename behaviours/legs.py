@@ -6,12 +6,12 @@ from typing import ClassVar
 
 from py_trees.common import Status
 
+from behaviours.base_conditions import BaseCondition
 from behaviours.driving.motion import BaseMotion, MotionDirection, distance_along, latch_reason
-from behaviours.feeling import BaseCondition
 from behaviours.joint_motion import RUN_IN_SPEED, JointSample
 from behaviours.joint_ranges import JointRanges
+from behaviours.keyframe_playback import PlaybackLeaf
 from behaviours.leaf import SUCCESS, argument
-from behaviours.playing import PlaybackLeaf
 from drivers.api import FALLEN_REASON, ZERO_VELOCITY, Angle, BaseState, Length, Pose2D, Posture, Steering, Velocity
 from drivers.api import Gesture as Movement
 from drivers.api.gait import GaitKeys

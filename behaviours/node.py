@@ -14,7 +14,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from behaviours.run import RunState
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 
 # Suspension: a node cannot answer in a tick, only because a sensor has not reported.
 #

@@ -6,10 +6,10 @@ from typing import Any, TypeVar
 
 from behaviours.joint_ranges import JointRanges
 from behaviours.run import log
-from behaviours.tracking.lag import LagEstimator
+from behaviours.tracking.lag_estimator import LagEstimator
 from drivers.api import Base, Head, Imu, Joints, Legs, Lights, Ranger, Ros2, Screen, Sounds, Voice
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.kinds import CAPABILITIES, KINDS, PartKind
-from drivers.api.quick import dataclass
 from drivers.errors import BadRequest
 from perception.api import Hearing, Sight
 

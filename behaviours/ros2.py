@@ -8,7 +8,7 @@ from py_trees.common import Status
 
 from behaviours.driving.motion import latch_reason
 from behaviours.leaf import SUCCESS, Leaf, argument
-from behaviours.requesting import CANCELLED_STATES, Ros2RequestLeaf, has_ended, parse_json
+from behaviours.ros2_request import CANCELLED_STATES, Ros2RequestLeaf, has_ended, parse_json
 from drivers.api import Duration, Progress
 from drivers.api.measures import length_text
 from drivers.errors import BadRequest

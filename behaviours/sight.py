@@ -13,7 +13,7 @@ from behaviours.head import DEFAULT_MAX_AGE, PerceptLeaf
 from behaviours.leaf import SUCCESS, argument
 from behaviours.search import HeadSearch
 from drivers.api import Pose2D
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from perception.api import UNKNOWN, Face
 
 SAME_PERSON_ANGLE = math.radians(15)

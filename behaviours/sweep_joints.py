@@ -7,8 +7,8 @@ from py_trees.common import Status
 
 from behaviours.joint_motion import ARM_ARGUMENT, RUN_IN_SPEED, JointMotion, JointSample
 from behaviours.joint_ranges import JointRanges
+from behaviours.keyframe_playback import KeyframeMotion, lay_out
 from behaviours.leaf import argument
-from behaviours.playing import KeyframeMotion, lay_out
 from drivers.api import Keyframe
 
 

@@ -6,14 +6,14 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
-from config import marked
-from config.declared import read_keys
-from config.faults import InvalidFileError, Mark, SourceText
+from config import yaml_nodes
+from config.diagnostics import InvalidFileError, Mark, SourceText
 from config.fields import fields_of
-from config.marked import Listing, Node, Scalar, compose, read_source
+from config.section_reader import read_keys
 from config.units import parse_quantity
+from config.yaml_nodes import Listing, Node, Scalar, compose, read_source
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.keys import KeyDiagnostic, inside, key, keys
-from drivers.api.quick import dataclass
 
 DESCRIPTION_KEYS = ("controller", "summary")
 """The keys that say what a file is; the others are what its rules are made of."""
@@ -130,14 +130,14 @@ def name_changes(source: SourceText, name: str, summary: str) -> dict[Mark, str]
     """Return the changes that give the controller of a file another name and summary, where they fill no more lines."""
     top, changes = compose(source), dict[Mark, str]()
     for word, text in zip(DESCRIPTION_KEYS, (name, summary), strict=True):
-        node = top.get(word) if isinstance(top, marked.Mapping) else None
+        node = top.get(word) if isinstance(top, yaml_nodes.Mapping) else None
         if isinstance(node, Scalar) and node.mark.length >= len(node.text):
             changes[node.mark] = json.dumps(text, ensure_ascii=False)  # a text in quotes is the same in YAML
     return changes
 
 
 def _tunable_numbers(node: Node, keys: tuple[str, ...]) -> Iterator[TunableNumber]:
-    if isinstance(node, marked.Mapping):
+    if isinstance(node, yaml_nodes.Mapping):
         for key, value in node.entries:
             if (keys or key.text not in DESCRIPTION_KEYS) and key.text not in ("rules", LIMIT_KEY):
                 yield from _tunable_numbers(value, (*keys, key.text))
@@ -151,7 +151,7 @@ def _tunable_numbers(node: Node, keys: tuple[str, ...]) -> Iterator[TunableNumbe
 def _plain(node: Node) -> object:
     if isinstance(node, Listing):
         return [_plain(item) for item in node.items]
-    if isinstance(node, marked.Mapping):
+    if isinstance(node, yaml_nodes.Mapping):
         return {key.text: _plain(value) for key, value in node.entries}
     measured = parse_quantity(node.text)
     return node.value if measured is None else float(measured)

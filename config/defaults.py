@@ -5,10 +5,10 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from config.declared import read_keys
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from config.fields import fields_of
-from config.marked import read_source
+from config.section_reader import read_keys
+from config.yaml_nodes import read_source
 from drivers.api.keys import key, keys
 
 DEFAULTS_FILE = "defaults.yaml"
@@ -75,7 +75,7 @@ def load_defaults() -> DefaultsKeys:
 
 def set_default(word: str, value: str) -> Path:
     """Write one default into the file, whose other lines stay. Raises InvalidFileError, NotEditableError, OSError."""
-    from config.editing import rewrite, with_value  # noqa: PLC0415 - most commands write no defaults
+    from config.yaml_edit import rewrite, with_value  # noqa: PLC0415 - most commands write no defaults
 
     load_defaults()
     path = config_folder() / DEFAULTS_FILE
@@ -95,7 +95,7 @@ def remove_default(word: str) -> Path:
 
     Raises InvalidFileError, NotEditableError, OSError.
     """
-    from config.editing import rewrite, without_key  # noqa: PLC0415 - most commands write no defaults
+    from config.yaml_edit import rewrite, without_key  # noqa: PLC0415 - most commands write no defaults
 
     path = config_folder() / DEFAULTS_FILE
     rewrite(path, without_key(read_source(path), word))

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from config.faults import (
+from config.diagnostics import (
     KEY_SYNONYMS,
     Diagnostic,
     InvalidFileError,
@@ -13,12 +13,12 @@ from config.faults import (
     own_words_for,
     suggest_key,
 )
-from config.marked import Listing, Mapping, Node, Scalar, compose, read_source
 from config.units import quantity_text, si_value
+from config.yaml_nodes import Listing, Mapping, Node, Scalar, compose, read_source
 
 
 class Fields:
-    """The keys of one mapping, for whoever reads declared keys (``config.declared``).
+    """The keys of one mapping, for whoever reads declared keys (``config.section_reader``).
 
     Call ``report_unknown_keys`` at the end: keys that nobody asked for are faults too. Faults gather in the list that all sections of
     a file share; ``wrong_places`` is where to note which keys are.

@@ -6,11 +6,11 @@ from ipaddress import ip_address
 from pathlib import Path
 from typing import Literal
 
-from config.declared import read_keys
 from config.defaults import config_folder
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from config.fields import fields_of
-from config.marked import read_source
+from config.section_reader import read_keys
+from config.yaml_nodes import read_source
 from drivers.api.keys import KeyDiagnostic, key, keys
 
 FLEET_FILE = "fleet.yaml"

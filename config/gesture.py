@@ -16,15 +16,15 @@ that is where the movement begins.
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from config.declared import add_mistakes, read_keys
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from config.fields import fields_of
-from config.marked import read_source
+from config.section_reader import add_mistakes, read_keys
 from config.units import quantity_text
+from config.yaml_nodes import read_source
 from drivers.api import Gesture, Interpolation, Keyframe
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.gait import GaitKeys
 from drivers.api.keys import KeyDiagnostic, key, keys
-from drivers.api.quick import dataclass
 
 # Gait files: how a humanoid walks, by parameters, or by where its soles are over a cycle.
 #

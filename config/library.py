@@ -9,8 +9,8 @@ from collections.abc import Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from config.faults import closest, did_you_mean
-from config.reading import open_regular
+from config.diagnostics import closest, did_you_mean
+from config.file_io import open_regular
 from config.units import quoted_value, with_article
 
 HERE = Path(__file__).parent
@@ -215,7 +215,7 @@ def wrong_kind_error(expected: str, path: Path) -> str:
 
 def _foreign_file_error(expected: str, path: Path) -> str:
     """Say what a file of another program is, and what can be done with it; nothing where it may be one of ours."""
-    from config.foreign import read_plain_data, recognise_file  # noqa: PLC0415 - most files are ours
+    from config.foreign_files import read_plain_data, recognise_file  # noqa: PLC0415 - most files are ours
 
     if path.suffix.lower() in SHEET_SUFFIXES:
         return (

@@ -26,9 +26,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from config.declared import add_mistakes, read_keys
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from config.fields import fields_of
+from config.section_reader import add_mistakes, read_keys
 from drivers.api.keys import KeyDiagnostic, inside, key, keys
 
 Plane = Literal["xyz", "xy", "xz", "yz"]

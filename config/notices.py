@@ -18,8 +18,8 @@ from dataclasses import asdict, field
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
 
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.keys import KeyDiagnostic, ValueConstraints, inside, key, keys
-from drivers.api.quick import dataclass
 
 
 @dataclass(frozen=True, slots=True)

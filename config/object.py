@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from config.colours import COLOURS
-from config.declared import read_keys
-from config.faults import InvalidFileError, did_you_mean
+from config.diagnostics import InvalidFileError, did_you_mean
 from config.fields import read_fields
+from config.section_reader import read_keys
 from config.units import quantity_text, quoted_value
 from drivers.api.keys import key, keys
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from math import degrees
 from pathlib import Path
 
-from config.declared import read_keys
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from config.fields import read_fields
+from config.section_reader import read_keys
 from drivers.api.keys import key, keys
 
 PLACE_NAME = re.compile(r"[\w-]([\w -]{0,38}[\w-])?")

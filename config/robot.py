@@ -10,19 +10,19 @@ from dataclasses import field, replace
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
-from config.declared import add_mistakes, read_keys
-from config.faults import InvalidFileError, SourceText, closest, suggest_from
+from config.diagnostics import InvalidFileError, SourceText, closest, suggest_from
 from config.fields import Fields, fields_of, value_of
-from config.marked import Mapping as MarkedMapping
-from config.marked import Scalar, read_source
 from config.notices import NoticeConfig, NoticeEntry, notice_of
+from config.section_reader import add_mistakes, read_keys
 from config.units import quoted_value
+from config.yaml_nodes import Mapping as MarkedMapping
+from config.yaml_nodes import Scalar, read_source
 from drivers.api.driver import BrokenDriver, Driver, DriverCatalogue
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.keys import KeyDiagnostic, declared_keys, key, keys
 from drivers.api.kinds import KINDS, PartKind
-from drivers.api.quick import dataclass
 from drivers.api.sections import ArmKeys, BaseKeys, HeadKeys, RangeKeys, ScreenKeys, VoiceKeys
-from drivers.api.senses import CameraKeys, MicrophoneKeys
+from drivers.api.sensor_sections import CameraKeys, MicrophoneKeys
 
 K = TypeVar("K")
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import yaml
 
-from config.faults import SMART_QUOTES, Diagnostic, Mark, SourceText, mark_at
-from drivers.api.quick import dataclass
+from config.diagnostics import SMART_QUOTES, Diagnostic, Mark, SourceText, mark_at
+from drivers.api.fast_dataclass import dataclass
 
 _FORBIDDEN = re.compile("[^\t\n\r -~\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What is not a printable character of YAML 1.1 (section 5.1 of its specification)."""

@@ -4,11 +4,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from config.declared import read_keys
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from config.fields import fields_of
-from config.marked import read_source
-from config.things import (
+from config.section_reader import read_keys
+from config.world_items import (
     PLACE_ERROR,
     BoxConfig,
     DockConfig,
@@ -21,6 +20,7 @@ from config.things import (
     ThingConfig,
     WallConfig,
 )
+from config.yaml_nodes import read_source
 from drivers.api.keys import KeyDiagnostic, key, keys
 
 MAX_LOSS = 0.9

@@ -19,9 +19,9 @@ from missions.library.shipped import load_mission, shipped_missions
 from missions.plugins.pictures.compare import compare
 from missions.plugins.pictures.forms import PAIR_FORMS
 from missions.plugins.pictures.page.document import without_assets
-from missions.plugins.studio.wishes import protocol_schema
-from missions.trees.draw import drawing_of, with_states
+from missions.plugins.studio.studio_commands import protocol_schema
 from missions.trees.drawing import TreeDrawing, schema
+from missions.trees.drawing_builder import drawing_of, with_states
 from missions.trees.states import states_at
 
 ROOT = Path(__file__).parents[1]

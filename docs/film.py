@@ -17,8 +17,8 @@ from matplotlib import get_data_path
 from PIL import Image, ImageDraw, ImageFont
 
 from missions.library.shipped import load_mission
-from missions.trees.draw import drawing_of
 from missions.trees.drawing import SIGNS, TreeBox
+from missions.trees.drawing_builder import drawing_of
 
 FILM = Path(__file__).parent / "studio" / "greet.webp"
 

@@ -28,22 +28,22 @@ from docs import claims, dumps
 from drivers.api.gait import GaitKeys
 from drivers.table import BUILT_IN_DRIVERS
 from missions.cli.commands import OLD_NAMES, declared_commands
-from missions.cli.declared import DeclaredOption
+from missions.cli.option_declarations import DeclaredOption
 from missions.cli.run import command as run
 from missions.codec import message_fields
 from missions.control.messages import ERRORS, MESSAGES
-from missions.language.counts import COUNTS
 from missions.language.nodes import COMPOSITES, MODIFIERS
 from missions.language.operators import FUNCTIONS
+from missions.language.parallel_counts import COUNTS
 from missions.language.param_types import PARAM_TYPES
 from missions.language.robot_state import ROBOT_STATE
 from missions.library.catalogue import bounds_text, default_text, details, kind_text, summary
 from missions.library.drivers import DriverTable
 from missions.options import Option
 from missions.plugins.schema.robots import keys_table, markdown_code, markdown_table, robot_reference
-from missions.plugins.studio.wishes import COMMANDS
-from missions.plugins.testing.failsafe.ride import CHOICES, FAULTS, SILENT_FAULT, FailsafeSetting, run_scenario
-from missions.plugins.testing.failsafe.words import distinct_moments
+from missions.plugins.studio.studio_commands import COMMANDS
+from missions.plugins.testing.failsafe.scenario import CHOICES, FAULTS, SILENT_FAULT, FailsafeSetting, run_scenario
+from missions.plugins.testing.failsafe.scenario_text import distinct_moments
 
 HERE = Path(__file__).parent
 

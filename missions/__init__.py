@@ -33,7 +33,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from config.faults import InvalidFileError
+    from config.diagnostics import InvalidFileError
     from config.library import UnknownNameError
     from missions.api import Mission, load, run, wrap
     from missions.executive.executive import Result
@@ -42,7 +42,7 @@ __project__ = "missiontree"
 
 __all__ = ["InvalidFileError", "Mission", "Result", "UnknownNameError", "load", "run", "wrap"]
 
-_HOME = {"InvalidFileError": "config.faults", "UnknownNameError": "config.library"}
+_HOME = {"InvalidFileError": "config.diagnostics", "UnknownNameError": "config.library"}
 
 
 def __getattr__(name: str) -> object:

@@ -15,8 +15,8 @@ from typing import Literal, Self
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from behaviours.foreign import WrappedInstance
 from behaviours.node import Node
+from behaviours.py_trees_leaf import WrappedInstance
 from behaviours.robot import Robot, hold_still
 from behaviours.run import RunState, log
 from drivers.api import Reflexes
@@ -25,13 +25,13 @@ from drivers.clock import SystemClock
 from drivers.errors import BadRequest
 from missions.control.control import ControlSocket
 from missions.control.holders import WITHOUT_STOP
-from missions.executive.answers import TickCache
-from missions.executive.asked import with_proxies
 from missions.executive.build import build
 from missions.executive.executive import Executive, Result
 from missions.executive.guard import BaseGuard
+from missions.executive.proxied_robot import with_proxies
 from missions.executive.state import state_of
 from missions.executive.stream import EventStream, Listener
+from missions.executive.tick_cache import TickCache
 from missions.executive.watchdog import WatchdogLimits
 from missions.request import RunRequest, Simulate, contradictions
 from missions.runner import SIMULATED_LIMITS, Runner, load_plan, parts_with_ports
@@ -183,7 +183,7 @@ def load(
 def wrap(tree: Behaviour) -> Mission:
     """Return a mission around a tree of plain py_trees behaviours, which are ticked by py_trees' own rules.
 
-    ``behaviours.foreign.PyTreesLeaf`` tells the few differences to ``tree.tick_once()``.
+    ``behaviours.py_trees_leaf.PyTreesLeaf`` tells the few differences to ``tree.tick_once()``.
     """
     run = RunState(SystemClock())
     leaf = WrappedInstance(tree)

@@ -20,9 +20,9 @@ from reprlib import Repr
 from sys import float_info
 from typing import Any, Literal, NamedTuple, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
-from config.faults import did_you_mean
-from config.reading import parse_json
-from drivers.api.quick import dataclass
+from config.diagnostics import did_you_mean
+from config.file_io import parse_json
+from drivers.api.fast_dataclass import dataclass
 from missions.options import Option
 
 T = TypeVar("T")

@@ -16,7 +16,7 @@ from functools import cache
 from math import inf, isfinite
 from typing import Any, Literal, TypeVar
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 
 Kind = Literal[
     "text",

@@ -8,8 +8,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 from config.library import DEFAULT_WORLD, find_file
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.kinds import PORT_KINDS
-from drivers.api.quick import dataclass
 from drivers.api.secrets import without_secrets
 from drivers.camera.source import SourceKind, source_kind
 from missions.options import ROS2, faults, option, options_of

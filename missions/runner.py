@@ -20,19 +20,19 @@ from drivers.api.sections import SerialKeys
 from drivers.clock import Clock, SystemClock
 from drivers.errors import BadRequest
 from drivers.transport.loop import guard_callback
-from missions.assembly.assembled import AssembledRobot
-from missions.assembly.together import Hooks, Overrides
-from missions.executive.answers import TickCache
-from missions.executive.asked import StaleCommandGuard, robot_for, with_proxies
+from missions.assembly.assembled_robot import AssembledRobot
+from missions.assembly.part_factory import Hooks, Overrides
 from missions.executive.build import Substitute, build, keep_leaf
+from missions.executive.event_reporter import EventReporter, capture_log
 from missions.executive.events import FaultRaised
 from missions.executive.executive import Executive, Result, TickObserver
 from missions.executive.guard import BaseGuard
+from missions.executive.proxied_robot import StaleCommandGuard, robot_for, with_proxies
 from missions.executive.signals import Lifeline, SignalHandler
 from missions.executive.state import state_of
 from missions.executive.stop_latch import StopLatch
 from missions.executive.stream import EventStream, Listener
-from missions.executive.telling import EventReporter, capture_log
+from missions.executive.tick_cache import TickCache
 from missions.executive.watchdog import Watchdog, WatchdogLimits, attempt_all
 from missions.language.plan import Plan
 from missions.library.drivers import load_named_robot
@@ -180,7 +180,7 @@ class Runner:
     def _assemble_simulated(self, request: RunRequest) -> tuple[RunState, AssembledRobot]:
         """Return the run and the robot in simulated time."""
         from drivers.sim.timeline import Timeline  # noqa: PLC0415 - the metal imports no simulation
-        from missions.assembly.twinning import twin_robot  # noqa: PLC0415
+        from missions.assembly.twin_assembly import twin_robot  # noqa: PLC0415
         from missions.executive.pace import PausedPacer, SimulationPacer  # noqa: PLC0415
 
         timeline = Timeline()

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import field
 from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 
 if TYPE_CHECKING:
     import numpy as np

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perception.api import Image
-from perception.light import GreyImage, to_grey
+from perception.image_preparation import GreyImage, to_grey
 
 Corners = npt.NDArray[np.float32]
 """The inner corners of the board in one picture, row by row: shape (n, 1, 2), dtype float32, x then y in pixels."""

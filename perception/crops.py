@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from perception.api import Box, Image
-from perception.light import GreyImage, resize, to_grey, window_slices
+from perception.image_preparation import GreyImage, resize, to_grey, window_slices
 
 CROP_SIDE = 75
 """Pixels of a crop's side."""

@@ -14,14 +14,14 @@ from math import hypot, radians
 
 import numpy as np
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from perception.api import Frame, Gaze, Image
-from perception.change import find_shift
 from perception.delay_grid import CHANGE_ODDS, DELAY_STEP, GRID, JITTERS, DelayGrid, Flags, Floats, find_unrecorded
 from perception.exposure_clock import MAX_DELAY, MIN_DELAY, Exposure, ExposureClock
 from perception.geometry import Pinhole
+from perception.image_preparation import GreyImage
 from perception.levelling import level_columns
-from perception.light import GreyImage
+from perception.scene_motion import find_shift
 
 PRIOR_SPREAD = 0.1
 """Seconds, one sigma: how far a delay may be from what it was believed to be."""

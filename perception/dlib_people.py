@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from perception.api import Box, Image
 from perception.crops import make_portrait, portrait_face_box
-from perception.faults import ModelFileError
 from perception.identity import FaceMatch
+from perception.model_files import ModelFileError
 
 MAX_SAME_DISTANCE = 0.5
 """Distance of two faces' features up to which they are of one person. The network's author has 0.6, which lets half of

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Iterable
 from math import inf, nextafter, radians
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 
 MAX_KEPT_AGES, MIN_AGES = 9, 5
 """Pictures whose ages are remembered, and the fewest that tell the usual age."""

@@ -4,11 +4,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from threading import Event, Thread
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from perception.api import Frame, Gaze, Scene, View, ignore
-from perception.change import measure_scene
 from perception.delay import CameraDelay, ExposureEstimator
 from perception.geometry import Pinhole
+from perception.scene_motion import measure_scene
 from perception.senses import ActiveSenses, FrameSkipper, FrameSource, NewestView, SkippableSource
 
 READ_TIMEOUT = 0.1

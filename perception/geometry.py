@@ -7,7 +7,7 @@ y left, z up, REP 103) as (cos down cos left, cos down sin left, -sin down).
 
 from math import atan2, cos, hypot, isfinite, pi, remainder, sin, tan, tau
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from perception.api import Box, Gaze
 
 FACE_WIDTH = 0.17

@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 from typing import Protocol
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from perception.api import UNKNOWN, Box, Face, Frame, Gaze, Image
 from perception.geometry import Pinhole
 from perception.senses import FrameSkipper, Sense

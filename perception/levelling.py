@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from perception.api import Image
-from perception.change import shrink
 from perception.geometry import Pinhole
-from perception.light import GreyImage
+from perception.image_preparation import GreyImage
+from perception.scene_motion import shrink
 
 
 def level_columns(image: Image, camera: Pinhole) -> GreyImage:

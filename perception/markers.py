@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from perception.api import Box, Frame, Gaze, Image, Marker
 from perception.geometry import Pinhole
-from perception.light import to_grey
+from perception.image_preparation import to_grey
 from perception.tracks import MarkerSet, MarkerSighting, Tracker
 
 Corners = npt.NDArray[np.float32]

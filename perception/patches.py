@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perception.crops import CROP_SIDE
-from perception.light import GreyImage
+from perception.image_preparation import GreyImage
 
 Patches = npt.NDArray[np.float32]
 """The patches of a face: shape (CELLS, CELLS, DEPTH), float32, each of length 1 (or 0 where there is no edge)."""

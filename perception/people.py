@@ -6,12 +6,12 @@ import numpy as np
 
 from perception.api import Box, Image
 from perception.crops import align_by_eyes, crop_face, make_portrait, portrait_face_box
-from perception.elastic import Gallery, PictureDescription
-from perception.finder import FaceDetector
+from perception.elastic_matching import Gallery, PictureDescription
+from perception.eye_finder import EyeFinder
+from perception.face_finder import FaceDetector
 from perception.identity import FaceMatch
-from perception.light import GreyImage
+from perception.image_preparation import GreyImage
 from perception.patches import describe_face
-from perception.pupils import EyeFinder
 
 MIN_PICTURES = 3
 """Pictures of a person that teach something."""

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Protocol, TypeVar, runtime_checkable
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from perception.api import Face, Frame, Gaze, Image, Marker, Percept, Scene, Thing, View
 from perception.geometry import Pinhole
 from perception.tracks import FaceSighting, Tracker
@@ -37,7 +37,7 @@ class SceneSense(Protocol):
 
 
 class SightingSource(Protocol):
-    """A finder of faces from frame to frame: ``perception.finder.FaceFinder``."""
+    """A finder of faces from frame to frame: ``perception.face_finder.FaceFinder``."""
 
     def find(self, image: Image) -> Sequence[FaceSighting]:
         """Return the faces in the next frame."""

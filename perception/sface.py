@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from perception.api import Box, Image
 from perception.crops import portrait_face_box
-from perception.faults import ModelFileError, check_model_size
 from perception.identity import FaceMatch
+from perception.model_files import ModelFileError, check_model_size
 from perception.yunet import YuNetFaceDetector
 
 MIN_SAME_COSINE = 0.363

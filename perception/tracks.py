@@ -11,7 +11,7 @@ from dataclasses import field, fields
 from math import cos, hypot, nan, radians, sqrt
 from typing import Any, Generic, Protocol, TypeVar
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from perception.api import Box, Detection, Face, Gaze, Marker, Percept, Thing, ThingSpec
 from perception.geometry import Pinhole, direction_of, wrap_angle
 

@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from perception.api import Box, Detection, Image
-from perception.faults import ModelFileError, check_model_size
-from perception.light import GreyImage, brighten, check_image, resize, window_slices
-from perception.turns import ANY_FACE
+from perception.face_search import ANY_FACE
+from perception.image_preparation import GreyImage, brighten, check_image, resize, window_slices
+from perception.model_files import ModelFileError, check_model_size
 
 MIN_FACE_SHARE = 28 / 640
 """Width of a face, as a share of the picture's longer side, from which on it is looked for."""
@@ -54,7 +54,7 @@ class _Network(Protocol):
 
 
 class YuNetFaceDetector:
-    """Finds faces with the network in the file ``model``: a ``perception.finder.FaceDetector``. For one thread.
+    """Finds faces with the network in the file ``model``: a ``perception.face_finder.FaceDetector``. For one thread.
 
     Its boxes are those that the Haar cascade would draw, so that distances come out alike; the score is 0..1.
     """

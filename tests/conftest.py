@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from missions.control.places import SYSTEM_ROOT
+from missions.control.run_folders import SYSTEM_ROOT
 from tests.browser import Browser, chromium
 
 # Machines are shared: how long an example takes says nothing. `make test` tries the same examples everywhere;

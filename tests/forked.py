@@ -38,7 +38,7 @@ IMPORTED = (
     "missions.cli.run",
     "missions.plugins.studio.command",
     "missions.plugins.records.recording.recorder",
-    "missions.plugins.studio.serving",
+    "missions.plugins.studio.web_server",
     "uvicorn.protocols.http.h11_impl",
     "uvicorn.protocols.websockets.websockets_sansio_impl",
 )

@@ -43,7 +43,7 @@ class Planted(NamedTuple):
     by: str = ""
 
 
-STOPPING, LEAF = "behaviours/stopping.py", "behaviours/leaf.py"
+STOPPING, LEAF = "behaviours/haltable_node.py", "behaviours/leaf.py"
 LATCH, EXECUTIVE = "missions/executive/stop_latch.py", "missions/executive/executive.py"
 POWER = "tests/missions/testing/test_power_cut.py"
 
@@ -58,7 +58,7 @@ FAULTS = (
     Planted("head's goals not clamped", "drivers/head/twin.py", "self.limits.clamp(target)", "target"),
     Planted(
         "joints' goals not clamped",
-        "drivers/servos/commanded.py",
+        "drivers/servos/servo_joints.py",
         "accepted[name] = joint.clamp(goal)",
         "accepted[name] = goal",
     ),
@@ -129,13 +129,17 @@ FAULTS = (
     Planted("battery ends nothing", "missions/executive/guard.py", "if battery.critical else", "if False else"),
     Planted(
         "what was decided before an absence goes on",
-        "missions/executive/asked.py",
+        "missions/executive/proxied_robot.py",
         "leaf.since < returned:",
         "leaf.since < returned - 1e9:",
     ),
     Planted("nobody looks at the base during a pause", EXECUTIVE, "                self._keep_watch(due)\n", ""),
     Planted(
-        "tasks not synced", "missions/plugins/tasks/schema.py", "synchronous = FULL", "synchronous = OFF", by=POWER
+        "tasks not synced",
+        "missions/plugins/tasks/queue_database.py",
+        "synchronous = FULL",
+        "synchronous = OFF",
+        by=POWER,
     ),
     Planted(
         "record not synced",
@@ -146,7 +150,7 @@ FAULTS = (
     ),
     Planted(
         "a record loses an answer",
-        "missions/executive/answers.py",
+        "missions/executive/tick_cache.py",
         "            if answers.kept:\n",
         "            if answers.kept and len(answers.said) != 3:\n",
     ),

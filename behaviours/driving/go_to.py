@@ -16,7 +16,7 @@ from behaviours.driving.motion import (
     seconds_to_turn,
 )
 from behaviours.leaf import SUCCESS, argument
-from behaviours.requesting import CANCELLED_STATES, has_ended
+from behaviours.ros2_request import CANCELLED_STATES, has_ended
 from drivers.api import BaseState, GoalState, Length, Pose2D, Ros2, Velocity
 from drivers.api.measures import length_text
 from drivers.api.ros2 import START_FRAME

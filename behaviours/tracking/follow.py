@@ -8,11 +8,11 @@ lag. The base turns by the head's pan: the head leads, the base follows. A base 
 import math
 from typing import Protocol
 
-from behaviours.tracking.foresight import BasePredictor, MotionPredictor
 from behaviours.tracking.fuzzy import EDGE, ERROR, PAN, RATE, ControlLaw, RuleBases
-from behaviours.tracking.lag import LagEstimator, TurnState
+from behaviours.tracking.lag_estimator import LagEstimator, TurnState
+from behaviours.tracking.motion_prediction import BasePredictor, MotionPredictor
 from drivers.api import HeadLimits, HeadPose
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from perception.api import Face, Percept
 
 # How far off a target is, in two ways: where it will be when a command acts, or as the newest picture shows it.

@@ -13,7 +13,7 @@ from math import isnan, prod
 from typing import Any
 
 from behaviours.tracking.terms import FuzzySets, FuzzyVariable, OutputVariable, Singletons, list_text
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from dataclasses import field
 from itertools import combinations, pairwise
 from typing import Protocol
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,12 +18,12 @@ from behaviours.driving.motion import (
     obstacle_reason,
 )
 from behaviours.leaf import SUCCESS, Leaf, argument
-from behaviours.robots import is_worn_by
+from behaviours.other_robots import is_worn_by
 from behaviours.search import matching_things
 from behaviours.sight import FACE_OUTPUT_DOC, face_argument, may_be_same_person
 from behaviours.tracking.follow import Follower
 from behaviours.tracking.fuzzy import RuleBases
-from behaviours.tracking.lag import TurnState
+from behaviours.tracking.lag_estimator import TurnState
 from drivers.api import COMMAND_TIMEOUT, ZERO_VELOCITY, BaseState, HeadPose, Steering, Velocity, is_guarded
 from perception.api import Face, Marker, Percept, Thing, ThingSpec
 

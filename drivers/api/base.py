@@ -5,9 +5,9 @@ from enum import IntFlag, StrEnum
 from typing import Protocol
 
 from drivers.api.device import Device, Reading
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.gait import GaitKeys
 from drivers.api.marks import capability, command, direct, fixed
-from drivers.api.quick import dataclass
 from drivers.api.steering import Source, Steering, Velocity
 from drivers.errors import BadRequest
 

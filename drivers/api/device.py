@@ -5,9 +5,9 @@ from dataclasses import field
 from enum import StrEnum
 from typing import Annotated, Generic, Protocol, TypeVar, runtime_checkable
 
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.keys import KeyDiagnostic, key, keys
 from drivers.api.marks import UNSAMPLED, command, direct
-from drivers.api.quick import dataclass
 
 T = TypeVar("T")
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, Literal, Protocol
 
 from drivers.api.device import StatusCallback, ignore
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.keys import KeyDiagnostic
-from drivers.api.quick import dataclass
 from drivers.api.steering import SteeringCallback
 from drivers.clock import Clock
 
@@ -51,11 +51,11 @@ class Driver:
     ``keys`` is the class of its section, which extends that of its kind. ``make`` is the dotted name of what makes the
     device, called with the keys and a ``DriverContext``; ``twin`` of what makes its twin for simulated time, and ``virtual`` of
     what makes its virtual device for simulation down to the wire, both called with the keys and a
-    ``drivers.sim.stage.SimContext``. They are empty where the kind has a stand-in that does for every driver: cameras,
+    ``drivers.sim.context.SimContext``. They are empty where the kind has a stand-in that does for every driver: cameras,
     microphones, voices and screens. ``needs`` are the kinds of the parts that it is made of, ``extra`` the optional
     dependency that it wants. ``check`` yields what is wrong together with other sections, given by kind.
 
-    ``probe`` is the dotted name of a ``drivers.api.probing.Probe``, by which the device is found on a serial port; and
+    ``probe`` is the dotted name of a ``drivers.api.probe.Probe``, by which the device is found on a serial port; and
     ``usb`` are the adapters that it may be behind, as ``0403:6014``, or with the serial number of one that is in no
     other device, ``0403:6001:kobuki_*``. Without any it is looked for behind every adapter.
 

@@ -5,9 +5,9 @@ from math import sqrt
 from typing import Protocol
 
 from drivers.api.device import Device, Reading
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.marks import command, fixed
 from drivers.api.measures import Angle
-from drivers.api.quick import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,8 +5,8 @@ from math import inf, radians
 from typing import Literal, Protocol
 
 from drivers.api.device import Device, Reading
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.marks import command, fixed
-from drivers.api.quick import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,7 +33,7 @@ from typing import (
 )
 from typing import overload as overloaded
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 
 T = TypeVar("T")
 

@@ -3,9 +3,9 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.sections import ArmKeys, BaseKeys, HeadKeys, ImuKeys, RangeKeys, Ros2Keys, ScreenKeys, VoiceKeys
-from drivers.api.senses import CameraKeys, MicrophoneKeys
+from drivers.api.sensor_sections import CameraKeys, MicrophoneKeys
 from drivers.api.steering import Source
 
 

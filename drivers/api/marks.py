@@ -11,7 +11,7 @@ from inspect import Parameter, signature
 from types import FunctionType
 from typing import Any, Literal, TypeVar, get_args
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 
 F = TypeVar("F", bound=Callable[..., object])
 

@@ -4,8 +4,8 @@ from enum import StrEnum
 from typing import Annotated, Protocol
 
 from drivers.api.device import Device, Reading
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.marks import UNSAMPLED, command
-from drivers.api.quick import dataclass
 
 MapPose = tuple[float, float, float]
 """x and y in metres, and a heading in radians: in a frame that is named beside it."""

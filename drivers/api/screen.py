@@ -4,8 +4,8 @@ from enum import StrEnum
 from typing import Protocol
 
 from drivers.api.device import Device
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.marks import command
-from drivers.api.quick import dataclass
 
 
 class Mood(StrEnum):

@@ -1,7 +1,7 @@
 """What the sections of a robot file have in common, whichever driver they name, for parts that move or speak.
 
 A driver declares its own keys as a class that extends the one of its kind. The sections of parts that perceive are in
-``drivers.api.senses``.
+``drivers.api.sensor_sections``.
 """
 
 from collections.abc import Iterator, Mapping

@@ -5,9 +5,9 @@ from math import inf, tau
 from typing import Protocol, runtime_checkable
 
 from drivers.api.device import Device, Reading
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.marks import fixed
 from drivers.api.measures import Angles, Image, Ranges, Samples
-from drivers.api.quick import dataclass
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,8 +5,8 @@ from enum import StrEnum
 from math import atan2, hypot, pi, tau
 from typing import Annotated, Literal
 
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.keys import KeyDiagnostic, inside, key, keys
-from drivers.api.quick import dataclass
 
 BUTTON_COUNT = 3
 """The buttons of a base are numbered from 0 to one less."""

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Annotated, Protocol
 
 from drivers.api.device import Device
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.marks import UNSAMPLED, command
-from drivers.api.quick import dataclass
 
 
 class Priority(IntEnum):

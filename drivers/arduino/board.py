@@ -9,12 +9,12 @@ from threading import RLock
 from typing import Final, Protocol
 
 from drivers.api import DeviceStatus, Health, Quality, Reading, ReconnectPolicy, StatusCallback, ignore
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.arduino import wire
 from drivers.arduino.session import BootState, RosserialSession
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.head.memory import ServoAngleStore
+from drivers.head.angle_store import ServoAngleStore
 from drivers.transport.link import SerialLink
 from drivers.transport.loop import guard_callback
 from drivers.transport.reconnect import ReconnectTracker

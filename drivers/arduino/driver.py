@@ -9,9 +9,9 @@ from drivers.arduino.board import ArduinoBoard
 from drivers.arduino.declared import ArduinoKeys, SecondPanTiltKeys
 from drivers.arduino.wire import ServoAngle
 from drivers.clock import Clock
+from drivers.head.angle_store import ServoAngleStore
 from drivers.head.axis import SERVO_LAG, ServoAxis, make_servo_axis, next_degrees
 from drivers.head.keys import TwoServoKeys
-from drivers.head.memory import ServoAngleStore
 from drivers.head.pantilt import STRAIGHT_AHEAD, PanTiltMotion, ProfiledHead
 from drivers.transport.link import SerialLink
 

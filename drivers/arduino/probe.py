@@ -3,7 +3,7 @@
 from collections.abc import Generator
 from contextlib import suppress
 
-from drivers.api.probing import ProbeRequest, ProbeResult
+from drivers.api.probe import ProbeRequest, ProbeResult
 from drivers.arduino import wire
 from drivers.transport import guardian_wire as lines
 from drivers.transport.lines import LineFinder

@@ -2,7 +2,7 @@
 
 from drivers.arduino.declared import ArduinoKeys, SecondPanTiltKeys
 from drivers.head.twin import ServoHeadTwin, make_head_twin
-from drivers.sim.stage import SimContext
+from drivers.sim.context import SimContext
 
 
 def make(keys: ArduinoKeys, stage: SimContext) -> ServoHeadTwin:

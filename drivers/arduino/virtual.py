@@ -11,10 +11,10 @@ from drivers.arduino.declared import ArduinoKeys, SecondPanTiltKeys
 from drivers.arduino.wire import HEADER, RosserialFrame
 from drivers.head.axis import ENCODER_SKETCH_STARTS, FIRST_SKETCH_STARTS, make_servo_axis
 from drivers.head.keys import TwoServoKeys
+from drivers.sim.context import SimContext
 from drivers.sim.servo import SERVO_SPEED, Shaft
-from drivers.sim.stage import SimContext
+from drivers.virtual.device import VirtualDevice
 from drivers.virtual.guardian import VirtualServos, make_virtual_servos
-from drivers.virtual.plugged import VirtualDevice
 
 # How a board of rosserial reads: byte by byte, with its order of doing things and its limits of time.
 

@@ -13,7 +13,7 @@ import struct
 from collections.abc import Iterator
 from typing import Any, Self
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 
 PUBLISHER = 0  # a TopicInfo of something the board publishes; from the computer: "which topics have you?"
 SUBSCRIBER = 1  # a TopicInfo of something the board listens to

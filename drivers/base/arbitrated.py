@@ -60,7 +60,7 @@ class BaseSettings(TypedDict, total=False):
 
 
 class BaseCallbacks(Protocol):
-    """Callbacks of a base: ``drivers.api.driver.DriverContext`` and ``drivers.sim.stage.SimContext`` have them."""
+    """Callbacks of a base: ``drivers.api.driver.DriverContext`` and ``drivers.sim.context.SimContext`` have them."""
 
     @property
     def report(self) -> StatusCallback:

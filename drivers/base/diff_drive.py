@@ -26,7 +26,7 @@ from drivers.api import (
     Velocity,
     ignore,
 )
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.base.arbitrated import ArbitratedBase, BaseSettings
 from drivers.base.limits import check_light, check_tone
 from drivers.base.progress_monitor import Instruments

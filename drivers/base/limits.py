@@ -3,7 +3,7 @@
 from math import isfinite
 
 from drivers.api import BaseLimits, Source, Velocity
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.errors import BadRequest, DeviceFault
 
 # Checks of commands, the same for every base.

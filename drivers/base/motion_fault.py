@@ -6,7 +6,7 @@ from math import degrees
 from types import MappingProxyType
 
 from drivers.api import COMMAND_TIMEOUT, ZERO_VELOCITY, BaseState, Sides, Source, Velocity
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 
 # Changes between two states of a base: of contacts, buttons and hazards.
 

@@ -11,8 +11,8 @@ from math import cos, degrees, inf, remainder, sin, tau
 from typing import Protocol
 
 from drivers.api import ZERO_VELOCITY, BaseState, Pose2D, Velocity
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.measures import length_text
-from drivers.api.quick import dataclass
 from drivers.base.motion_fault import (
     ANGULAR_CAUSES,
     LINEAR_CAUSES,

@@ -4,7 +4,7 @@ from math import hypot
 from typing import Literal
 
 from drivers.api import ZERO_VELOCITY, BaseState, Pose2D, Reflexes, Sides, Velocity
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 
 BACK_OFF_TIME = 1.0
 """Seconds that a back-off may take beyond its distance at its speed; after that something blocks the base."""

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.api import RangeScan
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.base.footprint import Floats
 
 # Validation of scans: a third-party range finder, or a node of ROS 2, may send anything.

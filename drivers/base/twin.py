@@ -29,11 +29,11 @@ from drivers.base.progress_monitor import Instruments
 from drivers.base.reckoning import GyroOdometry, Reckoning, TwoWheels
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.sim.body import ENCODER_STEP, NO_SIDES, BaseBody, merge_sides
+from drivers.sim.base_body import ENCODER_STEP, NO_SIDES, BaseBody, merge_sides
+from drivers.sim.context import SimContext
 from drivers.sim.plug import SimulatedPlug
-from drivers.sim.stage import SimContext
-from drivers.sim.things import NO_SIGNALS
 from drivers.sim.wheels import DelayLine
+from drivers.sim.world_objects import NO_SIGNALS
 
 # Sounder and lights of a simulated base: they note the commands.
 

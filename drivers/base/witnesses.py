@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.api import BaseState, Imu, Pose2D, Ranger
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.measures import Ranges, length_text
-from drivers.api.quick import dataclass
 from drivers.base.footprint import BaseOutline, Floats, PathPoses
 from drivers.base.motion_fault import MotionFault
 from drivers.base.progress_monitor import displacement

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from drivers.api import CameraFrame, Image
 from drivers.api.driver import DriverContext, Finding, failure, warning
-from drivers.api.senses import CameraKeys
+from drivers.api.sensor_sections import CameraKeys
 from drivers.camera.make import make
 from drivers.camera.source import SourceKind, is_number, source_kind
 from drivers.pictures.capture import NOT_YET_TEXT

@@ -1,7 +1,7 @@
 """Cameras as OpenCV reads them, and recordings, as a driver of cameras."""
 
 from drivers.api.driver import Driver
-from drivers.api.senses import CameraKeys
+from drivers.api.sensor_sections import CameraKeys
 
 OPENCV = Driver(
     "opencv",

@@ -4,8 +4,8 @@ from math import radians
 
 from drivers.api import StatusCallback, ignore
 from drivers.api.driver import DriverContext
-from drivers.api.senses import CameraKeys
-from drivers.api.turn import UPRIGHT, ImageOrientation
+from drivers.api.image_orientation import UPRIGHT, ImageOrientation
+from drivers.api.sensor_sections import CameraKeys
 from drivers.camera.reader import ReaderFeed
 from drivers.camera.source import Source
 from drivers.clock import Clock

@@ -26,7 +26,7 @@ from drivers.camera.source import Source, display_name, source_hint
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
 from drivers.pictures.decode import FFMPEG_LOG_LEVEL, FFMPEG_SILENT, NO_PICTURE, SKIPPED_PICTURE
-from drivers.transport.pipe import MessageParser, pack_message
+from drivers.transport.worker_process import MessageParser, pack_message
 
 GRAB_TIMEOUT = 0.2
 """Seconds that ``grab`` waits at most."""

@@ -21,7 +21,7 @@ from drivers.camera.reader import GRAB, NUMBER, QUIT, RELEASE, SKIP_TO, START
 from drivers.camera.source import PICTURES, SourceKind, source_kind
 from drivers.errors import BadRequest, DriverError, NotConnected
 from drivers.pictures.decode import SKIPPED_PICTURE, load_picture
-from drivers.transport.pipe import MessageParser, pack_message
+from drivers.transport.worker_process import MessageParser, pack_message
 
 REPORT_INTERVAL = 0.5
 """Seconds after which a reader reports pictures of a live source that it has let go by."""

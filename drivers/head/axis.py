@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 from typing import Self
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.head.keys import ServoKeys
 from drivers.head.pantilt import MAX_TRIM, AxisStep, PanTiltMotion
 

@@ -22,8 +22,8 @@ from drivers.api import (
 )
 from drivers.clock import Clock
 from drivers.errors import NotConnected
+from drivers.head.angle_store import ServoAngleStore
 from drivers.head.axis import CENTRE_DEGREES, SERVO_LAG, ServoAxis, next_degrees
-from drivers.head.memory import ServoAngleStore
 from drivers.head.pantilt import STRAIGHT_AHEAD, PanTiltMotion, ProfiledHead
 from drivers.transport import guardian_wire
 from drivers.transport.lines import LineFinder

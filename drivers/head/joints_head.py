@@ -17,7 +17,7 @@ from drivers.api import (
     StatusCallback,
     ignore,
 )
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.clock import Clock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.head.pantilt import MAX_TRIM, STRAIGHT_AHEAD, PanTiltMotion, ProfiledHead

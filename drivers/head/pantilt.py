@@ -10,7 +10,7 @@ from threading import Lock
 from typing import Generic, Protocol, Self, TypeVar, runtime_checkable
 
 from drivers.api import HEAD_ACCELERATION, HeadLimits, HeadPose
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.clock import Clock
 from drivers.errors import BadRequest
 from drivers.transport.history import ValueHistory

@@ -18,9 +18,9 @@ from drivers.clock import Clock
 from drivers.head.axis import MAX_DEGREES, SERVO_LAG, ServoAxis, make_servo_axis, next_degrees
 from drivers.head.keys import TwoServoKeys
 from drivers.head.pantilt import STRAIGHT_AHEAD, PanTiltMotion, ProfiledHead
+from drivers.sim.context import SimContext
 from drivers.sim.plug import SimulatedPlug
 from drivers.sim.servo import SERVO_SPEED, Shaft
-from drivers.sim.stage import SimContext
 from drivers.transport.reconnect import LatchingPart, ReconnectTracker
 
 

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from math import radians
 
 from drivers.api.driver import DriverContext, Finding, failure, warning
-from drivers.api.probing import ProbeRequest
+from drivers.api.probe import ProbeRequest
 from drivers.base.gyro_drift import drift
-from drivers.finding.asking import ExclusivePort
+from drivers.finding.port_probe import ExclusivePort
 from drivers.kobuki.commands import Extra, RequestExtra
 from drivers.kobuki.declared import KobukiKeys
 from drivers.kobuki.feedback import FEEDBACK, Core, FirmwareVersion, Inertia

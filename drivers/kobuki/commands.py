@@ -8,7 +8,7 @@ from enum import IntEnum, IntFlag
 from struct import Struct
 from typing import ClassVar, Self
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.kobuki.wire import KobukiSubpayload
 
 WHEEL_SEPARATION = 0.23

@@ -11,7 +11,7 @@ from typing import Unpack
 
 from drivers.api import ZERO_VELOCITY, BaseState, Lamp, Tune, Velocity
 from drivers.api.driver import DriverContext
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.base.arbitrated import BaseSettings, settings_of
 from drivers.base.diff_drive import DiffDriveBase, DiffDriveProtocol, DiffDriveTiming, ParsedReports
 from drivers.base.progress_monitor import Instruments

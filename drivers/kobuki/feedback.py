@@ -10,7 +10,7 @@ from math import radians
 from struct import Struct, pack, unpack
 from typing import ClassVar, Self
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.kobuki.wire import KobukiSubpayload
 
 METRES_PER_TICK = 0.0000852920905

@@ -2,7 +2,7 @@
 
 from collections.abc import Generator
 
-from drivers.api.probing import ProbeRequest, ProbeResult
+from drivers.api.probe import ProbeRequest, ProbeResult
 from drivers.kobuki.feedback import FEEDBACK, Core
 from drivers.kobuki.wire import BAUD, KobukiFrameFinder, decode
 

@@ -5,7 +5,7 @@ from drivers.base.twin import BaseTwin, GyroTwinOdometry
 from drivers.base.twin import make as make_twin
 from drivers.kobuki.commands import WHEEL_SEPARATION, BaseControl
 from drivers.kobuki.declared import KobukiKeys
-from drivers.sim.stage import SimContext
+from drivers.sim.context import SimContext
 
 
 class KobukiTwinOdometry(GyroTwinOdometry):

@@ -21,12 +21,12 @@ from drivers.kobuki.commands import (
 )
 from drivers.kobuki.declared import KobukiKeys
 from drivers.kobuki.wire import BAUD, MAX_PAYLOAD, KobukiFrameFinder, KobukiSubpayload, decode, frame, subpayload
+from drivers.sim.base_body import BaseBody, merge_sides
 from drivers.sim.battery import Battery
-from drivers.sim.body import BaseBody, merge_sides
-from drivers.sim.stage import SimContext
-from drivers.sim.things import Ground
+from drivers.sim.context import SimContext
 from drivers.sim.wheels import DelayLine, SimulatedWheels
-from drivers.virtual.plugged import VirtualDevice, make_virtual_base
+from drivers.sim.world_objects import Ground
+from drivers.virtual.device import VirtualDevice, make_virtual_base
 
 REPORT_INTERVAL = 0.02
 """Seconds between two reports."""

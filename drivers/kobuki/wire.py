@@ -11,7 +11,7 @@ from operator import xor
 from struct import Struct, error
 from typing import ClassVar, Self
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 
 BAUD = 115200
 """Baud rate of the base, 8N1; it is fixed."""

@@ -11,7 +11,7 @@ import numpy as np
 from drivers.legs.body import SIDES, Floats, LeggedBody
 from drivers.legs.engine import CONTROL_INTERVAL, LegPosture, whole_body_pose
 from drivers.legs.kinematics import forward_kinematics, link_centres, sole_pose
-from drivers.legs.walker import GRAVITY
+from drivers.legs.pattern_generator import GRAVITY
 from drivers.servos.models import MotorPhysics
 
 MAX_LEAD = 0.5

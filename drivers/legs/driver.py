@@ -34,12 +34,12 @@ from drivers.base.arbitrated import ArbitratedBase, BaseSettings
 from drivers.base.limits import require
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, DriverError, NotConnected
-from drivers.legs.acts import LegActions, is_near_start
+from drivers.legs.actions import LegActions, is_near_start
 from drivers.legs.body import Floats
 from drivers.legs.compensation import Compensation
 from drivers.legs.engine import CONTROL_INTERVAL, AttitudeEstimate, LegPosture, WalkingEngine
-from drivers.legs.falling import FallDetector
-from drivers.servos.commanded import ServoJoints
+from drivers.legs.fall_detection import FallDetector
+from drivers.servos.servo_joints import ServoJoints
 
 MAX_TIME_STEP = 0.03
 """Seconds of a walk that are made up for at most after a turn that came late: the walk is slower then, and no leap."""

@@ -14,7 +14,7 @@ from drivers.legs.body import SIDES, Floats, LeggedBody
 from drivers.legs.declared import StrideKeys
 from drivers.legs.kinematics import centre_over_legs, forward_kinematics, rotation_about, sole_pose
 from drivers.legs.leg_ik import UNREACHABLE_REASONS, solve_both_legs
-from drivers.legs.walker import FloorPose, WalkParameters, WalkPattern, WalkPatternGenerator, sole_inset
+from drivers.legs.pattern_generator import FloorPose, WalkParameters, WalkPattern, WalkPatternGenerator, sole_inset
 
 CONTROL_INTERVAL = 0.01
 """Seconds from one posture to the next."""

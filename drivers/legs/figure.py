@@ -7,7 +7,7 @@ import numpy as np
 
 from drivers.legs.body import SIDES, Floats, LeggedBody
 from drivers.servos.models import MotorPhysics
-from drivers.sim.rigid.links import RigidLink, RigidRobot, RigidShape, Vector
+from drivers.sim.rigid.rigid_model import RigidLink, RigidRobot, RigidShape, Vector
 
 MIN_GYRATION_RADIUS = 0.015
 """Metres: the least radius of gyration of a link."""

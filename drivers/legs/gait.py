@@ -15,7 +15,7 @@ from drivers.legs.body import MIRROR_SIGNS, SIDES, Floats, LeggedBody
 from drivers.legs.declared import StrideKeys
 from drivers.legs.engine import solve_legs, solve_patterns, walk_parameters
 from drivers.legs.kinematics import rotation_about
-from drivers.legs.walker import WEIGHT_SHIFT_TIME, WalkPattern, WalkPatternGenerator
+from drivers.legs.pattern_generator import WEIGHT_SHIFT_TIME, WalkPattern, WalkPatternGenerator
 
 SAMPLES_PER_CYCLE = 100
 """Moments of a cycle, whatever its period."""

@@ -6,14 +6,14 @@ from typing import Any
 from drivers.api import DeviceStatus, Imu, Joints, ignore
 from drivers.api.driver import DriverContext
 from drivers.base.arbitrated import settings_of
+from drivers.legs.balance import BalanceController
 from drivers.legs.body import body_of
 from drivers.legs.compensation import Compensation
 from drivers.legs.declared import LegsKeys
 from drivers.legs.driver import LegsBase
 from drivers.legs.engine import CONTROL_INTERVAL, AttitudeEstimate, WalkingEngine
-from drivers.legs.pressure import BalanceController
-from drivers.servos.commanded import ServoJoints
 from drivers.servos.models import motor_physics
+from drivers.servos.servo_joints import ServoJoints
 from drivers.transport.loop import Loop, LoopFactory, ThreadLoop
 
 # A base that walks by itself: on a thread of its own, 100 times a second.

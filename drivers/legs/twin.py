@@ -7,7 +7,7 @@ from drivers.base.arbitrated import settings_of
 from drivers.legs.declared import LegsKeys
 from drivers.legs.driver import LegsBase
 from drivers.legs.make import attitude_reader, make_compensation, make_engine, stall_torques
-from drivers.sim.stage import SimContext
+from drivers.sim.context import SimContext
 
 
 class LegsTwin(LegsBase):

@@ -8,8 +8,8 @@ from drivers.legs.declared import LegsKeys
 from drivers.legs.kinematics import FootOdometry
 from drivers.servos.declared import DynamixelKeys
 from drivers.servos.virtual.chain import VirtualServoBus, true_angle
-from drivers.sim.stage import SimContext
-from drivers.virtual.plugged import VirtualDevice
+from drivers.sim.context import SimContext
+from drivers.virtual.device import VirtualDevice
 
 
 def make(keys: LegsKeys, stage: SimContext) -> VirtualDevice:

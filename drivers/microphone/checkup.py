@@ -7,7 +7,7 @@ from threading import Event
 import numpy as np
 
 from drivers.api.driver import DriverContext, Finding, failure, warning
-from drivers.api.senses import MicrophoneKeys
+from drivers.api.sensor_sections import MicrophoneKeys
 from drivers.api.sensors import Microphone
 from drivers.microphone.make import sound_card
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from drivers.api.driver import Driver
 from drivers.api.keys import KeyDiagnostic, key, keys
-from drivers.api.senses import MicrophoneKeys
+from drivers.api.sensor_sections import MicrophoneKeys
 
 
 @keys

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from drivers.api.driver import DriverContext
-from drivers.api.senses import MicrophoneKeys
-from drivers.microphone.captured import SoundCardMicrophone
+from drivers.api.sensor_sections import MicrophoneKeys
 from drivers.microphone.declared import WavFileKeys
-from drivers.microphone.wav import WavMicrophone
+from drivers.microphone.sound_card import SoundCardMicrophone
+from drivers.microphone.wav_microphone import WavMicrophone
 
 
 def sound_card(keys: MicrophoneKeys, site: DriverContext) -> SoundCardMicrophone:

@@ -12,7 +12,7 @@ from typing import Generic, Protocol, TypeVar
 
 from drivers.api import Health, StatusCallback, ignore
 from drivers.clock import Clock
-from drivers.sim.acts import PersonReply
+from drivers.sim.person_actions import PersonReply
 from drivers.sim.plug import SimulatedPlug
 from drivers.transport.loop import guard_callback
 

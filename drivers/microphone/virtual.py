@@ -10,9 +10,9 @@ from drivers.api import SOUND_RATE, DeviceStatus, Health, Samples, Sound, Speech
 from drivers.clock import Clock
 from drivers.errors import DriverError
 from drivers.microphone.twin import never_deaf
-from drivers.microphone.wav import MAX_KEPT_PIECES, PIECE_SAMPLES, resample
-from drivers.sim.acts import PersonReply
-from drivers.sound.cut import CancelToken
+from drivers.microphone.wav_microphone import MAX_KEPT_PIECES, PIECE_SAMPLES, resample
+from drivers.sim.person_actions import PersonReply
+from drivers.sound.cancel_token import CancelToken
 from drivers.sound.engines import SpeechEngine
 
 NOISE_LEVEL = 25.0

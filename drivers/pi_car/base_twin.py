@@ -3,7 +3,7 @@
 from drivers.base.reckoning import TwoWheels
 from drivers.base.twin import BaseTwin, WheelTwinOdometry, make_wheel_base
 from drivers.pi_car.declared import PiCarKeys
-from drivers.sim.stage import SimContext
+from drivers.sim.context import SimContext
 
 
 def make(keys: PiCarKeys, stage: SimContext) -> BaseTwin:

@@ -2,9 +2,9 @@
 
 from drivers.base.reckoning import TwoWheels
 from drivers.pi_car.declared import PiCarKeys
-from drivers.sim.stage import SimContext
+from drivers.sim.context import SimContext
+from drivers.virtual.device import VirtualDevice, make_virtual_base
 from drivers.virtual.guardian import VirtualCar
-from drivers.virtual.plugged import VirtualDevice, make_virtual_base
 
 
 def make(keys: PiCarKeys, stage: SimContext) -> VirtualDevice:

@@ -2,7 +2,7 @@
 
 from drivers.head.twin import ServoHeadTwin, make_head_twin
 from drivers.pi_car.declared import PiHeadKeys
-from drivers.sim.stage import SimContext
+from drivers.sim.context import SimContext
 
 
 def make(keys: PiHeadKeys, stage: SimContext) -> ServoHeadTwin:

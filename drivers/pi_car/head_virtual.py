@@ -2,9 +2,9 @@
 
 from drivers.head.axis import make_servo_axis
 from drivers.pi_car.declared import PiHeadKeys
-from drivers.sim.stage import SimContext
+from drivers.sim.context import SimContext
+from drivers.virtual.device import VirtualDevice
 from drivers.virtual.guardian import VirtualServos, make_virtual_servos
-from drivers.virtual.plugged import VirtualDevice
 
 
 def make(keys: PiHeadKeys, stage: SimContext) -> VirtualDevice:  # noqa: ARG001

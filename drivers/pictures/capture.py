@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.api import CameraFrame, DeviceStatus, Health, Image, StatusCallback
-from drivers.api.quick import dataclass
-from drivers.api.turn import UPRIGHT, ImageOrientation
+from drivers.api.fast_dataclass import dataclass
+from drivers.api.image_orientation import UPRIGHT, ImageOrientation
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
 from drivers.pictures.decode import NO_PICTURE, SKIPPED_PICTURE

@@ -6,15 +6,15 @@ from math import atan2, cos, inf, isfinite, remainder, sin, tau
 from typing import Any
 
 from drivers.api import BaseLimits, BaseState, DeviceStatus, Lamp, Pose2D, Sides, Tune, Velocity
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.base import motion_fault
 from drivers.base.diff_drive import DiffDriveProtocol, DiffDriveTiming, ParsedReports
 from drivers.base.gyro_bias import GyroBias
 from drivers.base.progress_monitor import REACTION_TIME, SentVelocities
 from drivers.clock import Clock
 from drivers.ros2 import wire
-from drivers.ros2.line import TopicChannel, absent_error
 from drivers.ros2.node import TopicFaults, topic_hint
+from drivers.ros2.topic_port import TopicChannel, absent_error
 from drivers.ros2.types import MalformedMessage, types
 
 # What a Create 3 (TurtleBot 4) and a TurtleBot 3 say and take besides velocities: contacts, docks, lights, sounds.

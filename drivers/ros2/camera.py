@@ -12,8 +12,8 @@ from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.pictures.decode import MAX_PIXELS, SKIPPED_PICTURE, decode_picture
 from drivers.ros2 import wire
-from drivers.ros2.line import GetNode, TopicChannel, TopicPort, absent_error
 from drivers.ros2.node import TopicFaults, topic_hint
+from drivers.ros2.topic_port import GetNode, TopicChannel, TopicPort, absent_error
 from drivers.ros2.types import MalformedMessage, types
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")

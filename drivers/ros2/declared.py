@@ -9,7 +9,7 @@ from drivers.api.driver import Driver
 from drivers.api.joints import JointLimits
 from drivers.api.keys import KeyDiagnostic, key, keys
 from drivers.api.sections import ArmKeys, AxisKeys, BaseKeys, HeadKeys, RangeKeys, Ros2Keys, VoiceKeys
-from drivers.api.senses import CameraKeys
+from drivers.api.sensor_sections import CameraKeys
 from drivers.ros2 import wire
 
 JOINT_PLACEHOLDER = "{joint}"

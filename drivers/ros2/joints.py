@@ -20,12 +20,9 @@ from drivers.api.joints import ActiveCouplings, qualified_joint_name
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.joints.progress import HINT, JointProgress
-from drivers.joints.refusals import check_couplings, check_move, check_names
+from drivers.joints.request_checks import check_couplings, check_move, check_names
 from drivers.ros2 import wire
-from drivers.ros2.line import TopicChannel, absent_error
-from drivers.ros2.node import TopicFaults, topic_hint
-from drivers.ros2.types import MalformedMessage, types
-from drivers.ros2.ways import (
+from drivers.ros2.joint_topics import (
     JOINT_STATE,
     MIN_SPEED,
     NO_TORQUE_OFF,
@@ -39,6 +36,9 @@ from drivers.ros2.ways import (
     TopicJointLimits,
     command_frames,
 )
+from drivers.ros2.node import TopicFaults, topic_hint
+from drivers.ros2.topic_port import TopicChannel, absent_error
+from drivers.ros2.types import MalformedMessage, types
 from drivers.transport.link import SerialLink
 from drivers.transport.loop import guard_callback
 from drivers.transport.reconnect import LatchingPart, ReconnectTracker

@@ -5,11 +5,11 @@ from collections.abc import Collection, Mapping
 from drivers.api import DeviceStatus, ReconnectPolicy, StatusCallback, ignore
 from drivers.clock import Clock
 from drivers.ros2.declared import Ros2ArmKeys, Ros2HeadKeys
+from drivers.ros2.joint_topics import NO_TORQUE_OFF, NO_TORQUE_OFF_HINT, RUNAWAY_HINT, RUNAWAY_NOTICE, TopicJoint
 from drivers.ros2.make import arm_joints, head_joints, joint_axis
-from drivers.ros2.ways import NO_TORQUE_OFF, NO_TORQUE_OFF_HINT, RUNAWAY_HINT, RUNAWAY_NOTICE, TopicJoint
 from drivers.servos.joint import JointSpec
 from drivers.servos.twin import JointsTwin, NeckTwin
-from drivers.sim.stage import SimContext
+from drivers.sim.context import SimContext
 
 STAND_IN_MODEL = "XL330-M077"
 """A servo that is quicker than any joint, and turns all the way round, to stand for whatever motor there is."""

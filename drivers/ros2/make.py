@@ -38,14 +38,14 @@ from drivers.ros2.declared import (
     ZenohKeys,
 )
 from drivers.ros2.graph import Ros2Graph
+from drivers.ros2.joint_topics import TopicJoint, joint_channels
 from drivers.ros2.joints import TopicJoints
-from drivers.ros2.line import TopicChannel, absent_error, make_link
 from drivers.ros2.node import TopicFaults
 from drivers.ros2.ranger import LASER_SCAN, Ros2Ranger
 from drivers.ros2.session import zenoh_access
+from drivers.ros2.topic_port import TopicChannel, absent_error, make_link
 from drivers.ros2.types import types
-from drivers.ros2.ways import TopicJoint, joint_channels
-from drivers.sound.printed import PrintedVoice
+from drivers.sound.printed_voice import PrintedVoice
 from drivers.transport.link import SerialLink
 
 # A voice of a robot of ROS 2: each text goes to a topic in its turn, for whoever speaks there.

@@ -12,8 +12,8 @@ from drivers.api.measures import Ranges
 from drivers.base.scan_mounting import Place, Sector
 from drivers.clock import Clock
 from drivers.ros2 import wire
-from drivers.ros2.line import TopicChannel, absent_error
 from drivers.ros2.node import TopicFaults, topic_hint
+from drivers.ros2.topic_port import TopicChannel, absent_error
 from drivers.ros2.types import MalformedMessage, types
 from drivers.transport.link import SerialLink
 from drivers.transport.loop import guard_callback

@@ -14,7 +14,7 @@ from drivers.api.ros2 import GoalState, Progress
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
 from drivers.ros2 import wire
-from drivers.ros2.actions import UNKNOWN_GOAL, decode_result, failure_reason
+from drivers.ros2.action_server import UNKNOWN_GOAL, decode_result, failure_reason
 from drivers.ros2.node import Ros2Node
 from drivers.ros2.publisher import ReplyHandler
 from drivers.ros2.types import MalformedMessage, types

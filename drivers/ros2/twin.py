@@ -15,15 +15,15 @@ from drivers.base.twin import BaseTwin, WheelTwinOdometry, make_wheel_base
 from drivers.base.twin import make as make_twin
 from drivers.clock import Clock
 from drivers.errors import BadRequest, DriverError, NotConnected
-from drivers.ros2.actions import failure_reason
+from drivers.ros2.action_server import failure_reason
 from drivers.ros2.declared import Ros2BaseKeys, Ros2RangeKeys, ZenohKeys
 from drivers.ros2.requests import GOAL_STATES
+from drivers.sim.context import SimContext
 from drivers.sim.navigator import NO_PROGRESS_ERROR, Navigator
 from drivers.sim.plug import SimulatedPlug
 from drivers.sim.scanner import make_range_function
-from drivers.sim.stage import SimContext
-from drivers.sim.things import BackupLimit
 from drivers.sim.world import SimulatedWorld
+from drivers.sim.world_objects import BackupLimit
 
 MAX_WHEEL_SPEED = 100.0
 """m/s, which no wheel turns: its limits are those of its section."""

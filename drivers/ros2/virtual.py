@@ -12,7 +12,7 @@ from drivers.api import BASE_RADIUS, ZERO_VELOCITY, HeadPose, Image, Pose2D, Vel
 from drivers.clock import Clock
 from drivers.pictures.capture import unturn_image
 from drivers.ros2 import wire
-from drivers.ros2.actions import CANCELLING, SUCCEEDED, ActionGoal, ActionServer, ignore_cancel
+from drivers.ros2.action_server import CANCELLING, SUCCEEDED, ActionGoal, ActionServer, ignore_cancel
 from drivers.ros2.declared import (
     Ros2ArmKeys,
     Ros2AxisKeys,
@@ -23,22 +23,22 @@ from drivers.ros2.declared import (
     ZenohKeys,
 )
 from drivers.ros2.graph import NAVIGATE_THROUGH_POSES, NAVIGATE_TO_POSE, TF
-from drivers.ros2.line import TopicChannel
 from drivers.ros2.make import arm_joints, base_topics, head_joints, ros_domain
 from drivers.ros2.node import Ros2Node
 from drivers.ros2.publisher import Publisher
 from drivers.ros2.session import ZenohAccess, open_session
+from drivers.ros2.topic_port import TopicChannel
 from drivers.ros2.types import types
 from drivers.ros2.virtual_joints import VirtualJoints
 from drivers.ros2.virtual_topics import VirtualPictures, VirtualRos2Base, VirtualScan, VirtualTopics
+from drivers.sim.context import SimContext
 from drivers.sim.navigator import ABORTED, NO_PROGRESS_ERROR, Navigator
 from drivers.sim.render import Renderer
 from drivers.sim.scanner import make_range_function
-from drivers.sim.stage import SimContext
-from drivers.sim.things import DOCK_SIZE, BackupLimit, WorldDock
 from drivers.sim.viewpoint import PinholeLens
 from drivers.sim.world import SimulatedWorld
-from drivers.virtual.plugged import VirtualDevice
+from drivers.sim.world_objects import DOCK_SIZE, BackupLimit, WorldDock
+from drivers.virtual.device import VirtualDevice
 
 # A stand-in for Nav2 and a Create 3's docking as ROS 2 sees them: actions that drive a virtual base, and its place.
 

@@ -6,10 +6,10 @@ from math import inf
 from typing import Any
 
 from drivers.ros2 import wire
-from drivers.ros2.line import TopicChannel
+from drivers.ros2.joint_topics import ARRAY, JOINT_STATE, SINGLE, TRAJECTORY, TopicJoint, joint_channels
+from drivers.ros2.topic_port import TopicChannel
 from drivers.ros2.types import MalformedMessage, types
 from drivers.ros2.virtual_topics import VirtualTopics
-from drivers.ros2.ways import ARRAY, JOINT_STATE, SINGLE, TRAJECTORY, TopicJoint, joint_channels
 from drivers.sim.servo import Shaft
 
 STATE_INTERVAL = 0.02

@@ -13,10 +13,10 @@ from drivers.base.reckoning import Reckoning
 from drivers.ros2 import base, wire
 from drivers.ros2.base import COMMAND_TOPICS, TOPIC_TYPES
 from drivers.ros2.camera import IMAGES
-from drivers.ros2.line import ROUTER_PORT, TopicChannel
 from drivers.ros2.ranger import LASER_SCAN
+from drivers.ros2.topic_port import ROUTER_PORT, TopicChannel
 from drivers.ros2.types import MalformedMessage, types
-from drivers.sim.body import NO_SIDES, BaseBody, merge_sides
+from drivers.sim.base_body import NO_SIDES, BaseBody, merge_sides
 from drivers.sim.scanner import RangeFunction
 from drivers.sim.wheels import DelayLine
 

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 from drivers.api.driver import DriverContext, Finding, failure, warning
-from drivers.api.probing import ProbeRequest
-from drivers.finding.asking import ExclusivePort
+from drivers.api.probe import ProbeRequest
+from drivers.finding.port_probe import ExclusivePort
 from drivers.rplidar import wire
 from drivers.rplidar.declared import RPLidarKeys
 

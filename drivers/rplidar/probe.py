@@ -2,7 +2,7 @@
 
 from collections.abc import Generator
 
-from drivers.api.probing import ProbeRequest, ProbeResult
+from drivers.api.probe import ProbeRequest, ProbeResult
 from drivers.rplidar import wire
 
 BAUD_RATES = (wire.BAUD, 256_000)

@@ -3,8 +3,8 @@
 from drivers.base.range_twin import RangerTwin
 from drivers.rplidar.declared import RPLidarKeys
 from drivers.rplidar.models import MODELS
+from drivers.sim.context import SimContext
 from drivers.sim.scanner import make_range_function
-from drivers.sim.stage import SimContext
 from drivers.sim.world import SimulatedWorld
 
 

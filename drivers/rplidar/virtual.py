@@ -15,10 +15,10 @@ from drivers.rplidar.models import MODELS, MOTOR_PWM, SAMPLE_RATE
 from drivers.rplidar.nodes import STEPS_PER_TURN, Nodes, Words
 from drivers.rplidar.session import MIN_EXPRESS_FIRMWARE
 from drivers.rplidar.wire import BAUD, RequestFinder, RPLidarCommand, RPLidarStatus
+from drivers.sim.context import SimContext
 from drivers.sim.scanner import RangeFunction, make_range_function
-from drivers.sim.stage import SimContext
 from drivers.sim.world import SimulatedWorld
-from drivers.virtual.plugged import VirtualDevice
+from drivers.virtual.device import VirtualDevice
 
 SAMPLE_RATES = Struct("<HH")
 """The reply to ``Command.RATES``: microseconds from one measurement to the next, plain and express."""

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.api import Image
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.screen.expression import FaceExpression, TextLayout, layout_text
 
 Point = tuple[float, float]

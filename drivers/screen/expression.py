@@ -6,7 +6,7 @@ from dataclasses import replace
 from math import pi, radians, sin
 
 from drivers.api import Mood, ScreenContent
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 
 # Words below a face: as large as fits, in as many lines as they need, broken at spaces.
 

@@ -6,8 +6,8 @@ from drivers.api import Health, Mood, Screen
 from drivers.api.driver import DriverContext
 from drivers.api.sections import ScreenKeys
 from drivers.clock import Clock
+from drivers.screen.base_screen import BaseScreen
 from drivers.screen.declared import PageKeys
-from drivers.screen.kept import BaseScreen
 from drivers.screen.pages import PageScreen
 from drivers.transport.loop import guard_callback
 

@@ -13,9 +13,9 @@ from threading import Event, Thread
 
 from drivers.api import DeviceStatus, Health, Mood, ScreenContent, StatusCallback, ignore
 from drivers.clock import Clock
+from drivers.screen.base_screen import BaseScreen
 from drivers.screen.drawing import CREAM, HEIGHT, NIGHT, WIDTH, FaceShape, draw_face
 from drivers.screen.expression import FaceExpression, TextLayout, clean_text, face_expression
-from drivers.screen.kept import BaseScreen
 from drivers.screen.server import Document, PageServer
 from drivers.transport.loop import guard_callback
 

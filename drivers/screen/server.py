@@ -16,7 +16,7 @@ from socketserver import BaseRequestHandler, ThreadingTCPServer
 from threading import Event, Lock, Thread
 from typing import Any
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.clock import SystemClock
 
 EVENTS = "/events"
@@ -179,7 +179,7 @@ class PageTcpServer(ThreadingTCPServer):
 
     def finish_request(self, request: Any, client_address: Any) -> None:
         """Answer. What speaks HTTP is loaded for the first browser: it takes longer than all other of a screen."""
-        from drivers.screen.talk import PageRequestHandler  # noqa: PLC0415 - most runs are looked at by none
+        from drivers.screen.request_handler import PageRequestHandler  # noqa: PLC0415 - most runs are looked at by none
 
         PageRequestHandler(request, client_address, self)
 

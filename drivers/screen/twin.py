@@ -2,7 +2,7 @@
 
 from drivers.api import Health, Mood, StatusCallback, ignore
 from drivers.clock import Clock
-from drivers.screen.kept import BaseScreen
+from drivers.screen.base_screen import BaseScreen
 from drivers.sim.plug import SimulatedPlug
 
 

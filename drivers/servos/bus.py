@@ -4,12 +4,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import islice
 from typing import Literal, NamedTuple
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.errors import BadRequest, NoReply
-from drivers.servos.channel import ServoTransport
 from drivers.servos.codec import Codec, ExpectedReply, KeptSettings, ServoReply
 from drivers.servos.models import find_model
 from drivers.servos.register import Register, RegisterBlock
+from drivers.servos.transport import ServoTransport
 from drivers.servos.units import Protocol, protocol_label, protocol_name
 from drivers.servos.wire import BROADCAST, REFUSAL_FAULTS, Packet, ServoFault
 

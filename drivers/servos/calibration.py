@@ -16,7 +16,7 @@ from pathlib import Path
 from stat import S_ISREG
 from types import MappingProxyType
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.errors import BadRequest
 from drivers.servos.models import MODELS
 from drivers.servos.register import Register

@@ -6,8 +6,8 @@ from drivers.api.driver import DriverContext, Finding, failure, warning
 from drivers.errors import BadRequest, NoReply
 from drivers.servos.bus import ServoBus
 from drivers.servos.declared import DynamixelKeys
-from drivers.servos.joining import diagnose_no_reply, find_mismatch
 from drivers.servos.joint import OVERVOLTAGE_FACTOR, Joint
+from drivers.servos.joint_setup import diagnose_no_reply, find_mismatch
 from drivers.servos.make import REPLY_TIMEOUT, VIRTUAL_REPLY_TIMEOUT, joint_specs
 from drivers.servos.models import MODELS, find_model
 

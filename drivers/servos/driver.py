@@ -25,16 +25,16 @@ from drivers.api import (
 )
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
-from drivers.joints.refusals import check_couplings, check_move, check_names
-from drivers.servos.attention import RESTING_INTERVAL, PollSchedule
+from drivers.joints.request_checks import check_couplings, check_move, check_names
 from drivers.servos.bus import ServoBus
-from drivers.servos.commanded import JointCouplings, ServoJoints
 from drivers.servos.joint import Joint, JointSpec, check_joints
 from drivers.servos.models import MODELS
-from drivers.servos.pace import RoundSchedule
-from drivers.servos.telling import SHUTDOWN_HINT
+from drivers.servos.monitor import CONFIRMATION_TIMEOUT, JointMonitor
+from drivers.servos.poll_rate import RESTING_INTERVAL, PollSchedule
+from drivers.servos.round_schedule import RoundSchedule
+from drivers.servos.servo_joints import JointCouplings, ServoJoints
+from drivers.servos.status_report import SHUTDOWN_HINT
 from drivers.servos.torque import hold_or_relax, recover_joints, release_attempts, send_setpoints, start_motion
-from drivers.servos.watch import CONFIRMATION_TIMEOUT, JointMonitor
 from drivers.transport.adapter import latency_timer_path
 from drivers.transport.loop import LoopFactory, ThreadLoop, guard_callback
 
@@ -102,7 +102,7 @@ class DynamixelJoints(ServoJoints):
     """The joints of an arm. It owns ``bus``: opens it, and closes it at the end.
 
     ``rate`` (Hz) is how often those joints are read that lead or follow, as far as the wire allows; others as often as
-    ``drivers.servos.attention`` says. Callbacks are called mostly from the driver's thread, which ``loop`` makes.
+    ``drivers.servos.poll_rate`` says. Callbacks are called mostly from the driver's thread, which ``loop`` makes.
     Raises BadRequest for joints that cannot be, all faults in one message.
     """
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Generator
 
-from drivers.api.probing import ProbeRequest, ProbeResult
+from drivers.api.probe import ProbeRequest, ProbeResult
 from drivers.servos.probe import probe_servos
 
 FACTORY_BAUD_RATES = (1_000_000,)

@@ -15,11 +15,11 @@ from collections.abc import Iterator
 from dataclasses import field
 from math import inf
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.errors import BadRequest, DeviceFault, NoReply
 from drivers.servos.bus import ServoAddress, ServoBus, ServoIdentity
-from drivers.servos.channel import SECOND_REPLY_DELAY
 from drivers.servos.models import ServoModel, find_model
+from drivers.servos.transport import SECOND_REPLY_DELAY
 
 FULL_READS = 10
 """Reads of the whole table: of two servos that reply by turns, one alone is seen in 1 of 512 proofs."""

@@ -8,7 +8,7 @@ from dataclasses import field
 from math import inf, isfinite, radians
 
 from drivers.api import JointLimits, JointState, Quality, Reading
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.errors import BadRequest
 from drivers.joints.progress import JointProgress
 from drivers.servos import wire, wire2

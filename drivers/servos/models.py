@@ -11,7 +11,7 @@ from math import radians
 from types import MappingProxyType
 from typing import Literal
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.servos.names_sts import NAMES, SCS_NAMES
 from drivers.servos.register import ControlTable, Register
 from drivers.servos.tables import (

@@ -9,7 +9,7 @@ from collections.abc import Generator, Mapping, Sequence
 from itertools import chain
 from struct import unpack_from
 
-from drivers.api.probing import BusDevice, ProbeRequest, ProbeResult
+from drivers.api.probe import BusDevice, ProbeRequest, ProbeResult
 from drivers.servos.codec import CODECS, Codec, ServoReply
 from drivers.servos.models import find_model
 from drivers.servos.register import RegisterBlock

@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from enum import Enum
 from typing import Literal, NamedTuple
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.errors import BadRequest
 
 

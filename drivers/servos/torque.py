@@ -10,10 +10,10 @@ from contextlib import suppress
 from drivers.api import Quality, Reading
 from drivers.clock import Clock
 from drivers.errors import BadRequest, DriverError, NoReply, NotConnected
-from drivers.servos.attention import is_in_motion
 from drivers.servos.bus import ServoBus
 from drivers.servos.joint import Joint
-from drivers.servos.legs import approach_speed, hold_position, next_setpoint
+from drivers.servos.poll_rate import is_in_motion
+from drivers.servos.setpoint_lookahead import approach_speed, hold_position, next_setpoint
 from drivers.servos.units import Protocol
 
 MAX_MOVING_READING_AGE = 0.06

@@ -19,20 +19,20 @@ from drivers.api import (
 from drivers.api.joints import ActiveCouplings
 from drivers.clock import Clock
 from drivers.head.joints_head import JointsHead
-from drivers.joints.refusals import check_couplings, check_move, check_names
-from drivers.servos.commanded import ServoJoints
+from drivers.joints.request_checks import check_couplings, check_move, check_names
 from drivers.servos.declared import DynamixelKeys, NeckKeys
 from drivers.servos.driver import STALE_AFTER
 from drivers.servos.joint import Joint, JointSpec, check_joints
-from drivers.servos.legs import approach_speed, lookahead_distance
 from drivers.servos.make import joint_axis as neck_axis
 from drivers.servos.make import joint_specs
 from drivers.servos.models import MODELS
-from drivers.servos.telling import SHUTDOWN_HINT
+from drivers.servos.servo_joints import ServoJoints
+from drivers.servos.setpoint_lookahead import approach_speed, lookahead_distance
+from drivers.servos.status_report import SHUTDOWN_HINT
 from drivers.servos.wire import ServoFault
+from drivers.sim.context import SimContext
 from drivers.sim.plug import SimulatedPlug
 from drivers.sim.servo import FRICTION_TORQUE, Shaft
-from drivers.sim.stage import SimContext
 
 # One simulated servo of an arm: a shaft that turns, stiff, limp or shut down, in the angles of its joint.
 

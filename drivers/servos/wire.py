@@ -13,7 +13,7 @@ from enum import IntEnum, IntFlag
 from functools import lru_cache
 from typing import ClassVar, Final
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 
 HEADER = b"\xff\xff"
 BROADCAST = 0xFE

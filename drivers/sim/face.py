@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from drivers.sim.looks import Appearance
+from drivers.sim.appearances import Appearance
 from drivers.sim.room import Colour
 
 # A transparent sheet to paint soft shapes on, one pixel to the millimetre.

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.api import Camera, CameraFrame, Health, Image
-from drivers.sim.block import Solid
 from drivers.sim.room import Colour, Fixture, Room, WallName
-from drivers.sim.things import Edge
+from drivers.sim.solids import Solid
 from drivers.sim.viewpoint import PinholeLens, Viewpoint
+from drivers.sim.world_objects import Edge
 
 # A fixed camera made to pan and tilt: its pictures turned as a moving head would have seen them.
 #

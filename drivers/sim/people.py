@@ -7,10 +7,10 @@ from itertools import accumulate, groupby, pairwise
 from math import atan2, cos, dist, hypot, isfinite, pi, radians
 
 from drivers.errors import BadRequest
-from drivers.sim.acts import Facing, PersonAction, ScheduledAction, eye_drop
-from drivers.sim.block import UprightCylinder
-from drivers.sim.looks import APPEARANCES
+from drivers.sim.appearances import APPEARANCES
+from drivers.sim.person_actions import Facing, PersonAction, ScheduledAction, eye_drop
 from drivers.sim.room import Room
+from drivers.sim.solids import UprightCylinder
 
 # Going along waypoints: where somebody is at any time, and which way they go.
 
@@ -90,7 +90,7 @@ _MIN_FACE_COSINE = cos(radians(60.0))  # of the angle by which somebody is turne
 class Person:
     """Somebody who stands at (x, y), or walks from there along a path.
 
-    ``look`` names one of the drawn people in ``drivers.sim.looks.APPEARANCES``; ``height`` is that of the eyes above the
+    ``look`` names one of the drawn people in ``drivers.sim.appearances.APPEARANCES``; ``height`` is that of the eyes above the
     floor, in metres. ``facing`` is an angle about z in radians, ``camera``: always turned to whoever looks, or
     ``away``: always turned from them.
     From ``start`` seconds on the person walks through the waypoints of ``path`` (x, y in metres) at ``speed`` m/s;

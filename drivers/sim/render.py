@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.api import Image
-from drivers.sim.block import Point3, UprightBox, UprightCylinder
+from drivers.sim.appearances import APPEARANCES, Appearance
 from drivers.sim.face import (
     Points,
     Sprite,
@@ -23,13 +23,13 @@ from drivers.sim.face import (
     paint_hair_behind,
     paint_head,
 )
-from drivers.sim.looks import APPEARANCES, Appearance
 from drivers.sim.painter import NEAR_PLANE, Floats, Painter, hole_panels, room_panels, shade_colour
 from drivers.sim.people import Presence
 from drivers.sim.room import Colour
-from drivers.sim.things import MARKER_SIZE, Rover, Wall, WorldBall, WorldBox
+from drivers.sim.solids import Point3, UprightBox, UprightCylinder
 from drivers.sim.viewpoint import PinholeLens, Viewpoint
 from drivers.sim.world import SimulatedWorld
+from drivers.sim.world_objects import MARKER_SIZE, Rover, Wall, WorldBall, WorldBox
 
 # Hangs flat painted sheets in a picture, in true perspective: people, balls, markers.
 

@@ -6,8 +6,8 @@ from math import cos, inf, sin
 import numpy as np
 
 from drivers.api import Angles, Pose2D
-from drivers.sim.block import UprightBox, UprightCylinder
 from drivers.sim.room import Room
+from drivers.sim.solids import UprightBox, UprightCylinder
 from drivers.sim.world import SENSOR_HEIGHT, SimulatedWorld
 
 RangeFunction = Callable[[Angles, float], Angles]

@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.api import BASE_RADIUS, Image, Pose2D
-from drivers.sim.block import UprightBox
-from drivers.sim.looks import APPEARANCES
+from drivers.sim.appearances import APPEARANCES
 from drivers.sim.people import BODY_RADIUS, FloorPosition, Presence
 from drivers.sim.room import Colour
-from drivers.sim.things import Rover, WorldBall, WorldBox
+from drivers.sim.solids import UprightBox
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import SimulatedWorld
+from drivers.sim.world_objects import Rover, WorldBall, WorldBox
 
 _BACKGROUND: Colour = (236, 236, 232)
 _FLOOR: Colour = (250, 248, 242)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import atan, cos, hypot, sin, tan
 
 from drivers.api import Pose2D
-from drivers.sim.block import Point3
+from drivers.sim.solids import Point3
 
 Matrix3 = tuple[Point3, Point3, Point3]
 """A matrix (3, 3), row by row."""

@@ -8,11 +8,11 @@ from math import atan2, cos, hypot, inf, pi, sin
 
 from drivers.api import Pose2D
 from drivers.errors import BadRequest
-from drivers.sim.acts import ActionSchedule, PersonReply, RobotUtterance
-from drivers.sim.block import Point3, Solid
 from drivers.sim.people import EARSHOT, FloorPosition, Person, Presence
+from drivers.sim.person_actions import ActionSchedule, PersonReply, RobotUtterance
 from drivers.sim.room import Room
-from drivers.sim.things import Edge, Rover, Wall, WorldBall, WorldBox, WorldDock
+from drivers.sim.solids import Point3, Solid
+from drivers.sim.world_objects import Edge, Rover, Wall, WorldBall, WorldBox, WorldDock
 
 # The light in a simulated world, and how it changes with time.
 
@@ -76,7 +76,7 @@ SENSOR_HEIGHT = 0.2
 
 @dataclass(frozen=True, slots=True)
 class SimulatedWorld:
-    """Everything that a simulated robot can see, hear and bump into; meets ``drivers.sim.things.Ground``.
+    """Everything that a simulated robot can see, hear and bump into; meets ``drivers.sim.world_objects.Ground``.
 
     A value, but for what has been said in it: ``deliver_speech`` adds to that, and people do what it makes them do. So what the
     world is like is a function of the time and of what was said. ``light`` is 1 in daylight, 0.25 for a quarter of it.

@@ -8,11 +8,11 @@ from drivers.api import DeviceStatus, SpeechStyle, StatusCallback, ignore
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, NoReply
 from drivers.extras import extra_hint
-from drivers.sound.cut import CancelToken
-from drivers.sound.partner import WorkerClient
-from drivers.sound.program import Speech, make_request, parse_speech, run_program
-from drivers.sound.spoken import WORDS_PER_MINUTE, espeak_name, speaking_timeout
-from drivers.transport.pipe import Message, WorkerProcess
+from drivers.sound.cancel_token import CancelToken
+from drivers.sound.speech_programs import Speech, make_request, parse_speech, run_program
+from drivers.sound.utterances import WORDS_PER_MINUTE, espeak_name, speaking_timeout
+from drivers.sound.worker_client import WorkerClient
+from drivers.transport.worker_process import Message, WorkerProcess
 
 WORKER_PROGRAM = Path(__file__).with_name("espeak_worker.py")
 

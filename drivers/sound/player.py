@@ -9,10 +9,10 @@ from drivers.api import DeviceStatus, StatusCallback, ignore
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NoReply
 from drivers.extras import extra_hint
-from drivers.sound.cut import CancelToken
-from drivers.sound.partner import WorkerClient
-from drivers.sound.program import Speech, split_sound
-from drivers.transport.pipe import Message, WorkerProcess
+from drivers.sound.cancel_token import CancelToken
+from drivers.sound.speech_programs import Speech, split_sound
+from drivers.sound.worker_client import WorkerClient
+from drivers.transport.worker_process import Message, WorkerProcess
 
 WORKER_PROGRAM = Path(__file__).with_name("sound_worker.py")
 

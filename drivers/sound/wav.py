@@ -9,7 +9,7 @@ from pathlib import Path
 from struct import Struct
 from typing import BinaryIO
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.errors import BadRequest
 
 PCM, MS_ADPCM, FLOAT, A_LAW, MU_LAW, IMA_ADPCM, EXTENSIBLE = 1, 2, 3, 6, 7, 0x11, 0xFFFE
@@ -22,7 +22,7 @@ ENCODING_NAMES = {
 """Names of encodings, for people."""
 
 SAMPLE_WIDTHS = {PCM: (1, 2, 3, 4), FLOAT: (4, 8), A_LAW: (1,), MU_LAW: (1,)}
-"""Bytes a sample may have, by the encodings that are decoded to be listened to (``drivers.microphone.wav``)."""
+"""Bytes a sample may have, by the encodings that are decoded to be listened to (``drivers.microphone.wav_microphone``)."""
 
 _CHUNK, _FORMAT, _SIZES = Struct("<4sI"), Struct("<HHIIHH"), Struct("<QQ")
 _GUID_TAIL = bytes.fromhex("000000001000800000aa00389b71")

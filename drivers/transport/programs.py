@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 
 # Advice for a device that the user may not open: the group to join, or what gives the right where no group does.
 

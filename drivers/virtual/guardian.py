@@ -7,11 +7,11 @@ from threading import RLock
 from drivers.api import HeadPose, Pose2D
 from drivers.base.reckoning import TwoWheels
 from drivers.head.axis import ServoAxis
-from drivers.sim.body import BaseBody
+from drivers.sim.base_body import BaseBody
 from drivers.sim.servo import SERVO_SPEED, Shaft
 from drivers.transport import guardian_wire
 from drivers.transport.guardian import ActuatorGuardian, GuardianServos, GuardianWheels
-from drivers.virtual.plugged import VirtualDevice
+from drivers.virtual.device import VirtualDevice
 
 
 class VirtualGuardian(ABC):

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from drivers.api.driver import DriverContext, Finding, warning
 from drivers.extras import extra_hint
-from drivers.sound.printed import PrintedVoice
+from drivers.sound.printed_voice import PrintedVoice
 from drivers.voice.declared import SpeechKeys
 from drivers.voice.speech import auto
 

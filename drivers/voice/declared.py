@@ -9,7 +9,7 @@ from drivers.api.keys import KeyDiagnostic, key, keys
 from drivers.api.sections import VoiceKeys
 
 PLACEHOLDERS = ("voice", "language", "name", "speed", "volume")
-"""What stands in braces in a command and is filled in, as drivers.sound.program knows it."""
+"""What stands in braces in a command and is filled in, as drivers.sound.speech_programs knows it."""
 
 
 @keys

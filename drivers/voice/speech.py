@@ -18,15 +18,15 @@ from drivers.api import (
     ignore,
 )
 from drivers.api.driver import DriverContext
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.sections import VoiceKeys
 from drivers.clock import Clock
 from drivers.errors import BadRequest, DeviceFault, DriverError, NotConnected
-from drivers.sound.cut import CancelToken
+from drivers.sound.cancel_token import CancelToken
 from drivers.sound.engines import EspeakEngine, PiperEngine, SpeechEngine
 from drivers.sound.player import SoundPlayer
-from drivers.sound.program import KNOWN_PROGRAMS, ProgramEngine, Synthesiser, find_synthesiser
-from drivers.sound.spoken import SpokenUtterance, UtteranceQueue, fill_manner, mouth_movement, speaking_time
+from drivers.sound.speech_programs import KNOWN_PROGRAMS, ProgramEngine, Synthesiser, find_synthesiser
+from drivers.sound.utterances import SpokenUtterance, UtteranceQueue, fill_manner, mouth_movement, speaking_time
 from drivers.sound.wav import check_sound_file, sound_duration
 from drivers.transport.loop import guard_callback
 from drivers.voice.declared import SpeechKeys
@@ -260,7 +260,7 @@ def make_voice(
     """Return a voice; ``out`` prints what cannot be heard."""
     engine = _make_engine(settings, clock, report)
     if engine is None:
-        from drivers.sound.printed import PrintedVoice  # noqa: PLC0415 - a voice that is heard prints by itself
+        from drivers.sound.printed_voice import PrintedVoice  # noqa: PLC0415 - a voice that is heard prints by itself
 
         return PrintedVoice(clock, out, default_manner=settings.style, changed=changed)
     player = SoundPlayer(clock, device=settings.device, volume=settings.volume, backend=settings.backend, report=report)

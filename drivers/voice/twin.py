@@ -6,7 +6,7 @@ from pathlib import Path
 from drivers.api import DEFAULT_STYLE, Health, Priority, SpeechStyle, StatusCallback, Utterance, ignore
 from drivers.clock import Clock
 from drivers.sim.plug import SimulatedPlug
-from drivers.sound.printed import PrintedVoice
+from drivers.sound.printed_voice import PrintedVoice
 
 
 class VoiceTwin(PrintedVoice):

@@ -2,7 +2,7 @@
 
 from drivers.base.reckoning import TwoWheels
 from drivers.base.twin import BaseTwin, WheelTwinOdometry, make_wheel_base
-from drivers.sim.stage import SimContext
+from drivers.sim.context import SimContext
 from drivers.waveshare.declared import WaveshareKeys
 from drivers.waveshare.wire import MAX_WHEEL_SPEED
 

@@ -6,10 +6,10 @@ from threading import RLock
 
 from drivers.api import Pose2D, Velocity
 from drivers.base.reckoning import TwoWheels
-from drivers.sim.body import BaseBody
-from drivers.sim.stage import SimContext
+from drivers.sim.base_body import BaseBody
+from drivers.sim.context import SimContext
 from drivers.sim.wheels import DelayLine
-from drivers.virtual.plugged import VirtualDevice, make_virtual_base
+from drivers.virtual.device import VirtualDevice, make_virtual_base
 from drivers.waveshare import wire
 from drivers.waveshare.declared import WaveshareKeys
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Generator
 
-from drivers.api.probing import ProbeRequest, ProbeResult
+from drivers.api.probe import ProbeRequest, ProbeResult
 from drivers.witmotion.wire import WitMotionReportFinder
 
 BAUD_RATES = (115_200, 9_600)

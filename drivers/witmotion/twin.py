@@ -2,8 +2,8 @@
 
 from drivers.api import Attitude, Health, Quality, Reading
 from drivers.api.sections import ImuKeys
+from drivers.sim.context import SimContext
 from drivers.sim.plug import SimulatedPlug
-from drivers.sim.stage import SimContext
 
 GRAVITY = 9.81
 

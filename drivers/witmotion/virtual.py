@@ -1,7 +1,7 @@
 """A virtual IMU of WitMotion's: it reports that the robot stands upright, a hundred times a second once it is told."""
 
-from drivers.sim.stage import SimContext
-from drivers.virtual.plugged import VirtualDevice
+from drivers.sim.context import SimContext
+from drivers.virtual.device import VirtualDevice
 from drivers.witmotion import wire
 from drivers.witmotion.declared import WitMotionKeys
 

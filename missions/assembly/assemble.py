@@ -11,9 +11,9 @@ from drivers.api.driver import DriverContext, resolve_name
 from drivers.api.sections import SerialKeys
 from drivers.clock import Clock
 from drivers.transport.ports import require_serial_ports
-from missions.assembly.assembled import AssembledRobot, RunEyes
-from missions.assembly.lags import LearntDelays
-from missions.assembly.together import Hooks, Overrides, make_parts, resolve_maker, with_carriers
+from missions.assembly.assembled_robot import AssembledRobot, RunEyes
+from missions.assembly.learnt_delays import LearntDelays
+from missions.assembly.part_factory import Hooks, Overrides, make_parts, resolve_maker, with_carriers
 from missions.library.folders import state_folder
 
 if TYPE_CHECKING:

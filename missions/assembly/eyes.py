@@ -10,20 +10,20 @@ import cv2
 from config.colours import COLOURS
 from config.robot import Section
 from drivers.api import Base, Camera, DeviceStatus, Head, StatusCallback
-from drivers.api.senses import CameraKeys
+from drivers.api.sensor_sections import CameraKeys
 from drivers.camera.make import make
 from drivers.camera.source import is_live
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from missions.assembly.models import face_detector
-from missions.assembly.together import gaze
+from missions.assembly.part_factory import gaze
 from missions.library.interests import Interests
 from perception.api import Face, Frame, Gaze, Marker, Scene, Sight, Thing, ThingSpec, View, ignore
-from perception.change import MotionSense
 from perception.delay import CameraDelay
 from perception.eyes import Eyes, Vision
-from perception.finder import FaceDetector, FaceFinder
+from perception.face_finder import FaceDetector, FaceFinder
 from perception.identity import FaceRecogniser, NamedFaceSense
+from perception.scene_motion import MotionSense
 from perception.senses import ActiveSenses, FaceSense, Sense
 from perception.tracks import Tracker
 
@@ -185,7 +185,7 @@ def vision(
 
 
 def _things(wanted: tuple[ThingSpec, ...]) -> Sense[Thing]:
-    from perception.spots import ThingSense  # noqa: PLC0415 - most missions look for none
+    from perception.colour_spots import ThingSense  # noqa: PLC0415 - most missions look for none
 
     return ThingSense(wanted, COLOURS)
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from config.things import PersonConfig
+from config.world_items import PersonConfig
 from drivers.api import DeviceStatus, StatusCallback
-from drivers.api.senses import CameraKeys
+from drivers.api.sensor_sections import CameraKeys
 from missions.assembly.models import yunet_file
 from missions.library.interests import Interests
 from missions.library.people import (
@@ -123,7 +123,7 @@ def recogniser(
         return None
     notices = list[DeviceStatus]()
     if camera is None:
-        from missions.assembly.drawn import drawn_gallery  # noqa: PLC0415 - the metal imports no simulation
+        from missions.assembly.drawn_portraits import drawn_gallery  # noqa: PLC0415 - the metal imports no simulation
 
         found = drawn_gallery(drawn, notices.append)
     else:

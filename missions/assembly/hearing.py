@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 from config.robot import Section
 from drivers.api import Device, DeviceStatus, Health, Microphone, StatusCallback, Voice
 from drivers.api.driver import resolve_name
-from drivers.api.senses import MicrophoneKeys
+from drivers.api.sensor_sections import MicrophoneKeys
 from drivers.clock import Clock
-from drivers.transport.pipe import WorkerProcess
-from missions.assembly.duplex import HalfDuplex
-from missions.library.pronouncing import lexicon_for
+from drivers.transport.worker_process import WorkerProcess
+from missions.assembly.half_duplex import HalfDuplex
+from missions.library.pronunciation import lexicon_for
 from perception.api import Hearing as Heard
 from perception.api import Words, ignore
 from perception.hearing.acceptance import load_acceptance

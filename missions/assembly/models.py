@@ -8,11 +8,11 @@ from contextlib import closing
 from pathlib import Path
 from typing import BinaryIO
 
-from drivers.api.quick import dataclass
-from drivers.api.senses import CameraKeys
+from drivers.api.fast_dataclass import dataclass
+from drivers.api.sensor_sections import CameraKeys
 from missions.library.folders import data_folder
-from perception.faces import HaarFaceDetector
-from perception.finder import FaceDetector
+from perception.face_finder import FaceDetector
+from perception.haar_faces import HaarFaceDetector
 
 SERVER_TIMEOUT = 30.0
 """Seconds for which a server may be silent."""

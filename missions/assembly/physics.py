@@ -11,7 +11,7 @@ from drivers.legs.declared import LegsKeys
 from drivers.legs.figure import figure_of
 from drivers.servos.declared import DynamixelKeys
 from drivers.servos.models import motor_physics
-from drivers.sim.rigid.links import Floor, TrunkPush, make_mjcf
+from drivers.sim.rigid.rigid_model import Floor, TrunkPush, make_mjcf
 from drivers.sim.rigid.scene import PhysicsScene
 
 

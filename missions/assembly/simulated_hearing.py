@@ -4,17 +4,17 @@ from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from threading import Event, Lock, Thread
 
-from config.things import PersonConfig
 from config.world import WorldConfig
+from config.world_items import PersonConfig
 from drivers.api import DeviceStatus, Health, SpeechStyle, StatusCallback, Voice
-from drivers.api.senses import MicrophoneKeys
+from drivers.api.sensor_sections import MicrophoneKeys
 from drivers.clock import Clock
 from drivers.extras import extra_hint
 from drivers.microphone.twin import HearingTwin
 from drivers.microphone.virtual import VoicedMicrophone
-from drivers.sim.acts import PersonReply
+from drivers.sim.person_actions import PersonReply
 from drivers.sound.engines import EspeakEngine
-from missions.assembly.duplex import HalfDuplex
+from missions.assembly.half_duplex import HalfDuplex
 from missions.assembly.hearing import MicrophoneEars, make_ears
 from perception.api import Words
 from perception.hearing.grammar import PhraseGrammar

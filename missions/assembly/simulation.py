@@ -12,15 +12,15 @@ from config.world import DEFAULT_NOISE, PhysicsConfig, WorldConfig
 from drivers.api import Camera, HeadPose, Pose2D, ignore
 from drivers.api.driver import resolve_name
 from drivers.clock import Clock
-from drivers.sim.acts import PersonReply
+from drivers.sim.context import SimContext
 from drivers.sim.painter import PannedCamera
-from drivers.sim.rendered import RenderedCamera
-from drivers.sim.stage import SimContext
+from drivers.sim.person_actions import PersonReply
+from drivers.sim.rendered_camera import RenderedCamera
 from drivers.sim.viewpoint import Viewpoint, camera_viewpoint
 from drivers.sim.world import ORIGIN, SimulatedWorld
-from drivers.virtual.plugged import VirtualDevice, VirtualPort
+from drivers.virtual.device import VirtualDevice, VirtualPort
 from drivers.virtual.terminal import PseudoTerminal
-from missions.assembly.together import order_parts
+from missions.assembly.part_factory import order_parts
 from missions.library.worlds import build_physics, build_world
 
 D = TypeVar("D")

@@ -6,14 +6,14 @@ from itertools import chain, product
 from math import atan2, cos, hypot, pi, remainder, sin, tau
 from random import Random
 
-from config.things import PersonConfig
-from drivers.sim.block import Point3, Solid, UprightBox
+from config.world_items import PersonConfig
 from drivers.sim.people import Presence
 from drivers.sim.room import Colour
-from drivers.sim.things import MARKER_SIZE, Rover, WorldBall
-from drivers.sim.things import WorldBox as Crate
+from drivers.sim.solids import Point3, Solid, UprightBox
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import SimulatedWorld
+from drivers.sim.world_objects import MARKER_SIZE, Rover, WorldBall
+from drivers.sim.world_objects import WorldBox as Crate
 from perception.api import ANY, BALL, BOX, Box, Detection, ThingSpec
 from perception.geometry import FACE_WIDTH, Pinhole
 from perception.identity import FaceMatch
@@ -55,7 +55,7 @@ FACE_DROP = 0.03
 """Metres from the eyes down to the middle of a Haar box, which reaches from the hairline to the chin."""
 
 MIN_FACE_WIDTH = 28.0
-"""Pixels of a face's width below which the detector does not see it either (``perception.faces``)."""
+"""Pixels of a face's width below which the detector does not see it either (``perception.haar_faces``)."""
 
 MIN_MARKER_SIDE = 24.0
 """Pixels of a marker's side below which its number cannot be read: 4 for each of its cells."""

@@ -9,7 +9,7 @@ from drivers.base.twin import BaseTwin
 from drivers.camera.twin import CameraTwin
 from drivers.microphone.twin import HearingTwin
 from drivers.screen.twin import ScreenTwin
-from drivers.sim.stage import TrueBase, TrueHead
+from drivers.sim.context import TrueBase, TrueHead
 from drivers.sim.timeline import Timeline
 from drivers.sim.viewpoint import PinholeLens as Lens
 from drivers.sim.viewpoint import Viewpoint, camera_viewpoint

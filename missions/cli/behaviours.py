@@ -12,8 +12,8 @@ from behaviours.leaf import Leaf
 from config.units import UNITS
 from missions.cli.console import console, echo
 from missions.cli.options import folder_behaviour_files
-from missions.language.counts import COUNTS
 from missions.language.nodes import BRANCHES, COMPOSITES, MODIFIERS, OTHER_PARENTS
+from missions.language.parallel_counts import COUNTS
 from missions.language.steps import BESIDE_KEYS
 from missions.language.synonyms import unknown_word_hint
 from missions.library.catalogue import default_text, requirements_text, summary

@@ -7,18 +7,18 @@ from pathlib import Path
 import click
 
 from behaviours.leaf import Leaf
-from config.faults import Diagnostic, InvalidFileError, InvalidInputError, Mark, SourceText
+from config.diagnostics import Diagnostic, InvalidFileError, InvalidInputError, Mark, SourceText
 from config.library import UnknownNameError
-from missions.cli.declared import behaviours_option, params_option
+from missions.cli.default_robot import load_mission_for, load_target, robot_option, robots_for
 from missions.cli.names import MISSION
+from missions.cli.option_declarations import behaviours_option, params_option
 from missions.cli.options import leaf_loader, mission_files_in
-from missions.cli.usual_robot import load_mission_for, load_target, robot_option, robots_for
 from missions.language.claims import impossible_alternatives
 from missions.language.outcomes import actions_as_guards, remembered_guards
 from missions.language.phrases import confusions
+from missions.library.lookups import LOOKUPS
 from missions.library.plugins import find_file_kind, load
 from missions.library.shipped import shipped_missions
-from missions.library.things import LOOKUPS
 
 
 @click.command(epilog="Example: mission check greet patrol")

@@ -185,7 +185,7 @@ class LazyGroup(click.Group):
 
     def suggestion(self, ctx: click.Context, word: str) -> str:
         """Return the words behind ``mission`` that are meant by an unknown ``word``."""
-        from config.faults import closest  # noqa: PLC0415 - as in `guarded`
+        from config.diagnostics import closest  # noqa: PLC0415 - as in `guarded`
 
         return " ".join((*self.path, closest(word, self.list_commands(ctx)) or "--help"))
 

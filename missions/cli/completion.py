@@ -15,7 +15,7 @@ from click.shell_completion import (
     split_arg_string,
 )
 
-from config.reading import save_file
+from config.file_io import save_file
 from missions.cli.outputs import report_write_errors
 from missions.cli.root import COMPLETION_VARIABLE, SUCCESS, mission
 from missions.library.folders import data_folder

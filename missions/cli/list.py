@@ -10,7 +10,7 @@ import click
 from behaviours.joint_ranges import JointRanges
 from config.controller import load_controller
 from config.defaults import unreadable_folders, user_files
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from config.gesture import load_gait, load_gesture
 from config.library import shipped_files
 from config.object import load_object
@@ -19,7 +19,7 @@ from drivers.api.driver import BrokenDriver
 from drivers.api.sections import ArmKeys
 from missions.cli.behaviours import list_behaviours
 from missions.cli.console import echo
-from missions.cli.declared import behaviours_option
+from missions.cli.option_declarations import behaviours_option
 from missions.library.drivers import DriverTable, load_robot
 from missions.library.shipped import MOTIONS, load_mission, shipped_missions
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 import click
 from click.shell_completion import CompletionItem
 
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from config.library import LISTED_KINDS, OWN_ROBOT, SUFFIXES, UnknownNameError, find_file, kinds_of, shipped_files
 
 FILE = "file"
@@ -65,8 +65,8 @@ class ParamsType(click.ParamType[str]):
         # Commands without params need none of this.
         from behaviours.catalogue import LEAVES  # noqa: PLC0415
         from missions.language.document import declared_params  # noqa: PLC0415
+        from missions.library.lookups import LOOKUPS  # noqa: PLC0415
         from missions.library.shipped import find_mission  # noqa: PLC0415
-        from missions.library.things import LOOKUPS  # noqa: PLC0415
 
         # An option that waits for its value ends click's parsing: the arguments are left over, then.
         given = [ctx.params.get("name"), ctx.params.get("mission"), *(ctx.params.get("names") or ()), *ctx.args]
@@ -128,7 +128,7 @@ def _people(robot: str | None) -> Iterable[str]:
 def complete_runs(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Return what runs on this machine, by the numbers of the processes: for `mission stop`."""
     del ctx, param
-    from missions.control.searching import search_runs  # noqa: PLC0415
+    from missions.control.run_search import search_runs  # noqa: PLC0415
 
     found = {each.run: "" if each.holder is None else each.holder.name for each in search_runs().processes}
     return [CompletionItem(number, help=name) for number, name in found.items() if number.startswith(incomplete)]

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import click
 
-from config.editing import rewrite
-from config.reading import save_file
+from config.file_io import save_file
+from config.yaml_edit import rewrite
 from missions.library.folders import state_folder
 
 MIN_FREE_BYTES = 65_536

@@ -124,12 +124,12 @@ def main() -> None:
 
 def run_guarded(work: Callable[[], object]) -> int:
     """Do ``work`` and return the exit code: its own where it gives one, else what its errors mean."""
-    from config.faults import InvalidFileError, InvalidInputError  # noqa: PLC0415 - `mission --help` needs none of this
+    from config.diagnostics import InvalidFileError, InvalidInputError  # noqa: PLC0415 - `mission --help` needs none of this
     from config.library import UnknownNameError  # noqa: PLC0415
     from config.units import quoted_value  # noqa: PLC0415
     from drivers.errors import DriverError  # noqa: PLC0415
     from missions.cli.origin import forget_origin  # noqa: PLC0415
-    from perception.faults import ModelFileError  # noqa: PLC0415
+    from perception.model_files import ModelFileError  # noqa: PLC0415
 
     forget_origin()
     try:

@@ -15,9 +15,9 @@ import click
 
 from config.defaults import load_defaults
 from config.library import OWN_ROBOT
-from drivers.api.quick import dataclass
-from missions.cli.declared import DeclaredCommand, add_options
+from drivers.api.fast_dataclass import dataclass
 from missions.cli.names import MISSION
+from missions.cli.option_declarations import DeclaredCommand, add_options
 from missions.cli.origin import chosen_robot, robot_file
 from missions.cli.running import EXIT_CODES, run
 from missions.cli.session import RunContext

@@ -12,14 +12,14 @@ import click
 from py_trees.common import Status
 
 from behaviours.leaf import Leaf
+from config.file_io import collect_read_files
 from config.library import DEFAULT_ROBOT
-from config.reading import collect_read_files
 from config.units import quantity_text
 from missions.cli.commands import freeze_garbage_collector
 from missions.cli.leash import OUTPUT_CLOSED, stop_with_server, watch_outputs, watch_outputs_each_tick
 from missions.cli.live import RunDisplay
 from missions.cli.options import print_found_files
-from missions.cli.orders import check_people, check_request
+from missions.cli.request_checks import check_people, check_request
 from missions.cli.root import DEVICE, FAILURE, INTERRUPTED, SUCCESS
 from missions.cli.session import RunContext, RunSession
 from missions.executive.executive import Result

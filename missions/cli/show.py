@@ -14,19 +14,19 @@ import click
 from click.core import ParameterSource
 
 from behaviours.catalogue import LEAVES
-from config.faults import closest
+from config.diagnostics import closest
+from config.file_io import PRIVATE_MODE, save_file
 from config.library import DEFAULT_ROBOT, SHEET_SUFFIXES, UnknownNameError, find_file, is_file, kinds_of, shipped_files
-from config.reading import PRIVATE_MODE, save_file
 from missions.cli.behaviours import is_word, show_behaviour
-from missions.cli.declared import behaviours_option, params_option
 from missions.cli.names import ROBOT, SHOWN_NAME
 from missions.cli.numbers import WholeNumber
+from missions.cli.option_declarations import behaviours_option, params_option
 from missions.cli.options import SECONDS, leaf_loader
 from missions.cli.outputs import report_write_errors, written_message
 from missions.library.plugins import find_file_kind, load, service
 from missions.library.shipped import find_mission, load_mission, shipped_missions
-from missions.trees.draw import drawing_of, fold_missions
 from missions.trees.drawing import TreeDrawing, outline, to_json
+from missions.trees.drawing_builder import drawing_of, fold_missions
 from missions.trees.text import dot, mermaid, text_tree
 
 Dump = str | bytes

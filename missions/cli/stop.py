@@ -8,7 +8,7 @@ import click
 
 from missions.cli.names import complete_runs
 from missions.cli.root import FAILURE, SUCCESS
-from missions.control.stopping import send_to_all
+from missions.control.command_broadcast import send_to_all
 
 NO_RUNS = "no mission runs"
 

@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from itertools import islice
 from typing import Annotated, ClassVar, Literal
 
-from config.reading import parse_json
-from drivers.api.quick import dataclass
+from config.file_io import parse_json
+from drivers.api.fast_dataclass import dataclass
 from missions.codec import MAX_INTEGER, Bound, CodecError, Rules, UnknownTagError, decode_tagged, parse
 
 COMMAND_KEY = "do"

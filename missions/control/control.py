@@ -18,10 +18,11 @@ from types import TracebackType
 from typing import Literal, Self
 
 from behaviours.run import log
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.clock import Clock, SystemClock, time_of_day
-from missions.control import abstract, sockets
-from missions.control.audience import IDLE_STATE_INTERVAL, WATCH_NOTHING, Broadcaster, ControlClient
+from missions.control import abstract_sockets, sockets
+from missions.control.clients import IDLE_STATE_INTERVAL, WATCH_NOTHING, Broadcaster, ControlClient
+from missions.control.command_handler import CommandHandler
 from missions.control.commands import (
     BadMessage,
     ClientCommand,
@@ -34,13 +35,11 @@ from missions.control.commands import (
     find_id,
     read_command,
 )
-from missions.control.doing import CommandHandler
 from missions.control.holders import require_stop
 from missions.control.messages import AnswerMessage, RunMessage, RunOverMessage
 from missions.control.notes import RunNotes
-from missions.control.outlet import StateFeed
-from missions.control.pictures import PictureFeed
-from missions.control.places import (
+from missions.control.picture_feed import PictureFeed
+from missions.control.run_folders import (
     CHECK_TIMEOUT,
     FOLDER_TIMEOUT,
     FolderTimeoutError,
@@ -48,6 +47,7 @@ from missions.control.places import (
     call_with_timeout,
     run_folders,
 )
+from missions.control.state_feed import StateFeed
 from missions.control.wheels import WheelArbiter
 from missions.executive.events import Event
 from missions.runner import Runner
@@ -166,12 +166,12 @@ class Endpoint:
 
     def _listen_by_name(self) -> ListeningSocket | None:
         try:
-            name = abstract.make_name(self._run_info.run, "run", simulated=bool(self._run_info.simulated))
+            name = abstract_sockets.make_name(self._run_info.run, "run", simulated=bool(self._run_info.simulated))
             with suppress(OSError):  # an old kernel: that is one way of several
                 self._name_descriptor = (
-                    abstract.hold_name(name) if self._name_descriptor is None else self._name_descriptor
+                    abstract_sockets.hold_name(name) if self._name_descriptor is None else self._name_descriptor
                 )
-            found = abstract.listen(name)
+            found = abstract_sockets.listen(name)
         except OSError as error:
             self._errors.append(f"no abstract control socket: {error.strerror or error}")
             return None

@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager, suppress
 import click
 
 from drivers.errors import DriverError
-from missions.control import abstract
+from missions.control import abstract_sockets
 from missions.control.notes import RunNotes, was_stopped_since
 from missions.control.processes import identity_of
 
@@ -55,8 +55,8 @@ def announce_command(name: str, robot: str, simulated: str = "") -> Iterator[Run
         errors = list[OSError]()
         closing.enter_context(_hold_process_name(simulated=bool(simulated)))
         try:
-            known = abstract.make_name(run, "command", simulated=bool(simulated))
-            closing.callback(abstract.bind_marker(known).close)
+            known = abstract_sockets.make_name(run, "command", simulated=bool(simulated))
+            closing.callback(abstract_sockets.bind_marker(known).close)
         except OSError as error:
             errors.append(error)
         try:
@@ -73,8 +73,8 @@ def _hold_process_name(*, simulated: bool) -> Iterator[None]:
     """Have a command known by a file in memory while this is entered, if the kernel has those: one way of several."""
     with ExitStack() as closing:
         with suppress(OSError):
-            name = abstract.make_name(str(os.getpid()), "command", simulated=simulated)
-            closing.callback(os.close, abstract.hold_name(name))
+            name = abstract_sockets.make_name(str(os.getpid()), "command", simulated=simulated)
+            closing.callback(os.close, abstract_sockets.hold_name(name))
         yield
 
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Annotated, Any, ClassVar, Literal
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from missions.codec import encode_tagged
 from missions.control.commands import CODEC_RULES, Role
 

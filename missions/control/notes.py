@@ -18,11 +18,12 @@ from pathlib import Path
 from threading import Event
 from typing import IO, Any
 
-from config.reading import parse_object, read_regular_text
-from drivers.api.quick import dataclass
+from config.file_io import parse_object, read_regular_text
+from drivers.api.fast_dataclass import dataclass
 from drivers.clock import SystemClock
 from missions.control import sockets
-from missions.control.places import (
+from missions.control.processes import ProcessIdentity, current_namespace, identity_of
+from missions.control.run_folders import (
     FOLDER_TIMEOUT,
     FolderTimeoutError,
     RunFolder,
@@ -30,7 +31,6 @@ from missions.control.places import (
     call_with_timeout,
     run_folders,
 )
-from missions.control.processes import ProcessIdentity, current_namespace, identity_of
 
 # Time of the newest stop of all runs: ends a command that was still loading and that no search could find.
 #

@@ -5,7 +5,7 @@ from math import degrees, radians
 from types import MappingProxyType
 
 from drivers.api import ZERO_VELOCITY, Base, Head, HeadPose, Source, Velocity
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.errors import DriverError, NotConnected
 
 DEFAULT_SPEED_SHARE = 0.5

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from threading import Event
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.clock import SystemClock
 
 POLL_INTERVAL = 0.02

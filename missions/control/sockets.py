@@ -15,10 +15,10 @@ from pathlib import Path
 from threading import Event, Lock
 from typing import Any, Self
 
-from config.reading import parse_object
-from drivers.api.quick import dataclass
+from config.file_io import parse_object
+from drivers.api.fast_dataclass import dataclass
 from drivers.clock import Clock, SystemClock
-from missions.control.places import FOLDER_TIMEOUT, call_with_timeout, run_folders
+from missions.control.run_folders import FOLDER_TIMEOUT, call_with_timeout, run_folders
 
 SOCKET_SUFFIX = ".sock"
 

@@ -8,7 +8,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from behaviours.node import Node, Suspension, sensor_timeout_reason
-from missions.executive.at_once import Parallel, Race
+from missions.executive.parallel import Parallel, Race
 from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Composite
 
 # The reactive composites: they ask their children again from the first at every tick.

@@ -9,7 +9,7 @@ from typing import ClassVar, TextIO
 from py_trees.common import Status
 
 from behaviours.node import Node
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 
 STATUS_WORDS = {
     Status.RUNNING: "running",

@@ -15,13 +15,13 @@ from behaviours.node import Node
 from behaviours.run import DEAD_RECKONING_REASON, RunState
 from config.units import Quantity
 from drivers.api import JointState, Reading
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.kinds import SOUND_KINDS
-from drivers.api.quick import dataclass
-from missions.executive.answers import TickCache
 from missions.executive.events import Ended, Notified, Started, Ticked, VariableSet, status_word
 from missions.executive.guard import BaseGuard
 from missions.executive.stream import EventStream
 from missions.executive.submission import Submission
+from missions.executive.tick_cache import TickCache
 from missions.executive.tick_record import Answer, TickKind, TickRecord
 from missions.language.kinds import STATE_KINDS
 

@@ -8,8 +8,8 @@ from typing import Any, Literal
 
 from behaviours.robot import Robot
 from drivers.api import Device, Health, JointState, Latchable, Reading
+from drivers.api.fast_dataclass import dataclass
 from drivers.api.kinds import KINDS
-from drivers.api.quick import dataclass
 from missions.executive.events import Event, ReflexFired
 
 Level = Literal["OK", "WARN", "ERROR", "STALE"]

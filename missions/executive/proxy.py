@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 from drivers.api import Base, Device, Head, Joints, Sounds
 from drivers.api.marks import CommandMark, ProtocolMember, members
 from drivers.errors import DriverError
-from missions.executive.answers import PartCache, TickCache
+from missions.executive.tick_cache import PartCache, TickCache
 
 CommandValues = Mapping[str, object]
 """A command as an event tells it."""

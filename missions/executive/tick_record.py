@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 
 Question = tuple[str, str, tuple[object, ...]]
 """Of which part, what, with which arguments: ``("head", "pose", ())``."""

@@ -9,7 +9,7 @@ from typing import Final, Self
 
 from behaviours.leaf import Leaf
 from behaviours.run import RunState, log
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.clock import SystemClock
 from drivers.errors import DeviceFault
 from missions.executive.events import FaultRaised

@@ -10,10 +10,11 @@ from pathlib import Path
 from py_trees.common import Status
 
 from behaviours.leaf import Argument, Leaf
-from config.faults import suggest_key
-from config.marked import Listing, Mapping, Node, Scalar
+from config.diagnostics import suggest_key
 from config.units import EXAMPLES, UNITS, Quantity, parse_quantity, quantity_text, quoted_value
+from config.yaml_nodes import Listing, Mapping, Node, Scalar
 from drivers.api.kinds import REPEATABLE_KINDS
+from missions.language.check_context import CheckContext, hole_hint
 from missions.language.expressions import (
     INVALID_VALUE,
     Convert,
@@ -29,7 +30,6 @@ from missions.language.expressions import (
 )
 from missions.language.modifiers import outdent_hint
 from missions.language.nodes import MISSION
-from missions.language.notes import CheckContext, hole_hint
 from missions.language.operators import describe_value
 from missions.language.phrases import PHRASES_KIND as PHRASES
 from missions.language.phrases import read_phrases, second_phrase_hint

@@ -9,14 +9,14 @@ from typing import NamedTuple
 from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import Leaf
 from config.defaults import user_files
-from config.faults import Diagnostic, did_you_mean, suggest_from
+from config.diagnostics import Diagnostic, did_you_mean, suggest_from
 from config.library import shipped_files
 from config.units import with_article
 from drivers.api.kinds import CAPABILITIES, KINDS
-from missions.language.counts import decide_parallel
+from missions.language.check_context import CheckContext, Lookup
 from missions.language.expressions import Value
 from missions.language.nodes import AT_ONCE, COMPOSITES, FAILURE, MODIFIERS
-from missions.language.notes import CheckContext, Lookup
+from missions.language.parallel_counts import decide_parallel
 from missions.language.plan import Step
 
 

@@ -9,24 +9,24 @@ from functools import cache
 from pathlib import Path
 
 from behaviours.leaf import Leaf
-from config.faults import Diagnostic, InvalidFileError, SourceText, did_you_mean
-from config.marked import Mapping as Entries
-from config.marked import compose, read_source
+from config.diagnostics import Diagnostic, InvalidFileError, SourceText, did_you_mean
 from config.units import quoted_value
-from missions.language.body import read_body
+from config.yaml_nodes import Mapping as Entries
+from config.yaml_nodes import compose, read_source
+from missions.language.check_context import CheckContext, Lookup, Vocabulary, find_no_mission
 from missions.language.claims import TargetRobot, check_claims, check_necks, check_needs, check_reach
+from missions.language.definite_assignment import check_assignments
 from missions.language.expressions import Expression, Value
 from missions.language.for_each import check_loop_names, steps_in_scope
+from missions.language.mission_body import read_body
 from missions.language.nodes import MISSION, SWITCHES
-from missions.language.notes import CheckContext, Lookup, Vocabulary, find_no_mission
 from missions.language.outcomes import check_outcomes
 from missions.language.param_types import Param, assign_params, read_params
 from missions.language.phrases import check_phrases, step_phrases
 from missions.language.plan import Plan, Step
-from missions.language.sought import check_objects
 from missions.language.steps import read_step
-from missions.language.unset import check_assignments
 from missions.language.variables import check_kinds
+from missions.language.wanted_objects import check_objects
 
 
 def check_answers(context: CheckContext, tree: Step) -> None:

@@ -12,9 +12,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
-from config.faults import suggest_from
+from config.diagnostics import suggest_from
 from config.units import UNITS, Quantity, dimension_text, example, quoted_value, si_value, unit_of
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.errors import NotConnected
 from missions.language.kinds import (
     CONSTANTS,

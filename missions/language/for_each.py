@@ -3,17 +3,17 @@
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
-from config.faults import suggest_from
-from config.marked import Listing, Mapping, Node, Scalar
+from config.diagnostics import suggest_from
 from config.units import quoted_value, with_article
-from drivers.api.quick import dataclass
+from config.yaml_nodes import Listing, Mapping, Node, Scalar
+from drivers.api.fast_dataclass import dataclass
 from missions.language.arguments import default_value
-from missions.language.counts import entries_as_written
+from missions.language.check_context import CheckContext
 from missions.language.expressions import INVALID_VALUE, Value, format_value
 from missions.language.modifiers import outdent_hint, read_expression
 from missions.language.nodes import AT_ONCE, FOR_EACH, MISSION
-from missions.language.notes import CheckContext
 from missions.language.operators import describe_value
+from missions.language.parallel_counts import entries_as_written
 from missions.language.param_types import list_members, type_of_value
 from missions.language.plan import PlaceholderLeaf, Step
 

@@ -7,10 +7,10 @@ import ast
 import re
 from collections.abc import Callable, Mapping
 
-from config.faults import Diagnostic, Mark, SourceText, suggest_from
-from config.marked import Scalar
+from config.diagnostics import Diagnostic, Mark, SourceText, suggest_from
 from config.units import NUMBER, UNITS, DimensionError, common_dimension, is_unit, parse_quantity
-from drivers.api.quick import dataclass
+from config.yaml_nodes import Scalar
+from drivers.api.fast_dataclass import dataclass
 from missions.language.expressions import Expression, Template, Value, divide_hint, multiply_hint, needs_message
 from missions.language.kinds import (
     CONSTANTS,

@@ -14,7 +14,7 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from config.units import NUMBER, UNITS, DimensionError, Quantity, common_dimension, dimension_text, parse_quantity
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from missions.language.robot_state import ROBOT_STATE
 
 # What an expression may read of a value, behind a dot: fields and properties, but no methods and nothing private.

@@ -4,11 +4,11 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from config.marked import Node, Scalar
 from config.units import quoted_value
+from config.yaml_nodes import Node, Scalar
+from missions.language.check_context import CheckContext
 from missions.language.expressions import INVALID_VALUE, Convert, ExpressionError, Value, as_whole_number, in_si, parse
 from missions.language.nodes import MODIFIERS
-from missions.language.notes import CheckContext
 
 
 def read_modifier(context: CheckContext, word: str, node: Node) -> Value:

@@ -7,7 +7,7 @@ ticked stand in ``missions.executive``, each under the word of its kind.
 from collections.abc import Mapping
 from typing import Literal
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 
 SUCCESS, FAILURE = "success", "failure"
 

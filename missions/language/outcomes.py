@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from config.faults import Diagnostic
-from missions.language.counts import FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL, decide_parallel
+from config.diagnostics import Diagnostic
+from missions.language.check_context import CheckContext
 from missions.language.expressions import INVALID_VALUE, Value
 from missions.language.for_each import ListMembers
 from missions.language.kinds import STATE_KINDS
@@ -18,7 +18,7 @@ from missions.language.nodes import (
     SWITCHES,
     Ends,
 )
-from missions.language.notes import CheckContext
+from missions.language.parallel_counts import FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL, decide_parallel
 from missions.language.plan import UNREAD_KIND, Step
 
 PASS_SUCCESS_MODIFIERS = frozenset(word for word, kind in MODIFIERS.items() if SUCCESS in kind.success and word != "if")

@@ -8,16 +8,16 @@ from dataclasses import replace
 from functools import partial
 
 from behaviours.leaf import REQUIRED, Argument, Leaf
-from config.faults import Diagnostic, InvalidFileError, Mark, SourceText, add_diagnostic, suggest_from
-from config.marked import Listing, Mapping, Node, Plain, Scalar, compose, plain_value
+from config.diagnostics import Diagnostic, InvalidFileError, Mark, SourceText, add_diagnostic, suggest_from
 from config.units import NUMBER, UNITS, Quantity, parse_quantity, quoted_value, with_article
-from drivers.api.quick import dataclass
+from config.yaml_nodes import Listing, Mapping, Node, Plain, Scalar, compose, plain_value
+from drivers.api.fast_dataclass import dataclass
 from missions.language.arguments import TEXT_KINDS, converter, default_value, read_argument
-from missions.language.counts import COUNTS
+from missions.language.check_context import CheckContext
 from missions.language.expressions import INVALID_VALUE, Convert, Value, format_value
 from missions.language.kinds import FLAG, TEXT, Kind, ListKind
 from missions.language.nodes import BRANCHES, FOR_EACH, MISSION, MODIFIERS, SWITCHES
-from missions.language.notes import CheckContext
+from missions.language.parallel_counts import COUNTS
 
 LIST_EXAMPLE = "such as [kitchen, hall]"
 

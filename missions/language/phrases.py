@@ -4,12 +4,12 @@ from dataclasses import replace
 from string import punctuation
 
 from behaviours.leaf import Leaf
-from config.faults import Diagnostic
-from config.marked import Listing, Mapping, Node, Scalar
+from config.diagnostics import Diagnostic
 from config.units import quoted_value
+from config.yaml_nodes import Listing, Mapping, Node, Scalar
+from missions.language.check_context import CheckContext
 from missions.language.claims import TargetRobot
 from missions.language.expressions import INVALID_VALUE, Value
-from missions.language.notes import CheckContext
 from missions.language.plan import Step
 from perception.hearing.grammar import normalise, phrase_error
 

@@ -5,8 +5,8 @@ from dataclasses import field
 from functools import cached_property
 
 from behaviours.leaf import Leaf
-from config.faults import Mark, SourceText
-from drivers.api.quick import dataclass
+from config.diagnostics import Mark, SourceText
+from drivers.api.fast_dataclass import dataclass
 from missions.language.expressions import NameReference, Value
 from missions.language.nodes import MISSION
 from missions.language.robot_state import ROBOT_STATE, state_value

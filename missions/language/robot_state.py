@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

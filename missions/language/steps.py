@@ -7,19 +7,19 @@ from dataclasses import replace
 from pathlib import Path
 
 from behaviours.leaf import Leaf
-from config.faults import InvalidFileError, add_diagnostic, own_words_for, suggest_from
+from config.diagnostics import InvalidFileError, add_diagnostic, own_words_for, suggest_from
 from config.library import kinds_of
-from config.marked import Listing, Mapping, Node, Scalar, compose, read_source
 from config.units import quoted_value, with_article
+from config.yaml_nodes import Listing, Mapping, Node, Scalar, compose, read_source
 from drivers.api.kinds import REPEATABLE_KINDS
 from missions.language.arguments import read_arguments
-from missions.language.body import read_body, read_returns
-from missions.language.counts import COUNTS, arguments_as_written, entries_as_written, read_counts, source_text
+from missions.language.check_context import MAX_DEPTH, MAX_STEPS, CheckContext
 from missions.language.expressions import INVALID_VALUE, Value
 from missions.language.for_each import read_for_each
+from missions.language.mission_body import read_body, read_returns
 from missions.language.modifiers import outdent_hint, read_modifier
 from missions.language.nodes import BRANCHES, COMPOSITES, FOR_EACH, MISSION, MODIFIERS, SWITCHES
-from missions.language.notes import MAX_DEPTH, MAX_STEPS, CheckContext
+from missions.language.parallel_counts import COUNTS, arguments_as_written, entries_as_written, read_counts, source_text
 from missions.language.param_types import Param, find_setters
 from missions.language.plan import UNREAD_KIND, PlaceholderLeaf, Step
 from missions.language.switches import read_switch

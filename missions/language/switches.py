@@ -7,15 +7,15 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 
-from config.faults import Diagnostic, suggest_from
-from config.marked import Mapping, Node, Scalar
+from config.diagnostics import Diagnostic, suggest_from
 from config.units import NUMBER, quoted_value
+from config.yaml_nodes import Mapping, Node, Scalar
 from missions.language.arguments import default_value
+from missions.language.check_context import CheckContext
 from missions.language.expressions import format_value
 from missions.language.inference import kind_of_result
 from missions.language.kinds import FLAG, TEXT, Kind, describe_kind, is_numeric, join_kinds, kind_of_value
 from missions.language.modifiers import outdent_hint, read_expression
-from missions.language.notes import CheckContext
 from missions.language.plan import Step
 
 YES_NO_MEANINGS = {"yes": "true", "on": "true", "no": "false", "off": "false"}

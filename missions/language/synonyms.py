@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping
 from difflib import SequenceMatcher
 
 from behaviours.leaf import Leaf
-from config.faults import alternatives_text, did_you_mean, is_one_edit, key_of, own_words_for, to_snake_case
+from config.diagnostics import alternatives_text, did_you_mean, is_one_edit, key_of, own_words_for, to_snake_case
 from drivers.api.kinds import ACTUATOR_KINDS
 
 SYNONYMS: Mapping[str, str] = {

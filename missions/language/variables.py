@@ -4,8 +4,9 @@ from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
-from config.faults import MAX_DIAGNOSTICS, Diagnostic, add_diagnostic
+from config.diagnostics import MAX_DIAGNOSTICS, Diagnostic, add_diagnostic
 from config.units import NUMBER
+from missions.language.check_context import CheckContext
 from missions.language.expressions import Value
 from missions.language.for_each import ListMembers, steps_in_scope
 from missions.language.inference import find_mismatches, kind_of_result
@@ -20,7 +21,6 @@ from missions.language.kinds import (
     kind_of_value,
 )
 from missions.language.nodes import FOR_EACH, MISSION, SWITCHES
-from missions.language.notes import CheckContext
 from missions.language.param_types import param_kind
 from missions.language.plan import PlaceholderLeaf, Step
 from missions.language.switches import impossible_cases

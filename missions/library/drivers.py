@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from config import robot
-from config.faults import SourceText
+from config.diagnostics import SourceText
 from config.library import DEFAULT_ROBOT, find_file
 from config.robot import RobotConfig
 from drivers.api.driver import BrokenDriver, Driver, resolve_name
@@ -21,7 +21,7 @@ from drivers.api.keys import declared_keys
 from drivers.api.kinds import KINDS
 from drivers.api.sections import ArmKeys
 from drivers.table import BUILT_IN_DRIVERS
-from missions.library.trial import (
+from missions.library.import_trial import (
     BrokenEntryPointError,
     describe_entry_point,
     entry_points_of,

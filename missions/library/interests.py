@@ -2,11 +2,11 @@
 
 from typing import TYPE_CHECKING
 
-from drivers.api.quick import dataclass
-from drivers.api.senses import CameraKeys
+from drivers.api.fast_dataclass import dataclass
+from drivers.api.sensor_sections import CameraKeys
 from missions.language.phrases import all_phrases
 from missions.language.plan import Step
-from missions.language.sought import wanted_objects
+from missions.language.wanted_objects import wanted_objects
 from perception.api import ThingSpec
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from hashlib import sha256
 from pathlib import Path
 from shlex import quote
 
-from drivers.api.senses import CameraKeys
+from drivers.api.sensor_sections import CameraKeys
 from missions.library.folders import data_folder
 from perception.api import UNKNOWN, Image
 from perception.people import MAX_PICTURES, MAX_PICTURES_TOGETHER, MIN_PICTURES

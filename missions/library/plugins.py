@@ -12,8 +12,8 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from config.faults import InvalidInputError
-from missions.library.trial import (
+from config.diagnostics import InvalidInputError
+from missions.library.import_trial import (
     BrokenEntryPointError,
     describe_entry_point,
     entry_points_of,

@@ -12,7 +12,7 @@ from itertools import count
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO, TextIO
 
-from config.reading import PRIVATE_MODE, replace_file
+from config.file_io import PRIVATE_MODE, replace_file
 
 
 class ExistsError(ValueError):

@@ -12,7 +12,7 @@ from config.library import SUFFIXES, UnknownNameError, find_file, is_file, wrong
 from missions.language.claims import TargetRobot
 from missions.language.document import load_plan
 from missions.language.plan import Plan
-from missions.library.things import LOOKUPS
+from missions.library.lookups import LOOKUPS
 from missions.library.vocabulary import behaviour_files_beside, real_path
 
 MISSIONS_FOLDER = Path(__file__).parents[1]

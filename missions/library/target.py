@@ -7,7 +7,7 @@ from behaviours.joint_ranges import JointRanges
 from behaviours.robot import Robot
 from config.robot import RobotConfig
 from drivers.api.sections import ArmKeys, BaseKeys, HeadKeys
-from drivers.api.senses import MicrophoneKeys
+from drivers.api.sensor_sections import MicrophoneKeys
 from missions.language.claims import TargetRobot
 
 
@@ -38,13 +38,13 @@ def target_of_parts(robot: Robot) -> TargetRobot:
 
 def _unpronounceable(config: MicrophoneKeys, words: Sequence[str]) -> Sequence[str]:
     """Return those of some words that the robot cannot listen for; for a mission that does."""
-    from missions.library.pronouncing import find_unpronounceable  # noqa: PLC0415 - ears, a voice, and numpy
+    from missions.library.pronunciation import find_unpronounceable  # noqa: PLC0415 - ears, a voice, and numpy
 
     return find_unpronounceable(config, words)
 
 
 def _confusable(config: MicrophoneKeys, phrases: Sequence[str]) -> Sequence[tuple[str, str]]:
     """Return the pairs of phrases that are easily taken for each other; for a mission that listens for several."""
-    from missions.library.pronouncing import find_confusable_phrases  # noqa: PLC0415 - ears, a voice, and numpy
+    from missions.library.pronunciation import find_confusable_phrases  # noqa: PLC0415 - ears, a voice, and numpy
 
     return find_confusable_phrases(config, phrases)

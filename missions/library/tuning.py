@@ -8,10 +8,10 @@ from math import isclose, radians
 from pathlib import Path
 from typing import Any
 
-from config.editing import NotEditableError, require_own, rewrite, with_values
-from config.marked import read_source
 from config.robot import RobotConfig
 from config.units import quantity_text
+from config.yaml_edit import NotEditableError, require_own, rewrite, with_values
+from config.yaml_nodes import read_source
 from drivers.api.sections import ArmKeys, AxisKeys, BaseKeys, HeadKeys
 from missions.library.drivers import parse_robot
 

@@ -20,18 +20,18 @@ from typing import TYPE_CHECKING
 from py_trees.behaviour import Behaviour
 
 from behaviours.catalogue import LEAF_PATHS, Catalogue
-from behaviours.foreign import leaf_of
 from behaviours.leaf import Leaf
 from behaviours.node import Node
-from config.faults import Diagnostic, InvalidFileError, Mark, SourceText, suggest_from
-from config.marked import read_source
+from behaviours.py_trees_leaf import leaf_of
+from config.diagnostics import Diagnostic, InvalidFileError, Mark, SourceText, suggest_from
 from config.units import UNITS
-from drivers.api.quick import dataclass
-from missions.language.body import MISSION_KEYS
+from config.yaml_nodes import read_source
+from drivers.api.fast_dataclass import dataclass
+from missions.language.mission_body import MISSION_KEYS
 from missions.language.nodes import BRANCHES, MODIFIERS
 from missions.language.steps import BESIDE_KEYS
 from missions.library.catalogue import EXAMPLE_VALUES
-from missions.library.trial import (
+from missions.library.import_trial import (
     BrokenEntryPointError,
     describe_entry_point,
     entry_points_of,

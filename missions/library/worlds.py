@@ -1,16 +1,16 @@
 """From a world file to the world that a simulated robot stands in."""
 
 from config.colours import COLOURS
-from config.things import ActConfig, BoxConfig, PersonConfig, RoverConfig, ThingConfig, Vector3D
 from config.world import PhysicsConfig, WorldConfig
+from config.world_items import ActConfig, BoxConfig, PersonConfig, RoverConfig, ThingConfig, Vector3D
 from drivers.api import Pose2D
-from drivers.sim.acts import PersonAction
 from drivers.sim.battery import INTERNAL_RESISTANCE, Battery
+from drivers.sim.context import Physics
 from drivers.sim.people import Person
+from drivers.sim.person_actions import PersonAction
 from drivers.sim.room import Room
-from drivers.sim.stage import Physics
-from drivers.sim.things import Edge, Rover, Wall, WorldBall, WorldBox, WorldDock
 from drivers.sim.world import Light, LightChange, SimulatedWorld
+from drivers.sim.world_objects import Edge, Rover, Wall, WorldBall, WorldBox, WorldDock
 
 
 def build_world(config: WorldConfig) -> SimulatedWorld:

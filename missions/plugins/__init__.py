@@ -30,7 +30,7 @@ PLUGINS = (
             ),
         },
         run_options="missions.plugins.records.options:RecordOptions",
-        run_context="missions.plugins.records.run_options:record_run",
+        run_context="missions.plugins.records.run_recording:record_run",
         file_kinds={".mcap": FileKind(drawing="missions.plugins.records.recording.info:drawing_of_record")},
     ),
     Plugin(
@@ -42,13 +42,13 @@ PLUGINS = (
             "show_world": "missions.plugins.pictures.commands.world:show_world",
         },
         run_options="missions.plugins.pictures.options:FilmOptions",
-        run_context="missions.plugins.pictures.film:film_run",
+        run_context="missions.plugins.pictures.run_film:film_run",
     ),
     Plugin(
         "view",
         extra="view",
         run_options="missions.plugins.view.options:ViewOptions",
-        run_context="missions.plugins.view.viewing:view_run",
+        run_context="missions.plugins.view.live_view:view_run",
     ),
     Plugin(
         "teleop",
@@ -71,10 +71,10 @@ PLUGINS = (
             ),
         },
         run_options="missions.plugins.studio.options:StudioOptions",
-        run_context="missions.plugins.studio.beside:studio_beside",
+        run_context="missions.plugins.studio.side_process:studio_beside",
         services={
             "studio_options": "missions.plugins.studio.options:StudioOptions",
-            "serving_studio": "missions.plugins.studio.beside:serving_studio",
+            "serving_studio": "missions.plugins.studio.side_process:serving_studio",
         },
     ),
     Plugin(
@@ -89,7 +89,7 @@ PLUGINS = (
             ),
         },
         run_options="missions.plugins.ros2.options:Ros2Options",
-        run_context="missions.plugins.ros2.announcing:publish_run",
+        run_context="missions.plugins.ros2.run_publisher:publish_run",
     ),
     Plugin(
         "testing",
@@ -115,7 +115,7 @@ PLUGINS = (
             ),
         },
         file_kinds={".test.yaml": FileKind(check="missions.plugins.testing.suite:check_tests")},
-        services={"faults": "missions.plugins.testing.faults:LiveFaults"},
+        services={"faults": "missions.plugins.testing.live_faults:LiveFaults"},
     ),
     Plugin(
         "verify",
@@ -152,7 +152,7 @@ PLUGINS = (
         needs=("tasks",),
         services={
             "fleet_options": "missions.plugins.fleet.options:FleetOptions",
-            "fleet_membership": "missions.plugins.fleet.joining:membership",
+            "fleet_membership": "missions.plugins.fleet.membership:membership",
         },
         commands={
             "fleet": CommandEntry(

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import field
 from typing import Annotated, Any, ClassVar, Literal
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from missions.codec import Bound, CodecError, JsonName, Rules, decode, definitions, encode, object_schema
 
 Status = Literal["idle", "running", "suspended", "success", "skipped", "failure"]

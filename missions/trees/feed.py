@@ -18,9 +18,9 @@ from drivers.clock import Clock
 from missions.executive.events import Event, NodeChanged, Ticked, VariableSet, status_word
 from missions.executive.executive import Executive
 from missions.executive.parts import PartStatus
-from missions.trees.draw import one_line
 from missions.trees.drawing import ACTIVE
-from missions.trees.words import value_text
+from missions.trees.drawing_builder import one_line
+from missions.trees.value_text import value_text
 
 Json = dict[str, object]
 

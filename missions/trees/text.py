@@ -14,8 +14,8 @@ from py_trees.decorators import PassThrough
 from missions.executive.composites import COMPOSITES
 from missions.language.nodes import SWITCHES
 from missions.language.plan import Plan
-from missions.trees.draw import drawing_of, with_states
 from missions.trees.drawing import ASCII_SIGNS, SIGNS, NodeLabels, NodeState, Status, TreeBox, TreeDrawing
+from missions.trees.drawing_builder import drawing_of, with_states
 
 # A drawing as a Mermaid flowchart, which GitHub, GitLab and many editors draw where it stands in a page.
 

@@ -8,7 +8,7 @@ import re
 import unicodedata
 from collections.abc import Iterable, Sequence
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 
 Arc = tuple[int, int, float, str]
 """From one state to another, with a probability, on a word."""

@@ -53,7 +53,7 @@ TRANSITIONS: Final = {
 
 
 class RecogniserHandler(Protocol):
-    """Who talks with a program: ``drivers.transport.pipe.WorkerHandler``."""
+    """Who talks with a program: ``drivers.transport.worker_process.WorkerHandler``."""
 
     def on_started(self) -> None:
         """It runs, and knows nothing yet."""
@@ -69,7 +69,7 @@ class RecogniserHandler(Protocol):
 
 
 class RecogniserWorker(Protocol):
-    """A program in a process of its own: ``drivers.transport.pipe.WorkerProcess``."""
+    """A program in a process of its own: ``drivers.transport.worker_process.WorkerProcess``."""
 
     def open(self, handler: RecogniserHandler) -> None:
         """Start it."""

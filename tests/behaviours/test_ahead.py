@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.tracking.foresight import MAX_LOOKAHEAD, BasePredictor
-from behaviours.tracking.lag import BRAKING_FACTOR, LagEstimator, TurnState, ramp
+from behaviours.tracking.lag_estimator import BRAKING_FACTOR, LagEstimator, TurnState, ramp
+from behaviours.tracking.motion_prediction import MAX_LOOKAHEAD, BasePredictor
 
 
 def foretelling(lag: float, acceleration: float) -> tuple[BasePredictor, LagEstimator]:

@@ -6,8 +6,8 @@ import pytest
 from py_trees.common import Status
 
 from behaviours.joint_motion import CATCH_UP_TIME, GOAL_LEAD_TIME, MAX_STEP_TIME, SPEED_MARGIN
+from behaviours.keyframe_playback import ARRIVAL_TIMEOUT, PEAK_SPEED_FACTORS, GestureLeaf
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
-from behaviours.playing import ARRIVAL_TIMEOUT, PEAK_SPEED_FACTORS, GestureLeaf
 from drivers.api import Gesture as Movement
 from drivers.api import Keyframe, Quality, Reading
 from drivers.errors import DeviceFault

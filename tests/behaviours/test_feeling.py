@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from behaviours.feeling import BatteryBelow, Bumped, ButtonPressed, Cliff, Docked, ObstacleWithin
+from behaviours.base_conditions import BatteryBelow, Bumped, ButtonPressed, Cliff, Docked, ObstacleWithin
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.signals import Led, SoundLeaf
 from drivers.api import BaseState, Lamp, Pose2D, Sides, Tune, Velocity

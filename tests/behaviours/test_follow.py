@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from behaviours.tracking.follow import HEAD_LAG, MAX_STEP_TIME, RESTART_TIMEOUT, FollowCommand, Follower
 from behaviours.tracking.fuzzy import Controller, RuleBases
-from behaviours.tracking.lag import LagEstimator, TurnState
+from behaviours.tracking.lag_estimator import LagEstimator, TurnState
 from config.controller import load_controller
 from config.library import shipped_files
 from drivers.api import HeadLimits, HeadPose

@@ -10,12 +10,12 @@ from behaviours.leaf import FAILURE, RUNNING
 from behaviours.tracking.follow import RuleBases
 from behaviours.tracking.track import FollowPerson
 from config.controller import load_controller
-from config.faults import InvalidFileError
-from config.faults import SourceText as FileSource
+from config.diagnostics import InvalidFileError
+from config.diagnostics import SourceText as FileSource
 from config.library import shipped_files
 from drivers.api import BaseState, HeadPose, Pose2D, Sides, Source, Steering, Velocity
 from missions.language.document import check_plan
-from missions.library.things import LOOKUPS
+from missions.library.lookups import LOOKUPS
 from missions.plugins.testing.recorders import STOP, LeafTestBench, face, good, none, stale
 
 LEFT = Sides(left=True)

@@ -5,7 +5,7 @@ from math import cos, degrees, pi, radians, sin, sqrt
 
 import pytest
 
-from behaviours.tracking.foresight import MotionPredictor
+from behaviours.tracking.motion_prediction import MotionPredictor
 
 AHEAD = 0.15
 ABLE = 7.0

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from behaviours.run import DEAD_RECKONING_REASON
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from drivers.api import Attitude
 from drivers.witmotion.twin import ImuTwin
 from missions.request import RunRequest

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from behaviours.joint_motion import GOAL_LEAD_TIME, RUN_IN_SPEED, JointError
+from behaviours.keyframe_playback import PEAK_SPEED_FACTORS, Play, RecordMove
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
-from behaviours.playing import PEAK_SPEED_FACTORS, Play, RecordMove
 from config.gesture import load_gesture
 from drivers.api import Gesture as Movement
 from drivers.api import Keyframe

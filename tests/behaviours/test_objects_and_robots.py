@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import pytest
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
-from behaviours.robots import FindRobot, RobotSeenLeaf
+from behaviours.other_robots import FindRobot, RobotSeenLeaf
 from behaviours.search import FindObject, ObjectSeenLeaf
 from drivers.api import HeadPose
 from missions.plugins.testing.recorders import STOP, LeafTestBench, good

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.playing import PEAK_SPEED_FACTORS, KeyframeMotion, lay_out
+from behaviours.keyframe_playback import PEAK_SPEED_FACTORS, KeyframeMotion, lay_out
 from drivers.api import Interpolation, Keyframe
 
 JOINTS = ("shoulder", "elbow", "wrist")

@@ -8,7 +8,7 @@ from behaviours.robot import Robot
 from behaviours.voice import PlaySound, Say
 from drivers.api import Mood, Priority, SpeechStyle
 from drivers.errors import BadRequest, DeviceFault
-from drivers.sound.printed import PrintedVoice
+from drivers.sound.printed_voice import PrintedVoice
 from missions.plugins.testing.recorders import CANCEL, OFFLINE_ERROR, LeafTestBench
 
 

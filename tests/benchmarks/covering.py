@@ -14,15 +14,15 @@ import cv2
 import cv2.data
 import numpy as np
 
-from drivers.sim.looks import APPEARANCES
+from drivers.sim.appearances import APPEARANCES
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import PinholeLens, Viewpoint
 from drivers.sim.world import SimulatedWorld
 from perception.api import Box, Image
-from perception.faces import HaarFaceDetector
-from perception.finder import FaceFinder
+from perception.face_finder import FaceFinder
 from perception.geometry import FACE_WIDTH
+from perception.haar_faces import HaarFaceDetector
 from tests.footage import FOOTAGE
 
 CLIPS = ("again.mkv", "learn.mkv", "sister.mkv", "want.mkv")

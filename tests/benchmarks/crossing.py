@@ -8,16 +8,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from random import Random
 
-from drivers.sim.looks import APPEARANCES
+from drivers.sim.appearances import APPEARANCES
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import PinholeLens as Lens
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import SimulatedWorld
 from perception.api import Face, Image
-from perception.faces import HaarFaceDetector
-from perception.finder import FaceFinder
+from perception.face_finder import FaceFinder
 from perception.geometry import Pinhole
+from perception.haar_faces import HaarFaceDetector
 from perception.senses import FaceSense
 from perception.tracks import Tracker
 

@@ -17,9 +17,9 @@ import cv2.data
 import numpy as np
 
 from perception.api import Box, Face, Image
-from perception.faces import HaarFaceDetector
-from perception.finder import FaceDetector, FaceFinder, Floats
+from perception.face_finder import FaceDetector, FaceFinder, Floats
 from perception.geometry import Pinhole
+from perception.haar_faces import HaarFaceDetector
 from perception.tracks import Tracker
 from perception.yunet import YuNetFaceDetector
 from tests.benchmarks.covering import on

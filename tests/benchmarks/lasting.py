@@ -20,7 +20,7 @@ from subprocess import DEVNULL, PIPE, Popen
 from tempfile import TemporaryDirectory
 
 from missions.control import sockets
-from missions.control.places import SYSTEM_ROOT
+from missions.control.run_folders import SYSTEM_ROOT
 from tests.benchmarks.watching import Measured, asked, mission, opened, page, shown, used
 from tests.waiting import wait_until
 

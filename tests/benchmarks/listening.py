@@ -11,8 +11,8 @@ from threading import Event
 from typing import Any
 
 from drivers.clock import ManualClock, SystemClock
-from drivers.microphone.wav import WavMicrophone
-from drivers.transport.pipe import WorkerProcess
+from drivers.microphone.wav_microphone import WavMicrophone
+from drivers.transport.worker_process import WorkerProcess
 from perception.hearing.acceptance import AcceptanceModel
 from perception.hearing.engines import NO_PHRASE, Judgement, SphinxEngine
 from perception.hearing.features import Decoding, acceptance_features

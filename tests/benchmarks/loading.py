@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import yaml
 
 from behaviours.catalogue import LEAVES
-from config.faults import SourceText
+from config.diagnostics import SourceText
 from missions.language.document import check_plan
 from tests.benchmarks.table import Row, compare
 

@@ -17,10 +17,10 @@ from drivers.sim.viewpoint import PinholeLens as Lens
 from drivers.sim.viewpoint import Viewpoint
 from missions.library.worlds import build_world
 from perception.api import ThingSpec
-from perception.change import MotionSense
+from perception.colour_spots import ThingSense
 from perception.geometry import Pinhole
 from perception.markers import MarkerSense
-from perception.spots import ThingSense
+from perception.scene_motion import MotionSense
 from perception.tracks import MarkerSet
 from tests.benchmarks.table import Row, compare
 

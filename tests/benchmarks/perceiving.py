@@ -6,7 +6,7 @@ from itertools import islice
 import cv2
 import numpy as np
 
-from perception.faces import HaarFaceDetector
+from perception.haar_faces import HaarFaceDetector
 from tests.benchmarks.covering import Film, clips, rendered, score
 from tests.benchmarks.table import Row
 

@@ -8,14 +8,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from drivers.sim.looks import APPEARANCES
+from drivers.sim.appearances import APPEARANCES
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import SimulatedWorld
 from perception.api import Box, Image
 from perception.crops import PORTRAIT_MARGIN, make_portrait
-from perception.faces import HaarFaceDetector
+from perception.haar_faces import HaarFaceDetector
 from tests.footage import FOOTAGE
 from tests.perception.people_drawn import EYE, FAR_DISTANCES, LENS, NEAR_DISTANCES, strangers
 

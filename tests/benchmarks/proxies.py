@@ -19,8 +19,8 @@ from typing import Any
 from behaviours.basics import Succeed
 from behaviours.robot import Robot
 from drivers.api import ZERO_VELOCITY, BaseLimits, Coupling, HeadPose, Mood, Velocity
-from missions.executive.answers import TickCache
-from missions.executive.asked import with_proxies
+from missions.executive.proxied_robot import with_proxies
+from missions.executive.tick_cache import TickCache
 from tests.benchmarks.table import Row, compare
 
 CALLS_TIMED = 500
@@ -131,7 +131,7 @@ class Asker:
 def robot_for() -> Any:
     """Return what makes a leaf's robot, in this version or in one of before."""
     try:
-        return import_module("missions.executive.asked").robot_for
+        return import_module("missions.executive.proxied_robot").robot_for
     except AttributeError:
         return import_module("missions.executive.commands").robot_for
 

@@ -26,7 +26,7 @@ from drivers.ros2.session import ZenohAccess, open_session
 from drivers.ros2.types import types
 from drivers.ros2.virtual import Ros2Terminal, RouterSettings, free_address
 from drivers.ros2.virtual_topics import VirtualPictures, VirtualRos2Base, VirtualScan
-from drivers.sim.body import BaseBody
+from drivers.sim.base_body import BaseBody
 
 COMMANDS, SECONDS = 300, 10.0
 """Velocities that are timed; seconds over which a share is taken."""

@@ -23,7 +23,7 @@ import cv2
 from behaviours.catalogue import LEAVES
 from behaviours.robot import Robot
 from behaviours.run import RunState
-from config.faults import SourceText
+from config.diagnostics import SourceText
 from config.library import DEFAULT_ROBOT, find_file
 from drivers.api import Head, HeadPose
 from drivers.api.driver import DriverContext
@@ -36,19 +36,19 @@ from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import PinholeLens, Viewpoint
 from drivers.sim.world import SimulatedWorld
 from drivers.virtual.terminal import PseudoTerminal
-from missions.executive.answers import TickCache
-from missions.executive.asked import robot_for, with_proxies
 from missions.executive.build import build
 from missions.executive.executive import Executive
+from missions.executive.proxied_robot import robot_for, with_proxies
 from missions.executive.proxy import CommandReport
 from missions.executive.stream import EventStream
+from missions.executive.tick_cache import TickCache
 from missions.language.document import check_plan
 from missions.library.drivers import load_robot
-from missions.library.things import LOOKUPS
+from missions.library.lookups import LOOKUPS
 from perception.api import Gaze, Image, View
 from perception.eyes import Eyes, Vision
-from perception.faces import HaarFaceDetector
-from perception.finder import FaceFinder
+from perception.face_finder import FaceFinder
+from perception.haar_faces import HaarFaceDetector
 from perception.senses import ActiveSenses, FaceSense
 from perception.tracks import Tracker
 from tests.benchmarks.table import Row

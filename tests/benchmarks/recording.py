@@ -18,9 +18,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from mcap.reader import make_reader
 
-from config.reading import collect_read_files
+from config.file_io import collect_read_files
 from missions.executive.events import Event
-from missions.plugins.records.recording.gather import contents_of
+from missions.plugins.records.recording.record_contents import contents_of
 from missions.plugins.records.recording.recorder import Recorder
 from missions.request import RunRequest
 from missions.runner import Runner

@@ -16,11 +16,11 @@ from collections.abc import Iterator
 
 from drivers.api import Coupling
 from drivers.clock import SystemClock
-from drivers.servos.attention import MOVING_INTERVAL
 from drivers.servos.bus import ServoAddress, ServoBus
 from drivers.servos.driver import DynamixelJoints
 from drivers.servos.joint import JointSpec
 from drivers.servos.models import MODELS
+from drivers.servos.poll_rate import MOVING_INTERVAL
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.terminal import PseudoTerminal

@@ -15,10 +15,10 @@ from threading import active_count
 
 import click
 
-from config.reading import collect_read_files
+from config.file_io import collect_read_files
 from drivers.clock import SystemClock, time_of_day
 from missions.executive.tick_record import TickRecord
-from missions.plugins.records.recording.gather import contents_of
+from missions.plugins.records.recording.record_contents import contents_of
 from missions.plugins.records.recording.recorder import Recorder
 from missions.request import RunRequest
 from missions.runner import Runner

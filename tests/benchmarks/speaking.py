@@ -10,9 +10,9 @@ import numpy as np
 
 import drivers.sound
 from drivers.clock import SystemClock
-from drivers.microphone.wav import resample
-from drivers.sound.program import make_request, parse_speech
-from drivers.transport.pipe import WorkerProcess
+from drivers.microphone.wav_microphone import resample
+from drivers.sound.speech_programs import make_request, parse_speech
+from drivers.transport.worker_process import WorkerProcess
 from tests.benchmarks.spoken import Samples
 
 PROGRAM = Path(drivers.sound.__file__).with_name("espeak_worker.py")

@@ -16,12 +16,12 @@ from typing import Any
 
 from config.fleet import FleetKeys
 from drivers.clock import SystemClock
-from missions.plugins.fleet.body import Telemetry
-from missions.plugins.fleet.line import Roster, ZenohTransport
+from missions.plugins.fleet.fleet_robot import Telemetry
 from missions.plugins.fleet.member import FleetMember, RobotInfo
+from missions.plugins.fleet.messages import Address
 from missions.plugins.fleet.operator import connect_operator
-from missions.plugins.fleet.place import open_session
-from missions.plugins.fleet.words import Address
+from missions.plugins.fleet.zenoh_session import open_session
+from missions.plugins.fleet.zenoh_transport import Roster, ZenohTransport
 from missions.plugins.tasks.fleet_latch import FleetLatch
 from tests.missions.service.fleets import free_port, router
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from config.library import DEFAULT_WORLD, find_file
-from config.marked import read_source
+from config.yaml_nodes import read_source
 from missions.plugins.testing.sweep.processes import run_here
 from missions.plugins.testing.sweep.sweep import SweepPlan
 from missions.plugins.testing.sweep.variation import ValueRange, Variation

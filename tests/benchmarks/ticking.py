@@ -9,7 +9,7 @@ from behaviours.catalogue import LEAVES
 from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import RunState
-from config.faults import SourceText
+from config.diagnostics import SourceText
 from drivers.clock import SystemClock
 from missions.executive.build import build
 from missions.executive.events import STATUS_WORDS, Event, NodeChanged

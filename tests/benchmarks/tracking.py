@@ -7,9 +7,9 @@ from math import radians
 from behaviours.tracking.fuzzy import Controller
 from config.controller import load_controller
 from config.library import shipped_files
-from missions.library.things import find_controller
+from missions.library.lookups import find_controller
 from missions.plugins.testing.controllers.bench import run_bench
-from missions.plugins.testing.controllers.trial import SCENARIOS, TrackingBody
+from missions.plugins.testing.controllers.tracking_trial import SCENARIOS, TrackingBody
 from tests.benchmarks.table import Row, compare
 
 PLACES = [(radians(error), radians(rate)) for error, rate in ((0.3, 5), (-1.7, 20), (4.0, -60), (-30, 0), (2.0, 130))]

@@ -25,7 +25,7 @@ from typing import Any
 
 from websockets.asyncio.client import ClientConnection, connect
 
-from missions.control.places import SYSTEM_ROOT
+from missions.control.run_folders import SYSTEM_ROOT
 from tests.benchmarks.robot_beside import robot_beside
 
 BRANCHES = 13

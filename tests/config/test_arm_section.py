@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from config.faults import Diagnostic, InvalidFileError, SourceText
+from config.diagnostics import Diagnostic, InvalidFileError, SourceText
 from config.gesture import limit_error
 from config.library import shipped_files
 from drivers.servos.declared import DYNAMIXEL_MODELS, UNSUPPORTED_HINT, DynamixelKeys, JointKeys, Ticks

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import Diagnostic, InvalidFileError, SourceText
+from config.diagnostics import Diagnostic, InvalidFileError, SourceText
 from config.library import find_file, shipped_files
 from drivers.api import Reflexes
 from drivers.api.steering import BUTTON_COUNT

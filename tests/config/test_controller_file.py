@@ -13,7 +13,7 @@ from config.controller import (
     replace_words,
     tunable_numbers,
 )
-from config.faults import Diagnostic, InvalidFileError, SourceText
+from config.diagnostics import Diagnostic, InvalidFileError, SourceText
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from config.defaults import config_folder, load_defaults, set_default, unreadable_folders, user_files
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from config.library import UnknownNameError, find_file
 from tests.missions.command import command
 

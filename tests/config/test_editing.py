@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from config.editing import NotEditableError, rewrite, with_value
-from config.faults import SourceText
-from config.marked import Mapping, compose
+from config.diagnostics import SourceText
+from config.yaml_edit import NotEditableError, rewrite, with_value
+from config.yaml_nodes import Mapping, compose
 from drivers.arduino.declared import ArduinoKeys
 from missions.library.drivers import load_robot
 from missions.library.tuning import save_values
@@ -139,7 +139,7 @@ def test_a_full_disk_is_told_with_the_file_that_it_kept_from_being_written(
         os.close(number)
         raise OSError(ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("config.reading.os.fdopen", full)
+    monkeypatch.setattr("config.file_io.os.fdopen", full)
     with pytest.raises(OSError, match="No space left") as raised:
         rewrite(robot, "robot: other\n")
     assert raised.value.filename == str(robot)

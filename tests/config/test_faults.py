@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from config.faults import (
+from config.diagnostics import (
     MAX_DIAGNOSTICS,
     Diagnostic,
     InvalidFileError,

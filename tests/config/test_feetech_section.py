@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from config.faults import Diagnostic, InvalidFileError, SourceText
+from config.diagnostics import Diagnostic, InvalidFileError, SourceText
 from drivers.servos.calibration import format_calibration, load_calibration
 from drivers.servos.feetech import FeetechKeys
 from drivers.servos.make import joint_specs as specs

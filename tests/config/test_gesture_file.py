@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import Diagnostic, InvalidFileError
+from config.diagnostics import Diagnostic, InvalidFileError
 from config.gesture import GestureConfig, load_gesture
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from drivers.api.sections import HeadKeys
 from drivers.arduino.declared import ArduinoKeys, PanKeys, TiltKeys
 from drivers.servos.declared import NeckJointKeys, NeckKeys

@@ -2,9 +2,9 @@
 
 import pytest
 
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from config.world import parse_world
-from drivers.api.senses import CameraKeys, IdentityKeys
+from drivers.api.sensor_sections import CameraKeys, IdentityKeys
 from missions.library.drivers import parse_robot
 
 

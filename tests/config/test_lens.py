@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from config.editing import NotEditableError
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from config.library import shipped_files
 from config.units import si_value
-from drivers.api.senses import CameraKeys
+from config.yaml_edit import NotEditableError
+from drivers.api.sensor_sections import CameraKeys
 from missions.library.drivers import load_robot
 from missions.plugins.setup.camera import lens_entries, write_lens
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from config.faults import Diagnostic, InvalidFileError, Mark, SourceText
-from config.marked import (
+from config.diagnostics import Diagnostic, InvalidFileError, Mark, SourceText
+from config.yaml_nodes import (
     MAX_BYTES,
     MAX_DEPTH,
     MAX_NODES,

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from config.robot import RobotConfig
-from drivers.api.senses import PHONES, MicrophoneKeys
+from drivers.api.sensor_sections import PHONES, MicrophoneKeys
 from drivers.microphone.declared import WavFileKeys
 from drivers.screen.declared import PageKeys
 from missions.library.drivers import parse_robot

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import Diagnostic, InvalidFileError, SourceText
+from config.diagnostics import Diagnostic, InvalidFileError, SourceText
 from config.move import JointSource, MoveConfig, is_move, parse_move
 
 WHOLE = """\

@@ -2,7 +2,7 @@
 
 import pytest
 
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from config.notices import (
     CommandNotice,
     MqttNotice,

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from config.colours import COLOURS
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from config.library import shipped_files
 from config.object import FORMS, HUES, SHAPES, SIZES, load_object, read_phrase
 

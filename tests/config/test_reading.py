@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
+from config.file_io import parse_object, read_regular
 from config.library import kinds_of
-from config.marked import read_source
-from config.reading import parse_object, read_regular
+from config.yaml_nodes import read_source
 
 
 def test_pipes_devices_and_sockets_are_refused_without_waiting(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import Diagnostic, InvalidFileError
+from config.diagnostics import Diagnostic, InvalidFileError
 from config.robot import RobotConfig
 from drivers.arduino.declared import ArduinoKeys
 from drivers.kobuki.declared import KobukiKeys

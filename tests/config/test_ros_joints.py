@@ -7,12 +7,12 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from config.faults import Diagnostic, InvalidFileError, SourceText
+from config.diagnostics import Diagnostic, InvalidFileError, SourceText
 from drivers.servos.declared import DynamixelKeys, JointKeys, Ticks
 from drivers.servos.models import MODELS
 from missions.library.drivers import parse_robot
 from missions.plugins.setup.servo.foreign_joints import PAIRED_MESSAGE
-from missions.plugins.setup.servo.importing import RosJoints, load_ros_joints, robot_text, ros_joints_of
+from missions.plugins.setup.servo.joint_import import RosJoints, load_ros_joints, robot_text, ros_joints_of
 
 TEN = Path(__file__).parent / "ten_joints.ros.yaml"
 

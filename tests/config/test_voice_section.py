@@ -2,10 +2,10 @@
 
 import pytest
 
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from drivers.api import SpeechStyle
 from drivers.clock import SystemClock
-from drivers.sound.program import Synthesiser
+from drivers.sound.speech_programs import Synthesiser
 from drivers.table import BUILT_IN_DRIVERS
 from drivers.voice.declared import PLACEHOLDERS, PiperKeys, SpeechKeys
 from drivers.voice.speech import VoiceSettings, make_voice

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import Diagnostic, InvalidFileError
+from config.diagnostics import Diagnostic, InvalidFileError
 from config.world import WorldConfig, load_world
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import Diagnostic, InvalidFileError
+from config.diagnostics import Diagnostic, InvalidFileError
 from config.library import shipped_files
-from config.things import ActConfig, BoxConfig, DockConfig, EdgeConfig, ThingConfig, WallConfig
 from config.world import BatteryConfig, LightConfig, StartConfig, WorldConfig, load_world
+from config.world_items import ActConfig, BoxConfig, DockConfig, EdgeConfig, ThingConfig, WallConfig
 
 
 def load(folder: Path, text: str) -> WorldConfig:

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from config.gesture import GestureConfig, load_gesture, parse_gesture
-from config.writing import gesture_text, write_new
+from config.yaml_writer import gesture_text, write_new
 from drivers.servos.declared import DynamixelKeys, JointKeys
 from missions.library.drivers import parse_robot
-from missions.plugins.setup.servo.importing import robot_text
+from missions.plugins.setup.servo.joint_import import robot_text
 
 NOD = GestureConfig("nod", "Nod: once.", ((0.0, {"neck": 0.0}), (0.5, {"neck": 0.5, "waist": -0.25})), "cubic")
 

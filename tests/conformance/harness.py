@@ -32,7 +32,7 @@ from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
 from behaviours.node import Node
 from behaviours.robot import Robot
-from config.faults import SourceText
+from config.diagnostics import SourceText
 from config.units import si_value
 from drivers.clock import ManualClock
 from drivers.errors import SensorSilent

@@ -4,7 +4,7 @@ from collections import Counter
 
 import pytest
 
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from missions.language.nodes import COMPOSITES, FOR_EACH, MODIFIERS, SWITCHES
 from tests.conformance.harness import Case, all_cases, play, read_cases
 

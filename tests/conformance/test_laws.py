@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from py_trees.common import Status
 
 from behaviours.node import Node
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from missions.executive.composites import COMPOSITES
 from missions.executive.events import status_word
 from missions.language.nodes import FOR_EACH, SWITCHES

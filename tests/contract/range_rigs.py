@@ -10,8 +10,8 @@ from drivers.rplidar.make import GATHER_TIME, RPLidar
 from drivers.rplidar.virtual import VirtualRPLidar
 from drivers.sim.room import Room
 from drivers.sim.scanner import make_range_function
-from drivers.sim.things import WorldBox
 from drivers.sim.world import SimulatedWorld
+from drivers.sim.world_objects import WorldBox
 from tests.contract.rigs import InSimulatedTime, Rig
 from tests.drivers.cranked import HandWire
 

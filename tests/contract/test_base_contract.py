@@ -25,8 +25,8 @@ from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.kobuki.driver import kobuki_base
 from drivers.kobuki.twin import KobukiTwinOdometry
 from drivers.kobuki.virtual import VirtualKobuki
-from drivers.sim.body import NO_SIDES, BaseBody
-from drivers.sim.things import OpenFloor
+from drivers.sim.base_body import NO_SIDES, BaseBody
+from drivers.sim.world_objects import OpenFloor
 from tests.contract.rigs import InSimulatedTime, Rig, simulated
 from tests.drivers.cranked import HandWire
 

@@ -19,7 +19,7 @@ from drivers.ros2.make import camera as make_camera
 from drivers.ros2.make import graph as make_graph
 from drivers.ros2.virtual import Ros2Terminal, RouterSettings, free_address
 from drivers.ros2.virtual_topics import VirtualPictures
-from drivers.sim.rendered import RenderedCamera
+from drivers.sim.rendered_camera import RenderedCamera
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import SimulatedWorld
 from tests.contract.rigs import InRealTime, InSimulatedTime, Rig

@@ -18,12 +18,12 @@ from drivers.head.guardian_head import GuardianHead
 from drivers.head.joints_head import JointAxis, NeckDriver
 from drivers.head.pantilt import Trimmable
 from drivers.head.twin import ServoHeadTwin
+from drivers.ros2.joint_topics import ARRAY, TRAJECTORY, TopicJoint
 from drivers.ros2.joints import TopicJoints
 from drivers.ros2.joints_twin import Ros2HeadTwin as TopicHeadTwin
 from drivers.ros2.joints_twin import StiffJoints
 from drivers.ros2.make import Ros2Head
 from drivers.ros2.virtual_joints import VirtualJoints
-from drivers.ros2.ways import ARRAY, TRAJECTORY, TopicJoint
 from drivers.servos.bus import ServoBus
 from drivers.servos.driver import DynamixelJoints
 from drivers.servos.joint import JointSpec

@@ -12,10 +12,10 @@ import pytest
 from drivers.api import Health
 from drivers.clock import ManualClock, SystemClock
 from drivers.microphone.twin import HearingTwin
-from drivers.microphone.wav import WavMicrophone
-from drivers.sim.acts import PersonReply
+from drivers.microphone.wav_microphone import WavMicrophone
+from drivers.sim.person_actions import PersonReply
 from drivers.sim.timeline import Timeline
-from drivers.transport.pipe import WorkerProcess
+from drivers.transport.worker_process import WorkerProcess
 from perception.api import Hearing, Words
 from perception.hearing.acceptance import load_acceptance
 from perception.hearing.engines import SphinxEngine

@@ -9,7 +9,7 @@ from drivers.base.diff_drive import DiffDriveBase
 from drivers.base.reckoning import TwoWheels
 from drivers.base.twin import BaseTwin, WheelTwinOdometry
 from drivers.pi_car.driver import GuardianProtocol
-from drivers.sim.body import BaseBody
+from drivers.sim.base_body import BaseBody
 from drivers.virtual.guardian import VirtualCar
 from drivers.waveshare.driver import waveshare_base
 from drivers.waveshare.virtual import VirtualWaveshare

@@ -18,8 +18,8 @@ from drivers.ros2.declared import Ros2BaseKeys
 from drivers.ros2.types import types
 from drivers.ros2.virtual_topics import VirtualRos2Base
 from drivers.ros2.wire import frame
-from drivers.sim.body import NO_SIDES, BaseBody
-from drivers.sim.things import BackupLimit
+from drivers.sim.base_body import NO_SIDES, BaseBody
+from drivers.sim.world_objects import BackupLimit
 from drivers.transport.link import SerialLink
 from missions.plugins.testing.recorders import LeafTestBench
 from tests.contract.rigs import InSimulatedTime, simulated

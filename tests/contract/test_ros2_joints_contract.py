@@ -9,11 +9,11 @@ import pytest
 
 from drivers.api import Coupling, JointLimits, Joints, JointState, Quality, ReconnectPolicy
 from drivers.errors import BadRequest, DeviceFault, NotConnected
+from drivers.ros2.joint_topics import ARRAY, JOINT_STATE, OFFLINE_TIMEOUT, TRAJECTORY, TRAJECTORY_HORIZON, TopicJoint
 from drivers.ros2.joints import TopicJoints
 from drivers.ros2.joints_twin import StiffJoints
 from drivers.ros2.types import types
 from drivers.ros2.virtual_joints import VirtualJoints
-from drivers.ros2.ways import ARRAY, JOINT_STATE, OFFLINE_TIMEOUT, TRAJECTORY, TRAJECTORY_HORIZON, TopicJoint
 from drivers.ros2.wire import frame
 from tests.contract.rigs import InSimulatedTime, Rig, simulated
 from tests.contract.test_joints_contract import (  # noqa: F401 - what holds of joints that are always stiff

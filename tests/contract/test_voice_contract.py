@@ -11,8 +11,8 @@ from drivers.api import Priority, SpeechStyle, Voice
 from drivers.errors import BadRequest, NotConnected
 from drivers.sound.engines import EspeakEngine
 from drivers.sound.player import SoundPlayer
-from drivers.sound.printed import PrintedVoice
-from drivers.sound.program import ProgramEngine, Synthesiser
+from drivers.sound.printed_voice import PrintedVoice
+from drivers.sound.speech_programs import ProgramEngine, Synthesiser
 from drivers.voice.speech import SpeechVoice
 from drivers.voice.twin import VoiceTwin
 from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, simulated

@@ -4,7 +4,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from drivers.api.probing import ProbeRequest
+from drivers.api.probe import ProbeRequest
 from drivers.clock import ManualClock
 from drivers.finding.machine import HostMachine
 from drivers.servos.virtual.chain import VirtualServoBus
@@ -118,7 +118,7 @@ def gives_pictures(number: int, request: int, data: bytearray) -> None:
 
 
 class HandAsked:
-    """A ``drivers.finding.asking.ProbeWire`` to a virtual device, in time of its own; it keeps all that was sent."""
+    """A ``drivers.finding.port_probe.ProbeWire`` to a virtual device, in time of its own; it keeps all that was sent."""
 
     def __init__(self, device: WireDevice | None) -> None:
         self.sent: list[tuple[int, bytes]] = []

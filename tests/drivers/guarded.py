@@ -12,10 +12,10 @@ from drivers.api.steering import RangeGuardKeys
 from drivers.base.arbitrated import settings_of
 from drivers.base.range_twin import RangerTwin
 from drivers.base.twin import BaseTwin
-from drivers.sim.body import BaseBody
+from drivers.sim.base_body import BaseBody
+from drivers.sim.context import SimContext
 from drivers.sim.room import Room
 from drivers.sim.scanner import make_range_function
-from drivers.sim.stage import SimContext
 from drivers.sim.timeline import Timeline
 from drivers.sim.wheels import SimulatedWheels
 from drivers.sim.world import SimulatedWorld

@@ -30,10 +30,10 @@ from drivers.kobuki.virtual import VirtualKobuki
 from drivers.pi_car.driver import GuardianProtocol
 from drivers.ros2.base import Ros2BaseProtocol
 from drivers.ros2.virtual_topics import VirtualRos2Base
-from drivers.sim.body import BaseBody
-from drivers.sim.things import BackupLimit
+from drivers.sim.base_body import BaseBody
 from drivers.sim.timeline import Timeline
 from drivers.sim.wheels import SimulatedWheels
+from drivers.sim.world_objects import BackupLimit
 from drivers.virtual.guardian import VirtualCar
 from drivers.waveshare.driver import waveshare_base
 from drivers.waveshare.virtual import VirtualWaveshare

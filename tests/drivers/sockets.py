@@ -26,7 +26,7 @@ class Sockets:
     def __init__(self, patch: pytest.MonkeyPatch) -> None:
         self.clock = ManualClock()
         self.devices: dict[str, WireDevice] = {}
-        patch.setattr("drivers.finding.asking.open_port", self._open)
+        patch.setattr("drivers.finding.port_probe.open_port", self._open)
         patch.setattr("drivers.transport.ports.open_port", self._open)
         serial = adapter.SerialTransport
         patch.setattr(

@@ -7,8 +7,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import BadRequest
-from drivers.sim.acts import NOD_DEPTH, NOD_TIME, REACTION_TIME, PersonAction, PersonReply, RobotUtterance, eye_drop
 from drivers.sim.people import Person, Presence
+from drivers.sim.person_actions import (
+    NOD_DEPTH,
+    NOD_TIME,
+    REACTION_TIME,
+    PersonAction,
+    PersonReply,
+    RobotUtterance,
+    eye_drop,
+)
 from drivers.sim.world import SimulatedWorld
 
 

@@ -19,8 +19,8 @@ from drivers.arduino.driver import ArduinoHead
 from drivers.arduino.virtual import VirtualRodney
 from drivers.clock import ManualClock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
+from drivers.head.angle_store import ServoAngleStore
 from drivers.head.axis import ENCODER_SKETCH_STARTS, ServoAxis
-from drivers.head.memory import ServoAngleStore
 from drivers.transport.link import LinkHandler, SerialLink
 from drivers.virtual.patient_clock import PatientClock
 from drivers.virtual.terminal import PseudoTerminal

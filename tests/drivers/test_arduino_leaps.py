@@ -22,8 +22,8 @@ from drivers.arduino.virtual import (
     UNSENT_SKETCH_ANGLES,
     VirtualRodney,
 )
+from drivers.head.angle_store import ServoAngleStore
 from drivers.head.axis import ServoAxis
-from drivers.head.memory import ServoAngleStore
 from drivers.sim.timeline import Timeline
 from tests.drivers.cranked import HandWire
 from tests.drivers.test_arduino_campaign import RAMP, SPEED

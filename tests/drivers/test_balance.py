@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from drivers.legs.balance import BalanceController, BalanceGains
 from drivers.legs.body import body_of
 from drivers.legs.compensation import Compensation, static_torques
 from drivers.legs.declared import LegsKeys
 from drivers.legs.engine import AttitudeEstimate, LegPosture, WalkingEngine
-from drivers.legs.pressure import BalanceController, BalanceGains
 from drivers.servos.models import MODELS, motor_physics
 from missions.library.drivers import load_named_robot
 

@@ -6,10 +6,10 @@ from hypothesis import strategies as st
 
 from drivers.kobuki.feedback import METRES_PER_TICK
 from drivers.kobuki.odometry import EMPTY_VOLTAGE, FULL_VOLTAGE, battery_percent
+from drivers.sim import base_body
 from drivers.sim import battery as simulated
-from drivers.sim import body
+from drivers.sim.base_body import OVERLOAD_CURRENT, motor_current
 from drivers.sim.battery import CAPACITY, CHARGE_CURRENT, INTERNAL_RESISTANCE, Battery
-from drivers.sim.body import OVERLOAD_CURRENT, motor_current
 
 
 def test_by_itself_it_keeps_what_it_has() -> None:
@@ -84,5 +84,5 @@ def test_a_motor_draws_more_the_faster_it_turns_and_the_longer_in_vain() -> None
 
 
 def test_the_simulated_body_and_battery_are_those_of_a_kobuki() -> None:
-    assert body.ENCODER_STEP == METRES_PER_TICK
+    assert base_body.ENCODER_STEP == METRES_PER_TICK
     assert (simulated.EMPTY_VOLTAGE, simulated.FULL_VOLTAGE) == (EMPTY_VOLTAGE, FULL_VOLTAGE)

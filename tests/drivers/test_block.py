@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from drivers.sim.block import Point3, UprightBox, UprightCylinder
+from drivers.sim.solids import Point3, UprightBox, UprightCylinder
 
 place = st.floats(-4, 4)
 blocks = st.builds(

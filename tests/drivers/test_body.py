@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.api import BASE_RADIUS, Pose2D, Sides, Velocity
-from drivers.sim.body import BODY_COMMAND_TIMEOUT, NO_SIDES, BaseBody, merge_sides
-from drivers.sim.things import OpenFloor
+from drivers.sim.base_body import BODY_COMMAND_TIMEOUT, NO_SIDES, BaseBody, merge_sides
 from drivers.sim.wheels import SimulatedWheels
+from drivers.sim.world_objects import OpenFloor
 
 WALL = 1.0
 """Where the wall of ``Walled`` stands, in metres along x; all that is beyond is solid."""

@@ -14,7 +14,7 @@ import pytest
 
 from drivers.api import Camera, CameraFrame, DeviceStatus, Image
 from drivers.camera.make import open_source
-from drivers.camera.pictures import iter_pictures
+from drivers.camera.picture_files import iter_pictures
 from drivers.camera.source import Source, SourceKind, source_kind
 from drivers.clock import Clock, ManualClock, SystemClock
 from drivers.errors import BadRequest, NotConnected

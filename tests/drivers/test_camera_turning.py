@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from drivers.api import Image
-from drivers.api.senses import CameraKeys, DistortionKeys
-from drivers.api.turn import ImageOrientation
+from drivers.api.image_orientation import ImageOrientation
+from drivers.api.sensor_sections import CameraKeys, DistortionKeys
 from drivers.camera.make import open_source
 from drivers.clock import ManualClock
 from drivers.pictures.capture import turn_image, unturn_image

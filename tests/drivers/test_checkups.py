@@ -8,14 +8,14 @@ import pytest
 
 from drivers.api import CameraFrame, Health, Image
 from drivers.api.driver import DriverContext, Finding
-from drivers.api.senses import CameraKeys
+from drivers.api.sensor_sections import CameraKeys
 from drivers.api.sensors import Sound
 from drivers.camera.checkup import checkup as look_through
 from drivers.camera.twin import CameraTwin
 from drivers.clock import ManualClock
-from drivers.finding.fitness import CPU_FOLDER, THROTTLED_FILE, check_machine
+from drivers.finding.hardware_scan import scan_hardware
 from drivers.finding.machine import HostMachine
-from drivers.finding.survey import scan_hardware
+from drivers.finding.machine_check import CPU_FOLDER, THROTTLED_FILE, check_machine
 from drivers.kobuki.checkup import check_reports
 from drivers.kobuki.feedback import Core, FirmwareVersion, Inertia
 from drivers.kobuki.wire import KobukiSubpayload

@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.api import BASE_RADIUS, DockBeam, DockSignals, Pose2D, Sides
+from drivers.sim.base_body import BaseBody
 from drivers.sim.battery import Battery
-from drivers.sim.body import BaseBody
-from drivers.sim.things import CONTACT_REACH, DOCK_SIZE, FAR_RANGE, NEAR_RANGE, NO_SIGNALS, WorldBox, WorldDock
 from drivers.sim.wheels import SimulatedWheels
 from drivers.sim.world import SimulatedWorld
+from drivers.sim.world_objects import CONTACT_REACH, DOCK_SIZE, FAR_RANGE, NEAR_RANGE, NO_SIGNALS, WorldBox, WorldDock
 
 DOCK = WorldDock(-2.95, 0.5, 0.0)
 """At the back wall of the usual room."""

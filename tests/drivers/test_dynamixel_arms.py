@@ -11,7 +11,7 @@ import pytest
 from drivers.api import Coupling, JointState, Quality, ReconnectPolicy
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest
-from drivers.servos import gathering, wire2
+from drivers.servos import sync_read, wire2
 from drivers.servos.bus import ServoBus
 from drivers.servos.driver import DynamixelJoints
 from drivers.servos.joint import JointSpec
@@ -149,7 +149,7 @@ def test_one_reply_that_is_missed_costs_a_reading_and_no_word(make: Make) -> Non
 def test_firmware_that_knows_no_bulk_read_is_read_one_by_one_before_long(
     make: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(gathering, "GROUP_READ_TIMEOUT", 0.3)
+    monkeypatch.setattr(sync_read, "GROUP_READ_TIMEOUT", 0.3)
     specs = {"a": spec(1, "MX-28"), "b": spec(2, "MX-28")}
     arm: Arm = make(specs, servos=chain(2, "MX-28"))
     arm.wire.deaf_to = {Protocol1Instruction.BULK_READ}
@@ -159,7 +159,7 @@ def test_firmware_that_knows_no_bulk_read_is_read_one_by_one_before_long(
         return sum(packet.code == Protocol1Instruction.BULK_READ for packet in arm.wire.requests)
 
     began = arm.clock.read_value()
-    arm.until(lambda: arm.clock.read_value() > began + gathering.GROUP_READ_TIMEOUT + 0.2)
+    arm.until(lambda: arm.clock.read_value() > began + sync_read.GROUP_READ_TIMEOUT + 0.2)
     arm.fresh()
     tried = asked()
     for _ in range(20):

@@ -7,7 +7,10 @@ from math import radians
 import pytest
 
 from drivers.api import Coupling, JointState, Quality, Reading
-from drivers.servos.attention import (
+from drivers.servos.driver import STALE_AFTER
+from drivers.servos.joint import Joint, JointSpec
+from drivers.servos.models import MODELS
+from drivers.servos.poll_rate import (
     HAND_TURNED_INTERVAL,
     MOVING_INTERVAL,
     OBSERVED_INTERVAL,
@@ -16,9 +19,6 @@ from drivers.servos.attention import (
     TORQUE_OFF_INTERVAL,
     PollSchedule,
 )
-from drivers.servos.driver import STALE_AFTER
-from drivers.servos.joint import Joint, JointSpec
-from drivers.servos.models import MODELS
 from tests.drivers.test_dynamixel_silence import Quiet
 
 STILL = JointState(0.0, 0.0, None, 0.0, 12.0, 35.0, moving=False, torque=False)

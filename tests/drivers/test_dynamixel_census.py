@@ -8,7 +8,7 @@ import pytest
 from drivers.errors import NotConnected
 from drivers.servos import wire2
 from drivers.servos.bus import ServoAddress
-from drivers.servos.census import ScannedServo, scan_bus
+from drivers.servos.bus_scan import ScannedServo, scan_bus
 from drivers.servos.models import MODELS
 from drivers.servos.units import baud_code
 from drivers.servos.virtual.chain import VirtualServoBus

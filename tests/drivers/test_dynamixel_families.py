@@ -7,17 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from drivers.api.driver import resolve_name
 from drivers.errors import DeviceFault
-from drivers.finding.asking import run_probe
+from drivers.finding.port_probe import run_probe
 from drivers.servos.bus import ServoAddress
-from drivers.servos.census import scan_bus
+from drivers.servos.bus_scan import scan_bus
 from drivers.servos.declared import ARM as DYNAMIXEL
 from drivers.servos.feetech import ARM as FEETECH
 from drivers.servos.identification import require_unique_id
-from drivers.servos.joining import find_mismatch
 from drivers.servos.joint import Joint, JointSpec
+from drivers.servos.joint_setup import find_mismatch
 from drivers.servos.models import MODELS, ServoModel, find_model
 from drivers.servos.settings import apply_changes, plan_changes
 from drivers.servos.virtual.chain import VirtualServoBus

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from drivers.api import Coupling, DeviceStatus
 from drivers.api.joints import FOLLOWING_TOLERANCE, MAX_APPROACH_SPEED, MAX_FOLLOW_GAP, ActiveCouplings
 from drivers.errors import BadRequest
-from drivers.joints.refusals import check_couplings
-from drivers.servos.commanded import CLAMP_REPORT_INTERVAL, GoalLimiter
+from drivers.joints.request_checks import check_couplings
 from drivers.servos.joint import Joint, JointSpec
 from drivers.servos.models import MODELS
-from drivers.servos.pace import STATISTICS_WINDOW, RoundSchedule
+from drivers.servos.round_schedule import STATISTICS_WINDOW, RoundSchedule
+from drivers.servos.servo_joints import CLAMP_REPORT_INTERVAL, GoalLimiter
 
 JOINTS = {"left": 1, "right": 2, "third": 3}
 ANGLES = st.floats(-3.0, 3.0)

@@ -11,12 +11,12 @@ import pytest
 from drivers.api import Coupling, DeviceStatus, JointState, Quality, Reading, ReconnectPolicy
 from drivers.clock import ManualClock
 from drivers.errors import NotConnected
-from drivers.servos.attention import MOVING_INTERVAL
 from drivers.servos.bus import ServoBus
 from drivers.servos.driver import DynamixelJoints
 from drivers.servos.joint import Joint, JointSpec
-from drivers.servos.legs import LOADED_LOOKAHEAD, next_setpoint
 from drivers.servos.models import MODELS as MODELS_BY_NAME
+from drivers.servos.poll_rate import MOVING_INTERVAL
+from drivers.servos.setpoint_lookahead import LOADED_LOOKAHEAD, next_setpoint
 from drivers.servos.virtual.servo import VirtualServo
 from tests.drivers.chains import mixed_chain
 from tests.drivers.lines import DirectLine

@@ -3,11 +3,11 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.sim.acts import PersonAction
 from drivers.sim.people import EARSHOT, Person
+from drivers.sim.person_actions import PersonAction
 from drivers.sim.room import Room
-from drivers.sim.things import Wall
 from drivers.sim.world import SimulatedWorld
+from drivers.sim.world_objects import Wall
 
 HALL = Room.with_default_fixtures(20.0, 10.0, 2.6, (5.0, 0.0))
 

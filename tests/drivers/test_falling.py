@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from drivers.api import JointState
-from drivers.legs.acts import make_posture
+from drivers.legs.actions import make_posture
 from drivers.legs.compensation import static_torques
 from drivers.legs.engine import CONTROL_INTERVAL, AttitudeEstimate, WalkingEngine
-from drivers.legs.falling import FALLEN_LEAN, FallDetector
+from drivers.legs.fall_detection import FALLEN_LEAN, FallDetector
 from tests.drivers.test_balance import engine
 
 __all__ = ["engine"]

@@ -8,10 +8,10 @@ import pytest
 
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.servos.bus import ServoAddress, ServoBus, ServoIdentity
-from drivers.servos.census import scan_bus
+from drivers.servos.bus_scan import scan_bus
 from drivers.servos.driver import DynamixelJoints
 from drivers.servos.joint import JointSpec
-from drivers.servos.legs import LOOKAHEAD_TIME
+from drivers.servos.setpoint_lookahead import LOOKAHEAD_TIME
 from drivers.servos.settings import apply_changes, plan_changes
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import STALL_TIME, VirtualServo

@@ -14,10 +14,10 @@ from drivers.arduino import wire as rosserial
 from drivers.arduino.virtual import VirtualRodney
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
-from drivers.finding.asking import PortScan, driver_by_serial_number, identify_device, probing_drivers, run_probe
+from drivers.finding.hardware_scan import find_cameras, find_game_pads, find_sound_cards, make_prober, scan_hardware
 from drivers.finding.machine import HostMachine
+from drivers.finding.port_probe import PortScan, driver_by_serial_number, identify_device, probing_drivers, run_probe
 from drivers.finding.serial_ports import SerialPortInfo, UsbDevice, find_portless_adapters, find_serial_ports
-from drivers.finding.survey import find_cameras, find_game_pads, find_sound_cards, make_prober, scan_hardware
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.rplidar.virtual import VirtualRPLidar
 from drivers.rplidar.wire import START_BYTE, RPLidarCommand
@@ -25,7 +25,7 @@ from drivers.servos.units import baud_code
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
 from drivers.servos.wire import Protocol1Instruction
-from drivers.sim.body import BaseBody
+from drivers.sim.base_body import BaseBody
 from drivers.transport import guardian_wire as lines
 from drivers.transport.ports import is_raspberry_pi_5, leads_to_debug_connector, open_port
 from drivers.virtual.terminal import PseudoTerminal, WireDevice

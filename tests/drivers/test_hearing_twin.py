@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from drivers.api import DeviceStatus
 from drivers.microphone.twin import HearingTwin
-from drivers.sim.acts import PersonReply
+from drivers.sim.person_actions import PersonReply
 from drivers.sim.timeline import Timeline
 from perception.api import Hearing, Words
 from perception.hearing.grammar import PhraseGrammar

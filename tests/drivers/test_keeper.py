@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from drivers.api import DeviceStatus, HeadPose, Velocity
 from drivers.base.diff_drive import DiffDriveBase
 from drivers.base.reckoning import TwoWheels
@@ -20,7 +20,7 @@ from drivers.errors import DeviceFault, DriverError
 from drivers.head.axis import ServoAxis
 from drivers.head.guardian_head import OFFLINE_TIMEOUT, GuardianHead
 from drivers.pi_car.driver import GuardianProtocol
-from drivers.sim.body import BaseBody
+from drivers.sim.base_body import BaseBody
 from drivers.sim.timeline import Timeline
 from drivers.transport import guardian_wire
 from drivers.transport.guardian import SERVO_SPEED, ActuatorGuardian, GuardianServos, GuardianWheels

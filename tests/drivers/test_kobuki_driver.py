@@ -41,7 +41,7 @@ from drivers.kobuki.feedback import FEEDBACK, METRES_PER_TICK, Core, Inertia, Ko
 from drivers.kobuki.odometry import KobukiOdometry, KobukiStateBuilder, battery_percent
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.kobuki.wire import BAUD, HEADER, KobukiFrameFinder, KobukiSubpayload, decode, encode
-from drivers.sim.body import BODY_COMMAND_TIMEOUT
+from drivers.sim.base_body import BODY_COMMAND_TIMEOUT
 from drivers.sim.timeline import Timeline
 from drivers.sim.wheels import SimulatedWheels
 from drivers.transport import ports

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from drivers.legs.body import SIDES, Floats, LeggedBody, Side, body_of
-from drivers.legs.checking import clearance
 from drivers.legs.declared import LegsKeys
+from drivers.legs.gait_check import clearance
 from drivers.legs.kinematics import centre_jacobian, centre_of_mass, forward_kinematics, jacobian, sole_pose
 from drivers.legs.leg_ik import UNREACHABLE_REASONS, solve_leg
 from missions.library.drivers import load_robot

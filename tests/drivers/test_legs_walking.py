@@ -29,9 +29,7 @@ from drivers.legs.kinematics import (
     link_centres,
     rotation_about,
 )
-from drivers.legs.twin import LegsTwin
-from drivers.legs.twin import make as make_legs
-from drivers.legs.walker import (
+from drivers.legs.pattern_generator import (
     GRAVITY,
     FloorPose,
     WalkPatternGenerator,
@@ -41,10 +39,12 @@ from drivers.legs.walker import (
     polygon_margin,
     sway_share,
 )
+from drivers.legs.twin import LegsTwin
+from drivers.legs.twin import make as make_legs
 from drivers.servos.declared import DynamixelKeys
 from drivers.servos.twin import JointsTwin
 from drivers.servos.twin import make as make_arm
-from drivers.sim.stage import SimContext
+from drivers.sim.context import SimContext
 from drivers.sim.timeline import Timeline
 from drivers.sim.world import ORIGIN
 from missions.library.drivers import load_robot

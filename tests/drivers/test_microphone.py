@@ -15,9 +15,9 @@ from drivers.api import DeviceStatus
 from drivers.api.sensors import SOUND_RATE
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NotConnected
-from drivers.microphone import captured
-from drivers.microphone.captured import HANG_TIMEOUT, MAX_KEPT_SECONDS, SoundCardMicrophone
-from drivers.microphone.wav import PIECE_SAMPLES, WavMicrophone, load_wav, resample
+from drivers.microphone import sound_card
+from drivers.microphone.sound_card import HANG_TIMEOUT, MAX_KEPT_SECONDS, SoundCardMicrophone
+from drivers.microphone.wav_microphone import PIECE_SAMPLES, WavMicrophone, load_wav, resample
 from tests.waiting import wait_until
 
 
@@ -120,7 +120,7 @@ def test_what_a_header_says_is_not_believed_where_no_recording_is_like_that(tmp_
 def test_a_recording_that_is_too_long_is_refused_with_what_to_type(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("drivers.microphone.wav.MAX_DURATION", 60.0)
+    monkeypatch.setattr("drivers.microphone.wav_microphone.MAX_DURATION", 60.0)
     path = write(tmp_path / "a.wav", np.zeros(16_000 * 180, np.int16))
     with pytest.raises(NotConnected, match="lasts 3 min, and 1 are the most") as raised:
         load_wav("microphone", path)
@@ -201,7 +201,7 @@ def test_a_program_that_gives_no_more_sound_is_killed_and_another_follows(
 ) -> None:
     program = tmp_path / "hanging.py"
     program.write_text(HANGING)
-    monkeypatch.setattr(captured, "WORKER_PROGRAM", program)
+    monkeypatch.setattr(sound_card, "WORKER_PROGRAM", program)
     clock = ManualClock()
     microphone = SoundCardMicrophone(clock)
     microphone.open()

@@ -7,7 +7,7 @@ from behaviours.driving.motion import BaseMotion, DriveLeaf, TurnLeaf
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.robot import Robot
 from drivers.base.motion_fault import MAX_FAULTS
-from drivers.sim.body import BaseBody
+from drivers.sim.base_body import BaseBody
 from drivers.sim.timeline import Timeline
 from drivers.sim.wheels import SimulatedWheels
 from missions.plugins.testing.recorders import LeafTestBench

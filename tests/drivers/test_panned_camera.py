@@ -16,7 +16,7 @@ from drivers.clock import ManualClock
 from drivers.sim.painter import PannedCamera, rotate_view
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
-from drivers.sim.rendered import RenderedCamera
+from drivers.sim.rendered_camera import RenderedCamera
 from drivers.sim.viewpoint import PinholeLens, Viewpoint
 from drivers.sim.world import SimulatedWorld
 from tests.footage import FOOTAGE

@@ -15,7 +15,7 @@ import pytest
 
 from drivers.api import Camera
 from drivers.camera.make import open_source
-from drivers.camera.pictures import iter_pictures
+from drivers.camera.picture_files import iter_pictures
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest
 from drivers.pictures.decode import decode_picture, load_picture, picture_size

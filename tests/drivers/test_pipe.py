@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from drivers.api import DeviceStatus, ignore
 from drivers.clock import SystemClock
 from drivers.errors import NoReply, NotConnected
-from drivers.transport.pipe import MessageParser, WorkerProcess, pack_message
+from drivers.transport.worker_process import MessageParser, WorkerProcess, pack_message
 from tests.waiting import wait_until
 
 ECHO = """

@@ -11,12 +11,12 @@ from typing import Any, ClassVar
 
 import pytest
 
-from drivers.api import quick
+from drivers.api import fast_dataclass
 
-MAKERS = [dataclasses.dataclass, quick.dataclass]
+MAKERS = [dataclasses.dataclass, fast_dataclass.dataclass]
 
 
-@quick.dataclass(frozen=True, slots=True)
+@fast_dataclass.dataclass(frozen=True, slots=True)
 class Place:
     """Somewhere, with what was found there."""
 

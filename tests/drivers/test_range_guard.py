@@ -21,8 +21,8 @@ from drivers.base.range_guard import RENEWAL_INTERVAL
 from drivers.base.seen_points import SeenPoints
 from drivers.sim.people import Person
 from drivers.sim.room import Room
-from drivers.sim.things import WorldBox
 from drivers.sim.world import SimulatedWorld
+from drivers.sim.world_objects import WorldBox
 from tests.drivers.guarded import HALL, START, GuardedBase, ScriptedRanger
 
 CORNERS = ((0.2, 0.15), (0.2, -0.15), (-0.2, -0.15), (-0.2, 0.15))

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from drivers.api import Camera, Image
 from drivers.clock import ManualClock, SystemClock
-from drivers.sim.looks import APPEARANCES
+from drivers.sim.appearances import APPEARANCES
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
-from drivers.sim.rendered import RenderedCamera
+from drivers.sim.rendered_camera import RenderedCamera
 from drivers.sim.viewpoint import PinholeLens, Viewpoint
 from drivers.sim.world import SimulatedWorld
 

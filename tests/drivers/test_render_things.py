@@ -9,14 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.api import Image, Pose2D
-from drivers.sim.acts import NOD_TIME, PersonAction
-from drivers.sim.block import UprightBox, UprightCylinder
 from drivers.sim.people import Person
+from drivers.sim.person_actions import NOD_TIME, PersonAction
 from drivers.sim.render import Renderer, sort_back_to_front
-from drivers.sim.things import MARKER_SIZE, Edge, Rover, Wall, WorldBall, WorldBox
+from drivers.sim.solids import UprightBox, UprightCylinder
 from drivers.sim.topview import TopView
 from drivers.sim.viewpoint import PinholeLens, Viewpoint
 from drivers.sim.world import Light, LightChange, SimulatedWorld
+from drivers.sim.world_objects import MARKER_SIZE, Edge, Rover, Wall, WorldBall, WorldBox
 
 LENS = PinholeLens(640, 480, radians(60))
 EYE = Viewpoint(z=0.6)

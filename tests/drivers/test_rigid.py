@@ -13,7 +13,7 @@ from drivers.servos.joint import JointSpec
 from drivers.servos.models import MODELS, motor_physics
 from drivers.servos.rigid_twin import RigidServo
 from drivers.sim.rigid import scene as scenes
-from drivers.sim.rigid.links import Floor, TrunkPush, make_mjcf
+from drivers.sim.rigid.rigid_model import Floor, TrunkPush, make_mjcf
 from drivers.sim.rigid.scene import PhysicsScene
 from tests.drivers.toy_humanoid import MOTOR, crouch, figure, scene
 

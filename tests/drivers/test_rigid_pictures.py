@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from drivers.api import Image
-from drivers.sim.rigid import filmed
-from drivers.sim.rigid.filmed import BodyCamera
+from drivers.sim.rigid import body_camera
+from drivers.sim.rigid.body_camera import BodyCamera
 from drivers.sim.rigid.scene import PhysicsScene
-from drivers.sim.rigid.stick import BACKGROUND, LEFT, MARKS, RIGHT, Stroke, draw_stick_figure
+from drivers.sim.rigid.stick_drawing import BACKGROUND, LEFT, MARKS, RIGHT, Stroke, draw_stick_figure
 from tests.drivers.toy_humanoid import scene
 
 SIZE = (320, 240)
@@ -93,7 +93,7 @@ def test_without_egl_it_is_drawn_of_lines(robot: PhysicsScene, monkeypatch: pyte
     def broken() -> None:
         raise AttributeError("'NoneType' object has no attribute 'eglQueryString'")  # as PyOpenGL without libEGL
 
-    monkeypatch.setattr(filmed, "_egl_context_class", broken)
+    monkeypatch.setattr(body_camera, "_egl_context_class", broken)
     camera = BodyCamera(robot, SIZE)
     assert not camera.is_rendered
     assert len(coloured(camera.draw(0.0), LEFT))

@@ -10,12 +10,12 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from drivers.api import Angles, Pose2D
-from drivers.sim.block import Point3, Solid, UprightBox
 from drivers.sim.people import Person
 from drivers.sim.room import Room
 from drivers.sim.scanner import cast_rays, make_range_function
-from drivers.sim.things import Rover, Wall, WorldBall, WorldBox
+from drivers.sim.solids import Point3, Solid, UprightBox
 from drivers.sim.world import SimulatedWorld
+from drivers.sim.world_objects import Rover, Wall, WorldBall, WorldBox
 
 GREY = (120, 120, 120)
 ALL_ROUND: Angles = np.arange(-pi, pi, tau / 360)

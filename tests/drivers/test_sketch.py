@@ -13,9 +13,9 @@ import pytest
 
 from drivers.api import DeviceStatus, HeadPose
 from drivers.errors import DriverError
+from drivers.head.angle_store import ServoAngleStore
 from drivers.head.axis import ServoAxis
 from drivers.head.guardian_head import MAX_REPORT_AGE, GuardianHead
-from drivers.head.memory import ServoAngleStore
 from drivers.head.pantilt import MAX_CATCH_UP
 from drivers.sim.timeline import Timeline
 from drivers.transport import guardian_wire

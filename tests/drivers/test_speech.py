@@ -12,8 +12,9 @@ import pytest
 from drivers.api import DeviceStatus, Mouth, Priority, SpeechStyle
 from drivers.clock import SystemClock
 from drivers.errors import NoReply, NotConnected
-from drivers.sound import engines, partner
-from drivers.sound.cut import CancelToken
+from drivers.sound import engines
+from drivers.sound import worker_client as partner
+from drivers.sound.cancel_token import CancelToken
 from drivers.sound.engines import EspeakEngine
 from drivers.sound.player import SoundPlayer, SoundState
 from drivers.voice.speech import SpeechVoice
@@ -335,7 +336,7 @@ def test_closed_in_the_middle_of_words_nothing_is_left_and_opened_again_it_speak
     room: Room, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # What is said while its program starts for longer than this is printed: on a busy machine it does.
-    monkeypatch.setattr("drivers.sound.partner.START_TIMEOUT", 60.0)
+    monkeypatch.setattr("drivers.sound.worker_client.START_TIMEOUT", 60.0)
     words = room.voice.say(LONG)
     wait_until(lambda: words.started is not None)
     processes = [room.process(room.engine), room.process(room.player)]

@@ -22,12 +22,12 @@ from drivers.api import DEFAULT_STYLE, DeviceStatus, Mouth, MouthShape, SpeechSt
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import BadRequest, DeviceFault, NoReply
 from drivers.sound import espeak_worker, sound_worker
-from drivers.sound.cut import CancelToken
+from drivers.sound.cancel_token import CancelToken
 from drivers.sound.engines import EspeakEngine, PiperEngine
-from drivers.sound.partner import ProgramEvent, ProgramState
 from drivers.sound.player import SoundEvent, SoundPlayer, SoundState
-from drivers.sound.printed import PrintedVoice
-from drivers.sound.program import (
+from drivers.sound.printed_voice import PrintedVoice
+from drivers.sound.sound_worker import PlaybackQueue
+from drivers.sound.speech_programs import (
     MAX_PIECE_BYTES,
     ProgramEngine,
     ProgramOutput,
@@ -38,10 +38,10 @@ from drivers.sound.program import (
     run_program,
     split_sound,
 )
-from drivers.sound.sound_worker import PlaybackQueue
-from drivers.sound.spoken import espeak_name, fill_manner, mouth_movement, mouth_shape
+from drivers.sound.utterances import espeak_name, fill_manner, mouth_movement, mouth_shape
 from drivers.sound.wav import check_sound_file, sound_duration
-from drivers.transport.pipe import Message, MessageParser, WorkerProcess, pack_message
+from drivers.sound.worker_client import ProgramEvent, ProgramState
+from drivers.transport.worker_process import Message, MessageParser, WorkerProcess, pack_message
 from drivers.voice.speech import SpeechVoice, VoiceSettings, make_voice
 from tests.cases import each
 from tests.machines import walk
@@ -309,7 +309,7 @@ def test_random_events_of_a_program_take_every_transition_and_none_revives_a_clo
             player._handle_program(ProgramEvent.OPEN)
 
     player_of = partial(SoundPlayer, ManualClock())
-    table = walk(monkeypatch, "drivers.sound.partner.TRANSITIONS", player_of, [happen, happen, open_it])
+    table = walk(monkeypatch, "drivers.sound.worker_client.TRANSITIONS", player_of, [happen, happen, open_it])
     assert table.visited == set(table)
 
 

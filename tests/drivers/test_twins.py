@@ -36,7 +36,7 @@ from drivers.kobuki.twin import KobukiTwinOdometry
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.servos.joint import JointSpec
 from drivers.servos.twin import JointsTwin
-from drivers.sim.body import BaseBody
+from drivers.sim.base_body import BaseBody
 from drivers.sim.plug import SimulatedPlug
 from drivers.sim.timeline import Timeline
 from drivers.sim.wheels import SimulatedWheels
@@ -522,7 +522,7 @@ STORY = """
 import hashlib, sys
 from drivers.api import Velocity
 from drivers.servos.joint import JointSpec
-from drivers.sim.body import BaseBody
+from drivers.sim.base_body import BaseBody
 from drivers.sim.timeline import Timeline
 from drivers.base.twin import BaseTwin
 from drivers.servos.twin import JointsTwin

@@ -32,9 +32,9 @@ from drivers.kobuki.virtual import REPORT_INTERVAL, VirtualKobuki
 from drivers.kobuki.wire import KobukiFrameFinder, KobukiSubpayload, decode, encode
 from drivers.sim.battery import INTERNAL_RESISTANCE, Battery
 from drivers.sim.room import Room
-from drivers.sim.things import DOCK_SIZE, Edge, WorldDock
 from drivers.sim.wheels import SimulatedWheels
 from drivers.sim.world import SimulatedWorld
+from drivers.sim.world_objects import DOCK_SIZE, Edge, WorldDock
 from drivers.virtual.terminal import TimedDevice
 
 DOCK = WorldDock(-2.95, 0.0, 0.0)

@@ -10,7 +10,7 @@ from drivers.servos import wire
 from drivers.servos.models import MODELS, ServoModel
 from drivers.servos.tables import TABLE_X, TABLE_X_CURRENT
 from drivers.servos.virtual.chain import VirtualServoBus
-from drivers.servos.virtual.obey2 import CLEAR_TURNS, FAST_BULK_READ, FAST_SYNC_READ
+from drivers.servos.virtual.protocol2 import CLEAR_TURNS, FAST_BULK_READ, FAST_SYNC_READ
 from drivers.servos.virtual.servo import VirtualServo
 from drivers.servos.wire import BROADCAST, Packet, ServoFault
 from drivers.servos.wire2 import ALERT, STATUS, PacketParser2, Protocol2Error, Protocol2Instruction, crc, request

@@ -12,8 +12,8 @@ from drivers.api import DeviceStatus, Priority, SpeechStyle, Voice, ignore
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NotConnected
 from drivers.sound.player import SoundPlayer
-from drivers.sound.printed import PrintedVoice
-from drivers.sound.program import ProgramEngine, Synthesiser, find_synthesiser
+from drivers.sound.printed_voice import PrintedVoice
+from drivers.sound.speech_programs import ProgramEngine, Synthesiser, find_synthesiser
 from drivers.voice.speech import SpeechVoice
 from tests.cases import each
 from tests.waiting import wait_until

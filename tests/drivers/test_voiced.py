@@ -6,9 +6,9 @@ from drivers.api import DeviceStatus, SpeechStyle
 from drivers.clock import SystemClock
 from drivers.errors import NoReply
 from drivers.microphone.virtual import VoicedMicrophone
-from drivers.sim.acts import PersonReply
-from drivers.sound.cut import CancelToken
-from drivers.sound.program import Speech
+from drivers.sim.person_actions import PersonReply
+from drivers.sound.cancel_token import CancelToken
+from drivers.sound.speech_programs import Speech
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.real_time

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import BadRequest, NotConnected
-from drivers.microphone.wav import BLOCK_FRAMES, decode_blocks, load_wav, resample
+from drivers.microphone.wav_microphone import BLOCK_FRAMES, decode_blocks, load_wav, resample
 from drivers.sound import sound_worker
 from drivers.sound.wav import BadWav, check_sound_file, read_header, sound_duration
 from tests.drivers.wavs import BAD, COUNT, FMT, GOOD, INT16, MP3, RATE, TONE, chunk, form, plain, riff

@@ -8,7 +8,7 @@ import pytest
 
 from drivers.api import DeviceStatus, Velocity
 from drivers.base.reckoning import Reckoning, TwoWheels
-from drivers.sim.body import BaseBody
+from drivers.sim.base_body import BaseBody
 from drivers.sim.timeline import Timeline
 from drivers.transport.lines import LineFinder
 from drivers.waveshare import wire

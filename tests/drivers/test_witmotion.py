@@ -5,10 +5,10 @@ from math import radians
 
 import pytest
 
-from config.faults import SourceText
+from config.diagnostics import SourceText
 from config.robot import parse_robot
 from drivers.api import Pose2D, Quality
-from drivers.sim.stage import SimContext
+from drivers.sim.context import SimContext
 from drivers.sim.timeline import Timeline
 from drivers.witmotion import wire
 from drivers.witmotion.driver import STALE_AFTER, WitMotionImu

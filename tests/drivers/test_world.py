@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import BadRequest
-from drivers.sim.looks import APPEARANCES
+from drivers.sim.appearances import APPEARANCES
 from drivers.sim.people import Person
 from drivers.sim.room import Fixture, Room
 from drivers.sim.viewpoint import PinholeLens, Viewpoint

@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import BadRequest
-from drivers.sim.acts import PersonAction
 from drivers.sim.people import Person, WaypointPath
+from drivers.sim.person_actions import PersonAction
 from drivers.sim.room import DEFAULT_FIXTURES, Room
-from drivers.sim.things import Edge, Ground, Rover, Wall, WorldBall, WorldBox
 from drivers.sim.world import Light, LightChange, SimulatedWorld
+from drivers.sim.world_objects import Edge, Ground, Rover, Wall, WorldBall, WorldBox
 
 RED = (200, 40, 40)
 TABLE = WorldBox("table", 2.0, 0.0, (0.8, 1.0, 0.75), RED)

@@ -1,7 +1,7 @@
 """ROBOTIS' OP3 as physics know it, by the figures of its public model; and what is sent to its servos."""
 
 from drivers.servos.models import MODELS, motor_physics
-from drivers.sim.rigid.links import Floor, RigidLink, RigidRobot, RigidShape, make_mjcf
+from drivers.sim.rigid.rigid_model import Floor, RigidLink, RigidRobot, RigidShape, make_mjcf
 from drivers.sim.rigid.scene import PhysicsScene
 
 MOTOR = motor_physics(MODELS["XM430-W350"])

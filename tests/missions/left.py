@@ -3,10 +3,10 @@
 from contextlib import suppress
 from pathlib import Path
 
-from missions.control.searching import search_runs
+from missions.control.run_search import search_runs
 from missions.control.sockets import connect, socket_folder, socket_path
-from missions.plugins.records.recording.faults import InvalidRecordError
-from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.recording.run_record import open_record
+from missions.plugins.records.recording.validation import InvalidRecordError
 from tests.forked import Forked
 
 MARK = "MISSION_KILLED"

@@ -11,7 +11,7 @@ from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.patient_clock import PatientClock
 from drivers.virtual.terminal import PseudoTerminal
-from missions.plugins.setup.servo.bench import pause
+from missions.plugins.setup.servo.connections import pause
 
 FILE = """\
 # Written by hand.
@@ -32,8 +32,8 @@ arm:
 def patient(patch: pytest.MonkeyPatch) -> PatientClock:
     """Return a clock for virtual servos, which ``mission servo`` has too: it misses none of their replies."""
     clock = PatientClock()
-    patch.setattr("missions.plugins.setup.servo.bench.SystemClock", lambda: clock)
-    for constant in ("missions.plugins.setup.servo.bench.REPLY_TIMEOUT", "drivers.servos.make.REPLY_TIMEOUT"):
+    patch.setattr("missions.plugins.setup.servo.connections.SystemClock", lambda: clock)
+    for constant in ("missions.plugins.setup.servo.connections.REPLY_TIMEOUT", "drivers.servos.make.REPLY_TIMEOUT"):
         patch.setattr(constant, 0.1)  # it may be twice that a servo is held up
     return clock
 
@@ -47,7 +47,7 @@ def by_hand(patch: pytest.MonkeyPatch, clock: PatientClock, steps: Iterator[obje
             clock.unregister(steps)
         pause()
 
-    patch.setattr("missions.plugins.setup.servo.bench.pause", looking)
+    patch.setattr("missions.plugins.setup.servo.connections.pause", looking)
 
 
 class Three:

@@ -222,12 +222,12 @@ class Table:
         self.questions = 0
         self._turns = 0
         Path("bus.yaml").write_text(case.file)
-        bench = "missions.plugins.setup.servo.bench"
+        bench = "missions.plugins.setup.servo.connections"
         patch.setattr(f"{bench}.Bus", partial(ServoBus, dial=self.line.dial))
         patch.setattr(f"{bench}.SystemClock", lambda: self.clock)
         for module in ("bench", "drive"):
             patch.setattr(f"missions.plugins.setup.servo.{module}.pause", self.pause)
-        patch.setattr("missions.plugins.setup.servo.bench.KeyReader", self.keys)
+        patch.setattr("missions.plugins.setup.servo.connections.KeyReader", self.keys)
         patch.setattr("sys.stdin", Typing())
         patch.setattr("click.confirm", self.confirm)
 

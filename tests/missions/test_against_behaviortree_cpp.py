@@ -15,12 +15,12 @@ import pytest
 from py_trees.common import Status
 
 from behaviours.leaf import Leaf, argument
-from config.faults import SourceText
-from missions.executive.at_once import Parallel
+from config.diagnostics import SourceText
 from missions.executive.events import STATUS_WORDS
-from missions.language.counts import ALL_CHILDREN, FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL
+from missions.executive.parallel import Parallel
 from missions.language.document import check_plan
 from missions.language.expressions import Value
+from missions.language.parallel_counts import ALL_CHILDREN, FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL
 from tests.conformance.harness import Play
 from tests.conformance.probes import Bench
 from tests.tries import tries

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import pytest
 
 from behaviours.catalogue import LEAVES
-from config.faults import Diagnostic, InvalidFileError, SourceText
+from config.diagnostics import Diagnostic, InvalidFileError, SourceText
 from missions.language.document import check_plan
+from missions.library.lookups import LOOKUPS
 from missions.library.shipped import find_mission, shipped_missions
-from missions.library.things import LOOKUPS
 
 
 class Several(NamedTuple):

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from behaviours.robot import Robot
 from drivers.api import Coupling, Device, HeadPose, Lamp, Reading, Source, Tune, Velocity
 from drivers.errors import BadRequest, DeviceFault, DriverError, NotConnected
-from missions.executive.answers import TickCache
-from missions.executive.asked import with_proxies
+from missions.executive.proxied_robot import with_proxies
+from missions.executive.tick_cache import TickCache
 from missions.executive.tick_record import Answer
 from missions.plugins.testing.recorders import LeafTestBench, good
 

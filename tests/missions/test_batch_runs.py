@@ -18,7 +18,7 @@ from py_trees.common import Status
 
 from behaviours.leaf import Leaf
 from drivers.errors import BadRequest, NotConnected
-from missions.assembly.assembled import AssembledRobot
+from missions.assembly.assembled_robot import AssembledRobot
 from missions.cli.running import run
 from missions.executive.executive import Result
 from missions.language.plan import Step

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from missions.executive.events import NodeChanged
-from missions.plugins.testing.ran import MissionRun, run_mission
+from missions.plugins.testing.mission_run import MissionRun, run_mission
 
 ENDS_WITHIN = 3.0
 """Seconds from the fault until the behaviour has ended: 10 degrees at its pace, 0.8 s without progress, a tick."""

@@ -10,19 +10,19 @@ from hypothesis import strategies as st
 
 from behaviours.catalogue import LEAVES
 from behaviours.robot import Robot
-from config.faults import MAX_DIAGNOSTICS, InvalidFileError, SourceText
+from config.diagnostics import MAX_DIAGNOSTICS, InvalidFileError, SourceText
 from drivers.clock import ManualClock
 from missions.executive.build import NODES as NODE_CLASSES
 from missions.executive.state import state_of
+from missions.language.check_context import MAX_DEPTH
 from missions.language.document import check_plan, load_plan
 from missions.language.expressions import Value
 from missions.language.kinds import STATE_KINDS
 from missions.language.nodes import COMPOSITES, MODIFIERS, NODES
-from missions.language.notes import MAX_DEPTH
 from missions.language.plan import Plan, Step
 from missions.language.steps import LIST_HINT
+from missions.library.lookups import LOOKUPS
 from missions.library.shipped import load_mission
-from missions.library.things import LOOKUPS
 from perception.api import Thing
 
 GREET = (Path(__file__).parents[2] / "missions" / "greet.yaml").read_text(encoding="utf-8")

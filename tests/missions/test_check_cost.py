@@ -13,12 +13,12 @@ from typing import Any
 import pytest
 
 from behaviours.catalogue import LEAVES
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from missions.language.document import check_plan
 from missions.language.nodes import COMPOSITES, MODIFIERS
 from missions.language.outcomes import actions_as_guards
 from missions.language.plan import Plan
-from missions.library.things import LOOKUPS
+from missions.library.lookups import LOOKUPS
 from missions.plugins.verify.explore import StateSpace
 from missions.plugins.verify.model import MissionModel
 

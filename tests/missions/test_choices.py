@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from behaviours.catalogue import LEAVES
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from missions.library.catalogue import example_value, kind_text
 from missions.library.shipped import load_mission
 from missions.plugins.schema.values import value_schema

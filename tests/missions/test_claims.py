@@ -5,14 +5,14 @@ from pathlib import Path
 import pytest
 
 from behaviours.catalogue import LEAVES
-from config.faults import Diagnostic, InvalidFileError, SourceText
+from config.diagnostics import Diagnostic, InvalidFileError, SourceText
 from config.library import find_file
 from missions.language.claims import TargetRobot, impossible_alternatives
 from missions.language.document import check_plan
 from missions.language.plan import Plan
 from missions.library.drivers import load_robot
+from missions.library.lookups import LOOKUPS
 from missions.library.target import target_of
-from missions.library.things import LOOKUPS
 
 GREET = (Path(__file__).parents[2] / "missions" / "greet.yaml").read_text(encoding="utf-8")
 WHOLE = frozenset({"base", "head", "arm", "camera", "voice"})

@@ -168,7 +168,7 @@ def test_a_mistake_gives_2_and_still_a_summary_for_programs(mission: Mission) ->
 def test_a_robot_that_is_not_there_gives_3_and_says_what_to_try(
     mission: Mission, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("missions.assembly.assembled.CONNECT_TIMEOUT", 0.5)
+    monkeypatch.setattr("missions.assembly.assembled_robot.CONNECT_TIMEOUT", 0.5)
     Path("far.yaml").write_text("robot: far\nbase: {driver: kobuki, port: /dev/no_such_base}\n")
     write("go.yaml", "  drive: 1 m\n")
     outcome = mission("run", "go.yaml", "--robot", "far.yaml", "--json")

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from behaviours.catalogue import LEAVES
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from missions.language.document import check_plan, load_plan
+from missions.library.lookups import LOOKUPS
 from missions.library.shipped import find_mission
-from missions.library.things import LOOKUPS
-from missions.plugins.testing.ran import run_mission
+from missions.plugins.testing.mission_run import run_mission
 
 HEAD = """\
 mission: m

@@ -15,20 +15,20 @@ from py_trees.common import Status
 import missions
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
-from config.faults import SourceText
-from config.marked import compose
+from config.diagnostics import SourceText
 from config.object import load_object
 from config.world import parse_world
+from config.yaml_nodes import compose
 from docs.generate import TABLES, main, renewed
 from missions.language.document import check_plan
 from missions.library.drivers import load_robot
+from missions.library.lookups import LOOKUPS
 from missions.library.shipped import find_mission, load_mission
-from missions.library.things import LOOKUPS
 from missions.library.worlds import build_world
 from missions.plugins.schema.mission import mission_schema, shipped_things
-from missions.plugins.testing.play import play
+from missions.plugins.testing.case_runner import IN_PROCESS_LIMITS
+from missions.plugins.testing.case_verdict import play
 from missions.plugins.testing.recorders import LeafTestBench
-from missions.plugins.testing.stage import IN_PROCESS_LIMITS
 from missions.plugins.testing.suite import load_suite
 from tests.missions.command import Outcome, command
 from tests.missions.test_schema import plain

@@ -21,7 +21,7 @@ from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.patient_clock import PatientClock
 from drivers.virtual.terminal import PseudoTerminal, WireDevice
-from missions.assembly.lags import MIN_SAMPLES, LearntDelays
+from missions.assembly.learnt_delays import MIN_SAMPLES, LearntDelays
 from missions.library.drivers import load_robot
 from missions.library.folders import checkup_file
 from missions.plugins.setup.checkup import PartFinding, check_folders

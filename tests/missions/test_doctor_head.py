@@ -10,13 +10,13 @@ import cv2
 import numpy as np
 import pytest
 
-from config.faults import SourceText
+from config.diagnostics import SourceText
 from drivers.api import Image
 from drivers.api.driver import Finding
 from missions.language.document import check_plan
 from missions.library.drivers import load_robot
+from missions.library.lookups import LOOKUPS
 from missions.library.target import target_of
-from missions.library.things import LOOKUPS
 from missions.plugins.setup.doctor.head_trial import PICTURE_WIDTH, TRIAL_POSES, PictureLog, TryHead, reduce_picture
 from missions.plugins.setup.doctor.head_verdict import judge_head
 from missions.request import RunRequest

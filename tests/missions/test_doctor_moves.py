@@ -17,7 +17,7 @@ from drivers.virtual.patient_clock import PatientClock
 from drivers.virtual.terminal import PseudoTerminal
 from missions.library.drivers import load_robot
 from missions.plugins.setup.checkup import PartFinding
-from missions.plugins.setup.doctor.moving import TRAVEL, Nudge, movement_trials, try_movements
+from missions.plugins.setup.doctor.movement_trials import TRAVEL, Nudge, movement_trials, try_movements
 from missions.plugins.testing.recorders import LeafTestBench
 from tests.behaviours.servo_arm import moves, play, with_servos
 from tests.missions.command import command
@@ -87,7 +87,7 @@ def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[PseudoT
     Path("kit.yaml").write_text(ROBOT)
     servos = VirtualServoBus([VirtualServo(1), VirtualServo(2)])
     clock = PatientClock()
-    monkeypatch.setattr("missions.assembly.together.SystemClock", lambda: clock)
+    monkeypatch.setattr("missions.assembly.part_factory.SystemClock", lambda: clock)
     with closing(PseudoTerminal("u2d2", servos, clock)) as terminal:
         terminal.open()
         yield terminal

@@ -12,11 +12,11 @@ import jsonschema
 import pytest
 import yaml
 
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from config.gesture import parse_gesture
 from config.library import shipped_files
-from config.marked import compose, read_source
 from config.world import parse_world
+from config.yaml_nodes import compose, read_source
 from missions.library.drivers import parse_robot
 from missions.library.shipped import shipped_missions
 from missions.plugins.schema.files import FILE_KINDS, file_schema

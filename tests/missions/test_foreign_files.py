@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from config.library import SHEET_SUFFIXES, wrong_kind_error
 from drivers.servos.declared import DynamixelKeys
 from drivers.servos.feetech import FeetechKeys
-from drivers.servos.joining import find_mismatch
 from drivers.servos.joint import Joint, JointSpec
+from drivers.servos.joint_setup import find_mismatch
 from drivers.servos.models import MODELS
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo

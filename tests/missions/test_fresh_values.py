@@ -16,8 +16,8 @@ from drivers.clock import ManualClock
 from missions.executive.build import build
 from missions.executive.state import state_of
 from missions.language.document import load_plan
+from missions.library.lookups import LOOKUPS
 from missions.library.shipped import find_mission
-from missions.library.things import LOOKUPS
 
 
 class Gaps:

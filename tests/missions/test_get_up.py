@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from behaviours.playing import lay_out
+from behaviours.keyframe_playback import lay_out
 from drivers.legs.body import body_of
-from drivers.legs.checking import clearance
 from drivers.legs.declared import LegsKeys
+from drivers.legs.gait_check import clearance
 from drivers.legs.kinematics import forward_kinematics
-from missions.library import things
+from missions.library import lookups
 from missions.library.drivers import load_named_robot
-from missions.plugins.testing.ran import MissionRun, run_mission
+from missions.plugins.testing.mission_run import MissionRun, run_mission
 from tests.tries import tries
 
 MISSION = "mission: up\ntree:\n  sequence:\n    - wait: 4.5 s\n    - fallen:\n{steps}"
@@ -40,7 +40,7 @@ def test_a_movement_that_does_not_bring_it_up_fails_and_says_so(tmp_path: Path) 
 
 
 def test_no_link_hits_another_on_the_way_up_and_no_joint_is_slowed_down() -> None:
-    robot, movement = load_named_robot("humanoid"), things.find_gesture("get_up_front")
+    robot, movement = load_named_robot("humanoid"), lookups.find_gesture("get_up_front")
     legs = robot.keys(LegsKeys)
     assert robot.arm is not None
     assert legs is not None

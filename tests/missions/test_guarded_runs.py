@@ -10,11 +10,11 @@ import pytest
 
 from config.library import find_file
 from config.robot import RobotConfig
-from config.things import PersonConfig
 from config.world import WorldConfig, load_world
+from config.world_items import PersonConfig
 from drivers.api import Source, Velocity
 from drivers.sim.world import SimulatedWorld
-from missions.assembly.together import with_carriers
+from missions.assembly.part_factory import with_carriers
 from missions.control.commands import DriveCommand
 from missions.control.wheels import WheelArbiter
 from missions.executive.events import FaultRaised

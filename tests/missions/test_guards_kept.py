@@ -3,7 +3,7 @@
 import pytest
 
 from behaviours.catalogue import LEAVES
-from config.faults import SourceText
+from config.diagnostics import SourceText
 from missions.language.document import check_plan
 from missions.language.outcomes import remembered_guards
 from missions.library.shipped import load_mission, shipped_missions

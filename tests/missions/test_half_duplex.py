@@ -3,8 +3,8 @@
 import pytest
 
 from drivers.clock import ManualClock
-from drivers.sound.printed import PrintedVoice
-from missions.assembly.duplex import ECHO_TIME, HalfDuplex
+from drivers.sound.printed_voice import PrintedVoice
+from missions.assembly.half_duplex import ECHO_TIME, HalfDuplex
 from missions.plugins.testing.recorders import LeafTestBench
 
 

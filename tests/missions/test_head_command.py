@@ -20,7 +20,7 @@ from drivers.arduino.virtual import VirtualRodney
 from drivers.errors import BadRequest
 from drivers.virtual.patient_clock import PatientClock
 from drivers.virtual.terminal import PseudoTerminal
-from missions.assembly.lags import MIN_SAMPLES
+from missions.assembly.learnt_delays import MIN_SAMPLES
 from missions.cli.keys import KeyReader, interruptible
 from missions.library.drivers import load_robot
 from missions.plugins.setup.head import trim_by_hand
@@ -59,7 +59,7 @@ def test_where_names_the_joints_with_their_angles_limits_and_trims(mission: Miss
 def clock(monkeypatch: pytest.MonkeyPatch) -> PatientClock:
     """The command's clock, which waits for virtual boards as if they were simulated."""
     clock = PatientClock()
-    monkeypatch.setattr("missions.assembly.together.SystemClock", lambda: clock)
+    monkeypatch.setattr("missions.assembly.part_factory.SystemClock", lambda: clock)
     return clock
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from drivers.errors import BadRequest, NoReply, NotConnected
 from missions.plugins.setup.hear import command
 from tests.missions.spoken import record

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from missions.library.shipped import load_mission
 
 LISTEN = "    - listen: [yes, No thanks]\n      as: answer\n"

@@ -8,16 +8,16 @@ import pytest
 import missions
 from behaviours.catalogue import LEAVES
 from behaviours.robot import Robot
-from config.faults import Diagnostic, InvalidFileError, SourceText
+from config.diagnostics import Diagnostic, InvalidFileError, SourceText
 from config.library import shipped_files
-from config.marked import Mapping, Scalar, compose
+from config.yaml_nodes import Mapping, Scalar, compose
 from drivers.api import Gesture
 from missions.language.claims import impossible_alternatives
 from missions.language.document import check_plan
 from missions.language.plan import Step
 from missions.library.drivers import load_robot
+from missions.library.lookups import LOOKUPS
 from missions.library.target import target_of
-from missions.library.things import LOOKUPS
 from missions.plugins.testing.recorders import LeafTestBench
 
 HUMANOID = target_of(load_robot(shipped_files("robots")["humanoid"]))

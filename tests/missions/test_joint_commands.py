@@ -9,8 +9,8 @@ from drivers.errors import BadRequest
 from drivers.servos.joint import JointSpec
 from drivers.servos.twin import JointsTwin
 from drivers.sim.timeline import Timeline
-from missions.executive.answers import TickCache
 from missions.executive.proxy import for_leaf, make_proxy
+from missions.executive.tick_cache import TickCache
 
 SPECS = {"elbow": JointSpec(1), "wrist": JointSpec(2, lower=-1.0, upper=1.0)}
 

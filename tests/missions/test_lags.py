@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from config.robot import RobotConfig
-from missions.assembly.lags import MAX_LAG_SIGMA, MIN_SAMPLES, LearntDelays, delays_file
+from missions.assembly.learnt_delays import MAX_LAG_SIGMA, MIN_SAMPLES, LearntDelays, delays_file
 from missions.library.drivers import load_robot
 
 ROBOT = "robot: {}\nbase: {{driver: kobuki, port: /dev/kobuki}}\ncamera: {{delay: 20 ms}}\n"

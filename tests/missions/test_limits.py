@@ -9,7 +9,7 @@ import pytest
 SCRIPT = """
 from pathlib import Path
 from behaviours.catalogue import LEAVES
-from config.faults import InvalidFileError, Source
+from config.diagnostics import InvalidFileError, Source
 from missions.language.document import check_plan
 
 texts = {

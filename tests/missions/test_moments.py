@@ -14,8 +14,6 @@ from behaviours.run import RunState
 from drivers.api import BaseState, JointState, Pose2D, Reading, Reflexes, Sides, Steering, Velocity
 from drivers.clock import ManualClock
 from drivers.errors import DriverError
-from missions.executive.answers import TickCache
-from missions.executive.asked import with_proxies
 from missions.executive.events import Event, NodeChanged, ReflexFired, Ticked
 from missions.executive.executive import (
     GUARD_INTERVAL,
@@ -25,7 +23,9 @@ from missions.executive.executive import (
     Executive,
 )
 from missions.executive.guard import BaseGuard
+from missions.executive.proxied_robot import with_proxies
 from missions.executive.stream import EventStream
+from missions.executive.tick_cache import TickCache
 from missions.executive.tick_record import Answer, TickRecord
 from missions.plugins.testing.recorders import LeafTestBench, good
 from missions.plugins.testing.recorders.bench import RecordedBase

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import InvalidFileError
-from missions.language.sought import wanted_objects
+from config.diagnostics import InvalidFileError
+from missions.language.wanted_objects import wanted_objects
+from missions.library.lookups import find_object
 from missions.library.shipped import load_mission
-from missions.library.things import find_object
 from perception.api import ThingSpec
 
 MISSION = """

@@ -10,7 +10,7 @@ import pytest
 from config.library import find_file
 from config.world import WorldConfig, load_world
 from drivers.api import DeviceStatus
-from missions.assembly.drawn import drawn_gallery
+from missions.assembly.drawn_portraits import drawn_gallery
 from missions.assembly.gallery import gallery, recogniser
 from missions.assembly.truth import TrueNames
 from missions.executive.events import Event, Logged, PerceptSeen

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from config.library import find_file
-from missions.plugins.setup import head_bench
+from missions.plugins.setup import head_connection
 from missions.request import RunRequest
 from missions.runner import Runner
 from tests.missions.command import Outcome, command
@@ -77,7 +77,7 @@ def test_the_real_driver_turns_it_over_a_virtual_bus(folder: Path, mission: Call
 def test_a_bus_that_is_not_there_is_said_with_what_to_try(
     folder: Path, mission: Callable[..., Outcome], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(head_bench, "CONNECT_TIMEOUT", 0.5)
+    monkeypatch.setattr(head_connection, "CONNECT_TIMEOUT", 0.5)
     outcome = mission("head", "where", "--robot", str(folder / "necked.yaml"), "--port", "/dev/no_such_bus")
     assert outcome.code == 3
     assert "/dev/no_such_bus: no such device" in outcome.err

@@ -2,7 +2,7 @@
 
 import pytest
 
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from tests.missions.testing.verify.exploring import plan_of
 
 CASES = {

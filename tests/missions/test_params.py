@@ -8,13 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from behaviours.catalogue import LEAVES
-from config.faults import Diagnostic, InvalidFileError, SourceText
+from config.diagnostics import Diagnostic, InvalidFileError, SourceText
 from config.units import Quantity
 from missions.language.document import check_plan
 from missions.language.plan import Plan
+from missions.library.lookups import LOOKUPS
 from missions.library.shipped import load_mission
-from missions.library.things import LOOKUPS
-from missions.plugins.testing.ran import run_mission
+from missions.plugins.testing.mission_run import run_mission
 
 MISSION = """\
 mission: visit

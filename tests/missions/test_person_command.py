@@ -23,7 +23,7 @@ from missions.plugins.setup.person.add import (
     PortraitCollector,
 )
 from perception.api import Image
-from perception.faces import HaarFaceDetector
+from perception.haar_faces import HaarFaceDetector
 from tests.missions.command import Outcome
 from tests.perception.people_drawn import crowd, pictures
 

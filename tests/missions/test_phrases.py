@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from missions.language.plan import Plan
 from missions.library.drivers import parse_robot
 from missions.library.interests import interests_of

@@ -8,9 +8,9 @@ import pytest
 from click.testing import CliRunner
 
 from drivers.errors import BadRequest
-from drivers.sim.rigid.stick import LEFT
+from drivers.sim.rigid.stick_drawing import LEFT
 from missions.cli.root import mission
-from missions.plugins.testing.ran import MissionRun, run_mission
+from missions.plugins.testing.mission_run import MissionRun, run_mission
 from missions.request import RunRequest
 from missions.runner import Runner
 
@@ -74,7 +74,7 @@ def test_the_mission_that_ships_walks_round_a_small_square_in_physics(tmp_path: 
 
 
 def test_a_film_of_it_shows_its_body(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("drivers.sim.rigid.filmed._has_egl", lambda: False)  # lines are the same on every machine
+    monkeypatch.setattr("drivers.sim.rigid.body_camera._has_egl", lambda: False)  # lines are the same on every machine
     (tmp_path / "stand.yaml").write_text("mission: stand\ntree:\n  wait: 0.3 s\n")
     run = ["run", str(tmp_path / "stand.yaml"), "--robot", "humanoid", "--simulate", "fast", "--physics"]
     ran = CliRunner().invoke(mission, [*run, "--film", str(tmp_path / "film")])

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.finding.survey import scan_hardware
+from drivers.finding.hardware_scan import scan_hardware
 from missions.plugins.setup.ports import device_lines, identify_device, watch_devices
 from tests.drivers.desks import RecordedMachine
 from tests.missions.command import Outcome, command

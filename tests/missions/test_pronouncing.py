@@ -6,16 +6,16 @@ import pytest
 
 from drivers.api import ignore
 from drivers.api.driver import DriverContext
-from drivers.api.senses import MicrophoneKeys
+from drivers.api.sensor_sections import MicrophoneKeys
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import BadRequest, NotConnected
-from drivers.microphone.captured import SoundCardMicrophone
 from drivers.microphone.declared import WavFileKeys
 from drivers.microphone.make import recording, sound_card
-from drivers.microphone.wav import WavMicrophone
+from drivers.microphone.sound_card import SoundCardMicrophone
+from drivers.microphone.wav_microphone import WavMicrophone
 from missions.assembly.hearing import make_ears
-from missions.library import pronouncing
-from missions.library.pronouncing import find_confusable_phrases, find_unpronounceable, lexicon_for
+from missions.library import pronunciation
+from missions.library.pronunciation import find_confusable_phrases, find_unpronounceable, lexicon_for
 
 pytest.importorskip("pocketsphinx")
 
@@ -34,7 +34,7 @@ def test_a_name_that_is_in_neither_is_said_by_the_synthesiser() -> None:
 
 
 def test_without_a_synthesiser_it_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pronouncing, "find_spec", lambda _: None)
+    monkeypatch.setattr(pronunciation, "find_spec", lambda _: None)
     assert find_unpronounceable(MicrophoneKeys(), ["hello", "wheatleyon"]) == ["wheatleyon"]
 
 
@@ -42,7 +42,7 @@ def test_what_the_synthesiser_cannot_say_either_is_told_with_what_to_write(monke
     def silent(*_: object) -> str:
         raise ValueError("phoneme 'q' is none of the voice en-us")
 
-    monkeypatch.setattr(pronouncing, "_phones", silent)
+    monkeypatch.setattr(pronunciation, "_phones", silent)
     with pytest.raises(BadRequest, match="nobody knows how these are pronounced: wheatleyon") as caught:
         lexicon_for(MicrophoneKeys(), ["wheatleyon"], SystemClock())
     assert "pronunciations" in caught.value.hint
@@ -64,7 +64,7 @@ def test_recognisers_with_a_model_of_the_users_know_their_own_words(recogniser: 
 
 
 def test_without_a_recogniser_the_hint_is_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pronouncing, "load_english", lambda _: None)
+    monkeypatch.setattr(pronunciation, "load_english", lambda _: None)
     assert find_unpronounceable(MicrophoneKeys(), ["hello"]) == ()
     with pytest.raises(NotConnected, match="pocketsphinx, which understands speech, is not installed") as caught:
         lexicon_for(MicrophoneKeys(), ["hello"], SystemClock())

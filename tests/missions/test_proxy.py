@@ -15,10 +15,10 @@ from drivers.api.kinds import KINDS
 from drivers.api.marks import command, fixed, members
 from drivers.clock import ManualClock
 from drivers.errors import BadRequest, DeviceFault
-from missions.executive.answers import TickCache
-from missions.executive.asked import PART_FIELDS, command_names, resolve_protocol, robot_for, with_proxies
+from missions.executive.proxied_robot import PART_FIELDS, command_names, resolve_protocol, robot_for, with_proxies
 from missions.executive.proxy import for_leaf, make_proxy
-from missions.plugins.records.replay.memory import RecordedAnswers
+from missions.executive.tick_cache import TickCache
+from missions.plugins.records.replay.recorded_answers import RecordedAnswers
 from missions.plugins.records.replay.rerun import recorded_robot
 from missions.plugins.testing.recorders.bench import LeafTestBench
 

@@ -34,7 +34,7 @@ from drivers.servos.feetech import FeetechKeys
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
 from drivers.servos.wire import Protocol1Instruction
-from drivers.sim.body import BaseBody
+from drivers.sim.base_body import BaseBody
 from drivers.transport import guardian_wire as lines
 from drivers.virtual.terminal import PseudoTerminal, WireDevice
 from drivers.waveshare.virtual import VirtualWaveshare
@@ -530,7 +530,7 @@ def test_a_head_on_i2c_that_turns_the_other_way_is_flipped_and_put_straight(
         assert (config.name, ports, head) == ("beep", {}, "head")
         yield SimpleNamespace(look=looked.append)
 
-    monkeypatch.setattr("missions.plugins.setup.robot.trying.open_head", opened_head)
+    monkeypatch.setattr("missions.plugins.setup.robot.part_trials.open_head", opened_head)
     answers = {"called": "beep", r"like\?": "pi_car", "may the head move": "y"}
     bench.session(Person({**answers, "did it turn to ITS left": "n", "askew in pan": "3"}))
     assert not looked  # there is no such bus on this machine

@@ -14,7 +14,7 @@ import pytest
 from behaviours.robot import Robot
 from drivers.clock import ManualClock
 from drivers.errors import NotConnected
-from missions.assembly.assembled import AssembledRobot
+from missions.assembly.assembled_robot import AssembledRobot
 from missions.cli.leash import OUTPUT_CLOSED, watch_outputs
 from missions.executive.events import Event, Logged
 from missions.executive.state import state_of

@@ -13,19 +13,19 @@ from typing import Any, cast
 import pytest
 
 from drivers.clock import SystemClock, unix_time_ns
-from drivers.ros2.actions import ActionGoal, ActionServer
+from drivers.ros2.action_server import ActionGoal, ActionServer
 from drivers.ros2.declared import ZenohKeys
 from drivers.ros2.node import Ros2Node
 from drivers.ros2.session import ZenohAccess, open_session
 from drivers.ros2.types import types
 from drivers.ros2.virtual import Ros2Terminal, RouterSettings, free_address
+from missions.executive.event_reporter import percept_event
 from missions.executive.events import Ended, Event, NodeChanged, Started, Ticked, VariableSet
-from missions.executive.telling import percept_event
 from missions.library.drivers import load_named_robot
-from missions.plugins.ros2 import offering
-from missions.plugins.ros2.announcing import DETECTION_ARRAY, STRING, RunPublisher, detections, make_run_publisher
+from missions.plugins.ros2 import mission_server
 from missions.plugins.ros2.command import run_arguments
-from missions.plugins.ros2.offering import RUN_MISSION, MissionServer, _parse_params
+from missions.plugins.ros2.mission_server import RUN_MISSION, MissionServer, _parse_params
+from missions.plugins.ros2.run_publisher import DETECTION_ARRAY, STRING, RunPublisher, detections, make_run_publisher
 from perception.api import Box, Face, Marker, Thing, View
 from perception.geometry import Pinhole
 from tests.waiting import wait_until
@@ -248,7 +248,7 @@ def test_params_of_a_goal_are_words_as_a_mission_has_them() -> None:
 
 def test_a_cancel_of_a_goal_whose_run_has_ended_does_not_stop_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
     stopped = list[object]()
-    monkeypatch.setattr(offering, "_stop", stopped.append)
+    monkeypatch.setattr(mission_server, "_stop", stopped.append)
     server = MissionServer(cast(Ros2Node, _Silent()), [])
     values = SimpleNamespace(mission="greet", parameters="")
     before, now = (ActionGoal(cast(ActionServer, None), [number], values) for number in (1, 2))

@@ -15,17 +15,17 @@ from py_trees.common import Status
 
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf, argument
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from config.library import shipped_files
-from config.marked import Listing, Node, Scalar, compose
 from config.units import UNITS, parse_quantity
-from missions.language import body, for_each, param_types, steps, switches
+from config.yaml_nodes import Listing, Node, Scalar, compose
+from missions.language import for_each, mission_body, param_types, steps, switches
 from missions.language.document import check_plan
 from missions.language.nodes import BRANCHES, FOR_EACH, MISSION, MODIFIERS, SWITCHES
 from missions.library.catalogue import bounds_text, default_text
 from missions.library.catalogue import example_value as example_of
+from missions.library.lookups import LOOKUPS
 from missions.library.shipped import find_mission, shipped_missions
-from missions.library.things import LOOKUPS
 from missions.plugins.schema.mission import mission_schema, shipped_things
 from missions.plugins.schema.values import quantity_schema as written_quantity
 from tests.missions.command import Outcome, command
@@ -320,7 +320,7 @@ def test_every_leaf_argument_composite_and_modifier_is_explained() -> None:
 
 
 def test_the_schema_and_the_checker_know_the_same_keys() -> None:
-    assert SCHEMA["else"]["properties"].keys() == set(body.MISSION_KEYS)
+    assert SCHEMA["else"]["properties"].keys() == set(mission_body.MISSION_KEYS)
     assert SCHEMA["else"]["properties"]["params"]["additionalProperties"]["properties"].keys() == set(
         param_types.PARAM_KEYS
     )

@@ -10,18 +10,18 @@ import pytest
 
 from behaviours.catalogue import LEAVES
 from behaviours.robot import ExtraPart, Robot
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from config.robot import RobotConfig
 from drivers.clock import SystemClock
 from drivers.errors import DeviceFault
-from missions.assembly.assembled import AssembledRobot
+from missions.assembly.assembled_robot import AssembledRobot
 from missions.assembly.simulation import Simulation
-from missions.executive.answers import TickCache
-from missions.executive.asked import with_proxies
 from missions.executive.events import CommandSent, Event
+from missions.executive.proxied_robot import with_proxies
 from missions.executive.stop_latch import StopLatch
+from missions.executive.tick_cache import TickCache
 from missions.library.drivers import load_robot, parse_robot
-from missions.plugins.setup.doctor.moving import movement_trials
+from missions.plugins.setup.doctor.movement_trials import movement_trials
 from missions.plugins.testing.commands.simulate import DeviceCommands
 from missions.plugins.testing.recorders import HOLD, LeafTestBench, RecordedJoints
 from missions.request import RunRequest, contradictions

@@ -7,7 +7,7 @@ import click
 import pytest
 
 from behaviours.robot import ExtraPart, Robot
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from config.library import find_file
 from config.robot import RobotConfig
 from config.world import load_world
@@ -15,11 +15,11 @@ from drivers.api.driver import DriverContext
 from drivers.arduino.declared import SecondPanTiltKeys
 from drivers.arduino.driver import ArduinoHead, make, make_second
 from drivers.clock import ManualClock
-from missions.assembly.assembled import AssembledRobot
-from missions.assembly.together import Overrides
+from missions.assembly.assembled_robot import AssembledRobot
+from missions.assembly.part_factory import Overrides
 from missions.executive.events import CommandSent, Event
 from missions.library.drivers import load_robot, parse_robot
-from missions.plugins.setup.doctor.moving import movement_trials
+from missions.plugins.setup.doctor.movement_trials import movement_trials
 from missions.plugins.teleop.command import _open_robot as teleop_opened
 from missions.plugins.teleop.command import command as teleop
 from missions.plugins.testing.recorders import STOP, LeafTestBench, RecordedHead

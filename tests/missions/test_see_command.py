@@ -13,7 +13,7 @@ import pytest
 import skimage.data
 
 from drivers.api import Image
-from missions.plugins.setup.camera_page.served import CameraPage
+from missions.plugins.setup.camera_page.server import CameraPage
 from tests.drivers.web_cameras import WebCamera, answer
 from tests.missions.command import Outcome, command, events_of
 from tests.perception.people_drawn import pictures

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from config.editing import NotEditableError
 from config.library import find_file
+from config.yaml_edit import NotEditableError
 from drivers.servos.declared import DynamixelKeys
 from drivers.servos.virtual.servo import VirtualServo
 from missions.library.drivers import load_robot

@@ -12,15 +12,15 @@ from typing import Any, Self
 
 import pytest
 
-from config.editing import rewrite
-from config.writing import write_new
+from config.yaml_edit import rewrite
+from config.yaml_writer import write_new
 from drivers.servos.models import MODELS
 from drivers.servos.settings import apply_changes
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.patient_clock import PatientClock
 from drivers.virtual.terminal import PseudoTerminal
-from missions.plugins.setup.servo import origin
+from missions.plugins.setup.servo import calibration_origin
 from missions.plugins.setup.servo.home import HomedServo
 from tests.missions.command import Outcome, command
 from tests.missions.servo_bench import Three, by_hand, patient, three
@@ -92,7 +92,7 @@ def run(capsys: pytest.CaptureFixture[str]) -> Run:
 @pytest.fixture
 def person(robot: Three, monkeypatch: pytest.MonkeyPatch) -> Person:
     found = Person(lambda: not robot.elbow.limp)
-    monkeypatch.setattr("missions.plugins.setup.servo.bench.KeyReader", found)
+    monkeypatch.setattr("missions.plugins.setup.servo.connections.KeyReader", found)
     monkeypatch.setattr(sys, "stdin", TypingTerminal("y\n" * 9))
     return found
 
@@ -398,7 +398,7 @@ def test_a_restore_refuses_a_calibration_of_other_servos(
 def break_origin(how: str) -> None:
     """Leave a file of origins that does not say which servos were calibrated."""
     file, entry = Path("found.servos.json"), {"model_number": 777, "firmware": 2563}
-    whole = origin.settings_text({"elbow": entry, "jaw": entry})
+    whole = calibration_origin.settings_text({"elbow": entry, "jaw": entry})
     broken = {
         "empty": "",
         "truncated": whole[:40],
@@ -411,7 +411,7 @@ def break_origin(how: str) -> None:
         "words for numbers": whole.replace("777", '"777"'),
         "truth for a number": whole.replace("777", "true"),
         "brackets": "[" * 100_000,
-        "too large": whole + " " * origin.MAX_FILE_BYTES,
+        "too large": whole + " " * calibration_origin.MAX_FILE_BYTES,
     }
     if how == "folder":
         file.mkdir()
@@ -462,12 +462,12 @@ def test_home_keeps_an_origin_that_cannot_be_read_and_lets_nothing_go_limp(
 def test_a_restore_refuses_servos_with_other_firmware_or_settings(arm: VirtualServo, run: Run) -> None:
     Path("found.json").write_text(CALIBRATION)
     registers = [each for each in MODELS["STS3215"].table.registers.values() if each.eeprom]
-    same = {each.name: arm.get(each) for each in registers if each.name not in origin.NOT_COMPARED}
-    Path("found.servos.json").write_text(origin.settings_text({"elbow": {**same, "return_delay": 9}}))
+    same = {each.name: arm.get(each) for each in registers if each.name not in calibration_origin.NOT_COMPARED}
+    Path("found.servos.json").write_text(calibration_origin.settings_text({"elbow": {**same, "return_delay": 9}}))
     outcome = run(RESTORE)
     assert (outcome.code, "return_delay 0, was 9" in outcome.err) == (3, True), outcome.err
     assert settings(arm) == [0, 0, 4095]
-    Path("found.servos.json").write_text(origin.settings_text({"elbow": {**same, "firmware": 9}}))
+    Path("found.servos.json").write_text(calibration_origin.settings_text({"elbow": {**same, "firmware": 9}}))
     outcome = run(RESTORE)
     assert (outcome.code, "the calibration is of 9" in outcome.err) == (3, True), outcome.err
     assert settings(arm) == [0, 0, 4095]

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.playing import lay_out
-from config.writing import gesture_text
+from behaviours.keyframe_playback import lay_out
+from config.yaml_writer import gesture_text
 from drivers.api import JointState, Quality, Reading
 from drivers.errors import BadRequest, NoReply
 from missions.library.moves.load import load_move

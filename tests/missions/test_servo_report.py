@@ -15,7 +15,13 @@ from matplotlib.figure import Figure
 from behaviours.joint_motion import JointSample, TrackingErrors
 from drivers.api import Gesture, JointLimits, Keyframe
 from missions.plugins.pictures.moves_plot import draw_move
-from missions.plugins.setup.servo.tables import MAX_POSE_ROWS, error_table, plan_playback, pose_table, write_csv
+from missions.plugins.setup.servo.movement_tables import (
+    MAX_POSE_ROWS,
+    error_table,
+    plan_playback,
+    pose_table,
+    write_csv,
+)
 
 LIMITS = {"elbow": JointLimits(-1.0, 1.0, 2.0), "wrist": JointLimits(-2.0, 2.0, 1.0)}
 

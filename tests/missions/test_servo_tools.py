@@ -10,7 +10,7 @@ import pytest
 
 from drivers.servos.units import baud_code
 from drivers.transport.ports import open_port
-from missions.plugins.setup.servo.change import info
+from missions.plugins.setup.servo.registers import info
 from tests.missions.command import Outcome, Process, command
 from tests.missions.servo_bench import Three, patient, three
 from tests.waiting import wait_until
@@ -289,7 +289,7 @@ def test_a_servo_that_does_not_come_back_from_a_recovery_is_said_to_be_limp(
     servo: Servo, robot: Three, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "missions.plugins.setup.servo.drive.RECOVERY_TIMEOUT", 0.0
+        "missions.plugins.setup.servo.torque.RECOVERY_TIMEOUT", 0.0
     )  # it takes longer than that to start
     robot.wrist.set("torque_enable", 1)
     robot.wrist.overload()
@@ -326,7 +326,7 @@ def test_a_servo_whose_torque_does_not_stay_on_is_not_called_stiff(
     servo: Servo, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "missions.plugins.setup.servo.drive.restore_settings", lambda *_, **__: None
+        "missions.plugins.setup.servo.torque.restore_settings", lambda *_, **__: None
     )  # as if it took the order and dropped it
     outcome = servo("torque", "on", "elbow")
     assert (outcome.code, outcome.out) == (1, "")

@@ -15,9 +15,9 @@ from config.robot import RobotConfig
 from config.world import load_world
 from drivers.api.sections import ArmKeys
 from missions.library.drivers import load_robot
+from missions.library.lookups import LOOKUPS
 from missions.library.shipped import find_mission, load_mission, shipped_missions
 from missions.library.target import target_of
-from missions.library.things import LOOKUPS
 
 LOADERS: dict[str, Callable[[Path], object]] = {
     "robots": load_robot,

@@ -19,7 +19,7 @@ from drivers.clock import ManualClock
 from drivers.sim.timeline import Timeline
 from missions.executive.events import Event, Logged, NodeChanged, PerceptSeen
 from missions.executive.pace import MAX_STILL_SPEED, PausedPacer, SimulationPacer
-from missions.plugins.testing.stage import IN_PROCESS_LIMITS
+from missions.plugins.testing.case_runner import IN_PROCESS_LIMITS
 from missions.request import RunRequest
 from missions.runner import Runner
 from tests.cases import each

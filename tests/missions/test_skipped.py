@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from behaviours.catalogue import LEAVES
-from config.faults import SourceText
+from config.diagnostics import SourceText
 from missions.executive.events import SKIPPED, Event, NodeChanged
 from missions.language.document import check_plan
 from tests.conformance.harness import Play

@@ -6,14 +6,14 @@ from pathlib import Path
 import pytest
 
 from behaviours.voice import Say
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from drivers.api import MouthShape, Priority, SpeechStyle
 from drivers.clock import ManualClock
-from drivers.sound.printed import PrintedVoice
-from missions.executive.answers import TickCache
-from missions.executive.asked import robot_for, voice_proxy, with_proxies
+from drivers.sound.printed_voice import PrintedVoice
+from missions.executive.proxied_robot import robot_for, voice_proxy, with_proxies
+from missions.executive.tick_cache import TickCache
 from missions.library.shipped import load_mission
-from missions.plugins.records.replay.memory import RecordedAnswers
+from missions.plugins.records.replay.recorded_answers import RecordedAnswers
 from missions.plugins.records.replay.rerun import ReplayedVoice
 from missions.plugins.testing.recorders import LeafTestBench
 

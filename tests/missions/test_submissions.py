@@ -10,13 +10,13 @@ from behaviours.catalogue import LEAVES
 from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import NodeCallback, RunState
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from drivers.clock import ManualClock
 from missions.executive.build import build
 from missions.language.document import load_plan
 from missions.language.plan import Plan
+from missions.library.lookups import LOOKUPS
 from missions.library.shipped import find_mission
-from missions.library.things import LOOKUPS
 
 SQUARE = """\
 mission: square

@@ -13,7 +13,7 @@ from py_trees.common import Status
 import missions
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf, argument
-from config.faults import SourceText
+from config.diagnostics import SourceText
 from config.library import find_file
 from drivers.errors import SensorSilent
 from missions.executive.events import NodeChanged

@@ -6,7 +6,7 @@ import pytest
 from py_trees.common import Status
 
 from behaviours.catalogue import LEAVES
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from missions.language.document import check_plan
 from missions.language.plan import Plan
 from tests.conformance.harness import Play

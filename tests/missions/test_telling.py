@@ -5,9 +5,9 @@ import pytest
 from behaviours.run import RunState
 from drivers.api import Source, Steering, Velocity
 from drivers.clock import ManualClock
+from missions.executive.event_reporter import EventReporter
 from missions.executive.events import CommandSent, Event
 from missions.executive.stream import EventStream
-from missions.executive.telling import EventReporter
 
 STILL = Velocity(0.0, 0.0)
 

@@ -9,16 +9,16 @@ import pytest
 from config.colours import COLOURS
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
-from drivers.sim.things import Rover, Wall, WorldBall, WorldBox
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import Light, LightChange, SimulatedWorld
-from missions.assembly.seeing import SensorNoise, TrueSight
+from drivers.sim.world_objects import Rover, Wall, WorldBall, WorldBox
+from missions.assembly.simulated_eyes import SensorNoise, TrueSight
 from missions.assembly.truth import GroundTruth
 from missions.library.interests import Interests
 from perception.api import BALL, BOX, Gaze, Marker, Thing, ThingSpec
+from perception.colour_spots import ThingSense
 from perception.geometry import wrap_angle
 from perception.markers import MarkerSense
-from perception.spots import ThingSense
 from perception.tracks import MarkerSet
 from tests.perception.rendered import CAMERA, LENS, frame
 

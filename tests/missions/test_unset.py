@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from missions.language import document
 from missions.plugins.verify.explore import REFUTED
 from tests.missions.testing.verify.exploring import explored, outcomes, plan_of

@@ -9,8 +9,8 @@ from behaviours.leaf import FAILURE, RUNNING
 from behaviours.sight import FaceSeenLeaf
 from drivers.errors import NotConnected
 from missions.assembly.eyes import OnDemandSight
-from missions.executive.answers import TickCache
 from missions.executive.proxy import make_proxy
+from missions.executive.tick_cache import TickCache
 from missions.plugins.testing.recorders.bench import LeafTestBench
 from perception.api import Sight
 

@@ -6,7 +6,7 @@ import click
 import numpy as np
 import pytest
 
-from missions.cli.orders import check_people
+from missions.cli.request_checks import check_people
 from missions.library.people import People
 from missions.library.shipped import load_mission
 from missions.request import RunRequest

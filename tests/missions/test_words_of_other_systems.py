@@ -24,7 +24,7 @@ from py_trees.common import OneShotPolicy, Status
 
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf, argument
-from config.faults import InvalidFileError, SourceText, to_snake_case
+from config.diagnostics import InvalidFileError, SourceText, to_snake_case
 from missions.executive.events import STATUS_WORDS
 from missions.language.document import check_plan
 from missions.language.nodes import BRANCHES, MODIFIERS

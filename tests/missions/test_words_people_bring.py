@@ -9,17 +9,17 @@ from typing import NamedTuple
 import pytest
 
 from behaviours.catalogue import LEAVES
-from config.faults import KEY_SYNONYMS as FILE_KEYS
-from config.faults import Diagnostic, InvalidFileError, SourceText, key_of
+from config.diagnostics import KEY_SYNONYMS as FILE_KEYS
+from config.diagnostics import Diagnostic, InvalidFileError, SourceText, key_of
 from drivers.api.kinds import ACTUATOR_KINDS
-from missions.language.body import MISSION_KEYS
 from missions.language.document import check_plan
+from missions.language.mission_body import MISSION_KEYS
 from missions.language.nodes import BRANCHES, MODIFIERS
 from missions.language.steps import BESIDE_KEYS
 from missions.language.synonyms import SYNONYMS, unknown_word_hint
 from missions.library.drivers import DriverTable, parse_robot
+from missions.library.lookups import LOOKUPS
 from missions.library.shipped import find_mission, shipped_missions
-from missions.library.things import LOOKUPS
 from missions.plugins.schema.robots import part_schemas
 
 BASE = "robot: r\nbase: {driver: kobuki, port: /dev/kobuki, "

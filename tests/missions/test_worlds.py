@@ -10,23 +10,23 @@ import cv2
 import numpy as np
 import pytest
 
-from config import things as config_people
-from config import things as config_things
+from config import world_items as config_people
+from config import world_items as config_things
 from config.colours import COLOURS
 from config.library import shipped_files
-from config.things import ROBOT_RADIUS
 from config.world import WorldConfig, load_world
+from config.world_items import ROBOT_RADIUS
 from drivers.api import BASE_RADIUS, Pose2D
-from drivers.sim import acts, people, things, topview
-from drivers.sim import things as dock
-from drivers.sim.body import BaseBody
-from drivers.sim.looks import APPEARANCES
-from drivers.sim.things import WorldBall
+from drivers.sim import people, person_actions, topview, world_objects
+from drivers.sim import world_objects as dock
+from drivers.sim.appearances import APPEARANCES
+from drivers.sim.base_body import BaseBody
 from drivers.sim.wheels import SimulatedWheels
 from drivers.sim.world import SimulatedWorld
+from drivers.sim.world_objects import WorldBall
 from missions.library.worlds import build_battery, build_world
 from missions.plugins.pictures.plan import UNITS_PER_METRE, plan_svg
-from missions.plugins.pictures.words import describe_world
+from missions.plugins.pictures.world_text import describe_world
 from tests.missions.command import command
 
 DOCS = Path(__file__).parents[2] / "docs" / "worlds.md"
@@ -55,13 +55,13 @@ def test_every_world_that_ships_can_be_built_and_the_robot_stands_free_in_it(nam
 
 def test_files_and_simulation_mean_the_same() -> None:
     assert set(config_people.LOOKS) == APPEARANCES.keys()
-    assert config_people.REACTION_TIME == acts.REACTION_TIME
+    assert config_people.REACTION_TIME == person_actions.REACTION_TIME
     assert config_people.PERSON_RADIUS == people.BODY_RADIUS
-    assert config_things.WALL_THICKNESS == things.WALL_THICKNESS
-    assert config_things.MARKER_COUNT == things.MARKER_COUNT
+    assert config_things.WALL_THICKNESS == world_objects.WALL_THICKNESS
+    assert config_things.MARKER_COUNT == world_objects.MARKER_COUNT
     assert dock.DOCK_SIZE[:2] == config_things.DOCK_SIZE
     assert pytest.approx(BASE_RADIUS, abs=0.005) == ROBOT_RADIUS
-    assert config_things.RoverConfig(name="R", marker=1, at=(0, 0)).size == things.Rover("R", 1, 0.0, 0.0).size
+    assert config_things.RoverConfig(name="R", marker=1, at=(0, 0)).size == world_objects.Rover("R", 1, 0.0, 0.0).size
 
 
 def test_a_world_is_built_as_its_file_says(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import skimage
 
-from drivers.sim.looks import APPEARANCES
+from drivers.sim.appearances import APPEARANCES
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import PinholeLens as Lens

@@ -10,10 +10,10 @@ import numpy as np
 from config.colours import COLOURS
 from drivers.api import CameraFrame
 from drivers.sim.render import Renderer
-from drivers.sim.things import Rover, WorldBall, WorldBox
 from drivers.sim.viewpoint import PinholeLens as Lens
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import SimulatedWorld
+from drivers.sim.world_objects import Rover, WorldBall, WorldBox
 from perception.api import Image
 from perception.geometry import Pinhole
 

@@ -10,7 +10,7 @@ from drivers.sim.people import Person
 from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import Light, LightChange, SimulatedWorld
-from perception.change import MotionSense
+from perception.scene_motion import MotionSense
 from tests.perception.rendered import LENS, frame
 
 STANDS = Person("Ben", look="ben", x=2.5, y=0.2)

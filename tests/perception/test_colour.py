@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from config.colours import COLOURS
 from config.object import HUES
 from perception.api import Image
-from perception.spots import Palette, balance_white, to_colour_disc
+from perception.colour_spots import Palette, balance_white, to_colour_disc
 
 PALETTE = Palette(COLOURS)
 

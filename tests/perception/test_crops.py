@@ -17,7 +17,7 @@ from perception.crops import (
     make_portrait,
     portrait_face_box,
 )
-from perception.light import GreyImage
+from perception.image_preparation import GreyImage
 
 FACE = Box(200, 150, 100, 100)
 

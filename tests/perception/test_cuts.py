@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from perception.api import Box, Image
-from perception.faces import prepare_picture, prepare_region
-from perception.light import brighten
+from perception.haar_faces import prepare_picture, prepare_region
+from perception.image_preparation import brighten
 
 SPOT = (200.0, 120.0)
 

@@ -13,12 +13,12 @@ from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import SimulatedWorld
 from perception.api import Gaze, Image
-from perception.change import find_shift
 from perception.delay import MAX_KNOWN_SPREAD, MAX_REST, PRIOR_SPREAD, CameraDelay, ExposedFrame, ExposureEstimator
 from perception.delay_grid import GRID
 from perception.exposure_clock import MIN_DELAY
 from perception.geometry import Pinhole
 from perception.levelling import level_columns
+from perception.scene_motion import find_shift
 from tests.perception.rendered import CAMERA, LENS
 
 PERIOD = 0.05

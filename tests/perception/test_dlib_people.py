@@ -10,8 +10,8 @@ from perception import dlib_people
 from perception.api import UNKNOWN, Box, Image
 from perception.crops import make_portrait, portrait_face_box
 from perception.dlib_people import MARGIN_PER_DISTANCE, MAX_SAME_DISTANCE, DlibDescriber, DlibRecogniser, Feature
-from perception.faces import HaarFaceDetector
-from perception.faults import ModelFileError
+from perception.haar_faces import HaarFaceDetector
+from perception.model_files import ModelFileError
 from tests.benchmarks.portraits import drawn
 
 FACE = Box(200.0, 100.0, 100.0, 100.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from perception.api import UNKNOWN
-from perception.elastic import (
+from perception.elastic_matching import (
     EXTRA_DEVIATIONS,
     MAX_THRESHOLD_DEVIATIONS,
     MIN_COMPARED_PEOPLE,

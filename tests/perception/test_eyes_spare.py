@@ -11,9 +11,9 @@ import pytest
 from perception.api import Box, Detection, Frame, Gaze, Image, Thing
 from perception.delay import CameraDelay
 from perception.eyes import MAX_PICTURE_INTERVAL, Eyes, Vision
-from perception.finder import LONG_EMPTY_SEARCH_INTERVAL, FaceFinder
+from perception.face_finder import LONG_EMPTY_SEARCH_INTERVAL, FaceFinder
 from perception.geometry import Pinhole
-from perception.light import GreyImage
+from perception.image_preparation import GreyImage
 from perception.senses import ActiveSenses, FaceSense, FrameSource, SightingSource
 from perception.tracks import Tracker
 from tests.perception.test_finder import Counting, wall

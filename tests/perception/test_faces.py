@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from perception import faces
+from perception import haar_faces as faces
 from perception.api import Box, Detection, Image
-from perception.faces import ROLL_STEP, HaarFaceDetector
+from perception.haar_faces import ROLL_STEP, HaarFaceDetector
 
 FACE = Box(176, 65, 97, 97)
 

@@ -8,14 +8,14 @@ import cv2
 import numpy as np
 import pytest
 
-from perception import finder as known
+from perception import face_finder as known
 from perception.api import Box, Detection, Face, Image
-from perception.faces import HaarFaceDetector
-from perception.finder import MAX_ASIDE_SEARCHES, FaceFinder, track_box
+from perception.face_finder import MAX_ASIDE_SEARCHES, FaceFinder, track_box
+from perception.face_search import ANY_FACE
 from perception.geometry import Pinhole
-from perception.light import GreyImage
+from perception.haar_faces import HaarFaceDetector
+from perception.image_preparation import GreyImage
 from perception.tracks import FaceSighting, Tracker
-from perception.turns import ANY_FACE
 
 if TYPE_CHECKING:
     from tests.perception.conftest import Scene

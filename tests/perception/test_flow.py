@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from perception.api import Box
-from perception.finder import track_box
-from perception.light import GreyImage, to_grey
+from perception.face_finder import track_box
+from perception.image_preparation import GreyImage, to_grey
 
 if TYPE_CHECKING:
     from tests.perception.conftest import Scene

@@ -9,8 +9,8 @@ import cv2.data
 import numpy as np
 
 from perception.api import Box, Image
-from perception.faces import HaarFaceDetector
-from perception.finder import FaceFinder
+from perception.face_finder import FaceFinder
+from perception.haar_faces import HaarFaceDetector
 
 CLIPS = ["again.mkv", "learn.mkv", "sister.mkv", "want.mkv"]
 Seen = Callable[[Image], Sequence[Box]]

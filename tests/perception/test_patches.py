@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.light import GreyImage
+from perception.image_preparation import GreyImage
 from perception.patches import CELLS, DEPTH, MAX_CONTRAST, Patches, _raw_patches, describe_face, normalise_light
 
 CROP = np.random.default_rng(4).integers(0, 256, (75, 75), dtype=np.uint8)

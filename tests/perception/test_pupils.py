@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from perception import pupils
+from perception import eye_finder
 from perception.api import Box, Image
-from perception.faces import HaarFaceDetector
-from perception.pupils import EyeFinder
+from perception.eye_finder import EyeFinder
+from perception.haar_faces import HaarFaceDetector
 
 FACE = Box(176, 65, 97, 97)
 LEFT, RIGHT = (204.0, 107.0), (245.0, 107.0)
@@ -56,6 +56,6 @@ def test_each_portrait_shows_both_eyes(footage: Path) -> None:
 
 
 def test_a_missing_cascade_says_what_to_install(monkeypatch: pytest.MonkeyPatch, astronaut: Image) -> None:
-    monkeypatch.setattr(pupils, "CASCADE", "nowhere.xml")
+    monkeypatch.setattr(eye_finder, "CASCADE", "nowhere.xml")
     with pytest.raises(FileNotFoundError, match=r"nowhere.xml is missing\n  try: pip install"):
         EyeFinder().find(astronaut, FACE)

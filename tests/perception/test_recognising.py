@@ -10,7 +10,8 @@ import pytest
 
 from perception.api import UNKNOWN, Box, Image
 from perception.crops import make_portrait, portrait_face_box
-from perception.faces import HaarFaceDetector
+from perception.eye_finder import EyeFinder
+from perception.haar_faces import HaarFaceDetector
 from perception.identity import FaceMatch
 from perception.people import (
     MAX_PICTURES,
@@ -21,7 +22,6 @@ from perception.people import (
     describe_portraits,
     enrol,
 )
-from perception.pupils import EyeFinder
 from tests.benchmarks.identifying import Asked, Rates, ask, rates
 from tests.benchmarks.portraits import Portraits, clips, drawn, hundred
 from tests.perception.people_drawn import crowd, pictures

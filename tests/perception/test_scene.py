@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from perception.api import Image
-from perception.change import measure_scene
+from perception.scene_motion import measure_scene
 
 UNIFORM = 6.0
 """The contrast up to which `scene_uniform` calls a picture uniform."""

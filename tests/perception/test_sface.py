@@ -8,7 +8,7 @@ import numpy.typing as npt
 import pytest
 
 from perception.api import UNKNOWN, Box, Image
-from perception.faults import MAX_MODEL_BYTES, ModelFileError
+from perception.model_files import MAX_MODEL_BYTES, ModelFileError
 from perception.sface import MARGIN_PER_COSINE, MIN_SAME_COSINE, SFaceRecogniser
 from perception.yunet import YuNetFaceDetector
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from perception.api import BALL, BOX
-from perception.spots import Contour, judge_outline
+from perception.colour_spots import Contour, judge_outline
 
 
 def contour(mask: object) -> Contour:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from perception.api import Box, Detection, Image
-from perception.finder import EMPTY_SEARCH_INTERVAL, LONG_EMPTY_SEARCH_INTERVAL, FaceFinder
-from perception.turns import ANY_FACE, MAX_SKIPPED_SEARCHES, FaceSearch, StillPictureDetector
+from perception.face_finder import EMPTY_SEARCH_INTERVAL, LONG_EMPTY_SEARCH_INTERVAL, FaceFinder
+from perception.face_search import ANY_FACE, MAX_SKIPPED_SEARCHES, FaceSearch, StillPictureDetector
 
 SMALL = FaceSearch(largest=0.06)
 

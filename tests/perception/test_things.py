@@ -11,7 +11,7 @@ import pytest
 from config.colours import COLOURS
 from config.object import HUES
 from perception.api import ANY, BALL, BOX, Gaze, Image, Thing, ThingSpec
-from perception.spots import SpotFinder, ThingSense
+from perception.colour_spots import SpotFinder, ThingSense
 from tests.perception.rendered import CAMERA, frame, thing_scene
 
 RED_BALL = ThingSpec("red ball", "red", BALL)

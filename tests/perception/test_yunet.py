@@ -10,9 +10,9 @@ import numpy.typing as npt
 import pytest
 
 from perception.api import Box, Image
-from perception.faces import HaarFaceDetector
-from perception.faults import MAX_MODEL_BYTES, ModelFileError
-from perception.finder import FaceDetector
+from perception.face_finder import FaceDetector
+from perception.haar_faces import HaarFaceDetector
+from perception.model_files import MAX_MODEL_BYTES, ModelFileError
 from perception.yunet import (
     HAAR_SIDE_RATIO,
     MAX_NETWORKS,

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import click
 
-from config.reading import save_file
+from config.file_io import save_file
 from drivers.clock import SystemClock
 from missions.cli.keys import interruptible
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS
-from missions.plugins.testing.many import PROCESS_ENDED, core_count, run_parallel
+from missions.plugins.testing.worker_pool import PROCESS_ENDED, core_count, run_parallel
 from tests.storm.play import Outcome, play_seed
 from tests.storm.report import report, schedule
 from tests.storm.shrink import as_test, shrunk

@@ -5,8 +5,8 @@ from dataclasses import replace
 from math import cos, hypot, pi, sin
 from random import Random
 
-from config.things import BoxConfig, PersonConfig
 from config.world import WorldConfig
+from config.world_items import BoxConfig, PersonConfig
 
 PACES = (0.2, 0.4, 0.7, 1.0)
 """m/s at which people walk."""

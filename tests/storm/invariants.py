@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterator
 from math import inf, isfinite
 
 from drivers.api import ignore
+from missions.executive.event_reporter import capture_log
 from missions.executive.events import NodeChanged, ReflexFired
 from missions.executive.executive import HALT_TIMEOUT
-from missions.executive.telling import capture_log
 from missions.plugins.records.replay.rerun import rerun
 from tests.storm.leaves import DOOMED, LEFT
 from tests.storm.looking import (

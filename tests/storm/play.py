@@ -9,15 +9,15 @@ from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from config.reading import collect_read_files
+from config.file_io import collect_read_files
 from drivers.api import ignore
 from drivers.clock import SystemClock
 from drivers.errors import DriverError
 from missions.executive.executive import Result
 from missions.executive.watchdog import WatchdogLimits
-from missions.plugins.testing.faults import read_live_fault
-from missions.plugins.testing.mishaps import FaultSpec
-from missions.plugins.testing.trouble import FaultInjector
+from missions.plugins.testing.fault_injector import FaultInjector
+from missions.plugins.testing.fault_specs import FaultSpec
+from missions.plugins.testing.live_faults import read_live_fault
 from missions.request import RunRequest
 from missions.runner import Runner
 from tests.storm.invariants import ALL_REST, broken

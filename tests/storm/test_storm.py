@@ -10,17 +10,17 @@ from random import Random
 import pytest
 from py_trees.common import Status
 
+from behaviours.haltable_node import HaltableNode
 from behaviours.head import LookLeaf
 from behaviours.leaf import Leaf
 from behaviours.mirror import Mirror as Led
-from behaviours.stopping import HaltableNode
 from drivers.api import Velocity, ignore
 from drivers.base.arbitrated import ArbitratedBase
 from drivers.base.range_guard import RangeGuard
 from drivers.errors import DeviceFault
 from drivers.servos.twin import JointsTwin
-from missions.executive.asked import StaleCommandGuard
 from missions.executive.executive import Executive
+from missions.executive.proxied_robot import StaleCommandGuard
 from tests import planted
 from tests.storm import invariants
 from tests.storm.__main__ import command

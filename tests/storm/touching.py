@@ -19,7 +19,7 @@ from math import atan2, cos, hypot, sin
 from typing import Any
 
 from drivers.api import BASE_RADIUS, Pose2D
-from drivers.sim.block import Solid
+from drivers.sim.solids import Solid
 from drivers.sim.world import SENSOR_HEIGHT, SimulatedWorld
 
 NEEDED = 1.3

@@ -10,18 +10,18 @@ from random import Random
 from typing import Any, Literal
 
 from behaviours.leaf import Leaf
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from config.library import find_file
 from config.robot import RobotConfig
 from config.world import BatteryConfig, WorldConfig, load_world
 from drivers.api.sections import ArmKeys
-from missions.assembly.together import with_carriers
+from missions.assembly.part_factory import with_carriers
 from missions.language.document import check_plan
 from missions.language.plan import Plan
 from missions.library.drivers import parse_robot
+from missions.library.lookups import LOOKUPS
 from missions.library.shipped import load_mission, shipped_missions
 from missions.library.target import target_of
-from missions.library.things import LOOKUPS
 from missions.library.vocabulary import load_leaves
 from tests.storm.crowds import crowded
 from tests.storm.others import OTHERS, others_of

@@ -11,8 +11,8 @@ from config.robot import RobotConfig
 from drivers.api import BaseState, Reading, ignore
 from missions.executive.events import CommandSent, Event, FaultRaised, NodeChanged, Started, Ticked
 from missions.executive.tick_record import TickRecord
-from missions.plugins.testing.history import CaseHistory
-from missions.plugins.testing.mishaps import FaultSpec
+from missions.plugins.testing.case_history import CaseHistory
+from missions.plugins.testing.fault_specs import FaultSpec
 from missions.runner import Runner
 from tests.storm.leaves import LEFT, STOPS_NOT
 from tests.storm.record import StormRecord

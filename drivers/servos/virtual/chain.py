@@ -15,12 +15,12 @@ from drivers.api import HeadPose
 from drivers.servos import wire, wire2
 from drivers.servos.declared import DynamixelKeys, NeckJointKeys, NeckKeys
 from drivers.servos.units import RETURN_DELAY_STEP, baud_code
-from drivers.servos.virtual import obey1, obey2, obey_sts
+from drivers.servos.virtual import protocol1, protocol2, sts
 from drivers.servos.virtual.servo import VirtualServo
 from drivers.servos.virtual.slots import Slot, merge_replies
 from drivers.servos.wire import PACKET_TIMEOUT, Packet
-from drivers.sim.stage import SimContext
-from drivers.virtual.plugged import VirtualDevice
+from drivers.sim.context import SimContext
+from drivers.virtual.device import VirtualDevice
 from drivers.virtual.terminal import baud_rates_match
 
 PacketHandler = Callable[[Packet, Sequence[VirtualServo], float], list[Slot]]
@@ -63,9 +63,9 @@ class VirtualServoBus:
         self.contention: Callable[[Slot], Slot] | None = None
         self._stacks: list[tuple[wire.PacketParser, PacketHandler, list[VirtualServo]]] = []
         for protocol, parser, obey in (
-            (1, wire.PacketParser(), obey1.handle_packet),
-            (2, wire2.PacketParser2(), obey2.handle_packet),
-            ("STS", wire.PacketParser(), obey_sts.handle_packet),
+            (1, wire.PacketParser(), protocol1.handle_packet),
+            (2, wire2.PacketParser2(), protocol2.handle_packet),
+            ("STS", wire.PacketParser(), sts.handle_packet),
         ):
             if own := [servo for servo in self.servos if servo.model.protocol == protocol]:
                 self._stacks.append((parser, obey, own))

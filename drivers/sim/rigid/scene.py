@@ -10,7 +10,7 @@ import numpy as np
 
 from drivers.api import Pose2D
 from drivers.errors import BadRequest
-from drivers.sim.rigid.links import Floor
+from drivers.sim.rigid.rigid_model import Floor
 
 TIME_STEP = 0.002
 """Seconds of one step of physics."""

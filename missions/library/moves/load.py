@@ -11,13 +11,13 @@ from math import acos, dist, radians
 from pathlib import Path
 from typing import Any
 
-from config.faults import Diagnostic, InvalidFileError, Mark, SourceText, closest, suggest_from
-from config.foreign import read_plain_data, recognise_file
+from config.diagnostics import Diagnostic, InvalidFileError, Mark, SourceText, closest, suggest_from
+from config.file_io import read_regular
+from config.foreign_files import read_plain_data, recognise_file
 from config.gesture import limit_error, parse_gesture
 from config.library import MOVEMENT_FORMS, SHEET_SUFFIXES, kinds_of
-from config.marked import read_source
 from config.move import JointSource, MoveConfig, is_move, parse_move
-from config.reading import read_regular
+from config.yaml_nodes import read_source
 from drivers.api import Gesture, Keyframe
 from drivers.api.sections import ArmKeys
 from drivers.servos.declared import DynamixelKeys

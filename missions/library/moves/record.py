@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from config.gesture import GestureConfig
 from config.units import quoted_value
-from config.writing import gesture_text, write_new
+from config.yaml_writer import gesture_text, write_new
 from drivers.api import JointState, Reading
 from drivers.errors import BadRequest, NoReply
 

@@ -19,11 +19,11 @@ from math import isfinite
 from pathlib import Path
 from typing import NamedTuple
 
-from config.faults import Diagnostic, InvalidFileError, Mark, SourceText, add_diagnostic, suggest_from
+from config.diagnostics import Diagnostic, InvalidFileError, Mark, SourceText, add_diagnostic, suggest_from
+from config.file_io import open_regular, record_read
 from config.library import SHEET_SUFFIXES
-from config.marked import read_source
-from config.reading import open_regular, record_read
 from config.units import quoted_value
+from config.yaml_nodes import read_source
 
 # Headings of a sheet: the name of a joint, or of the times, and the unit that stands behind it.
 

@@ -14,9 +14,8 @@ from typing import Protocol, Self, TypeVar
 from behaviours.run import log
 from drivers.clock import Clock, SystemClock
 from missions.codec import MAX_INTEGER
-from missions.plugins.fleet.body import FleetRobot
-from missions.plugins.fleet.line import Reply, Roster, ZenohTransport
-from missions.plugins.fleet.words import (
+from missions.plugins.fleet.fleet_robot import FleetRobot
+from missions.plugins.fleet.messages import (
     MAX_TEXT_LENGTH,
     Address,
     FleetAnswer,
@@ -29,6 +28,7 @@ from missions.plugins.fleet.words import (
     TaskState,
     encode_message,
 )
+from missions.plugins.fleet.zenoh_transport import Reply, Roster, ZenohTransport
 from missions.plugins.tasks.fleet_latch import FleetLatch
 
 T = TypeVar("T")

@@ -12,9 +12,7 @@ from typing import Literal, TypeVar
 from config.fleet import FleetKeys
 from drivers.clock import Clock, SystemClock
 from missions.codec import CodecError, decode
-from missions.plugins.fleet.line import Roster, RosterEntry, ZenohTransport
-from missions.plugins.fleet.place import check_name, open_session
-from missions.plugins.fleet.words import (  # fmt: skip
+from missions.plugins.fleet.messages import (  # fmt: skip
     RULES,
     TASK_ID_PATTERN,
     Address,
@@ -29,6 +27,8 @@ from missions.plugins.fleet.words import (  # fmt: skip
     ListPeers,
     Peer,
 )
+from missions.plugins.fleet.zenoh_session import check_name, open_session
+from missions.plugins.fleet.zenoh_transport import Roster, RosterEntry, ZenohTransport
 from missions.plugins.tasks.task import TaskError
 
 T = TypeVar("T")

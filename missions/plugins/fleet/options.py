@@ -1,6 +1,6 @@
 """Options of `mission task serve` for a server in a fleet."""
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from missions.options import option
 from missions.request import Simulate
 

@@ -10,18 +10,18 @@ from pathlib import Path
 import click
 import numpy as np
 
+from config.file_io import save_file
 from config.gesture import load_gait
 from config.library import SHEET_SUFFIXES, find_file
-from config.reading import save_file
 from config.robot import RobotConfig
 from drivers.api import JointLimits
 from drivers.errors import BadRequest
+from drivers.legs.balance import support_margins
 from drivers.legs.body import SIDES, Floats, LeggedBody, body_of
-from drivers.legs.checking import gait_errors
 from drivers.legs.declared import LegsKeys, StrideKeys
 from drivers.legs.gait import Gait, blend_gaits, gait_from_keys, join_gaits, mirror_gait, scale_gait, spline_gait
+from drivers.legs.gait_check import gait_errors
 from drivers.legs.kinematics import forward_kinematics, sole_pose
-from drivers.legs.pressure import support_margins
 from drivers.servos.declared import DynamixelKeys
 from missions.cli.commands import LazyGroup, shared_option
 from missions.cli.names import GAIT, ROBOT

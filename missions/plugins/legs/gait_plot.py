@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 
 from drivers.api import Image, JointLimits
 from drivers.legs.body import SIDES, Floats, LeggedBody
-from drivers.legs.checking import TRUNK, capsules
 from drivers.legs.engine import whole_body_pose
 from drivers.legs.gait import Gait
+from drivers.legs.gait_check import TRUNK, capsules
 from drivers.legs.kinematics import centre_of_mass, forward_kinematics
-from drivers.sim.rigid.stick import Stroke, draw_stick_figure
+from drivers.sim.rigid.stick_drawing import Stroke, draw_stick_figure
 from missions.plugins.pictures.moves_plot import FORMATS, GOAL_COLOUR, LIMIT_COLOUR, MEASURED_COLOUR, save_figure
 
 # A gait as pictures of a figure of lines, from its right and from the front, over two cycles on a treadmill.

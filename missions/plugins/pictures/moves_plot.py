@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from config.reading import replace_file
+from config.file_io import replace_file
 from drivers.api import JointLimits
 
 

@@ -16,7 +16,7 @@ from typing import Self
 import click
 import cv2
 
-from config.reading import PRIVATE_MODE, save_file
+from config.file_io import PRIVATE_MODE, save_file
 from drivers.api import Image
 from drivers.pictures.decode import silence_opencv
 from missions.cli.outputs import check_folder

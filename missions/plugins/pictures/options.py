@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from missions.options import option
 from missions.request import CLOCK, RunOptions, RunRequest
 

@@ -10,12 +10,12 @@ from math import ceil, cos, degrees, sin
 from xml.etree import ElementTree as ET
 
 from drivers.api import BASE_RADIUS
-from drivers.sim.block import UprightBox
-from drivers.sim.looks import APPEARANCES
+from drivers.sim.appearances import APPEARANCES
 from drivers.sim.people import BODY_RADIUS, FloorPosition, Presence
 from drivers.sim.room import Colour
-from drivers.sim.things import Rover, WorldBall, WorldBox
+from drivers.sim.solids import UprightBox
 from drivers.sim.world import SimulatedWorld
+from drivers.sim.world_objects import Rover, WorldBall, WorldBox
 
 UNITS_PER_METRE = 100
 """Units of the drawing to a metre."""

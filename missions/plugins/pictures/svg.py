@@ -29,8 +29,8 @@ from missions.plugins.pictures.layout import (
     text_width,
     truncate,
 )
-from missions.trees.draw import ACTION_SYMBOL, CONDITION_SYMBOL
 from missions.trees.drawing import SIGNS, Status, TreeBox, TreeDrawing
+from missions.trees.drawing_builder import ACTION_SYMBOL, CONDITION_SYMBOL
 
 # How drawn trees look: colours that the colour-blind tell apart (after Okabe and Ito), each with a border of its own.
 #

@@ -5,7 +5,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from config.defaults import load_defaults
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from missions.options import option
 from missions.request import RunOptions, RunRequest
 

@@ -12,9 +12,9 @@ from typing import Any
 
 import click
 
+from config.file_io import save_file
 from config.fleet import refusal_reason
 from config.library import find_file
-from config.reading import save_file
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
 from missions.cli.commands import LazyGroup, shared_option
@@ -198,7 +198,7 @@ def serve(robot: str, router: str | None, domain: int | None, simulate: str | No
 
     Its type is missiontree_msgs/action/RunMission: docs/ros2.md says how ROS gets to know it.
     """
-    from missions.plugins.ros2.offering import MissionServer  # noqa: PLC0415
+    from missions.plugins.ros2.mission_server import MissionServer  # noqa: PLC0415
 
     _require_secure_router(robot, router)
     ending = Event()

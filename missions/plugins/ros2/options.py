@@ -1,6 +1,6 @@
 """Options of `mission run` for the topics of ROS 2 that report it."""
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from missions.options import ROS2, option
 from missions.request import RunOptions
 

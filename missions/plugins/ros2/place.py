@@ -6,11 +6,11 @@ from typing import Any
 
 import click
 
-from config.editing import rewrite
 from config.library import find_file
 from config.places import PLACE_NAME, PlaceKeys, places_text
 from config.robot import RobotConfig
 from config.units import si_value
+from config.yaml_edit import rewrite
 from drivers.errors import NotConnected
 from missions.cli.commands import LazyGroup, shared_option
 from missions.cli.names import ROBOT

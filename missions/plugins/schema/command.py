@@ -5,8 +5,8 @@ from pathlib import Path
 
 import click
 
-from config.reading import save_file
-from missions.cli.declared import behaviours_option
+from config.file_io import save_file
+from missions.cli.option_declarations import behaviours_option
 from missions.cli.options import folder_behaviour_files
 from missions.cli.outputs import report_write_errors
 from missions.library.drivers import DriverTable

@@ -2,8 +2,8 @@
 
 from dataclasses import is_dataclass
 
-from config.marked import plain_value
 from config.units import EXAMPLES, quantity_text, with_article
+from config.yaml_nodes import plain_value
 from drivers.api.keys import PERCENT, Key, declared_keys
 from missions.plugins.schema.values import HOLE, SCALAR, Schema, quantity_schema
 

@@ -9,8 +9,8 @@ from behaviours.leaf import Leaf
 from config.controller import load_controller
 from config.gesture import load_gait, load_gesture
 from config.library import KIND_KEYS, shipped_files
-from config.marked import Mapping, Scalar, compose, read_source
-from missions.language.body import IF_INTERRUPTED, PROPERTIES, PROPERTY_FORMS
+from config.yaml_nodes import Mapping, Scalar, compose, read_source
+from missions.language.mission_body import IF_INTERRUPTED, PROPERTIES, PROPERTY_FORMS
 from missions.language.nodes import MISSION
 from missions.language.param_types import LIST_TYPE, PARAM_TYPES
 from missions.library.catalogue import sentence

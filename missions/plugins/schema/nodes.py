@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 
 from behaviours.leaf import Leaf
-from missions.language.counts import COUNTS
 from missions.language.modifiers import YES_NO_WORDS
 from missions.language.nodes import COMPOSITES, FOR_EACH, MISSION, MODIFIERS, OTHER_PARENTS, SWITCHES
+from missions.language.parallel_counts import COUNTS
 from missions.language.steps import OWNER_OF_KEY
 from missions.library.catalogue import sentence, summary
 from missions.plugins.schema.values import (

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import click
 
-from config.editing import NotEditableError, require_own, rewrite, with_value
-from config.faults import InvalidFileError, SourceText
-from config.marked import read_source
+from config.diagnostics import InvalidFileError, SourceText
 from config.robot import RobotConfig
 from config.units import quantity_text, si_value
-from drivers.api.senses import CameraKeys, DistortionKeys
-from drivers.camera.pictures import iter_pictures
+from config.yaml_edit import NotEditableError, require_own, rewrite, with_value
+from config.yaml_nodes import read_source
+from drivers.api.sensor_sections import CameraKeys, DistortionKeys
+from drivers.camera.picture_files import iter_pictures
 from drivers.camera.source import SourceKind, source_kind
 from drivers.errors import BadRequest
 from drivers.finding.video import CSI_HINT, list_devices
@@ -21,7 +21,7 @@ from drivers.transport.programs import explain_denied
 from missions.cli.numbers import QuantityInUnit
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import parse_robot
-from missions.plugins.setup.through import camera_frames
+from missions.plugins.setup.camera_frames import camera_frames
 from perception.calibration import BoardViews, Chessboard, LensCalibration, calibrate
 
 # What calibration has found of a camera's lens, as the camera section of a robot file says it, and kept there.

@@ -17,11 +17,11 @@ from drivers.api.sections import SerialKeys
 from drivers.clock import Clock
 from drivers.errors import DriverError
 from drivers.extras import DISTRIBUTION, extras, missing_distributions
-from drivers.finding.asking import probe_port
 from drivers.finding.machine import HostMachine
+from drivers.finding.port_probe import probe_port
 from drivers.finding.serial_ports import ADAPTERS, SerialPortInfo, find_serial_ports
 from drivers.transport.ports import DEBUG_CONNECTOR_PROBLEM, PINS_HINT, leads_to_debug_connector
-from missions.assembly.lags import BASE, CAMERA, load_delays
+from missions.assembly.learnt_delays import BASE, CAMERA, load_delays
 from missions.library.folders import data_folder, state_folder
 
 # The installed MissionTree: its version, and which of its extras are there.

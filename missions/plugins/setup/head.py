@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import click
 
-from config.editing import NotEditableError
+from config.yaml_edit import NotEditableError
 from drivers.api import HeadPose
 from drivers.arduino.driver import ArduinoHead
 from drivers.arduino.session import BootState
@@ -16,7 +16,7 @@ from drivers.errors import BadRequest
 from drivers.head.keys import ServoKeys
 from drivers.head.pantilt import STRAIGHT_AHEAD, Trimmable
 from drivers.servos.declared import NeckJointKeys
-from missions.assembly.lags import MIN_SAMPLES
+from missions.assembly.learnt_delays import MIN_SAMPLES
 from missions.cli.commands import LazyGroup
 from missions.cli.keys import KeyReader
 from missions.cli.numbers import QuantityInUnit
@@ -26,7 +26,14 @@ from missions.cli.printable import overwrite_line
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.tuning import check_editable
 from missions.library.tuning import save_values as keep_values
-from missions.plugins.setup.head_bench import DEFAULT_HEAD, OpenHead, head_option, open_robot_head, pause, robot_options
+from missions.plugins.setup.head_connection import (
+    DEFAULT_HEAD,
+    OpenHead,
+    head_option,
+    open_robot_head,
+    pause,
+    robot_options,
+)
 from perception.delay import MAX_STEADY_JITTER
 
 # Putting the head straight by hand: arrow keys turn it, and what was turned is its trim.

@@ -14,22 +14,22 @@ from config.robot import Section
 from drivers.api import SOUND_RATE, DeviceStatus
 from drivers.api.driver import DriverContext
 from drivers.api.kinds import KINDS
-from drivers.api.senses import MAX_THRESHOLD, MicrophoneKeys
+from drivers.api.sensor_sections import MAX_THRESHOLD, MicrophoneKeys
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NoReply, NotConnected
-from drivers.microphone.wav import WavMicrophone, load_wav
-from missions.assembly.assembled import CONNECT_TIMEOUT
+from drivers.microphone.wav_microphone import WavMicrophone, load_wav
+from missions.assembly.assembled_robot import CONNECT_TIMEOUT
 from missions.assembly.hearing import MicrophoneEars, make_ears
-from missions.assembly.together import resolve_maker
-from missions.cli.declared import behaviours_option, params_option
+from missions.assembly.part_factory import resolve_maker
 from missions.cli.names import MISSION, ROBOT
 from missions.cli.numbers import RealNumber
+from missions.cli.option_declarations import behaviours_option, params_option
 from missions.cli.options import leaf_loader
 from missions.cli.printable import overwrite_line
 from missions.cli.root import SUCCESS
 from missions.language.phrases import all_phrases
 from missions.library.drivers import DriverTable, load_robot
-from missions.library.pronouncing import find_confusable_phrases
+from missions.library.pronunciation import find_confusable_phrases
 from missions.library.shipped import load_mission
 from perception.api import Words
 from perception.hearing.engines import MODEL_ENGINES, SphinxEngine

@@ -10,15 +10,15 @@ from threading import Event
 import click
 
 from config.defaults import load_defaults
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from config.library import OWN_ROBOT, UnknownNameError, find_file
 from config.robot import Section
 from drivers.api.driver import Finding
 from drivers.clock import SystemClock
-from drivers.finding.asking import PortScan, probing_drivers
+from drivers.finding.hardware_scan import HardwareScan, ScannedPort, make_prober, scan_hardware
 from drivers.finding.machine import HostMachine
+from drivers.finding.port_probe import PortScan, probing_drivers
 from drivers.finding.serial_ports import DeviceProblem, SerialPortInfo
-from drivers.finding.survey import HardwareScan, ScannedPort, make_prober, scan_hardware
 from missions.cli.keys import interruptible
 from missions.cli.names import ROBOT
 from missions.cli.root import FAILURE, SUCCESS

@@ -13,10 +13,10 @@ import click
 from config.colours import COLOURS
 from config.library import find_file
 from config.robot import RobotConfig
-from drivers.api.senses import CameraKeys
-from drivers.api.turn import UPRIGHT, ImageOrientation
+from drivers.api.image_orientation import UPRIGHT, ImageOrientation
+from drivers.api.sensor_sections import CameraKeys
 from drivers.camera.declared import OPENCV
-from drivers.camera.pictures import iter_pictures
+from drivers.camera.picture_files import iter_pictures
 from drivers.camera.source import SourceKind, display_name, source_kind
 from drivers.errors import BadRequest
 from drivers.pictures.capture import turn_image
@@ -28,22 +28,22 @@ from missions.cli.numbers import QuantityInUnit
 from missions.cli.outputs import written_message
 from missions.cli.root import SUCCESS
 from missions.library.drivers import load_robot
-from missions.library.things import find_object
+from missions.library.lookups import find_object
 from missions.plugins.pictures.movie import CODECS, Movie, check_output
 from missions.plugins.records.replay.frames import resample_frames
-from missions.plugins.setup.camera_page.served import CameraPage
-from missions.plugins.setup.drawings import AnnotatedPictures
-from missions.plugins.setup.through import camera_frames, print_camera_status, robot_camera_frames
+from missions.plugins.setup.annotated_pictures import AnnotatedPictures
+from missions.plugins.setup.camera_frames import camera_frames, print_camera_status, robot_camera_frames
+from missions.plugins.setup.camera_page.server import CameraPage
 from perception.annotate import annotate
 from perception.api import Box, Detection, Image, Marker, Scene, Thing, ThingSpec
-from perception.change import measure_scene
-from perception.faults import ModelFileError
-from perception.finder import FaceFinder
+from perception.colour_spots import ThingSense
+from perception.eye_finder import EyeFinder
+from perception.face_finder import FaceFinder
 from perception.geometry import Pinhole
 from perception.identity import FaceRecogniser
 from perception.markers import MarkerSense
-from perception.pupils import EyeFinder
-from perception.spots import ThingSense
+from perception.model_files import ModelFileError
+from perception.scene_motion import measure_scene
 from perception.tracks import MARKER_FAMILIES, MarkerSet
 
 # Looking at pictures and films frame by frame, as a robot's eyes would, without a robot.

@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from config.reading import parse_object, read_regular_text
+from config.file_io import parse_object, read_regular_text
 from drivers.clock import Clock, SystemClock
 from missions.control.commands import Role
 from missions.library.folders import state_folder

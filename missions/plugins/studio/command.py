@@ -15,7 +15,7 @@ import click
 from drivers.transport.programs import end_command, tcp_holders
 from missions.cli.numbers import WholeNumber
 from missions.cli.root import SUCCESS
-from missions.plugins.records import ring
+from missions.plugins.records import retention
 from missions.plugins.records.options import is_recorded_by_default
 
 DEFAULT_PORT = 8642
@@ -54,7 +54,7 @@ MIN_DESCRIPTORS = 128
     metavar="FOLDER",
     expose_value=False,
     callback=lambda _context, _option, folder: (
-        folder and os.environ.update({ring.STUDIO_RECORDS_VARIABLE: str(folder)})
+        folder and os.environ.update({retention.STUDIO_RECORDS_VARIABLE: str(folder)})
     ),
     help="The records that it shows; else those that are kept by default, as runs that it starts are in any case.",
 )
@@ -86,8 +86,8 @@ def command(
     try:
         from missions.plugins.studio import access as tokens  # noqa: PLC0415
         from missions.plugins.studio.access import StudioAccess  # noqa: PLC0415 - the extra may be missing
-        from missions.plugins.studio.opening import page_opener  # noqa: PLC0415
-        from missions.plugins.studio.serving import StudioAddress, serve  # noqa: PLC0415
+        from missions.plugins.studio.page_opener import page_opener  # noqa: PLC0415
+        from missions.plugins.studio.web_server import StudioAddress, serve  # noqa: PLC0415
     except ImportError as error:
         raise click.UsageError(f"the studio needs {error.name}\n  try: pip install 'missiontree[studio]'") from error
     if key is not None and certificate is None:
@@ -135,7 +135,7 @@ def _check_descriptors() -> None:
 
 def _listen(host: str, port: int | None) -> socket.socket:
     """Return the socket at a port; without one, at the usual port or the next free one. Raises ClickException."""
-    from missions.plugins.studio.serving import StudioAddress, open_listener  # noqa: PLC0415
+    from missions.plugins.studio.web_server import StudioAddress, open_listener  # noqa: PLC0415
 
     tried = range(DEFAULT_PORT, DEFAULT_PORT + MAX_PORTS_TRIED) if port is None else [port]
     for each in tried:

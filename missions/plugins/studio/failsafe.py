@@ -3,11 +3,11 @@
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 
-from config.faults import did_you_mean
+from config.diagnostics import did_you_mean
 from missions.control.commands import BadMessage, ClientCommand
-from missions.plugins.studio.wishes import FailsafeQuery
-from missions.plugins.testing.failsafe.ride import CHOICES, ROBOT, FailsafeSetting, run_scenario
-from missions.plugins.testing.failsafe.words import distinct_moments
+from missions.plugins.studio.studio_commands import FailsafeQuery
+from missions.plugins.testing.failsafe.scenario import CHOICES, ROBOT, FailsafeSetting, run_scenario
+from missions.plugins.testing.failsafe.scenario_text import distinct_moments
 
 Json = dict[str, object]
 

@@ -14,7 +14,8 @@ from math import inf, isfinite
 from pathlib import Path
 
 from config.defaults import unreadable_folders, user_files
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
+from config.file_io import open_regular, parse_object, read_regular_text
 from config.library import (
     MAX_HEAD_BYTES,
     SHEET_SUFFIXES,
@@ -24,7 +25,6 @@ from config.library import (
     kinds_of,
     shipped_files,
 )
-from config.reading import open_regular, parse_object, read_regular_text
 from config.units import UNITS, quantity_text
 from config.world import load_world
 from drivers.clock import Clock, SystemClock, time_of_day
@@ -35,17 +35,17 @@ from missions.language.param_types import Param
 from missions.language.plan import Plan
 from missions.library.drivers import load_robot
 from missions.library.folders import checkup_file
+from missions.library.lookups import LOOKUPS
 from missions.library.people import People, people_folder
 from missions.library.shipped import MOTIONS, TEST_SUFFIX, behaviour_files, find_mission, load_mission, shipped_missions
-from missions.library.things import LOOKUPS
 from missions.library.vocabulary import behaviour_files_beside, load_leaves
 from missions.library.worlds import build_world
 from missions.options import Option
 from missions.plugins.pictures.plan import UNITS_PER_METRE, plan_frame, plan_svg
-from missions.plugins.studio.wishes import RUN_OPTIONS, LibraryQuery, MissionQuery, WorldQuery
-from missions.trees.draw import drawing_of, first_values
+from missions.plugins.studio.studio_commands import RUN_OPTIONS, LibraryQuery, MissionQuery, WorldQuery
 from missions.trees.drawing import TreeBox, to_json
-from missions.trees.words import value_text
+from missions.trees.drawing_builder import drawing_of, first_values
+from missions.trees.value_text import value_text
 
 # A mission as it is offered to somebody who may run it: read with the leaves beside it, and its params for a form.
 

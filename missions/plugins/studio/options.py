@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from missions.options import option
 from missions.request import RunOptions
 

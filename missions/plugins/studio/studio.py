@@ -19,7 +19,7 @@ from typing import Protocol, TypeVar
 from weakref import WeakKeyDictionary
 
 from config.defaults import config_folder
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from config.fleet import FLEET_FILE, load_fleet
 from config.library import shipped_files
 from missions.codec import encode_tagged
@@ -35,16 +35,16 @@ from missions.control.commands import (
 )
 from missions.control.messages import PROTOCOL_VERSION, RunsMessage, WelcomeMessage
 from missions.library.people import PeopleError, proper_name
-from missions.plugins.fleet.line import RosterEntry
+from missions.plugins.fleet.messages import Address, FleetAnswer
 from missions.plugins.fleet.operator import Operator, connect_operator
-from missions.plugins.fleet.words import Address, FleetAnswer
+from missions.plugins.fleet.zenoh_transport import RosterEntry
 from missions.plugins.studio.access import StudioAccess
-from missions.plugins.studio.audit import UNLOGGED_COMMANDS, AuditLog
-from missions.plugins.studio.hub import RunHub
-from missions.plugins.studio.queueing import RunLauncher
-from missions.plugins.studio.reader import FileReader
-from missions.plugins.studio.watching import FeedClient, RunFeed
-from missions.plugins.studio.wishes import (
+from missions.plugins.studio.audit_log import UNLOGGED_COMMANDS, AuditLog
+from missions.plugins.studio.file_reader import FileReader
+from missions.plugins.studio.run_feed import FeedClient, RunFeed
+from missions.plugins.studio.run_hub import RunHub
+from missions.plugins.studio.run_launcher import RunLauncher
+from missions.plugins.studio.studio_commands import (
     AddPerson,
     ApproveTask,
     FleetQuery,

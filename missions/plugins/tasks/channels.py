@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from config.library import UnknownNameError
 from config.notices import TerminalNotice, encode_notice
 from missions.library.drivers import load_named_robot

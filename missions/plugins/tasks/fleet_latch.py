@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from threading import Lock
 
-from config.reading import parse_object, read_regular_text, sync_folder
+from config.file_io import parse_object, read_regular_text, sync_folder
 
 LATCH_FILE = "fleet_stop.json"
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, is_dataclass
 from datetime import UTC, datetime
 from typing import Any, Literal, TypeVar, cast, get_origin
 
-from config.reading import parse_json
+from config.file_io import parse_json
 from missions.codec import Rules, decode, message_fields
 from missions.plugins.tasks.task import How, NewTask, RetryPolicy, State, Task, TaskError
 

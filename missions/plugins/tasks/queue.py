@@ -15,12 +15,12 @@ from datetime import UTC, date, datetime, time, timedelta, tzinfo
 from pathlib import Path
 from zoneinfo import ZoneInfo
 
-from config.faults import did_you_mean
+from config.diagnostics import did_you_mean
 from config.units import quantity_text, quoted_value, si_value
 from drivers.clock import time_of_day
 from missions.plugins.tasks import notice
 from missions.plugins.tasks.notice import Notice, check_texts, from_row, row_of, to_new_task
-from missions.plugins.tasks.schema import ORDER, checkpoint_log
+from missions.plugins.tasks.queue_database import ORDER, checkpoint_log
 from missions.plugins.tasks.task import Attempt, AttemptOutcome, Claim, How, NewTask, State, Task, TaskError, next_state
 
 # When a task is due: times of day and repetitions as people say them, in the local time of a place.

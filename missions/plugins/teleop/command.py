@@ -18,8 +18,8 @@ from drivers.api import Base, Head, ignore
 from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
 from missions.assembly.assemble import assemble
-from missions.assembly.assembled import CONNECT_TIMEOUT
-from missions.assembly.together import Hooks, Overrides
+from missions.assembly.assembled_robot import CONNECT_TIMEOUT
+from missions.assembly.part_factory import Hooks, Overrides
 from missions.cli.keys import KeyReader, interruptible
 from missions.cli.leash import watch_outputs
 from missions.cli.names import ROBOT, WORLD
@@ -30,9 +30,9 @@ from missions.cli.root import SUCCESS
 from missions.control.holders import hold_robot
 from missions.control.pilot import MAX_SHARE, MIN_SHARE, Pilot
 from missions.library.drivers import load_robot
-from missions.plugins.setup.head_bench import DEFAULT_HEAD, head_keys, head_option
-from missions.plugins.teleop import FIRST_PAD, beside, pad
-from missions.plugins.teleop.beside import LineDelay, drive_by_hand
+from missions.plugins.setup.head_connection import DEFAULT_HEAD, head_keys, head_option
+from missions.plugins.teleop import FIRST_PAD, hand_driving, pad
+from missions.plugins.teleop.hand_driving import LineDelay, drive_by_hand
 from missions.plugins.teleop.pad import load_layouts, pads_file, save_layout
 from missions.plugins.teleop.teaching import PadTeacher
 
@@ -201,7 +201,7 @@ def command(
             held = open_things.enter_context(closing(pad.make_pad(node, clock)))
             held.open()
         base, turned = open_things.enter_context(_open_robot(robot, head, wishes, clock))
-        click.echo(beside.KEYS_HELP if held is None else pad.PAD_HELP)
+        click.echo(hand_driving.KEYS_HELP if held is None else pad.PAD_HELP)
         typed: Callable[[float], str] = _pause
         line = None
         if sys.stdin.isatty():

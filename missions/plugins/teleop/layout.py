@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from struct import Struct
 from types import MappingProxyType
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.errors import NotConnected
 from missions.control.pilot import ENABLE_KEY, LATCH_KEY
 

@@ -1,6 +1,6 @@
 """The option of `mission run` for a game pad beside the mission."""
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from missions.options import option
 from missions.plugins.teleop import FIRST_PAD
 from missions.request import WHERE, RunOptions, RunRequest

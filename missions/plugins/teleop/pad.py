@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Any
 
 from config.defaults import config_folder
-from config.reading import PRIVATE_MODE, read_regular_text, save_file
+from config.file_io import PRIVATE_MODE, read_regular_text, save_file
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.transport.ports import make_port_error

@@ -8,7 +8,7 @@ import click
 
 from missions.cli.session import RunSession
 from missions.plugins.teleop import FIRST_PAD
-from missions.plugins.teleop.beside import PadDevice
+from missions.plugins.teleop.hand_driving import PadDevice
 from missions.plugins.teleop.options import PadOptions
 from missions.plugins.teleop.pad import make_pad
 

@@ -8,7 +8,7 @@ Nothing of a robot is open meanwhile. A wrong press is named, and the question i
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from drivers.clock import Clock
 from drivers.errors import DriverError
 from missions.control.pilot import ENABLE_KEY, LATCH_KEY

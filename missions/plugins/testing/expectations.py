@@ -6,15 +6,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from config.cases import DISTANCE_TOLERANCE, HEADING_TOLERANCE, JOINT_TOLERANCE, ExpectKeys, PoseKeys
-from config.declared import read_keys
-from config.faults import Mark, suggest_from
+from config.diagnostics import Mark, suggest_from
 from config.fields import Fields, value_of
-from config.marked import Listing, Mapping, Node, Scalar
+from config.section_reader import read_keys
 from config.units import quoted_value, si_value
+from config.yaml_nodes import Listing, Mapping, Node, Scalar
 from drivers.api.keys import declared_keys
 from missions.executive.guard import REFLEXES
 from missions.language.arguments import default_value
-from missions.plugins.testing.moments import NodeError, read_event
+from missions.plugins.testing.event_specs import NodeError, read_event
 from missions.plugins.testing.phrases import Phrase
 
 MAY_BE_EMPTY = ("said", "showed", "moods", "notified", "faults", "reflexes")

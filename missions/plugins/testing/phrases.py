@@ -3,9 +3,9 @@
 import math
 import re
 
-from config.faults import Diagnostic, Mark, SourceText, add_diagnostic, suggest_from
-from config.marked import Scalar
+from config.diagnostics import Diagnostic, Mark, SourceText, add_diagnostic, suggest_from
 from config.units import quantity_text, quoted_value, si_value
+from config.yaml_nodes import Scalar
 
 JOINING_WORDS = ("to", "for", "from", "at", "when", "then", "because")
 """Words that join the parts of phrases, and so are no units."""

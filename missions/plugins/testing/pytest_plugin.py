@@ -13,8 +13,8 @@ import pytest
 if TYPE_CHECKING:
     from drivers.clock import ManualClock
     from drivers.sim.world import SimulatedWorld
-    from missions.plugins.testing.play import CaseVerdict
-    from missions.plugins.testing.ran import MissionRun
+    from missions.plugins.testing.case_verdict import CaseVerdict
+    from missions.plugins.testing.mission_run import MissionRun
     from missions.plugins.testing.recorders import LeafTestBench
     from missions.plugins.testing.suite import Case
 
@@ -37,7 +37,7 @@ class MissionFile(pytest.File):
 
     def collect(self) -> Iterator["MissionCase"]:
         """Read its cases; what is wrong with the file is an error of the collection."""
-        from config.faults import InvalidFileError  # noqa: PLC0415 - see the head of this module
+        from config.diagnostics import InvalidFileError  # noqa: PLC0415 - see the head of this module
         from missions.plugins.testing.suite import load_suite  # noqa: PLC0415
 
         try:
@@ -57,8 +57,8 @@ class MissionCase(pytest.Item):
 
     def runtest(self) -> None:
         """Play it. Raises MissionFailed when something did not come true."""
-        from missions.plugins.testing.play import play  # noqa: PLC0415
-        from missions.plugins.testing.stage import IN_PROCESS_LIMITS  # noqa: PLC0415
+        from missions.plugins.testing.case_runner import IN_PROCESS_LIMITS  # noqa: PLC0415
+        from missions.plugins.testing.case_verdict import play  # noqa: PLC0415
 
         verdict = play(self.case, limits=IN_PROCESS_LIMITS)
         if not verdict.passed:
@@ -118,8 +118,8 @@ def world() -> "Callable[[str], SimulatedWorld]":
 def run_mission() -> "Callable[..., MissionRun]":
     """Run missions in simulated time: ``run_mission("greet", world="empty", given=["arm unplugged at 3 s"])``.
 
-    See missions.plugins.testing.ran, whose ``run_mission`` this is.
+    See missions.plugins.testing.mission_run, whose ``run_mission`` this is.
     """
-    from missions.plugins.testing.ran import run_mission as run  # noqa: PLC0415
+    from missions.plugins.testing.mission_run import run_mission as run  # noqa: PLC0415
 
     return run

@@ -10,8 +10,8 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from missions.executive.events import plain_status
 from missions.library.shipped import MISSIONS_FOLDER
-from missions.plugins.testing.history import NodeRecord
-from missions.plugins.testing.play import CaseVerdict
+from missions.plugins.testing.case_history import NodeRecord
+from missions.plugins.testing.case_verdict import CaseVerdict
 from missions.plugins.testing.suite import display_path
 
 # What tests have tried of a mission: which nodes were ticked, how each ended, and why it failed.

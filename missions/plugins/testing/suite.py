@@ -8,23 +8,23 @@ from pathlib import Path
 
 from behaviours.hearing import HearingLeaf
 from config.cases import GIVEN_HINT, CommonKeys, Eyes, JudgedSuiteKeys, SuiteKeys
-from config.declared import KeyPath as Place
-from config.declared import read_keys
-from config.faults import InvalidFileError, Mark, SourceText, did_you_mean, suggest_from
+from config.diagnostics import InvalidFileError, Mark, SourceText, did_you_mean, suggest_from
 from config.fields import Fields, read_fields
 from config.library import UnknownNameError
-from config.marked import Listing, Mapping, Node, Scalar
+from config.section_reader import KeyPath as Place
+from config.section_reader import read_keys
 from config.units import quoted_value, with_article
+from config.yaml_nodes import Listing, Mapping, Node, Scalar
 from missions.language.arguments import default_value
 from missions.language.nodes import MODIFIERS
 from missions.language.phrases import step_phrases
 from missions.language.plan import Step
 from missions.library.shipped import TEST_SUFFIX, find_mission, shipped_missions
-from missions.plugins.testing.context import CaseSetting, SuiteContext
 from missions.plugins.testing.expectations import Expectation, read_expectations
-from missions.plugins.testing.mishaps import RUN, FaultSpec, read_fault
+from missions.plugins.testing.fault_specs import RUN, FaultSpec, read_fault
 from missions.plugins.testing.mocks import FACE_FIELDS, MockSpec, matches_step, read_script
 from missions.plugins.testing.phrases import Phrase
+from missions.plugins.testing.suite_context import CaseSetting, SuiteContext
 from perception.api import Face
 
 # What a case is given: leaves that are mocked, and what goes wrong with the robot.

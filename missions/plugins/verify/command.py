@@ -7,19 +7,19 @@ from pathlib import Path
 import click
 
 from behaviours.leaf import Leaf
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from config.library import UnknownNameError
 from config.units import quantity_text
 from drivers.clock import SystemClock
-from missions.cli.declared import behaviours_option, params_option
+from missions.cli.default_robot import load_mission_for, robot_option, robots_for
 from missions.cli.names import MISSION
 from missions.cli.numbers import WholeNumber
+from missions.cli.option_declarations import behaviours_option, params_option
 from missions.cli.options import SECONDS, leaf_loader, mission_files_in
-from missions.cli.usual_robot import load_mission_for, robot_option, robots_for
 from missions.library.drivers import load_robot
 from missions.library.shipped import shipped_missions
 from missions.plugins.verify.explore import PROVED, VerificationReport
-from missions.plugins.verify.judge import MAX_STATES, TIME_LIMIT, verify
+from missions.plugins.verify.verdicts import MAX_STATES, TIME_LIMIT, verify
 
 
 @click.command(epilog="Example: mission verify greet")

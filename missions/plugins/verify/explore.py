@@ -9,11 +9,11 @@ from py_trees.common import Status
 
 from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS, Leaf
 from behaviours.node import Node
-from config.faults import Diagnostic
+from config.diagnostics import Diagnostic
 from missions.executive.events import status_word
 from missions.plugins.verify.choices import Script
 from missions.plugins.verify.model import MissionModel, ModelState
-from missions.plugins.verify.watch import Violation
+from missions.plugins.verify.rule_monitor import Violation
 
 GOING, HALTING, RESTED = "going", "halting", "rested"
 """A run that is ticked; one that was told to stop and is not at rest yet; one that is."""

@@ -13,7 +13,6 @@ from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import SENSOR_TIMEOUT, NodeCallback, RunState
-from missions.executive.at_once import Parallel
 from missions.executive.build import Scope, build
 from missions.executive.modifiers import (
     MAX_RETICK_INTERVAL,
@@ -24,17 +23,17 @@ from missions.executive.modifiers import (
     RepeatModifier,
     TimeoutModifier,
 )
+from missions.executive.parallel import Parallel
 from missions.executive.parent import Modifier, Parent
 from missions.executive.submission import Submission
+from missions.language.definite_assignment import catches_failure
 from missions.language.expressions import Value
 from missions.language.for_each import ListMembers, steps_in_scope
 from missions.language.kinds import STATE_KINDS
 from missions.language.nodes import FOR_EACH, MISSION, MODIFIERS, SWITCHES
 from missions.language.plan import Plan, Step
-from missions.language.reading import always_read_names
-from missions.language.unset import catches_failure
-from missions.plugins.verify.choices import Oracle
-from missions.plugins.verify.guesses import (
+from missions.language.read_analysis import always_read_names
+from missions.plugins.verify.abstract_values import (
     MAX_COUNT,
     MIN_UNBOUNDED_ROUNDS,
     UNKNOWN,
@@ -46,12 +45,13 @@ from missions.plugins.verify.guesses import (
     reads_sensor,
     widen,
 )
-from missions.plugins.verify.instants import Rows as Times
-from missions.plugins.verify.instants import SymbolicClock, UnknownTime, extrapolate
-from missions.plugins.verify.live import live_while_running
-from missions.plugins.verify.mocks import StandIn, WaitStandIn, outcomes, stand_in_class, wait_seconds
+from missions.plugins.verify.choices import Oracle
+from missions.plugins.verify.live_variables import live_while_running
+from missions.plugins.verify.rule_monitor import PropertyMonitor, RuleMonitor, make_monitor
 from missions.plugins.verify.snapshot import Row, Rows, Snapshots, freeze, thaw
-from missions.plugins.verify.watch import PropertyMonitor, RuleMonitor, make_monitor
+from missions.plugins.verify.stand_ins import StandIn, WaitStandIn, outcomes, stand_in_class, wait_seconds
+from missions.plugins.verify.symbolic_time import Rows as Times
+from missions.plugins.verify.symbolic_time import SymbolicClock, UnknownTime, extrapolate
 
 # From a checked plan to one whose leaves are stand-ins and whose unknown values are choices.
 

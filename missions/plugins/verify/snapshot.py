@@ -11,9 +11,9 @@ from behaviours.node import Node
 from missions.executive.for_each import ForEach
 from missions.executive.modifiers import MAX_RETICK_INTERVAL, RepeatModifier, RetryModifier
 from missions.executive.parent import Modifier
-from missions.plugins.verify.guesses import PLAIN_TYPES, UnboundedCount
-from missions.plugins.verify.instants import Instant, SymbolicClock
-from missions.plugins.verify.mocks import StandIn
+from missions.plugins.verify.abstract_values import PLAIN_TYPES, UnboundedCount
+from missions.plugins.verify.stand_ins import StandIn
+from missions.plugins.verify.symbolic_time import Instant, SymbolicClock
 
 Row = tuple[Any, ...]
 Rows = tuple[int, ...]

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from math import inf
 
-from drivers.api.quick import dataclass
+from drivers.api.fast_dataclass import dataclass
 from missions.options import option
 from missions.request import RunOptions, RunRequest
 

@@ -1,7 +1,7 @@
 """Who speaks the texts that are sent to a topic of ROS 2."""
 
-from drivers.ros2.line import TopicChannel
 from drivers.ros2.make import STRING
+from drivers.ros2.topic_port import TopicChannel
 from drivers.ros2.types import types
 from drivers.ros2.virtual_topics import VirtualTopics
 

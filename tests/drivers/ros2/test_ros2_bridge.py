@@ -12,7 +12,7 @@ from drivers.api import ZERO_VELOCITY, GoalState, Velocity
 from drivers.clock import SystemClock, unix_time_ns
 from drivers.errors import NotConnected
 from drivers.ros2 import bridge, wire
-from drivers.ros2.actions import SUCCEEDED, ActionGoal, ActionServer
+from drivers.ros2.action_server import SUCCEEDED, ActionGoal, ActionServer
 from drivers.ros2.base import ODOMETRY
 from drivers.ros2.node import Ros2Node
 from drivers.ros2.session import ZenohAccess, open_session

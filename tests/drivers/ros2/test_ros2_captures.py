@@ -22,9 +22,9 @@ from drivers.base.diff_drive import DiffDriveBase
 from drivers.ros2 import wire
 from drivers.ros2.base import COMMAND_TOPICS, TOPIC_TYPES, Ros2BaseProtocol
 from drivers.ros2.declared import Ros2BaseKeys, Ros2RangeKeys, ZenohKeys
-from drivers.ros2.line import TopicChannel
 from drivers.ros2.make import base_topics
 from drivers.ros2.ranger import LASER_SCAN, Ros2Ranger
+from drivers.ros2.topic_port import TopicChannel
 from drivers.ros2.types import types
 from drivers.ros2.virtual_topics import VirtualTopics
 from drivers.sim.timeline import Timeline

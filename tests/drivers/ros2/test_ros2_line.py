@@ -5,9 +5,9 @@ from typing import Any, cast
 
 from drivers.ros2 import wire
 from drivers.ros2.base import ODOMETRY, TWISTS
-from drivers.ros2.line import TopicChannel, TopicPort
 from drivers.ros2.node import Ros2Node
 from drivers.ros2.publisher import MessageFilter
+from drivers.ros2.topic_port import TopicChannel, TopicPort
 from drivers.ros2.wire import Attachment, Entity
 
 CHANNELS = [TopicChannel("/cmd_vel", TWISTS, is_command=True), TopicChannel("/odom", (ODOMETRY,))]

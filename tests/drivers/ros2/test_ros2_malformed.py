@@ -13,11 +13,11 @@ from drivers.clock import ManualClock
 from drivers.ros2 import wire
 from drivers.ros2.base import ODOMETRY, TOPIC_TYPES
 from drivers.ros2.declared import Ros2ArmKeys, Ros2BaseKeys, Ros2JointKeys, Ros2RangeKeys, Ros2VoiceKeys, ZenohKeys
+from drivers.ros2.joint_topics import JOINT_STATE
 from drivers.ros2.make import arm, base, graph, ranger, voice
 from drivers.ros2.node import MALFORMED_LIFETIME, MAX_TOPICS, REPORT_INTERVAL, TopicFaults
 from drivers.ros2.ranger import LASER_SCAN
 from drivers.ros2.types import MalformedMessage, types
-from drivers.ros2.ways import JOINT_STATE
 
 GOOD: dict[str, bytes] = {
     ODOMETRY: types().encode(ODOMETRY, {"header": {"frame_id": "odom"}, "pose": {"pose": {"orientation": {"w": 1.0}}}}),

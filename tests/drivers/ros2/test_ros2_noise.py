@@ -12,7 +12,7 @@ from typing import Any, cast
 from drivers.api.driver import DriverContext
 from drivers.clock import ManualClock
 from drivers.ros2 import wire
-from drivers.ros2.actions import ActionServer
+from drivers.ros2.action_server import ActionServer
 from drivers.ros2.base import TOPIC_TYPES
 from drivers.ros2.camera import IMAGES, decode_image
 from drivers.ros2.declared import Ros2ArmKeys, Ros2BaseKeys, Ros2JointKeys, Ros2RangeKeys, ZenohKeys

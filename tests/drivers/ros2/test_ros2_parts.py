@@ -5,7 +5,7 @@ from math import radians
 
 import pytest
 
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from drivers.api import DeviceStatus, HeadPose, Pose2D
 from drivers.api.driver import DriverContext
 from drivers.clock import ManualClock, SystemClock
@@ -28,7 +28,7 @@ from drivers.ros2.make import graph as make_graph
 from drivers.ros2.make import head as make_head
 from drivers.ros2.make import voice as make_voice
 from drivers.ros2.virtual import Ros2Terminal, arm, graph, head
-from drivers.sim.stage import SimContext
+from drivers.sim.context import SimContext
 from drivers.sim.timeline import Timeline
 from missions.library.drivers import parse_robot
 from tests.drivers.ros2.ear import VirtualEar

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from config.faults import SourceText
+from config.diagnostics import SourceText
 from drivers.api.driver import DriverContext
 from drivers.clock import SystemClock
 from drivers.ros2.declared import ZenohKeys

@@ -22,7 +22,7 @@ from drivers.ros2.ranger import Ros2Ranger
 from drivers.ros2.types import types
 from drivers.ros2.virtual import Ros2Terminal, RouterSettings, VirtualNav2, free_address
 from drivers.ros2.virtual_topics import VirtualPictures, VirtualRos2Base, VirtualScan
-from drivers.sim.body import BaseBody
+from drivers.sim.base_body import BaseBody
 from drivers.sim.scanner import make_range_function
 from drivers.sim.world import SimulatedWorld
 from tests.waiting import wait_until

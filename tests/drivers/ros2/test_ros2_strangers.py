@@ -18,13 +18,13 @@ from drivers.ros2 import wire
 from drivers.ros2.base import TOPIC_TYPES
 from drivers.ros2.camera import IMAGES, TopicFeed, decode_image
 from drivers.ros2.declared import Ros2ArmKeys, Ros2JointKeys, Ros2RangeKeys, ZenohKeys
+from drivers.ros2.joint_topics import JOINT_STATE
 from drivers.ros2.make import arm as make_arm
 from drivers.ros2.make import graph as make_graph
 from drivers.ros2.make import ranger as make_ranger
 from drivers.ros2.publisher import MessageFilter
 from drivers.ros2.ranger import LASER_SCAN, Ros2Ranger
 from drivers.ros2.types import types
-from drivers.ros2.ways import JOINT_STATE
 from drivers.ros2.wire import Attachment
 from tests.contract.test_ros2_base_contract import TOPICS, Topics
 

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from config.gesture import load_gait
 from config.library import shipped_files
 from drivers.api import Image
 from drivers.errors import BadRequest
+from drivers.legs.balance import support_margins
 from drivers.legs.engine import whole_body_pose
 from drivers.legs.gait import blend_gaits, mirror_gait, scale_gait
-from drivers.legs.pressure import support_margins
 from missions.cli.show import command as show
 from missions.library.drivers import load_robot
 from missions.plugins.legs.command import LeggedRobot, command, format_gait

@@ -11,7 +11,7 @@ from typing import get_type_hints
 import pytest
 
 from behaviours.robot import Robot
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from config.library import find_file
 from config.world import load_world
 from drivers.api.driver import BrokenDriver, Driver, DriverContext, resolve_name
@@ -21,10 +21,10 @@ from drivers.api.kinds import KINDS
 from drivers.api.sections import ArmKeys, BaseKeys
 from drivers.clock import ManualClock
 from drivers.errors import BadRequest
-from drivers.sim.stage import SimContext
+from drivers.sim.context import SimContext
 from drivers.table import BUILT_IN_DRIVERS
 from missions.assembly.assemble import assemble
-from missions.assembly.together import Hooks, Overrides
+from missions.assembly.part_factory import Hooks, Overrides
 from missions.library.drivers import DriverTable, load_robot, parse_robot
 
 DRIVERS = [DriverTable().find(kind, name) for kind, names in BUILT_IN_DRIVERS.items() for name in names]

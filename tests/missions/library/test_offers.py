@@ -7,7 +7,7 @@ from zipfile import ZipFile
 
 import pytest
 
-from missions.library.trial import entry_points_of
+from missions.library.import_trial import entry_points_of
 
 GROUP = "missiontree.tests"
 DECLARED = f"[{GROUP}]\nsecond = json:loads\nfirst = json:dumps\n"
@@ -35,7 +35,7 @@ def test_a_distribution_in_an_archive_does_too(tmp_path: Path) -> None:
     program = f"""
 import sys
 sys.path.append({str(archive)!r})
-from missions.library.trial import entry_points_of
+from missions.library.import_trial import entry_points_of
 print(*(point.name for point in entry_points_of({GROUP!r})))
 """
     assert said(program) == ["first", "second"]

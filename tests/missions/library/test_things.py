@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from missions.library.things import find_controller
+from missions.library.lookups import find_controller
 
 
 def test_a_controller_is_worked_out_once_and_anew_where_its_file_has_changed(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from drivers.api.driver import BrokenDriver
-from missions.library import drivers, trial, vocabulary
+from missions.library import drivers, import_trial, vocabulary
 from tests.missions.command import command
 
 GOOD = "from behaviours.leaf import Leaf\n\n\nclass Hop(Leaf):\n    word = 'hop'\n"
@@ -41,7 +41,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     Path("behaviours").mkdir()
     Path("behaviours/hop.py").write_text(GOOD)
     vocabulary._warn.cache_clear()
-    trial._try_import.cache_clear()
+    import_trial._try_import.cache_clear()
     monkeypatch.delitem(sys.modules, "odd_package", raising=False)
     return tmp_path
 
@@ -49,7 +49,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def hurry(words: str, patch: pytest.MonkeyPatch) -> None:
     """Give what takes for ever a short time; all others have theirs, whatever else the machine does."""
     if "takes more than" in words:
-        patch.setattr(trial, "IMPORT_TIMEOUT", 1.0)
+        patch.setattr(import_trial, "IMPORT_TIMEOUT", 1.0)
 
 
 @pytest.mark.usefixtures("folder")

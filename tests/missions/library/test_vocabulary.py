@@ -11,9 +11,9 @@ import pytest
 from py_trees.common import Status
 
 import missions
-from behaviours.foreign import leaf_of, tag_of
 from behaviours.leaf import REQUIRED
-from config.faults import InvalidFileError
+from behaviours.py_trees_leaf import leaf_of, tag_of
+from config.diagnostics import InvalidFileError
 from missions.language.claims import TargetRobot
 from missions.library import vocabulary as module
 from missions.library.shipped import load_mission

@@ -15,16 +15,16 @@ from tempfile import TemporaryDirectory
 
 import click
 
+from config.file_io import collect_read_files
 from config.library import find_file
-from config.reading import collect_read_files
 from drivers.clock import time_of_day
 from missions.library.drivers import load_robot
-from missions.plugins.records.recording.gather import contents_of
-from missions.plugins.records.recording.read import InvalidRecordError, RunRecord, open_record
+from missions.plugins.records.recording.record_contents import contents_of
 from missions.plugins.records.recording.recorder import Recorder
+from missions.plugins.records.recording.run_record import InvalidRecordError, RunRecord, open_record
 from missions.plugins.records.replay.rerun import rerun
-from missions.plugins.records.replay.sources import RerunFiles
-from missions.plugins.records.replay.words import rerun_lines
+from missions.plugins.records.replay.rerun_files import RerunFiles
+from missions.plugins.records.replay.result_text import rerun_lines
 from missions.request import RunRequest
 from missions.runner import Runner
 

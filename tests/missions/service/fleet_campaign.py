@@ -20,11 +20,11 @@ from threading import Event, Thread
 
 from config.fleet import FleetKeys
 from drivers.clock import SystemClock
-from missions.plugins.fleet.joining import robot_number
-from missions.plugins.fleet.keeper import LATE_PREFIX
+from missions.plugins.fleet.membership import robot_number
+from missions.plugins.fleet.messages import Address, KeepTask
 from missions.plugins.fleet.operator import Operator, connect_operator
-from missions.plugins.fleet.words import Address, KeepTask
-from missions.plugins.tasks.schema import open_db, queue_file
+from missions.plugins.fleet.task_allocator import LATE_PREFIX
+from missions.plugins.tasks.queue_database import open_db, queue_file
 from missions.plugins.tasks.task import TaskError
 from tests.forked import Forked
 from tests.missions.service.fleets import free_port, router

@@ -12,20 +12,20 @@ from threading import Event
 
 from config.fleet import FleetKeys
 from drivers.clock import SystemClock
-from missions.plugins.fleet.body import Telemetry
-from missions.plugins.fleet.errands import AssignmentQueue
-from missions.plugins.fleet.joining import add_task_services, robot_number
-from missions.plugins.fleet.keeper import TaskStore
-from missions.plugins.fleet.line import Roster, ZenohTransport
+from missions.plugins.fleet.fleet_robot import Telemetry
 from missions.plugins.fleet.member import FleetMember, RobotInfo
-from missions.plugins.fleet.place import open_session
-from missions.plugins.fleet.words import Address, FleetTimeouts
+from missions.plugins.fleet.membership import add_task_services, robot_number
+from missions.plugins.fleet.messages import Address, FleetTimeouts
+from missions.plugins.fleet.task_allocator import TaskStore
+from missions.plugins.fleet.task_executor import AssignmentQueue
+from missions.plugins.fleet.zenoh_session import open_session
+from missions.plugins.fleet.zenoh_transport import Roster, ZenohTransport
 from missions.plugins.tasks.fleet_latch import FleetLatch
 from missions.plugins.tasks.queue import wall_clock
-from missions.plugins.tasks.schema import open_db, queue_file
-from missions.plugins.tasks.serve import TaskServer
+from missions.plugins.tasks.queue_database import open_db, queue_file
+from missions.plugins.tasks.run_process import Say, Stopping
 from missions.plugins.tasks.task import AttemptOutcome, Claim
-from missions.plugins.tasks.work import Say, Stopping
+from missions.plugins.tasks.task_server import TaskServer
 
 WORK = 0.15
 """Seconds that a task takes."""

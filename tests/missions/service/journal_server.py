@@ -10,14 +10,14 @@ from contextlib import closing
 from pathlib import Path
 
 from drivers.clock import time_of_day
-from missions.plugins.tasks.courier import NoticeSender
 from missions.plugins.tasks.notice import Channel, Notice
+from missions.plugins.tasks.notice_delivery import NoticeSender
 from missions.plugins.tasks.outbox import Outbox
 from missions.plugins.tasks.queue import TaskQueue
-from missions.plugins.tasks.schema import open_db
-from missions.plugins.tasks.serve import TaskServer
+from missions.plugins.tasks.queue_database import open_db
+from missions.plugins.tasks.run_process import Say, Stopping
 from missions.plugins.tasks.task import AttemptOutcome, Claim
-from missions.plugins.tasks.work import Say, Stopping
+from missions.plugins.tasks.task_server import TaskServer
 
 CHANNELS = ("one", "two")
 

@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 
 from missions.plugins.tasks.commands import serve as serving
-from missions.plugins.tasks.schema import DiskFullError, describe_retry, open_db
-from missions.plugins.tasks.serve import TaskServer
+from missions.plugins.tasks.queue_database import DiskFullError, describe_retry, open_db
+from missions.plugins.tasks.run_process import Say, Stopping
 from missions.plugins.tasks.task import AttemptOutcome, Claim
-from missions.plugins.tasks.work import Say, Stopping
+from missions.plugins.tasks.task_server import TaskServer
 from tests.missions.service.small_queue import Shop, new, shop
 
 MOUNT = ("mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs")

@@ -9,7 +9,7 @@ from zoneinfo import ZoneInfo
 
 from missions.plugins.tasks.outbox import Outbox
 from missions.plugins.tasks.queue import RETRY_INTERVAL, TaskQueue
-from missions.plugins.tasks.schema import open_db
+from missions.plugins.tasks.queue_database import open_db
 from missions.plugins.tasks.task import AttemptOutcome, Claim, How, NewTask, RetryPolicy, Task
 
 BERLIN = ZoneInfo("Europe/Berlin")

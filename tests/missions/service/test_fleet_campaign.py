@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from missions.plugins.fleet.messages import Address, KeepTask
 from missions.plugins.fleet.operator import Operator
-from missions.plugins.fleet.words import Address, KeepTask
 from tests.missions.service.fleet_campaign import campaign
 from tests.waiting import wait_until
 

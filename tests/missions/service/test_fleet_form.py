@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from drivers.clock import ManualClock
 from missions.codec import CodecError
-from missions.plugins.fleet.line import MAX_ROBOTS, Roster
-from missions.plugins.fleet.words import (
+from missions.plugins.fleet.messages import (
     MAX_MESSAGE_BYTES,
     Address,
     FleetStop,
@@ -22,6 +21,7 @@ from missions.plugins.fleet.words import (
     read_request,
     zenoh_key,
 )
+from missions.plugins.fleet.zenoh_transport import MAX_ROBOTS, Roster
 
 STATE = RobotState(session="01ab23cd", number=3, robot="turtlebot2", parts=("base",), battery=0.5, task_state="RUNNING")
 WHERE = zenoh_key("home", "state", "anna/0123abcd")

@@ -10,9 +10,9 @@ from threading import enumerate as enumerate_threads
 import pytest
 
 from drivers.clock import ManualClock
-from missions.plugins.fleet.line import Roster
 from missions.plugins.fleet.member import STOP_QUIET_RANGE, FleetMember, RobotInfo
-from missions.plugins.fleet.words import Address, FleetAnswer, FleetStop, ListPeers
+from missions.plugins.fleet.messages import Address, FleetAnswer, FleetStop, ListPeers
+from missions.plugins.fleet.zenoh_transport import Roster
 from missions.plugins.tasks.fleet_latch import FleetLatch
 from tests.missions.service.fleets import CountingBody
 from tests.missions.service.test_fleet_operator import Fleet

@@ -12,15 +12,15 @@ from typing import Any, cast
 
 import pytest
 
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from config.fleet import FleetKeys, load_fleet
 from drivers.clock import ManualClock, SystemClock
-from missions.plugins.fleet.body import Telemetry
-from missions.plugins.fleet.line import Roster, ZenohTransport
+from missions.plugins.fleet.fleet_robot import Telemetry
 from missions.plugins.fleet.member import FleetMember, RobotInfo
+from missions.plugins.fleet.messages import Address, RobotState, decode_message, zenoh_key
 from missions.plugins.fleet.operator import Operator
-from missions.plugins.fleet.place import open_session
-from missions.plugins.fleet.words import Address, RobotState, decode_message, zenoh_key
+from missions.plugins.fleet.zenoh_session import open_session
+from missions.plugins.fleet.zenoh_transport import Roster, ZenohTransport
 from missions.plugins.tasks.fleet_latch import LATCH_FILE, FleetLatch
 from missions.plugins.tasks.task import TaskError
 from tests.certificates import authority, certificate

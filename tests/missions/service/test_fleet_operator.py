@@ -7,9 +7,7 @@ import pytest
 
 from config.fleet import FleetKeys
 from drivers.clock import ManualClock
-from missions.plugins.fleet.line import OnAnswer, Roster, ZenohTransport
-from missions.plugins.fleet.operator import MAX_ENDED_PAGES, MAX_WAIT, Operator
-from missions.plugins.fleet.words import (
+from missions.plugins.fleet.messages import (
     Address,
     FleetAnswer,
     FleetRequest,
@@ -19,6 +17,8 @@ from missions.plugins.fleet.words import (
     encode_message,
     zenoh_key,
 )
+from missions.plugins.fleet.operator import MAX_ENDED_PAGES, MAX_WAIT, Operator
+from missions.plugins.fleet.zenoh_transport import OnAnswer, Roster, ZenohTransport
 
 ANNA, ANNA_TOO, BOB = (Address(name, f"0000000{each}") for name, each in (("anna", "a"), ("anna", "c"), ("bob", "b")))
 STATE = RobotState(session="1", number=0, robot="note", stops=1)

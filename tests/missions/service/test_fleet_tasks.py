@@ -10,19 +10,8 @@ import pytest
 
 from drivers.clock import ManualClock
 from missions.codec import decode
-from missions.plugins.fleet.body import Telemetry
-from missions.plugins.fleet.errands import AssignmentQueue, TaskExecutor
-from missions.plugins.fleet.keeper import (
-    DOUBT_REASON,
-    LATE_PREFIX,
-    LOST_REASON,
-    FleetTask,
-    TaskAllocator,
-    TaskStore,
-    matches_condition,
-)
-from missions.plugins.fleet.line import Roster
-from missions.plugins.fleet.words import (
+from missions.plugins.fleet.fleet_robot import Telemetry
+from missions.plugins.fleet.messages import (
     MAX_ANSWER_BYTES,
     RULES,
     AcceptTask,
@@ -40,7 +29,18 @@ from missions.plugins.fleet.words import (
     encode_message,
     zenoh_key,
 )
-from missions.plugins.tasks.schema import open_db, queue_file
+from missions.plugins.fleet.task_allocator import (
+    DOUBT_REASON,
+    LATE_PREFIX,
+    LOST_REASON,
+    FleetTask,
+    TaskAllocator,
+    TaskStore,
+    matches_condition,
+)
+from missions.plugins.fleet.task_executor import AssignmentQueue, TaskExecutor
+from missions.plugins.fleet.zenoh_transport import Roster
+from missions.plugins.tasks.queue_database import open_db, queue_file
 from missions.plugins.tasks.task import AttemptOutcome, Claim
 from tests.missions.service.fleets import CountingBody
 

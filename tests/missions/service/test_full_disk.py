@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from missions.plugins.tasks.lock import hold_lock, is_locked
-from missions.plugins.tasks.schema import DiskFullError, open_db, queue_error
+from missions.plugins.tasks.file_lock import hold_lock, is_locked
+from missions.plugins.tasks.queue_database import DiskFullError, open_db, queue_error
 from missions.plugins.tasks.task import TaskError
 from tests.missions.service.small_disk import MOUNT
 

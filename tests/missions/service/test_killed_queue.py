@@ -11,7 +11,7 @@ import pytest
 
 from missions.plugins.tasks.outbox import Outbox
 from missions.plugins.tasks.queue import TaskQueue
-from missions.plugins.tasks.schema import open_db
+from missions.plugins.tasks.queue_database import open_db
 from missions.plugins.tasks.task import NewTask, RetryPolicy
 from tests.forked import Forked
 from tests.missions.service.journal_server import CHANNELS

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from missions.control.notes import STAMP_FILE, was_stopped_since
-from missions.control.places import run_folders
 from missions.control.processes import identity_of
-from missions.plugins.records.recording.mend import repair_record
-from missions.plugins.studio.audit import AuditLog
-from missions.plugins.tasks.lock import hold_lock, is_locked, lock_holder
+from missions.control.run_folders import run_folders
+from missions.plugins.records.recording.repair import repair_record
+from missions.plugins.studio.audit_log import AuditLog
+from missions.plugins.tasks.file_lock import hold_lock, is_locked, lock_holder
 
 KINDS = ("fifo", "socket", "folder", "device", "dangling", "loop")
 

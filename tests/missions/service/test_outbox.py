@@ -12,7 +12,8 @@ import pytest
 from config.notices import CommandNotice, TerminalNotice, WebhookNotice, encode_notice
 from drivers.clock import ManualClock
 from missions.plugins.tasks.channels import channels_of
-from missions.plugins.tasks.courier import (
+from missions.plugins.tasks.notice import Channel, Notice
+from missions.plugins.tasks.notice_delivery import (
     MAX_BLOCKING_TRIES,
     MAX_NOTICE_AGE,
     MAX_RETRY_DELAY,
@@ -21,11 +22,10 @@ from missions.plugins.tasks.courier import (
     NoticeSender,
     retry_delay,
 )
-from missions.plugins.tasks.notice import Channel, Notice
 from missions.plugins.tasks.notices import channel_of
 from missions.plugins.tasks.outbox import Outbox
 from missions.plugins.tasks.queue import TaskQueue
-from missions.plugins.tasks.schema import open_db
+from missions.plugins.tasks.queue_database import open_db
 from missions.plugins.tasks.task import NewTask, RetryPolicy
 from tests.missions.service.small_queue import BERLIN, START, Shop, new, shop
 from tests.waiting import wait_until

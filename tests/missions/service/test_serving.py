@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from missions.plugins.tasks.serve import TaskServer
+from missions.plugins.tasks.run_process import Say, Stopping
 from missions.plugins.tasks.task import AttemptOutcome, Claim, RetryPolicy
-from missions.plugins.tasks.work import Say, Stopping
+from missions.plugins.tasks.task_server import TaskServer
 from tests.missions.service.small_queue import Shop, new, shop
 
 

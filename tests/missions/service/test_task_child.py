@@ -11,9 +11,9 @@ from typing import NoReturn
 import pytest
 
 from missions.library.shipped import shipped_missions
-from missions.plugins.tasks.lock import hold_lock, is_locked
+from missions.plugins.tasks.file_lock import hold_lock, is_locked
+from missions.plugins.tasks.run_process import RunProcess, arguments_of
 from missions.plugins.tasks.task import AttemptOutcome, Claim, How, Task
-from missions.plugins.tasks.work import RunProcess, arguments_of
 from tests.missions.service.small_queue import START, new
 from tests.waiting import wait_until
 
@@ -163,7 +163,7 @@ def test_a_run_inherits_what_the_server_holds(tmp_path: Path) -> None:
 
 SERVER = """
 import sys
-from missions.plugins.tasks.work import RunProcess
+from missions.plugins.tasks.run_process import RunProcess
 from tests.missions.service.test_task_child import claim
 script = "import sys, select, os; print(os.getpid(), file=sys.stderr, flush=True); n = int(sys.argv[2].split('=')[1]); "
 script += "select.select([n], [], []); assert os.read(n, 1) == b''"

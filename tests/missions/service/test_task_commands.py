@@ -10,9 +10,9 @@ from threading import Event
 
 import pytest
 
-from missions.plugins.tasks.lock import hold_lock, is_locked
+from missions.plugins.tasks.file_lock import hold_lock, is_locked
 from missions.plugins.tasks.outbox import Outbox
-from missions.plugins.tasks.schema import open_db
+from missions.plugins.tasks.queue_database import open_db
 from tests.missions.command import Outcome, Process, command
 from tests.waiting import wait_until
 

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from missions.plugins.tasks.lock import LockHeldError, hold_lock, is_locked
-from missions.plugins.tasks.schema import VERSION, open_db, prepare, queue_errors
+from missions.plugins.tasks.file_lock import LockHeldError, hold_lock, is_locked
+from missions.plugins.tasks.queue_database import VERSION, open_db, prepare, queue_errors
 from missions.plugins.tasks.task import TaskError
 from tests.missions.service.small_queue import new, shop
 
@@ -221,7 +221,7 @@ def test_many_programs_may_make_it_at_once(tmp_path: Path) -> None:
 
 def test_whoever_else_opens_it_in_this_process_takes_no_lock_from_us(tmp_path: Path) -> None:
     path = tmp_path / "tasks.db"
-    look = "import sys; from pathlib import Path; from missions.plugins.tasks.schema import open_db; "
+    look = "import sys; from pathlib import Path; from missions.plugins.tasks.queue_database import open_db; "
     look += "open_db(Path(sys.argv[1])).close()"
     insert = "INSERT INTO attempt (task, number, began) VALUES (1, ?, 0)"
     with closing(open_db(path)) as ours:

@@ -15,7 +15,7 @@ from hypothesis import Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from missions.plugins.tasks.schema import open_db, prepare
+from missions.plugins.tasks.queue_database import open_db, prepare
 from missions.plugins.tasks.task import AttemptOutcome, Claim, How, NewTask, RetryPolicy, State, TaskError
 from tests.missions.service.small_queue import BERLIN, CHANNELS, START, Shop, new
 

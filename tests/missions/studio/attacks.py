@@ -8,7 +8,7 @@ from functools import cache
 from itertools import count
 from threading import Event, Thread
 
-from missions.plugins.studio.doors import MAX_CONNECTIONS
+from missions.plugins.studio.connections import MAX_CONNECTIONS
 from tests.missions.studio.serving import PATIENCE, Served
 from tests.waiting import wait_until
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from missions.control.places import SYSTEM_ROOT
+from missions.control.run_folders import SYSTEM_ROOT
 from tests.missions.studio.serving import Served, studio
 
 RUNTIME = "XDG_RUNTIME_DIR"

@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 from PIL import Image
 
 from config.defaults import config_folder
-from missions.control.places import SYSTEM_ROOT
+from missions.control.run_folders import SYSTEM_ROOT
 from tests.browser import Browser, chromium
 from tests.missions.service.fleets import CountingBody, free_port, local_fleet, member, router
 from tests.missions.studio.page import DESKTOP, PHONE, Page

@@ -11,8 +11,8 @@ import pytest
 
 from drivers.clock import SystemClock
 from missions.control import sockets
-from missions.control.places import SYSTEM_ROOT
-from missions.control.searching import FoundProcess, search_runs
+from missions.control.run_folders import SYSTEM_ROOT
+from missions.control.run_search import FoundProcess, search_runs
 from missions.control.sockets import RunConnection
 from tests.missions.command import Process
 from tests.missions.lone_base import LONE_ROBOT, LoneBase, lone_base

@@ -13,7 +13,7 @@ from typing import Any
 from websockets.sync.client import ClientConnection, connect
 
 from missions.control.messages import PROTOCOL_VERSION
-from missions.control.searching import search_runs
+from missions.control.run_search import search_runs
 from tests.missions.command import Process
 
 PATIENCE = 60.0

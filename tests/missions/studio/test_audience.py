@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from drivers.clock import ManualClock
-from missions.control.audience import IDLE_STATE_INTERVAL, MOVING_STATE_INTERVAL, Broadcaster
+from missions.control.clients import IDLE_STATE_INTERVAL, MOVING_STATE_INTERVAL, Broadcaster
 from tests.cases import each
 
 

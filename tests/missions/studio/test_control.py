@@ -12,7 +12,7 @@ import pytest
 
 from missions.control import sockets
 from missions.control.control import MAX_CLIENTS
-from missions.plugins.studio.wishes import protocol_schema
+from missions.plugins.studio.studio_commands import protocol_schema
 from tests.missions.command import PATIENCE, Process, command
 from tests.missions.studio.running import DRIVING, REST, Client, found_of, run_of, seconds_to_rest, simulated_run
 from tests.waiting import wait_until

@@ -17,7 +17,7 @@ import pytest
 from drivers.base.twin import BaseTwin
 from drivers.clock import SystemClock
 from drivers.sim.timeline import Timeline
-from missions.control.audience import MOVING_STATE_INTERVAL
+from missions.control.clients import MOVING_STATE_INTERVAL
 from missions.control.commands import BadMessage, DriveCommand
 from missions.control.pilot import MAX_STATE_AGE
 from missions.control.wheels import WheelArbiter

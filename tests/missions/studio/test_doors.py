@@ -14,8 +14,8 @@ from websockets.sync.client import connect
 from websockets.typing import Origin
 
 from drivers.clock import ManualClock, SystemClock
-from missions.plugins.studio import doors
-from missions.plugins.studio.doors import (
+from missions.plugins.studio import connections
+from missions.plugins.studio.connections import (
     HANDSHAKE_TIMEOUT,
     MAX_CONNECTIONS,
     MAX_CONNECTIONS_PER_ADDRESS,
@@ -156,7 +156,7 @@ def test_who_does_not_sign_in_in_time_is_hung_up_on(visit: Callable[..., ClientC
 def test_descriptors_are_kept_in_reserve(limit: int, used: int, room: int) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(resource, "getrlimit", lambda _: (limit, limit))
-        patch.setattr(doors, "_open_descriptors", lambda: used)
+        patch.setattr(connections, "_open_descriptors", lambda: used)
         assert ConnectionAcceptor(lambda _: asyncio.Protocol(), clock=ManualClock())._capacity() == room
     assert (RESERVED_DESCRIPTORS, MIN_CONNECTIONS, MAX_CONNECTIONS) == (64, 8, 200)
 

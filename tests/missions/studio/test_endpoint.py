@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from missions.control import abstract, sockets
+from missions.control import abstract_sockets, sockets
 from missions.control.control import CHECK_INTERVAL, LISTENER_KEY, Endpoint
 from missions.control.messages import RunMessage
-from missions.control.places import run_folders
+from missions.control.run_folders import run_folders
 from tests.missions.studio.running import found_of
 
 
@@ -73,7 +73,7 @@ def test_a_run_has_a_socket_file_an_abstract_socket_and_notes_in_all_folders(
 ) -> None:
     assert addresses() == [
         str(sockets.socket_path(run_id())),
-        abstract.make_name(run_id(), "run", simulated=False).address,
+        abstract_sockets.make_name(run_id(), "run", simulated=False).address,
     ]
     assert all((place.folder / f"{run_id()}.note").exists() for place in run_folders())
 
@@ -151,7 +151,9 @@ def test_a_full_disk_leaves_a_trouble_and_room_takes_it_away(found: Endpoint, mo
         found.run_due_checks(CHECK_INTERVAL)
         assert "No space left on device" in found.trouble
         drain(found)
-        assert answers(abstract.make_name(run_id(), "run", simulated=False).address, found)  # which needs no disk
+        assert answers(
+            abstract_sockets.make_name(run_id(), "run", simulated=False).address, found
+        )  # which needs no disk
     found.run_due_checks(2 * CHECK_INTERVAL)
     assert found.trouble == ""
 

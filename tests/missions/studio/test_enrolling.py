@@ -16,10 +16,10 @@ from drivers.sim.world import SimulatedWorld
 from missions.control.commands import BadMessage, ClientCommand
 from missions.library.folders import state_folder
 from missions.plugins.studio.access import StudioAccess
-from missions.plugins.studio.audit import AuditLog
-from missions.plugins.studio.queueing import RunLauncher
+from missions.plugins.studio.audit_log import AuditLog
+from missions.plugins.studio.run_launcher import RunLauncher
 from missions.plugins.studio.studio import Studio
-from missions.plugins.studio.wishes import AddPerson, ShowPerson
+from missions.plugins.studio.studio_commands import AddPerson, ShowPerson
 from tests.browser import Browser, chromium
 from tests.missions.command import Process
 from tests.missions.studio.page import Page

@@ -9,8 +9,8 @@ import pytest
 from missions.control import sockets
 from missions.control.commands import BadMessage
 from missions.executive.events import Event, FaultRaised
-from missions.plugins.testing.faults import LiveFaults
-from missions.plugins.testing.stage import IN_PROCESS_LIMITS
+from missions.plugins.testing.case_runner import IN_PROCESS_LIMITS
+from missions.plugins.testing.live_faults import LiveFaults
 from missions.request import RunRequest
 from missions.runner import Runner
 from tests.browser import Browser

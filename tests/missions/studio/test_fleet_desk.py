@@ -14,7 +14,7 @@ from config.fleet import FleetKeys
 from missions.control.commands import BadMessage, ClientCommand
 from missions.plugins.studio import studio as fleet
 from missions.plugins.studio.studio import FleetConnection
-from missions.plugins.studio.wishes import FleetQuery, ReleaseFleet, StopFleet
+from missions.plugins.studio.studio_commands import FleetQuery, ReleaseFleet, StopFleet
 from tests.missions.service.fleets import CountingBody, free_port, local_fleet, member, router
 
 PATIENCE = 60.0

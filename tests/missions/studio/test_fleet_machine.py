@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import pytest
 
-from missions.control.abstract import AbstractName
+from missions.control.abstract_sockets import AbstractName
 from missions.control.processes import identity_of
-from missions.control.searching import FoundProcess, SearchResult, StopWarning
-from missions.plugins.fleet import machine
-from missions.plugins.fleet.machine import LocalRobot
+from missions.control.run_search import FoundProcess, SearchResult, StopWarning
+from missions.plugins.fleet import local_robot
+from missions.plugins.fleet.local_robot import LocalRobot
 
 
 class ThreadAtOnce:
@@ -60,12 +60,12 @@ def test_a_failed_stop_of_a_new_run_is_tried_again(
         return failure() if len(tries) < 3 else {"parts": ["base"]}
 
     robot = LocalRobot()
-    monkeypatch.setattr(machine, "search_runs", searched(SearchResult(), SearchResult([run()])))
-    monkeypatch.setattr(machine, "send_to_all", lambda *_, **__: {})
-    monkeypatch.setattr(machine, "stop_one", stop)
-    monkeypatch.setattr(machine, "Thread", ThreadAtOnce)
+    monkeypatch.setattr(local_robot, "search_runs", searched(SearchResult(), SearchResult([run()])))
+    monkeypatch.setattr(local_robot, "send_to_all", lambda *_, **__: {})
+    monkeypatch.setattr(local_robot, "stop_one", stop)
+    monkeypatch.setattr(local_robot, "Thread", ThreadAtOnce)
     assert robot.stop("Ada") == (True, "stopped; nothing runs")
-    monkeypatch.setattr(machine, "Thread", thread)
+    monkeypatch.setattr(local_robot, "Thread", thread)
     for _ in range(6):
         try:
             robot._update()
@@ -88,12 +88,12 @@ def test_a_stop_that_breaks_off_is_tried_again(monkeypatch: pytest.MonkeyPatch) 
         with pytest.raises(MemoryError):
             thread._target()
 
-    monkeypatch.setattr(machine, "search_runs", searched(SearchResult([run()])))
-    monkeypatch.setattr(machine, "send_to_all", break_off)
-    monkeypatch.setattr(machine, "Thread", type("Broken", (ThreadAtOnce,), {"start": start}))
+    monkeypatch.setattr(local_robot, "search_runs", searched(SearchResult([run()])))
+    monkeypatch.setattr(local_robot, "send_to_all", break_off)
+    monkeypatch.setattr(local_robot, "Thread", type("Broken", (ThreadAtOnce,), {"start": start}))
     assert robot.stop("Ada")[0] is False
-    monkeypatch.setattr(machine, "Thread", ThreadAtOnce)
-    monkeypatch.setattr(machine, "stop_one", stop)
+    monkeypatch.setattr(local_robot, "Thread", ThreadAtOnce)
+    monkeypatch.setattr(local_robot, "stop_one", stop)
     robot._update()
     assert tries == ["1"]
 
@@ -103,7 +103,7 @@ def test_a_search_that_fails_is_told_once_and_not_taken_for_no_run(
 ) -> None:
     robot = LocalRobot()
     doubt = SearchResult([], [StopWarning(f"/folder cannot be read: {os.strerror(errno.EIO)}")])
-    monkeypatch.setattr(machine, "search_runs", searched(doubt, doubt, SearchResult()))
+    monkeypatch.setattr(local_robot, "search_runs", searched(doubt, doubt, SearchResult()))
     with caplog.at_level(logging.WARNING):
         for _ in range(2):
             robot._update()
@@ -121,7 +121,7 @@ def test_a_run_that_is_not_reached_is_a_run_and_what_a_killed_one_left_is_none(m
     killed = replace(
         living, abstract_name=replace(living.abstract_name, identity=replace(living.abstract_name.identity, start=1))
     )
-    monkeypatch.setattr(machine, "search_runs", searched(SearchResult([living]), SearchResult([killed])))
+    monkeypatch.setattr(local_robot, "search_runs", searched(SearchResult([living]), SearchResult([killed])))
     robot._update()
     assert robot.read_telemetry().runs is True
     robot._update()

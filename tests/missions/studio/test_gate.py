@@ -20,9 +20,9 @@ from websockets.typing import Origin
 from drivers.clock import SystemClock
 from missions.control.commands import MAX_COMMAND_BYTES, MAX_REFUSED_BYTES
 from missions.plugins.studio.access import StudioAccess, load_tokens, save_tokens
-from missions.plugins.studio.doors import MAX_CONNECTIONS
-from missions.plugins.studio.serving import routes
-from missions.plugins.studio.wishes import COMMANDS, protocol_schema
+from missions.plugins.studio.connections import MAX_CONNECTIONS
+from missions.plugins.studio.studio_commands import COMMANDS, protocol_schema
+from missions.plugins.studio.web_server import routes
 from tests.cases import each
 from tests.missions.command import command
 from tests.missions.studio.proxy import proxy

@@ -15,11 +15,11 @@ from pathlib import Path
 import click
 import pytest
 
-from missions.control import abstract, holders, notes, sockets, stopping
-from missions.control.abstract import AbstractName
-from missions.control.searching import is_own_process
-from missions.control.stopping import send_to_all
-from missions.plugins.studio.hub import RunHub
+from missions.control import abstract_sockets, command_broadcast, holders, notes, sockets
+from missions.control.abstract_sockets import AbstractName
+from missions.control.command_broadcast import send_to_all
+from missions.control.run_search import is_own_process
+from missions.plugins.studio.run_hub import RunHub
 from tests.missions.command import Process, command
 from tests.missions.hands.teleop.test_teleop_command import driving
 from tests.missions.lone_limbs import LoneLimbs, lone_limbs
@@ -104,7 +104,7 @@ def test_a_movement_of_the_arm_is_latched_until_it_is_ended(tmp_path: Path, caps
 def test_a_run_that_hangs_is_known_by_its_name_and_told_with_what_to_type(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stopping, "RUN_END_TIMEOUT", 0.05)
+    monkeypatch.setattr(command_broadcast, "RUN_END_TIMEOUT", 0.05)
     with run_of(tmp_path) as (process, _):
         number = process.process.pid
         process.process.send_signal(signal.SIGSTOP)
@@ -167,7 +167,7 @@ def test_the_stop_of_a_page_ends_commands_too_once_for_all_who_ask(monkeypatch: 
         return list(await asyncio.gather(*(hub.stop("", f"viewer {n}") for n in range(50))))
 
     monkeypatch.setattr(notes.RobotHolder, "end", counted)
-    monkeypatch.setattr("missions.plugins.studio.hub.COMMAND_END_TIMEOUT", 20.0)
+    monkeypatch.setattr("missions.plugins.studio.run_hub.COMMAND_END_TIMEOUT", 20.0)
     with deaf(heeds="SIG_DFL") as number:
         told = asyncio.run(stops())
     assert told == [{str(number): {"ended": f"{number}: teleop on turtlebot2"}}] * 50
@@ -192,7 +192,7 @@ def test_a_command_that_no_stop_reaches_moves_a_robot_only_where_the_user_allows
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     nowhere(tmp_path, monkeypatch)
-    monkeypatch.setattr(abstract, "bind_marker", refuse)
+    monkeypatch.setattr(abstract_sockets, "bind_marker", refuse)
     done = []
 
     @click.command()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from missions.plugins.records.ring import list_records, records_folder
+from missions.plugins.records.retention import list_records, records_folder
 from tests.missions.studio.running import run_of
 from tests.missions.studio.serving import Client, Served, studio
 

@@ -13,7 +13,7 @@ from missions.control.commands import BadMessage
 from missions.library.folders import checkup_file
 from missions.plugins.studio import library
 from missions.plugins.studio.library import TimeLimitError, load_with_behaviours
-from missions.plugins.studio.wishes import LibraryQuery, MissionQuery
+from missions.plugins.studio.studio_commands import LibraryQuery, MissionQuery
 from tests.cases import each
 
 SAYS = "mission: {}\ntree:\n  say: Hello\n"

@@ -14,14 +14,14 @@ import pytest
 from drivers.api import ZERO_VELOCITY, BaseState, Health, JointState, Pose2D, Quality, RangeScan, Reading
 from missions.executive.events import Ended, Logged, NodeChanged, VariableSet
 from missions.executive.tick_record import Answer, TickRecord
-from missions.plugins.records.recording import listing
-from missions.plugins.records.recording.head import RecordContents
+from missions.plugins.records.recording import record_list
 from missions.plugins.records.recording.items import FeedbackItem, HealthItem, pack_items, unpack_items
+from missions.plugins.records.recording.record_header import RecordContents
 from missions.plugins.records.recording.writer import ChunkSink, RecordWriter
-from missions.plugins.records.ring import records_folder
-from missions.plugins.studio import looking_back, moments
-from missions.plugins.studio.wishes import MomentQuery, RecordsQuery
-from missions.plugins.studio.wishes import RecordQuery as Asked
+from missions.plugins.records.retention import records_folder
+from missions.plugins.studio import moment_query, record_queries
+from missions.plugins.studio.studio_commands import MomentQuery, RecordsQuery
+from missions.plugins.studio.studio_commands import RecordQuery as Asked
 from missions.trees.drawing import to_json
 from tests.missions.records.report.told_record import DRAWING, FILES, WHERE, write
 
@@ -57,12 +57,12 @@ def long(path: Path, chunks: int) -> Path:
 
 
 def piece_of(name: str, start: float = -1e9) -> dict[str, Any]:
-    return looking_back.answer_record(Asked(name=name, start=start))
+    return record_queries.answer_record(Asked(name=name, start=start))
 
 
 def test_a_name_that_is_no_text_is_listed_with_what_to_do(folder: Path) -> None:
     write(folder / os.fsdecode(b"\xff<b>.mcap"), [])
-    listed = json.dumps(looking_back.answer_records(RecordsQuery())["records"], ensure_ascii=False)
+    listed = json.dumps(record_queries.answer_records(RecordsQuery())["records"], ensure_ascii=False)
     assert '"name": "\ufffd<b>.mcap"' in listed
     assert "rename the file" in listed
 
@@ -90,7 +90,7 @@ def read(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int]]:
 def test_before_the_first_view_of_a_record_its_index_and_a_few_chunks_are_read_however_long_it_is(
     folder: Path, read: list[tuple[int, int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(looking_back, "PIECE_TIME_BUDGET", 0.0)
+    monkeypatch.setattr(record_queries, "PIECE_TIME_BUDGET", 0.0)
     counts = []
     for chunks in (50, 400):
         long(folder / "long.mcap", chunks)
@@ -103,11 +103,11 @@ def test_before_the_first_view_of_a_record_its_index_and_a_few_chunks_are_read_h
 
 def test_pieces_tell_together_what_a_record_tells(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     long(folder / "long.mcap", 31)
-    monkeypatch.setattr(looking_back, "PIECE_TIME_BUDGET", inf)
+    monkeypatch.setattr(record_queries, "PIECE_TIME_BUDGET", inf)
     whole = piece_of("long.mcap")
     assert whole["failures"] == [10.0, 20.0, 30.0]
     assert "more" not in whole
-    monkeypatch.setattr(looking_back, "PIECE_TIME_BUDGET", 0.0)
+    monkeypatch.setattr(record_queries, "PIECE_TIME_BUDGET", 0.0)
     piece = piece_of("long.mcap")
     lane, log = list[Any](), list[Any]()
     while True:
@@ -127,9 +127,9 @@ def test_a_moment_is_read_from_what_was_just_before_it(
     folder: Path, read: list[tuple[int, int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = long(folder / "long.mcap", 400)
-    monkeypatch.setattr(listing, "MAX_SEARCH_BYTES", path.stat().st_size / 20)
+    monkeypatch.setattr(record_list, "MAX_SEARCH_BYTES", path.stat().st_size / 20)
     read.clear()
-    moment = moments.answer_moment(MomentQuery(name="long.mcap", t=200.3))
+    moment = moment_query.answer_moment(MomentQuery(name="long.mcap", t=200.3))
     assert moment["changed"] == {"1.1": ["failure", "", 200.0]}
     assert sum(size for _, size in read) < path.stat().st_size / 2  # the index too: of so short chunks it is long
 
@@ -154,7 +154,7 @@ def test_a_moment_tells_of_parts_joints_and_the_range_finder(folder: Path) -> No
         Logged(9.0, "info", ""),
     ]
     write(folder / "told.mcap", items)
-    before, after = (moments.answer_moment(MomentQuery(name="told.mcap", t=t)) for t in (1.9, 2.2))
+    before, after = (moment_query.answer_moment(MomentQuery(name="told.mcap", t=t)) for t in (1.9, 2.2))
     assert (before["parts"], before["joints"], before["scan"]) == ([], {}, [])
     assert after["joints"] == {"elbow": [0.5, -0.25, 40.0]}
     assert after["scan"] == [[1.0, 0.0], [-2.0, 0.0], [0.0, -3.0]]

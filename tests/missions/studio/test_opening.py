@@ -11,10 +11,10 @@ from threading import Event
 import pytest
 
 from missions.library.folders import runtime_folder
-from missions.plugins.studio import opening
+from missions.plugins.studio import page_opener as opening
 from missions.plugins.studio.access import StudioAccess
-from missions.plugins.studio.opening import PageOpener, page_opener
-from missions.plugins.studio.serving import StudioAddress
+from missions.plugins.studio.page_opener import PageOpener, page_opener
+from missions.plugins.studio.web_server import StudioAddress
 from tests.browser import Browser
 from tests.missions.command import command
 from tests.missions.studio.serving import Served, studio
@@ -70,7 +70,7 @@ def test_the_command_line_of_the_browser_has_no_token(
         wait_until(lambda: not files())
         return []
 
-    monkeypatch.setattr("missions.plugins.studio.serving.serve", serve)
+    monkeypatch.setattr("missions.plugins.studio.web_server.serve", serve)
     assert command(capsys, "studio", "--port", "0", "--open").code == 0
     assert "token" not in started[0]
 

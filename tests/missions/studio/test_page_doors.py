@@ -8,7 +8,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin
 
-from missions.plugins.records.ring import records_folder
+from missions.plugins.records.retention import records_folder
 from missions.plugins.studio.access import MAX_WRONG_TOKENS
 from tests.browser import Browser, Tab
 from tests.missions.records.report.told_record import items, write

@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import pytest
 
-from missions.control.places import SESSION_SUBFOLDER
+from missions.control.run_folders import SESSION_SUBFOLDER
 from tests.browser import Browser
 from tests.missions.studio.lossy import Lossy, lossy
 from tests.missions.studio.page import Page

@@ -7,9 +7,9 @@ import pytest
 
 from missions.executive.events import Ended
 from missions.library.shipped import load_mission
-from missions.plugins.records.ring import records_folder
-from missions.trees.draw import first_values
-from missions.trees.words import value_text
+from missions.plugins.records.retention import records_folder
+from missions.trees.drawing_builder import first_values
+from missions.trees.value_text import value_text
 from tests.browser import Browser
 from tests.missions.records.report.told_record import FAILED, items, write
 from tests.missions.studio.page import Page

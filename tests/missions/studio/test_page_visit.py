@@ -12,8 +12,8 @@ import pytest
 from missions.control.commands import BadMessage
 from missions.executive.events import NodeChanged
 from missions.library.folders import checkup_file, state_folder
-from missions.plugins.records.ring import records_folder
-from missions.plugins.studio import library, looking_back
+from missions.plugins.records.retention import records_folder
+from missions.plugins.studio import library, record_queries
 from tests.browser import Browser
 from tests.missions.records.report.told_record import FAILED, WHERE, items, write
 from tests.missions.studio.page import DESKTOP, PHONE, VIEWS, Page
@@ -161,9 +161,9 @@ def test_a_record_too_large_for_a_report_says_what_to_type(monkeypatch: pytest.M
     records = records_folder()
     records.mkdir(parents=True, exist_ok=True)
     write(records / "long.mcap", items())
-    monkeypatch.setattr(looking_back, "MAX_WHOLE_BYTES", 100)
+    monkeypatch.setattr(record_queries, "MAX_WHOLE_BYTES", 100)
     with pytest.raises(BadMessage, match=r"long\.mcap: .* too much for this") as refused:
-        looking_back.render_report("long.mcap")
+        record_queries.render_report("long.mcap")
     assert refused.value.hint.startswith("mission record report ")
 
 

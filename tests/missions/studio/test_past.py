@@ -2,7 +2,7 @@
 
 from behaviours.robot import Robot
 from drivers.api import BaseState, Pose2D, Quality, Reading, Velocity
-from missions.control.outlet import MAX_POSITIONS, MAX_VALUES, POSITION_INTERVAL, RunHistory
+from missions.control.state_feed import MAX_POSITIONS, MAX_VALUES, POSITION_INTERVAL, RunHistory
 from missions.executive.events import Ticked, VariableSet
 
 

@@ -9,7 +9,7 @@ import pytest
 from missions.codec import encode_tagged, message_fields
 from missions.control.commands import CODEC_RULES, MAX_COMMAND_BYTES, BadMessage, DriveCommand, find_id, read_command
 from missions.control.messages import ERRORS, MESSAGES, AnswerMessage, RunOverMessage, encode_message
-from missions.plugins.studio.wishes import COMMANDS, StartRun, protocol_schema
+from missions.plugins.studio.studio_commands import COMMANDS, StartRun, protocol_schema
 from tests.cases import each
 
 SCHEMA: Any = protocol_schema()

@@ -9,9 +9,9 @@ import pytest
 
 from config.defaults import DEFAULTS_FILE, config_folder, set_default
 from drivers.clock import time_of_day
-from missions.plugins.records import options, ring
+from missions.plugins.records import options, retention
 from missions.plugins.records.options import RecordOptions
-from missions.plugins.records.run_options import record_settings
+from missions.plugins.records.run_recording import record_settings
 from missions.request import RunRequest
 from tests.missions.command import command
 from tests.missions.lone_base import LONE_ROBOT, lone_base
@@ -31,21 +31,21 @@ def test_what_is_older_than_a_month_goes_and_nothing_else_in_the_folder(tmp_path
     other = tmp_path / "notes.txt"
     other.touch()
     os.utime(other, (0, 0))
-    ring.remove_old_records(tmp_path, 1e9)
+    retention.remove_old_records(tmp_path, 1e9)
     assert (new.exists(), old.exists(), other.exists()) == (True, False, True)
 
 
 def test_the_oldest_make_room_for_the_newest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ring, "MAX_TOTAL_BYTES", 25)
+    monkeypatch.setattr(retention, "MAX_TOTAL_BYTES", 25)
     files = [written(tmp_path, str(age), age=age * DAY) for age in range(4)]
-    ring.remove_old_records(tmp_path, 1e9)
+    retention.remove_old_records(tmp_path, 1e9)
     assert [path.exists() for path in files] == [True, True, False, False]
 
 
 def test_the_newest_stays_however_large_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ring, "MAX_TOTAL_BYTES", 5)
+    monkeypatch.setattr(retention, "MAX_TOTAL_BYTES", 5)
     path = written(tmp_path, "one", age=100 * DAY)
-    ring.remove_old_records(tmp_path, 1e9)
+    retention.remove_old_records(tmp_path, 1e9)
     assert path.exists()
 
 
@@ -57,16 +57,16 @@ YEAR = 365 * DAY
 def test_no_record_goes_by_its_age_while_the_clock_is_wrong_nor_after_that(tmp_path: Path, wrong: float) -> None:
     files = [written(tmp_path, str(age), age=age * DAY) for age in (1, 5, 20)]
     for hours in range(3):  # runs meanwhile
-        assert ring.remove_old_records(tmp_path, wrong + hours * 3600.0) == []
+        assert retention.remove_old_records(tmp_path, wrong + hours * 3600.0) == []
         files.append(written(tmp_path, f"then{hours}", age=NOW - wrong - hours * 3600.0))
-    assert ring.remove_old_records(tmp_path, NOW) == []  # the clock is right again
+    assert retention.remove_old_records(tmp_path, NOW) == []  # the clock is right again
     assert all(path.exists() for path in files)
 
 
 def test_records_from_the_future_are_kept_and_do_not_make_others_old(tmp_path: Path) -> None:
     ahead = written(tmp_path, "ahead", age=-300 * YEAR)
     near, far = written(tmp_path, "near", age=10 * DAY), written(tmp_path, "far", age=35 * DAY)
-    assert ring.remove_old_records(tmp_path, NOW) == ["far.mcap (over 30 days old)"]
+    assert retention.remove_old_records(tmp_path, NOW) == ["far.mcap (over 30 days old)"]
     assert (ahead.exists(), near.exists(), far.exists()) == (True, True, False)
 
 
@@ -75,10 +75,10 @@ def test_the_first_made_makes_room_whatever_its_stamp_says(tmp_path: Path, monke
     stamps = (NOW, 60.0, NOW + 70 * YEAR, 30.0)  # a clock that begins in 1970 at each start, until it is set
     for name, stamp in zip(names, stamps, strict=True):
         written(tmp_path, name, age=NOW - stamp)
-        ring.remove_old_records(tmp_path, stamp)
-    monkeypatch.setattr(ring, "MAX_TOTAL_BYTES", 25)
-    removed = ring.remove_old_records(tmp_path, 90.0)
-    assert sorted(path.stem for path in ring.list_records(tmp_path)) == ["fourth", "third"]
+        retention.remove_old_records(tmp_path, stamp)
+    monkeypatch.setattr(retention, "MAX_TOTAL_BYTES", 25)
+    removed = retention.remove_old_records(tmp_path, 90.0)
+    assert sorted(path.stem for path in retention.list_records(tmp_path)) == ["fourth", "third"]
     assert sorted(each.partition(".")[0] for each in removed) == ["first", "second"]
 
 
@@ -87,13 +87,13 @@ def test_a_record_that_is_being_written_stays(tmp_path: Path) -> None:
     old = written(tmp_path, "old", age=31 * DAY)
     with old.open("ab") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
-        assert ring.remove_old_records(tmp_path, NOW) == []
-    assert ring.remove_old_records(tmp_path, NOW) == ["old.mcap (over 30 days old)"]
+        assert retention.remove_old_records(tmp_path, NOW) == []
+    assert retention.remove_old_records(tmp_path, NOW) == ["old.mcap (over 30 days old)"]
 
 
 @pytest.mark.parametrize("kind", ["fifo", "folder", "dangling", "binary", "device"])
 def test_what_stands_in_place_of_the_order_hangs_nothing(tmp_path: Path, kind: str) -> None:
-    order = tmp_path / ring.ORDER_FILE
+    order = tmp_path / retention.ORDER_FILE
     match kind:
         case "fifo":
             os.mkfifo(order)
@@ -106,7 +106,7 @@ def test_what_stands_in_place_of_the_order_hangs_nothing(tmp_path: Path, kind: s
         case "device":
             order.symlink_to("/dev/zero")
     new, old = written(tmp_path, "new", age=DAY), written(tmp_path, "old", age=31 * DAY)
-    assert ring.remove_old_records(tmp_path, NOW) == ["old.mcap (over 30 days old)"]
+    assert retention.remove_old_records(tmp_path, NOW) == ["old.mcap (over 30 days old)"]
     assert (new.exists(), old.exists()) == (True, False)
 
 
@@ -117,19 +117,19 @@ def test_a_record_with_an_odd_name_keeps_its_place_in_the_order(
     first = tmp_path / os.fsdecode(name)
     first.write_bytes(b"x" * 10)
     os.utime(first, (NOW - 2 * DAY, NOW - 2 * DAY))
-    assert ring.remove_old_records(tmp_path, NOW - 2 * DAY) == []
+    assert retention.remove_old_records(tmp_path, NOW - 2 * DAY) == []
     written(tmp_path, "second", age=3 * DAY)  # made later, by a clock that is behind
-    assert ring.remove_old_records(tmp_path, NOW) == []
+    assert retention.remove_old_records(tmp_path, NOW) == []
     written(tmp_path, "third", age=0.0)
-    monkeypatch.setattr(ring, "MAX_TOTAL_BYTES", 25)
-    ring.remove_old_records(tmp_path, NOW)
+    monkeypatch.setattr(retention, "MAX_TOTAL_BYTES", 25)
+    retention.remove_old_records(tmp_path, NOW)
     assert not first.exists()
 
 
 def test_a_run_tells_which_records_it_removes(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = ring.records_folder()
+    folder = retention.records_folder()
     folder.mkdir(parents=True)
     for name, age in (("new", DAY), ("old", 31 * DAY)):
         path = written(folder, name, age=age)
@@ -143,10 +143,10 @@ def test_a_run_tells_which_records_it_removes(
 
 
 def test_a_folder_that_cannot_be_read_is_an_error_and_no_empty_one(tmp_path: Path) -> None:
-    assert ring.list_records(tmp_path / "missing") == []
+    assert retention.list_records(tmp_path / "missing") == []
     (tmp_path / "file").touch()
     with pytest.raises(NotADirectoryError):
-        ring.list_records(tmp_path / "file")
+        retention.list_records(tmp_path / "file")
 
 
 def test_a_record_that_is_removed_meanwhile_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -161,7 +161,7 @@ def test_a_record_that_is_removed_meanwhile_is_left_out(tmp_path: Path, monkeypa
         return found
 
     monkeypatch.setattr(Path, "is_file", removed)
-    assert [path.name for path in ring.list_records(tmp_path)] == ["two.mcap"]
+    assert [path.name for path in retention.list_records(tmp_path)] == ["two.mcap"]
 
 
 @pytest.mark.parametrize(
@@ -201,5 +201,5 @@ def test_a_run_on_a_robot_is_recorded_unless_somebody_says_no(
     listed = command(capsys, "record", "list").out
     assert "brief" in listed
     assert "success" in listed
-    (path,) = ring.list_records(ring.records_folder())
+    (path,) = retention.list_records(retention.records_folder())
     assert path.stat().st_mode & 0o077 == 0

@@ -17,15 +17,15 @@ from typing import Self
 import pytest
 
 from missions.cli.root import mission
-from missions.control import abstract, places, sockets, stopping
-from missions.control.abstract import AbstractName
+from missions.control import abstract_sockets, command_broadcast, run_folders, sockets
+from missions.control.abstract_sockets import AbstractName
 from missions.control.commands import WatchCommand
 from missions.control.notes import RunNotes
 from missions.control.processes import identity_of
-from missions.control.searching import MANUAL_STOP_HINT, FoundProcess, SearchResult, search_runs
-from missions.plugins.studio import hub
-from missions.plugins.studio.hub import UNKNOWN_RUN, RunHub
-from missions.plugins.studio.watching import FeedClient
+from missions.control.run_search import MANUAL_STOP_HINT, FoundProcess, SearchResult, search_runs
+from missions.plugins.studio import run_hub
+from missions.plugins.studio.run_feed import FeedClient
+from missions.plugins.studio.run_hub import UNKNOWN_RUN, RunHub
 from tests.missions.command import PATIENCE, command
 from tests.missions.studio.running import simulated_run
 from tests.waiting import wait_until
@@ -93,7 +93,7 @@ def test_a_folder_that_cannot_be_read_is_a_doubt(
 def test_a_list_of_the_kernel_that_cannot_be_read_is_a_doubt(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(abstract, "SOCKET_LIST", tmp_path / "missing")
+    monkeypatch.setattr(abstract_sockets, "SOCKET_LIST", tmp_path / "missing")
     told = command(capsys, "stop")
     assert (told.code, "missing cannot be read" in told.out) == (1, True)
 
@@ -106,7 +106,7 @@ def test_the_folder_of_another_user_holds_no_run_and_leaves_no_doubt(
     (folder / "1.note").write_text("of another user", encoding="utf-8")
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 12345)
-    monkeypatch.setattr(abstract, "listed_names", list)
+    monkeypatch.setattr(abstract_sockets, "listed_names", list)
     assert command(capsys, "stop").out == "no mission runs\n"
 
 
@@ -116,7 +116,7 @@ def test_the_robot_of_another_user_is_a_doubt_and_a_simulated_one_is_none(
 ) -> None:
     identity = identity_of(os.getpid())
     assert identity is not None
-    monkeypatch.setattr(abstract, "listed_names", lambda: [AbstractName(2, "4711", identity, kind)])
+    monkeypatch.setattr(abstract_sockets, "listed_names", lambda: [AbstractName(2, "4711", identity, kind)])
     monkeypatch.setattr(os, "geteuid", lambda: 1)
     told = command(capsys, "stop")
     assert told.code == doubts
@@ -202,13 +202,13 @@ def in_another_container(patch: pytest.MonkeyPatch) -> None:
     """See runs as from outside of their container, with the same home: other host name, other network namespace."""
     system, _, *others = os.uname()
     patch.setattr(os, "uname", lambda: os.uname_result((system, "outside", *others)))
-    patch.setattr(abstract, "listed_names", list)
+    patch.setattr(abstract_sockets, "listed_names", list)
 
 
 def refuse_notes(patch: pytest.MonkeyPatch) -> None:
     """See runs as from outside of a container that has a number of its own for the boot: their notes do not count."""
     in_another_container(patch)
-    patch.setattr("missions.control.searching.read_note", lambda _: None)
+    patch.setattr("missions.control.run_search.read_note", lambda _: None)
 
 
 @pytest.mark.parametrize("see", [in_another_container, refuse_notes])
@@ -241,8 +241,8 @@ def test_the_file_of_another_run_of_its_name_is_not_taken_for_that_of_a_run_with
         here = identity_of(process.pid)
         assert here is not None
         name = AbstractName(os.geteuid(), "1", replace(here, pid=1, namespace=1), "run", local_identity=here)
-        monkeypatch.setattr(abstract, "held_names", lambda: [name])
-        said = stopping.send_to_all([{"do": "stop"}], "a test")
+        monkeypatch.setattr(abstract_sockets, "held_names", lambda: [name])
+        said = command_broadcast.send_to_all([{"do": "stop"}], "a test")
         assert process.wait(PATIENCE) == -15
     assert [told["do"] for told in namesake.asked] == ["stop"]
     assert len(said) == 2
@@ -251,7 +251,7 @@ def test_the_file_of_another_run_of_its_name_is_not_taken_for_that_of_a_run_with
 def test_what_to_type_names_the_process_by_its_number_on_this_side_of_a_container(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(stopping, "RUN_END_TIMEOUT", 0.05)
+    monkeypatch.setattr(command_broadcast, "RUN_END_TIMEOUT", 0.05)
     with sleeper("import signal; signal.signal(15, signal.SIG_IGN); print(flush=True); input()") as process:
         assert process.stdout is not None
         process.stdout.readline()
@@ -259,11 +259,11 @@ def test_what_to_type_names_the_process_by_its_number_on_this_side_of_a_containe
         assert here is not None
         inside = replace(here, pid=7, namespace=1)
         found = FoundProcess("7", abstract_name=AbstractName(os.geteuid(), "7", inside, "run", local_identity=here))
-        monkeypatch.setattr(stopping, "search_runs", lambda: SearchResult([found]))
-        trouble = str(stopping.stop_one(found, "a test")["trouble"])
+        monkeypatch.setattr(command_broadcast, "search_runs", lambda: SearchResult([found]))
+        trouble = str(command_broadcast.stop_one(found, "a test")["trouble"])
         assert f"kill -9 {process.pid}" in trouble
     unseen = FoundProcess("7", abstract_name=AbstractName(os.geteuid(), "7", inside, "run"))
-    trouble = str(stopping.stop_one(unseen, "a test")["trouble"])
+    trouble = str(command_broadcast.stop_one(unseen, "a test")["trouble"])
     assert ("kill -9" in trouble, MANUAL_STOP_HINT in trouble) == (False, True)
 
 
@@ -324,7 +324,7 @@ class Answering:
 @contextmanager
 def namesakes() -> Iterator[tuple[Answering, Answering]]:
     """Two runs of one name, as of two containers: the base of the second one is not stopped."""
-    first, second = (place.prepare() for place in places.run_folders()[:2])
+    first, second = (place.prepare() for place in run_folders.run_folders()[:2])
     with (
         Answering(lambda _: {"result": {"parts": ["head"], "stops": 1}}, first) as one,
         Answering(lambda _: {"result": {"parts": ["head"], "missing": ["base"], "stops": 1}}, second) as other,
@@ -350,8 +350,8 @@ def test_a_doubt_about_one_of_two_runs_of_one_name_is_kept(linked: bool) -> None
 
 
 def test_two_runs_of_one_name_that_are_not_reached_are_both_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hub, "may_be_alive", lambda _: True)
-    for place in places.run_folders()[:2]:
+    monkeypatch.setattr(run_hub, "may_be_alive", lambda _: True)
+    for place in run_folders.run_folders()[:2]:
         with socket.socket(socket.AF_UNIX) as left:
             left.bind(str(place.prepare() / "1.sock"))
 
@@ -361,15 +361,15 @@ def test_two_runs_of_one_name_that_are_not_reached_are_both_told(monkeypatch: py
         return one.runs()
 
     found = asyncio.run(look())
-    for place in places.run_folders()[:2]:
+    for place in run_folders.run_folders()[:2]:
         (place.folder / "1.sock").unlink(missing_ok=True)
     assert [each["run"] for each in found] == ["1", "1@2"]
 
 
 @pytest.mark.parametrize("line", [b"[]", b"null", b"[" * 50_000, b"{"])
 def test_a_socket_that_speaks_nonsense_hides_no_other_run(line: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hub, "may_be_alive", lambda _: True)
-    first, second = (place.prepare() for place in places.run_folders()[:2])
+    monkeypatch.setattr(run_hub, "may_be_alive", lambda _: True)
+    first, second = (place.prepare() for place in run_folders.run_folders()[:2])
 
     async def look() -> list[Mapping[str, object]]:
         async def speak(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -415,7 +415,7 @@ def test_a_part_that_has_not_heard_the_stop_is_told(capsys: pytest.CaptureFixtur
     assert told.code == 1
     assert "perhaps not stopped: base (stopped: head)\n  try: mission stop --end" in told.out
     assert len({each["press"] for each in run.asked}) == 1  # asked again, it is the same stop
-    assert len(run.asked) == stopping.STOP_TRIES
+    assert len(run.asked) == command_broadcast.STOP_TRIES
 
 
 def test_a_release_that_is_not_answered_is_told_and_ends_nothing(
@@ -442,7 +442,7 @@ def test_a_stop_without_threads_asks_one_after_another(
         raise RuntimeError(f"can't start new thread {thread.name}")
 
     with Answering(lambda _: {"result": {"parts": ["base"], "stops": 1}}):
-        monkeypatch.setattr(stopping, "Thread", type("NoThread", (Thread,), {"start": refuse}))
+        monkeypatch.setattr(command_broadcast, "Thread", type("NoThread", (Thread,), {"start": refuse}))
         assert "stopped (base)" in command(capsys, "stop").out
 
 
@@ -476,7 +476,7 @@ def test_a_connection_that_is_made_while_a_stop_searches_is_stopped_as_well(monk
 
     loop: list[asyncio.AbstractEventLoop] = []
     looked_at = RunHub(lambda: None)
-    monkeypatch.setattr(hub, "search_runs", searched)
+    monkeypatch.setattr(run_hub, "search_runs", searched)
     with Answering(lambda _: {"result": {"parts": ["base"], "stops": 1}}):
         assert asyncio.run(stop()) == {"1": {"parts": ["base"], "stops": 1}}
 
@@ -493,7 +493,7 @@ def test_a_studio_that_cannot_look_says_so_to_all(monkeypatch: pytest.MonkeyPatc
             while not changes:
                 await asyncio.sleep(0)
 
-    monkeypatch.setattr(hub, "search_runs", refuse)
+    monkeypatch.setattr(run_hub, "search_runs", refuse)
     asyncio.run(asyncio.wait_for(work(), PATIENCE))
     why = "the studio cannot look for runs: RuntimeError: no threads are left, False"
     assert changes[0] == [{"run": UNKNOWN_RUN, "trouble": why}]
@@ -509,8 +509,8 @@ def test_commands_are_found_without_any_folder_or_list(monkeypatch: pytest.Monke
         note_of(process.pid).unlink()
         for note in Path(os.environ["XDG_STATE_HOME"]).rglob("*.note"):
             note.unlink()
-        for note in Path(os.environ[places.SYSTEM_ROOT]).rglob("*.note"):
+        for note in Path(os.environ[run_folders.SYSTEM_ROOT]).rglob("*.note"):
             note.unlink()
-        monkeypatch.setattr(abstract, "listed_names", list)  # as in another network namespace
-        assert stopping.send_to_all([{"do": "stop"}], "a test") != {}
+        monkeypatch.setattr(abstract_sockets, "listed_names", list)  # as in another network namespace
+        assert command_broadcast.send_to_all([{"do": "stop"}], "a test") != {}
         wait_until(lambda: process.poll() is not None)

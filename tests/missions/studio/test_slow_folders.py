@@ -13,16 +13,16 @@ from typing import Any
 import pytest
 
 from drivers.clock import SystemClock
-from missions.control import places as slow_folders
+from missions.control import run_folders as slow_folders
 from missions.control import sockets
+from missions.control.command_broadcast import send_to_all
 from missions.control.control import CHECK_INTERVAL, Endpoint
 from missions.control.messages import RunMessage
 from missions.control.notes import was_stopped_since, write_stamp
-from missions.control.places import FolderTimeoutError, call_all_with_timeout, call_with_timeout, run_folders
 from missions.control.processes import identity_of
-from missions.control.searching import search_runs
+from missions.control.run_folders import FolderTimeoutError, call_all_with_timeout, call_with_timeout, run_folders
+from missions.control.run_search import search_runs
 from missions.control.sockets import RunConnection
-from missions.control.stopping import send_to_all
 from tests.missions.studio.running import DRIVING, REST, run_of, seconds_to_rest
 from tests.waiting import wait_until
 

@@ -22,8 +22,8 @@ from threading import Event
 import pytest
 
 from drivers.clock import SystemClock
-from missions.control.places import SYSTEM_ROOT
-from missions.plugins.fleet.machine import LocalRobot
+from missions.control.run_folders import SYSTEM_ROOT
+from missions.plugins.fleet.local_robot import LocalRobot
 from tests.missions.command import Process
 from tests.missions.lone_base import LONE_ROBOT, LoneBase, lone_base
 from tests.missions.studio.running import DRIVING

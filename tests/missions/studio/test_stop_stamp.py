@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from missions.control import notes
+from missions.control.command_broadcast import send_to_all
 from missions.control.notes import STAMP_FILE, was_stopped_since, write_stamp
-from missions.control.places import run_folders
 from missions.control.processes import identity_of
-from missions.control.stopping import send_to_all
+from missions.control.run_folders import run_folders
 from tests.missions.command import PATIENCE, command
 
 HELD_UP = "open({gate!r}).read()  # waits until somebody has written there\n"

@@ -20,13 +20,13 @@ from missions.control import sockets
 from missions.control.commands import BadMessage, StopCommand
 from missions.control.messages import RunsMessage
 from missions.plugins.studio.access import StudioAccess
-from missions.plugins.studio.audit import AuditLog
-from missions.plugins.studio.queueing import RunLauncher
-from missions.plugins.studio.reader import FileReader
-from missions.plugins.studio.session import ClientSession
+from missions.plugins.studio.audit_log import AuditLog
+from missions.plugins.studio.client_session import ClientSession
+from missions.plugins.studio.file_reader import FileReader
+from missions.plugins.studio.run_feed import AsyncRunLink
+from missions.plugins.studio.run_launcher import RunLauncher
 from missions.plugins.studio.studio import Studio
-from missions.plugins.studio.watching import AsyncRunLink
-from missions.plugins.studio.wishes import StartRun, TasksQuery
+from missions.plugins.studio.studio_commands import StartRun, TasksQuery
 from tests.missions.studio.running import found_of
 
 PATIENCE = 60.0
@@ -203,10 +203,10 @@ def test_files_that_take_too_long_to_read_keep_no_others_from_being_read(monkeyp
         for each in hanging:
             with pytest.raises(BadMessage):
                 await each
-        monkeypatch.setattr("missions.plugins.studio.reader.WORK_TIMEOUT", PATIENCE)
+        monkeypatch.setattr("missions.plugins.studio.file_reader.WORK_TIMEOUT", PATIENCE)
         assert (await reader.do(TasksQuery()))["tasks"] == []
 
-    monkeypatch.setattr("missions.plugins.studio.reader.WORK_TIMEOUT", 0.5)
+    monkeypatch.setattr("missions.plugins.studio.file_reader.WORK_TIMEOUT", 0.5)
     reader = FileReader()
     try:
         asyncio.run(asyncio.wait_for(work(), 2 * PATIENCE))

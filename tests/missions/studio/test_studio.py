@@ -10,7 +10,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from missions.plugins.studio.wishes import protocol_schema
+from missions.plugins.studio.studio_commands import protocol_schema
 from tests.missions.command import Process
 from tests.missions.lone_base import LoneBase
 from tests.missions.studio.running import DRIVING, REST, run_of, seconds_to_rest, simulated_run

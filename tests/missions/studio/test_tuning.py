@@ -14,8 +14,8 @@ from config.library import find_file
 from drivers.api import ZERO_VELOCITY, BaseLimits, BaseState, HeadPose, JointLimits, Limitable, Pose2D, Velocity
 from drivers.errors import BadRequest
 from missions.control import sockets
+from missions.control.command_handler import TunableValues
 from missions.control.commands import BadMessage
-from missions.control.doing import TunableValues
 from missions.request import RunRequest
 from missions.runner import Runner
 from tests.browser import Browser

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from missions.control import abstract
+from missions.control import abstract_sockets
 from missions.runner import Runner
 from tests.missions.command import Process, command
 from tests.missions.lone_base import LONE_ROBOT, lone_base
@@ -54,8 +54,8 @@ def test_a_run_without_any_socket_is_still_found(
         raise OSError(errno.EPERM, "a system that has no abstract sockets")
 
     nowhere(tmp_path, monkeypatch)
-    monkeypatch.setattr(abstract, "listen", refuse)
-    monkeypatch.setattr(abstract, "bind_marker", refuse)
+    monkeypatch.setattr(abstract_sockets, "listen", refuse)
+    monkeypatch.setattr(abstract_sockets, "bind_marker", refuse)
     monkeypatch.setattr(Runner, "run", look)
     ran = command(capsys, "run", mission_in(tmp_path), "--simulate", "fast")
     assert (ran.code, found) == (0, [False])

@@ -11,7 +11,7 @@ from typing import Any
 from drivers.clock import ManualClock
 from missions.control import sockets
 from missions.control.commands import WatchCommand
-from missions.plugins.studio.watching import AsyncRunLink, FeedClient, RunFeed
+from missions.plugins.studio.run_feed import AsyncRunLink, FeedClient, RunFeed
 
 PATIENCE = 60.0
 RUN = str(os.getpid())

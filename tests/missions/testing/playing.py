@@ -3,8 +3,8 @@
 from collections.abc import Generator, Mapping, Sequence
 from pathlib import Path
 
-from missions.plugins.testing.play import CaseVerdict, play
-from missions.plugins.testing.stage import IN_PROCESS_LIMITS
+from missions.plugins.testing.case_runner import IN_PROCESS_LIMITS
+from missions.plugins.testing.case_verdict import CaseVerdict, play
 from missions.plugins.testing.suite import Case, load_suite
 
 TRIES = "mission: m\ntree: {drive: 40 cm, retry: 2}\n"

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from missions.library.shipped import shipped_missions
-from missions.plugins.testing.play import play
+from missions.plugins.testing.case_runner import IN_PROCESS_LIMITS
+from missions.plugins.testing.case_verdict import play
 from missions.plugins.testing.report import FileCoverage, coverage, coverage_lines, coverage_page
-from missions.plugins.testing.stage import IN_PROCESS_LIMITS
 from missions.plugins.testing.suite import load_suite
 from tests.missions.command import command
 

@@ -10,8 +10,7 @@ from drivers.base.arbitrated import settings_of
 from drivers.kobuki.driver import IDLE_POLL_INTERVAL, kobuki_base
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.sim.timeline import Timeline
-from missions.plugins.testing.failsafe.eyes import StagedRanger
-from missions.plugins.testing.failsafe.ride import (
+from missions.plugins.testing.failsafe.scenario import (
     CHOICES,
     NOTHING,
     FailsafeScenario,
@@ -21,6 +20,7 @@ from missions.plugins.testing.failsafe.ride import (
     keys_for,
     run_scenario,
 )
+from missions.plugins.testing.failsafe.staged_ranger import StagedRanger
 from tests.drivers.cranked import HandWire
 from tests.tries import tries
 

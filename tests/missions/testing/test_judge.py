@@ -4,14 +4,14 @@ from collections.abc import Sequence
 
 import pytest
 
-from config.faults import Mark
+from config.diagnostics import Mark
 from drivers.api import Pose2D
 from missions.executive.events import CommandSent, Event, FaultRaised, Logged, NodeChanged, Notified, ReflexFired
 from missions.executive.executive import Result
+from missions.plugins.testing.case_history import CaseHistory
+from missions.plugins.testing.case_verdict import CHECKS, check_expectations
+from missions.plugins.testing.event_specs import EventSpec
 from missions.plugins.testing.expectations import Expectation, ExpectedItem, PoseTarget
-from missions.plugins.testing.history import CaseHistory
-from missions.plugins.testing.moments import EventSpec
-from missions.plugins.testing.play import CHECKS, check_expectations
 
 
 def node(time: float, name: str, status: str, reason: str = "", *, key: str = "1.1", kind: str = "leaf") -> Event:

@@ -13,10 +13,10 @@ import pytest
 
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS, USAGE
 from missions.library.shipped import shipped_missions
-from missions.plugins.testing.many import PROCESS_ENDED, play_all
-from missions.plugins.testing.play import CaseVerdict
+from missions.plugins.testing.case_verdict import CaseVerdict
 from missions.plugins.testing.report import junit
 from missions.plugins.testing.suite import all_tests, find_tests, load_suite
+from missions.plugins.testing.worker_pool import PROCESS_ENDED, play_all
 from tests.missions.command import command
 from tests.missions.testing.playing import WAITS, cases, seen, write
 

@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from config.faults import Diagnostic, Mark, SourceText
-from config.marked import Scalar
-from missions.plugins.testing.mishaps import FaultSpec, read_fault
+from config.diagnostics import Diagnostic, Mark, SourceText
+from config.yaml_nodes import Scalar
+from missions.plugins.testing.event_specs import EventSpec, read_event
+from missions.plugins.testing.fault_specs import FaultSpec, read_fault
 from missions.plugins.testing.mocks import DEFAULT_REASON, MockTurn, Script, read_script
-from missions.plugins.testing.moments import EventSpec, read_event
 from missions.plugins.testing.phrases import Phrase
 
 RUNS = MockTurn("running", seconds=math.inf, ticks=math.inf)

@@ -4,11 +4,11 @@ import pytest
 from py_trees.common import Status
 
 from behaviours.basics import Set, Wait
+from behaviours.keyframe_playback import GestureLeaf
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
-from behaviours.playing import GestureLeaf
 from behaviours.sight import FindFace
-from config.faults import Diagnostic, Mark, SourceText
-from config.marked import Scalar
+from config.diagnostics import Diagnostic, Mark, SourceText
+from config.yaml_nodes import Scalar
 from missions.language.plan import Step
 from missions.plugins.testing.mocks import MockSpec, MockSubstitution, matches_step, read_script
 from missions.plugins.testing.phrases import Phrase

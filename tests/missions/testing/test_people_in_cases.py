@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from tests.missions.testing.playing import cases, played, seen, write
 
 ASKS = """mission: m

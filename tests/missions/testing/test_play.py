@@ -6,10 +6,10 @@ import pytest
 
 from behaviours.driving.motion import DriveLeaf
 from missions.executive.events import Ticked
-from missions.plugins.testing.history import CaseHistory
-from missions.plugins.testing.play import play
+from missions.plugins.testing.case_history import CaseHistory
+from missions.plugins.testing.case_runner import IN_PROCESS_LIMITS, CaseRunner
+from missions.plugins.testing.case_verdict import play
 from missions.plugins.testing.recorders import LeafTestBench
-from missions.plugins.testing.stage import IN_PROCESS_LIMITS, CaseRunner
 from tests.missions.testing.playing import BLINKS, DRIVES, LOOKS, SPEAKS, TRIES, WAITS, WAVES, cases, played, seen
 
 

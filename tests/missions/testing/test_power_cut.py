@@ -9,10 +9,10 @@ from random import Random
 
 import pytest
 
-from missions.plugins.records.recording.faults import InvalidRecordError
-from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.recording.run_record import open_record
+from missions.plugins.records.recording.validation import InvalidRecordError
 from missions.plugins.tasks.queue import TaskQueue
-from missions.plugins.tasks.schema import open_db
+from missions.plugins.tasks.queue_database import open_db
 from tests.power import ACKNOWLEDGED, Call, after_cut, recordable, recorded
 
 pytestmark = pytest.mark.skipif(not recordable(), reason="strace is not here, or may not look at other programs")
@@ -24,7 +24,7 @@ QUEUE = """
 import sys
 from pathlib import Path
 from missions.plugins.tasks.queue import TaskQueue
-from missions.plugins.tasks.schema import open_db
+from missions.plugins.tasks.queue_database import open_db
 from missions.plugins.tasks.task import NewTask, AttemptOutcome, RetryPolicy
 
 queue = TaskQueue(open_db(Path(sys.argv[1]) / "tasks.db"), lambda _: ())

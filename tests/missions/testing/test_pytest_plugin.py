@@ -8,7 +8,7 @@ import pytest
 
 from drivers.clock import ManualClock
 from drivers.sim.world import SimulatedWorld
-from missions.plugins.testing.ran import MissionRun
+from missions.plugins.testing.mission_run import MissionRun
 from missions.plugins.testing.recorders import STOP, LeafTestBench, drive
 from tests.missions.testing.playing import write
 

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import Diagnostic, InvalidFileError, Mark, SourceText
-from config.marked import Scalar
-from missions.plugins.testing.mishaps import FaultSpec, read_fault
-from missions.plugins.testing.moments import EventSpec, read_event
+from config.diagnostics import Diagnostic, InvalidFileError, Mark, SourceText
+from config.yaml_nodes import Scalar
+from missions.plugins.testing.event_specs import EventSpec, read_event
+from missions.plugins.testing.fault_specs import FaultSpec, read_fault
 from missions.plugins.testing.phrases import Phrase
 from tests.missions.testing.playing import DRIVES, cases, played, seen
 

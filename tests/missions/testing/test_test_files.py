@@ -5,13 +5,13 @@ from typing import Any
 
 import pytest
 
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from missions.language.plan import Plan
 from missions.library.shipped import load_mission
-from missions.plugins.testing import context
+from missions.plugins.testing import suite_context
+from missions.plugins.testing.event_specs import EventSpec
 from missions.plugins.testing.expectations import PoseTarget
-from missions.plugins.testing.mishaps import FaultSpec
-from missions.plugins.testing.moments import EventSpec
+from missions.plugins.testing.fault_specs import FaultSpec
 from missions.plugins.testing.suite import Case, load_suite
 
 MISSION = """mission: nod
@@ -116,7 +116,7 @@ def test_a_mission_is_checked_once_for_all_cases_with_the_same_robot_and_params(
         checked.append(options["params"])
         return load_mission(*arguments, **options)
 
-    monkeypatch.setattr(context, "load_mission", load)
+    monkeypatch.setattr(suite_context, "load_mission", load)
     cases = "".join(
         f"  - {{case: {name}, params: {{greeting: {greeting}}}, expect: {{result: success}}}}\n"
         for name, greeting in (("a", "Hi"), ("b", "Hi"), ("c", "Ho"))

@@ -12,7 +12,7 @@ from tests.waiting import wait_until
 
 PLAYS = """
 import time
-from missions.plugins.testing.many import run_parallel
+from missions.plugins.testing.worker_pool import run_parallel
 print("started", flush=True)
 list(run_parallel(time.sleep, [600.0, 600.0], float, jobs=2))
 """

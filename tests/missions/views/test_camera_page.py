@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from drivers.api import Image
-from missions.plugins.setup.camera_page.served import MAX_PICTURE_WIDTH, CameraPage
+from missions.plugins.setup.camera_page.server import MAX_PICTURE_WIDTH, CameraPage
 from tests.browser import Browser
 from tests.waiting import wait_until
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from drivers.clock import SystemClock
-from drivers.transport.pipe import WorkerProcess
+from drivers.transport.worker_process import WorkerProcess
 from perception.hearing.acceptance import load_acceptance
 from perception.hearing.engines import (
     DECOY_TOLERANCE,

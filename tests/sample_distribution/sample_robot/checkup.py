@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 from drivers.api.driver import DriverContext, Finding, failure
-from drivers.api.probing import Ask
-from drivers.finding.asking import ExclusivePort
+from drivers.api.probe import Ask
+from drivers.finding.port_probe import ExclusivePort
 from sample_robot.declared import RoverKeys
 
 

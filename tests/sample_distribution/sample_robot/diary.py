@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from config.faults import InvalidInputError
+from config.diagnostics import InvalidInputError
 from missions.cli.session import RunSession
 from missions.executive.events import Event, NodeChanged
 from sample_robot.diary_options import DiaryOptions

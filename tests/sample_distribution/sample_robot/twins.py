@@ -2,7 +2,7 @@
 
 from drivers.base.twin import BaseTwin, make
 from drivers.servos.twin import NeckTwin
-from drivers.sim.stage import SimContext
+from drivers.sim.context import SimContext
 from sample_robot.declared import PeriscopeKeys, RoverKeys
 from sample_robot.periscope import axes
 

@@ -3,9 +3,9 @@
 from math import cos, sin
 
 from drivers.api import HeadPose, Pose2D
-from drivers.sim.body import Body
-from drivers.sim.stage import SimContext
-from drivers.virtual.plugged import Plugged
+from drivers.sim.base_body import Body
+from drivers.sim.context import SimContext
+from drivers.virtual.device import Plugged
 from sample_robot.declared import PeriscopeKeys, RoverKeys
 
 PERIOD = 0.02

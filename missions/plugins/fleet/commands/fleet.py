@@ -12,8 +12,8 @@ from missions.cli.printable import format_columns
 from missions.cli.root import FAILURE, SUCCESS
 from missions.plugins.fleet.commands import fleet_tasks
 from missions.plugins.fleet.commands.fleet_tasks import AS_JSON, FLEET, open_operator
-from missions.plugins.fleet.line import RosterEntry
 from missions.plugins.fleet.operator import Operator
+from missions.plugins.fleet.zenoh_transport import RosterEntry
 
 WATCH_INTERVAL = 0.2
 """Seconds from one look at the list to the next."""

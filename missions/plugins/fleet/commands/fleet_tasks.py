@@ -10,18 +10,18 @@ from typing import Literal
 import click
 
 from behaviours.catalogue import LEAVES
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from config.fleet import FleetKeys, load_fleet
 from config.library import UnknownNameError
 from missions.cli.commands import SharingCommand, shared_option
-from missions.cli.declared import params_option
 from missions.cli.numbers import WholeNumber
+from missions.cli.option_declarations import params_option
 from missions.cli.printable import format_columns
 from missions.cli.root import FAILURE, SUCCESS
 from missions.language.expressions import ExpressionError, parse
 from missions.library.shipped import MISSION_NAME, load_mission
+from missions.plugins.fleet.messages import TASK_ID_PATTERN, Address, FleetTaskInfo, KeepTask
 from missions.plugins.fleet.operator import Operator, connect_operator
-from missions.plugins.fleet.words import TASK_ID_PATTERN, Address, FleetTaskInfo, KeepTask
 from missions.plugins.tasks.task import Interrupted, TaskError
 
 # Being at a fleet for a command of a terminal.

@@ -6,8 +6,8 @@ from pathlib import Path
 import click
 import cv2
 
+from config.file_io import save_file
 from config.library import find_file
-from config.reading import save_file
 from config.robot import RobotConfig
 from config.world import WorldConfig, load_world
 from drivers.api import Image
@@ -18,7 +18,7 @@ from missions.library.drivers import load_robot
 from missions.library.worlds import build_world
 from missions.plugins.pictures.plan import plan_svg
 from missions.plugins.pictures.png import png
-from missions.plugins.pictures.words import describe_world
+from missions.plugins.pictures.world_text import describe_world
 
 PNG_ZOOM = 1.5
 """Pixels of a PNG to a unit of the plan."""

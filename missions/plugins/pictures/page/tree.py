@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from missions.plugins.pictures.page.document import Markup, join, start_tag, tag
 from missions.plugins.pictures.svg import kind_of
-from missions.trees.draw import legend
 from missions.trees.drawing import SIGNS, Badge, Status, TreeBox, TreeDrawing
+from missions.trees.drawing_builder import legend
 
 # A node as the page shows it: a card with all that is known of it. To a screen reader that is the node's name.
 #

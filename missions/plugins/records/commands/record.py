@@ -16,9 +16,9 @@ from missions.cli.outputs import check_folder, written_message
 from missions.cli.printable import format_columns
 from missions.library.private_files import ExistsError
 from missions.plugins.records.recording.export import to_csv, to_folder, to_jsonl
-from missions.plugins.records.recording.faults import InvalidRecordError
 from missions.plugins.records.recording.info import record_lines
-from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.recording.run_record import open_record
+from missions.plugins.records.recording.validation import InvalidRecordError
 
 RECORD = click.argument("path", metavar="RECORD", type=click.Path(path_type=Path))
 FORCE = click.option("--force", is_flag=True, help="Write over what is there.")
@@ -57,8 +57,8 @@ def list_command(folder: Path | None) -> None:
     Those are kept for 30 days, and 2 GB of them. `mission run --no-record` keeps nothing; `record: false` in
     defaults.yaml, or MISSION_RECORD=no in the environment, nothing of any run, unless --record asks for it.
     """
-    from missions.plugins.records.recording.listing import list_entry  # noqa: PLC0415 - it needs mcap, as open_record says
-    from missions.plugins.records.ring import list_records, records_folder  # noqa: PLC0415
+    from missions.plugins.records.recording.record_list import list_entry  # noqa: PLC0415 - it needs mcap, as open_record says
+    from missions.plugins.records.retention import list_records, records_folder  # noqa: PLC0415
 
     where = records_folder() if folder is None else folder
     with _report_errors():
@@ -112,7 +112,7 @@ def repair(path: Path) -> None:
     """
     with _report_errors():
         open_record(path)  # says in words what is none of ours
-        from missions.plugins.records.recording.mend import repair_record as mend_file  # noqa: PLC0415 - it needs mcap, as open_record says
+        from missions.plugins.records.recording.repair import repair_record as mend_file  # noqa: PLC0415 - it needs mcap, as open_record says
 
         mended = mend_file(path)
         until = open_record(path).end_time
@@ -192,7 +192,7 @@ def compare(path: Path, other: Path, json_wanted: bool) -> None:
     Says where their trees first decide differently, how they ended, how long each leaf took, how far joints were off
     their goals, and where the base went. That a leaf takes longer is no decision; that it ends otherwise is one.
     """
-    from missions.plugins.records.comparison import words  # noqa: PLC0415 - as for joints
+    from missions.plugins.records.comparison import output as words  # noqa: PLC0415 - as for joints
     from missions.plugins.records.comparison.runs import IncomparableError, compare_runs  # noqa: PLC0415
 
     try:

@@ -14,17 +14,17 @@ from rich.live import Live
 
 from drivers.clock import SystemClock
 from missions.cli.console import console
-from missions.cli.declared import behaviours_option
 from missions.cli.keys import KeyReader, interruptible
 from missions.cli.names import MISSION
 from missions.cli.numbers import RealNumber
+from missions.cli.option_declarations import behaviours_option
 from missions.cli.options import SECONDS
 from missions.cli.root import FAILURE, SUCCESS, USAGE
 from missions.plugins.pictures.movie import Movie, check_output
-from missions.plugins.records.recording.read import RunRecord, open_record
+from missions.plugins.records.recording.run_record import RunRecord, open_record
 
 if TYPE_CHECKING:
-    from missions.plugins.records.replay.sources import RerunFiles
+    from missions.plugins.records.replay.rerun_files import RerunFiles
 
 FILM_RATE = 12.5
 """Pictures a second in a film."""
@@ -94,8 +94,8 @@ def rerun(
 
 def _play(record: RunRecord, at: float, speed: float) -> int:
     """Play it with keys or, without a terminal, write all that happened from ``at`` on."""
-    from missions.plugins.records.replay.play import RecordPlayer  # noqa: PLC0415 - as below, what one option needs is not loaded for all
-    from missions.plugins.records.replay.screen import PlayerScreen, event_lines  # noqa: PLC0415
+    from missions.plugins.records.replay.player_screen import PlayerScreen, event_lines  # noqa: PLC0415
+    from missions.plugins.records.replay.record_player import RecordPlayer  # noqa: PLC0415 - as below, what one option needs is not loaded for all
 
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         for line in event_lines(record, at):
@@ -140,7 +140,7 @@ def _write_film(record: RunRecord, path: Path) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _RerunOptions:
-    """With which files a record is decided or seen again: see ``missions.plugins.records.replay.sources.RerunFiles``."""
+    """With which files a record is decided or seen again: see ``missions.plugins.records.replay.rerun_files.RerunFiles``."""
 
     code: Sequence[Path]
     recorded: bool
@@ -150,7 +150,7 @@ class _RerunOptions:
 def _rerun_decisions(record: RunRecord, mission: str | None, options: _RerunOptions) -> int:
     """Decide it again, and say whether all is as it was."""
     from missions.plugins.records.replay.rerun import rerun as decide  # noqa: PLC0415
-    from missions.plugins.records.replay.words import rerun_lines  # noqa: PLC0415
+    from missions.plugins.records.replay.result_text import rerun_lines  # noqa: PLC0415
 
     if problem := _rerun_obstacle(record):
         raise click.UsageError(problem)
@@ -167,8 +167,8 @@ def _rerun_decisions(record: RunRecord, mission: str | None, options: _RerunOpti
 def _rerun_perception(record: RunRecord, mission: str | None, options: _RerunOptions) -> int:
     """Search the pictures again, and say whether all is found that was."""
     from missions.library.interests import interests_of  # noqa: PLC0415
-    from missions.plugins.records.replay.see import rerun_perception  # noqa: PLC0415
-    from missions.plugins.records.replay.words import perception_lines  # noqa: PLC0415
+    from missions.plugins.records.replay.perception_rerun import rerun_perception  # noqa: PLC0415
+    from missions.plugins.records.replay.result_text import perception_lines  # noqa: PLC0415
 
     with _unpack_sources(record, options) as sources:
         config = sources.robot()
@@ -193,7 +193,7 @@ def _unpack_sources(record: RunRecord, options: _RerunOptions) -> Iterator["Reru
 
     Raises click.UsageError for a record with code that nobody has said to trust, and lists it.
     """
-    from missions.plugins.records.replay.sources import RerunFiles  # noqa: PLC0415
+    from missions.plugins.records.replay.rerun_files import RerunFiles  # noqa: PLC0415
 
     with TemporaryDirectory(prefix="mission-replay-") as folder:
         sources = RerunFiles(

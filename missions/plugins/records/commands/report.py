@@ -5,10 +5,10 @@ from pathlib import Path
 
 import click
 
-from config.reading import PRIVATE_MODE, save_file
+from config.file_io import PRIVATE_MODE, save_file
 from missions.cli.numbers import WholeNumber
 from missions.cli.outputs import check_folder, report_write_errors, written_message
-from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.recording.run_record import open_record
 from missions.plugins.records.report.page import report_page
 from missions.plugins.records.report.summary import MAX_PICTURES, RecordStudy, study_record
 
@@ -68,7 +68,7 @@ def report(file: Path, output: Path | None, pictures: int, plots: Path | None) -
 
 def _plot(study: RecordStudy, folder: Path) -> None:
     try:
-        from missions.plugins.records.report.papers import draw_plots  # noqa: PLC0415 - needs an extra
+        from missions.plugins.records.report.plots import draw_plots  # noqa: PLC0415 - needs an extra
     except ImportError as error:
         raise click.UsageError("plots need Matplotlib\n  try: pip install 'missiontree[plots]'") from error
     for path in draw_plots(study, folder):

@@ -7,10 +7,10 @@ from pathlib import Path
 import click
 
 from missions.cli.root import SUCCESS, USAGE
-from missions.plugins.records.recording.faults import InvalidRecordError
-from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.recording.run_record import open_record
+from missions.plugins.records.recording.validation import InvalidRecordError
+from missions.plugins.records.statistics.computation import compute_stats
 from missions.plugins.records.statistics.figures import Stats, merge_stats
-from missions.plugins.records.statistics.gather import compute_stats
 from missions.plugins.records.statistics.table import as_csv, as_json, lines_of
 
 

@@ -14,8 +14,8 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 
 from missions.executive.events import Ended, NodeChanged
-from missions.plugins.records.recording.read import RunRecord
-from missions.plugins.records.replay.compare import NodePlace, node_places, pair_nodes
+from missions.plugins.records.recording.run_record import RunRecord
+from missions.plugins.records.replay.status_comparison import NodePlace, node_places, pair_nodes
 from missions.plugins.records.report.joints import PHYSICS_OPTION, JointFigures
 from missions.plugins.records.report.summary import RecordStudy, study_record
 from missions.plugins.records.report.traces import BaseRoute

@@ -21,7 +21,7 @@ from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Header, Metadata, Schema
 
-from missions.plugins.records.recording.faults import InvalidRecordError
+from missions.plugins.records.recording.validation import InvalidRecordError
 
 MAX_RECORD_SIZE = 64 * 1024 * 1024
 """Bytes that one record, or what a chunk is unpacked to, may have."""

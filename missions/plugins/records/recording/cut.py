@@ -13,9 +13,9 @@ from mcap.writer import Writer
 
 from missions.library.private_files import new_file
 from missions.plugins.records.recording.container import McapMessage
-from missions.plugins.records.recording.faults import parse_message, reject_malformed
-from missions.plugins.records.recording.moments import TickDecoder, TickEncoder
-from missions.plugins.records.recording.read import CUT_METADATA, MCAP_PROFILE, RunRecord, start_time_ns
+from missions.plugins.records.recording.run_record import CUT_METADATA, MCAP_PROFILE, RunRecord, start_time_ns
+from missions.plugins.records.recording.tick_codec import TickDecoder, TickEncoder
+from missions.plugins.records.recording.validation import parse_message, reject_malformed
 
 STATE_KEYS = {"/mission": (), "/nodes": ("node",), "/feedback": ("node",), "/variables": ("scope", "name")}
 """Of which messages the newest holds on: of those that have these members in common. So do all on ``/state/...``."""

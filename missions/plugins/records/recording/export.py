@@ -9,10 +9,10 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
-from config.reading import PRIVATE_MODE, replace_file, save_file
+from config.file_io import PRIVATE_MODE, replace_file, save_file
 from missions.library.private_files import new_file, new_folder, path_inside
-from missions.plugins.records.recording.faults import InvalidRecordError, parse_message, reject_malformed
-from missions.plugins.records.recording.read import RunRecord, start_time_ns
+from missions.plugins.records.recording.run_record import RunRecord, start_time_ns
+from missions.plugins.records.recording.validation import InvalidRecordError, parse_message, reject_malformed
 
 TOPICS_WITHOUT_TABLE = frozenset({"/camera", "/camera/marks"})
 """Topics that no table is made of."""

@@ -10,9 +10,9 @@ from math import ceil
 from pathlib import Path
 
 from missions.cli.printable import format_columns
-from missions.plugins.records.recording.read import RunRecord, open_record
-from missions.trees.draw import with_states
+from missions.plugins.records.recording.run_record import RunRecord, open_record
 from missions.trees.drawing import TreeDrawing
+from missions.trees.drawing_builder import with_states
 from missions.trees.states import TIME_TOLERANCE, state_after
 
 LABEL_WIDTH = 10

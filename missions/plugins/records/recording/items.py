@@ -146,7 +146,7 @@ _IMPORTABLE_MODULES = (
     "perception.api",
     "missions.executive.tick_record",
     "missions.plugins.records.recording.items",
-    "missions.plugins.records.recording.head",
+    "missions.plugins.records.recording.record_header",
 )
 
 

@@ -24,7 +24,6 @@ from drivers.clock import Clock, SystemClock
 from missions.executive.events import Event, NodeChanged
 from missions.executive.tick_record import TickRecord
 from missions.plugins.records.recording.budget import DEFAULT_FRAME_RATE, DEFAULT_MAX_BYTES, FrameBudget
-from missions.plugins.records.recording.head import RecordContents
 from missions.plugins.records.recording.items import (
     EVENT_TOPICS,
     FeedbackItem,
@@ -35,7 +34,8 @@ from missions.plugins.records.recording.items import (
     pack_items,
     topic_of,
 )
-from missions.plugins.records.recording.outlet import RecordLoss, RecordWriterClient
+from missions.plugins.records.recording.record_header import RecordContents
+from missions.plugins.records.recording.writer_client import RecordLoss, RecordWriterClient
 from missions.trees.drawing import ACTIVE
 from perception.api import Frame, Gaze, View
 

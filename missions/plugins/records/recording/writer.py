@@ -21,14 +21,6 @@ from missions.codec import number
 from missions.executive.tick_record import TickRecord
 from missions.plugins.records.recording import foxglove
 from missions.plugins.records.recording.foxglove import Epoch, Json
-from missions.plugins.records.recording.head import (
-    FILES_METADATA,
-    LIMIT_METADATA,
-    TREE_ATTACHMENT,
-    VERSIONS_METADATA,
-    RecordContents,
-    RecordHeader,
-)
 from missions.plugins.records.recording.items import (
     EVENT_TOPICS,
     FeedbackItem,
@@ -39,9 +31,17 @@ from missions.plugins.records.recording.items import (
     ViewItem,
     topic_of,
 )
-from missions.plugins.records.recording.moments import TickEncoder
+from missions.plugins.records.recording.record_header import (
+    FILES_METADATA,
+    LIMIT_METADATA,
+    TREE_ATTACHMENT,
+    VERSIONS_METADATA,
+    RecordContents,
+    RecordHeader,
+)
 from missions.plugins.records.recording.schemas import schema
 from missions.plugins.records.recording.tagged_values import dumps, tag_value, to_json
+from missions.plugins.records.recording.tick_codec import TickEncoder
 from perception.api import Gaze, View
 
 # The state of the robot over time, to plot and to look at, from what its parts have answered.

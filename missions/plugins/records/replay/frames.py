@@ -12,9 +12,9 @@ from drivers.pictures.decode import decode_picture
 from drivers.screen.drawing import face_image
 from drivers.screen.expression import face_expression
 from missions.executive.events import CommandSent, Ticked
-from missions.plugins.records.recording.read import RunRecord
-from missions.plugins.records.replay.screen import node_states, running_leaves
-from missions.trees.draw import with_states
+from missions.plugins.records.recording.run_record import RunRecord
+from missions.plugins.records.replay.player_screen import node_states, running_leaves
+from missions.trees.drawing_builder import with_states
 from perception.annotate import annotate
 from perception.api import Box, View
 

@@ -26,21 +26,21 @@ from drivers.api import (
 from drivers.api.kinds import KINDS
 from drivers.api.marks import members, reply_none
 from drivers.clock import ManualClock
-from missions.assembly.together import camera_position, joint_groups, with_carriers
-from missions.executive.answers import TickCache
-from missions.executive.asked import non_default_manner, resolve_protocol, robot_for, with_proxies
+from missions.assembly.part_factory import camera_position, joint_groups, with_carriers
 from missions.executive.build import Substitute, build, keep_leaf
 from missions.executive.events import Event, NodeChanged
 from missions.executive.executive import Executive
 from missions.executive.guard import BaseGuard
+from missions.executive.proxied_robot import non_default_manner, resolve_protocol, robot_for, with_proxies
 from missions.executive.state import state_of
 from missions.executive.stream import EventStream
+from missions.executive.tick_cache import TickCache
 from missions.executive.tick_record import TickRecord
 from missions.language.plan import Plan
-from missions.plugins.records.replay.compare import StatusComparison, StatusDifference
-from missions.plugins.records.replay.memory import RecordedAnswers, RecordedCommand
-from missions.trees.draw import drawing_of
+from missions.plugins.records.replay.recorded_answers import RecordedAnswers, RecordedCommand
+from missions.plugins.records.replay.status_comparison import StatusComparison, StatusDifference
 from missions.trees.drawing import TreeDrawing
+from missions.trees.drawing_builder import drawing_of
 
 # A robot that answers out of a record: no device is behind it, and nothing moves.
 
@@ -206,7 +206,7 @@ class _EstimatedUtterance:
 
 
 class RerunSource(Protocol):
-    """What a mission is decided again from: ``missions.plugins.records.recording.read.RunRecord``, or one in memory."""
+    """What a mission is decided again from: ``missions.plugins.records.recording.run_record.RunRecord``, or one in memory."""
 
     @property
     def is_complete(self) -> bool:

@@ -12,15 +12,15 @@ from itertools import islice, pairwise
 from math import degrees, fsum, sqrt
 from typing import Any, NamedTuple
 
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from drivers.errors import DriverError
 from drivers.servos.declared import DynamixelKeys
 from missions.library.drivers import parse_robot
-from missions.plugins.records.recording.faults import MAX_SECONDS
-from missions.plugins.records.recording.read import RunRecord
+from missions.plugins.records.recording.run_record import RunRecord
+from missions.plugins.records.recording.validation import MAX_SECONDS
 from missions.plugins.records.report.traces import MAX_GAP, Chart, ChartLine
-from missions.trees.draw import one_line
-from missions.trees.words import seconds_text
+from missions.trees.drawing_builder import one_line
+from missions.trees.value_text import seconds_text
 
 JOINT_TOPIC = "/state/arm"
 

@@ -4,17 +4,16 @@ from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from config.world import WorldConfig, parse_world
 from drivers.api import BASE_RADIUS
 from missions.library.worlds import build_world
 from missions.plugins.pictures.page.document import Markup, document, join, start_tag, tag
 from missions.plugins.pictures.page.tree import button, tools, tree
 from missions.plugins.pictures.plan import UNITS_PER_METRE, plan_frame, plan_svg
-from missions.plugins.records.recording.read import RunRecord
+from missions.plugins.records.recording.run_record import RunRecord
 from missions.plugins.records.report.chart import chart_figure, route_figure, route_markup, to_plan_view
-from missions.plugins.records.report.lanes import timeline_markup
-from missions.plugins.records.report.percepts import ReportPicture
+from missions.plugins.records.report.sightings import ReportPicture
 from missions.plugins.records.report.slider import (
     SliderTimes,
     TextTable,
@@ -34,11 +33,12 @@ from missions.plugins.records.report.tables import (
     sightings_table,
     start_text,
 )
+from missions.plugins.records.report.timeline_markup import timeline_markup
 from missions.plugins.records.report.traces import MIN_ROUTE_LENGTH, BaseRoute, thin_points
-from missions.trees.draw import with_states
 from missions.trees.drawing import SIGNS
+from missions.trees.drawing_builder import with_states
 from missions.trees.states import STATUSES, state_after
-from missions.trees.words import node_names, seconds_text
+from missions.trees.value_text import node_names, seconds_text
 
 # The plan of the world that a run took place in, with the way of the robot on it; none for a run in the real world.
 

@@ -8,10 +8,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from missions.executive.events import NodeChanged, Ticked, VariableSet
-from missions.plugins.records.recording.read import RunRecord
-from missions.trees.draw import one_line
+from missions.plugins.records.recording.run_record import RunRecord
 from missions.trees.drawing import SIGNS, TreeDrawing
-from missions.trees.words import variable_text
+from missions.trees.drawing_builder import one_line
+from missions.trees.value_text import variable_text
 
 ChangeRows = dict[str, list[tuple[int, ...]]]
 """By key, what is new at which place."""

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from math import degrees
 
 from missions.executive.events import FaultRaised, NodeChanged, Ticked
-from missions.plugins.records.recording.read import RunRecord
+from missions.plugins.records.recording.run_record import RunRecord
 from missions.plugins.records.report.joints import JointFigures, joint_charts, joint_figures, joint_samples
 from missions.plugins.records.report.joints import joint_sentences as about_joints
-from missions.plugins.records.report.percepts import (
+from missions.plugins.records.report.sightings import (
     ReportPicture,
     SightingSummary,
     Views,
@@ -26,9 +26,9 @@ from missions.plugins.records.report.traces import (
     tracking_errors,
     tracking_rms,
 )
-from missions.trees.draw import CONDITION_SYMBOL
 from missions.trees.drawing import TreeDrawing
-from missions.trees.words import NodeName, count_text, node_names, seconds_text
+from missions.trees.drawing_builder import CONDITION_SYMBOL
+from missions.trees.value_text import NodeName, count_text, node_names, seconds_text
 
 # All that a report tells of a record, found once: for its words, its page and its pictures for papers.
 

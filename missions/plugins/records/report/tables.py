@@ -11,12 +11,12 @@ from missions.cli.printable import format_columns
 from missions.executive.events import Logged, Notified, ReflexFired
 from missions.plugins.pictures.page.document import Markup, join, tag
 from missions.plugins.records.recording.export import safe_cell
-from missions.plugins.records.recording.read import RunRecord
+from missions.plugins.records.recording.run_record import RunRecord
 from missions.plugins.records.report.joints import JointFigures, combined_rms, joint_sentences, total_energy
-from missions.plugins.records.report.percepts import SightingSummary
+from missions.plugins.records.report.sightings import SightingSummary
 from missions.plugins.records.report.slider import SliderTimes
 from missions.plugins.records.report.summary import reported_faults
-from missions.trees.words import count_text, seconds_text
+from missions.trees.value_text import count_text, seconds_text
 
 MAX_ROWS = 400
 """Of more the page would get slow; `mission record replay` shows them all."""

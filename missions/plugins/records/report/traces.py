@@ -8,11 +8,11 @@ from itertools import groupby, pairwise
 from math import degrees, dist, fsum, pi, remainder, sqrt, tau
 
 from missions.executive.events import VariableSet
-from missions.plugins.records.recording.read import RunRecord
-from missions.plugins.records.report.percepts import Views
+from missions.plugins.records.recording.run_record import RunRecord
+from missions.plugins.records.report.sightings import Views
 from missions.plugins.records.report.timeline import Lane
 from missions.trees.drawing import TreeBox
-from missions.trees.words import percept_name
+from missions.trees.value_text import percept_name
 from perception.api import Marker, Percept, Thing, View
 
 # How well a robot kept what it followed in the middle of its picture: the tracking error.

@@ -9,15 +9,15 @@ from pathlib import Path
 import click
 
 from config.defaults import DEFAULTS_FILE, config_folder, load_defaults
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
+from config.file_io import PRIVATE_MODE, save_file
 from config.library import OWN_ROBOT, UnknownNameError, find_file
-from config.reading import PRIVATE_MODE, save_file
 from config.robot import RobotConfig
 from drivers.api.driver import Finding, failure
 from drivers.clock import SystemClock, time_of_day
-from drivers.finding.fitness import check_machine
+from drivers.finding.hardware_scan import scan_hardware
 from drivers.finding.machine import HostMachine
-from drivers.finding.survey import scan_hardware
+from drivers.finding.machine_check import check_machine
 from missions.cli.console import echo
 from missions.cli.keys import interruptible
 from missions.cli.names import ROBOT
@@ -27,7 +27,7 @@ from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import load_robot
 from missions.library.folders import checkup_file, state_folder
 from missions.plugins.setup.checkup import PartFinding, check_folders, check_installation, check_robot
-from missions.plugins.setup.doctor.moving import try_movements
+from missions.plugins.setup.doctor.movement_trials import try_movements
 from missions.plugins.setup.doctor.report import anonymise, private_words, report_text
 
 COMPUTER_PART = "computer"

@@ -13,10 +13,10 @@ import cv2
 
 from config.library import find_file
 from drivers.api import DeviceStatus, ignore
-from drivers.api.senses import CameraKeys
-from drivers.api.turn import UPRIGHT
+from drivers.api.image_orientation import UPRIGHT
+from drivers.api.sensor_sections import CameraKeys
 from drivers.camera.make import open_source
-from drivers.camera.pictures import iter_pictures
+from drivers.camera.picture_files import iter_pictures
 from drivers.camera.source import SourceKind, is_live, source_kind
 from drivers.clock import Clock, SystemClock
 from drivers.errors import BadRequest, NotConnected
@@ -31,8 +31,8 @@ from missions.library.drivers import load_robot
 from missions.library.people import KnownPerson, People, PeopleError, people_of, picture_digest, proper_name
 from perception.api import Image
 from perception.crops import crop_face, portrait_face_box
-from perception.elastic import GalleryCalibration
-from perception.finder import FaceDetector
+from perception.elastic_matching import GalleryCalibration
+from perception.face_finder import FaceDetector
 from perception.patches import Patches, describe_face, likeness
 from perception.people import MAX_PICTURES, MIN_PICTURES, RECOMMENDED_PICTURES, NotOneFaceError, PatchRecogniser, enrol
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from config.reading import read_regular_text, save_file
+from config.file_io import read_regular_text, save_file
 from missions.cli.keys import KeyReader
 
 POLL_INTERVAL = 0.05

@@ -8,16 +8,16 @@ from typing import Any
 import click
 
 from config.defaults import DEFAULTS_FILE, config_folder, load_defaults, remove_default, set_default
-from config.editing import NotEditableError
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
+from config.file_io import save_file
 from config.library import UnknownNameError, find_file, shipped_files
-from config.reading import save_file
 from config.robot import RobotConfig
-from config.writing import write_new, yaml_word
+from config.yaml_edit import NotEditableError
+from config.yaml_writer import write_new, yaml_word
 from drivers.api.driver import Driver
 from drivers.errors import DriverError
-from drivers.finding.asking import EXTRA_TIMEOUT
 from drivers.finding.machine import HostMachine
+from drivers.finding.port_probe import EXTRA_TIMEOUT
 from drivers.servos.declared import DynamixelKeys
 from missions.cli.keys import interruptible
 from missions.cli.names import ROBOT
@@ -28,12 +28,12 @@ from missions.library.folders import state_folder
 from missions.library.shipped import load_mission
 from missions.library.target import target_of
 from missions.plugins.setup.ports import root_option
-from missions.plugins.setup.robot.choosing import choose_parts, choose_reference
-from missions.plugins.setup.robot.desk import ProbedDevice, scan_devices
+from missions.plugins.setup.robot.device_scan import ProbedDevice, scan_devices
 from missions.plugins.setup.robot.dialogue import Dialogue
+from missions.plugins.setup.robot.part_selection import choose_parts, choose_reference
+from missions.plugins.setup.robot.part_trials import try_camera, try_head
 from missions.plugins.setup.robot.parts import RobotPart, ask_figures, robot_text, udev_rules
 from missions.plugins.setup.robot.servos import adopt_limits, assign_ids, find_limits, name_joints, offer_calibration
-from missions.plugins.setup.robot.trying import try_camera, try_head
 
 # What a robot may do first: proposed to who has made one, or has made one this computer's.
 

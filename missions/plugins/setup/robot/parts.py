@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from config.declared import read_value
+from config.section_reader import read_value
 from drivers.api.driver import Driver
 from drivers.api.keys import Key, declared_keys
 from drivers.api.kinds import KINDS

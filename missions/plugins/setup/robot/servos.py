@@ -10,7 +10,7 @@ from config.units import quantity_text
 from drivers.clock import SystemClock
 from drivers.errors import DriverError
 from drivers.servos.bus import ServoAddress, ServoBus
-from drivers.servos.census import ScannedServo, scan_bus
+from drivers.servos.bus_scan import ScannedServo, scan_bus
 from drivers.servos.declared import DynamixelKeys, JointKeys
 from drivers.servos.feetech import FeetechKeys
 from drivers.servos.identification import require_unique_id
@@ -23,8 +23,8 @@ from drivers.servos.settings import apply_changes, plan_changes
 from drivers.servos.units import baud_code
 from missions.plugins.setup.robot.dialogue import Dialogue
 from missions.plugins.setup.robot.parts import RobotPart
-from missions.plugins.setup.servo.bench import REPLY_TIMEOUT
 from missions.plugins.setup.servo.calibrate import JointTravel
+from missions.plugins.setup.servo.connections import REPLY_TIMEOUT
 from missions.plugins.setup.servo.ranges import with_range
 
 LIMIT_MARGIN = radians(2)

@@ -8,7 +8,7 @@ import click
 from config.library import OWN_ROBOT
 from config.robot import RobotConfig, Section
 from drivers.api.sections import ArmKeys, AxisKeys, HeadKeys, SerialKeys
-from drivers.api.senses import CameraKeys
+from drivers.api.sensor_sections import CameraKeys
 from drivers.camera.source import display_name
 from drivers.finding.machine import HostMachine
 from missions.cli.names import ROBOT

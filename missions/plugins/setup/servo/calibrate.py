@@ -6,8 +6,8 @@ from math import degrees, radians
 
 import click
 
-from config.editing import NotEditableError
 from config.library import find_file
+from config.yaml_edit import NotEditableError
 from drivers.errors import BadRequest, NoReply
 from drivers.servos.bus import ServoBus
 from drivers.servos.feetech import FeetechKeys
@@ -17,7 +17,7 @@ from missions.cli.numbers import QuantityInUnit
 from missions.cli.outputs import check_writable
 from missions.cli.printable import format_columns
 from missions.cli.root import FAILURE, SUCCESS
-from missions.plugins.setup.servo.bench import (
+from missions.plugins.setup.servo.connections import (
     OpenBus,
     confirm_limp,
     hold_option,

@@ -9,8 +9,8 @@ from math import degrees, isclose, radians
 from pathlib import Path
 from typing import Any
 
-from config.faults import Diagnostic, InvalidFileError, Mark, SourceText
-from config.foreign import read_plain_data
+from config.diagnostics import Diagnostic, InvalidFileError, Mark, SourceText
+from config.foreign_files import read_plain_data
 from config.units import quoted_value
 from drivers.errors import BadRequest
 from drivers.servos.calibration import load_calibration
@@ -39,7 +39,7 @@ class ForeignJoints:
 
 
 def foreign_joints(path: Path, form: str, model: str) -> ForeignJoints:
-    """Read a file of a ``form`` that ``config.foreign`` knows; all its servos are of ``model``.
+    """Read a file of a ``form`` that ``config.foreign_files`` knows; all its servos are of ``model``.
 
     Raises InvalidFileError with what keeps it from being imported.
     """

@@ -21,8 +21,10 @@ from missions.cli.numbers import QuantityInUnit
 from missions.cli.outputs import check_writable, save
 from missions.cli.printable import format_columns
 from missions.cli.root import FAILURE, SUCCESS
-from missions.plugins.setup.servo import origin
-from missions.plugins.setup.servo.bench import (
+from missions.plugins.setup.servo import calibration_origin
+from missions.plugins.setup.servo.calibrate import MIN_TRAVEL, make_limp
+from missions.plugins.setup.servo.calibration_origin import origin_file
+from missions.plugins.setup.servo.connections import (
     OpenBus,
     confirm_limp,
     open_bus,
@@ -30,8 +32,6 @@ from missions.plugins.setup.servo.bench import (
     show_line,
     wait_for_end,
 )
-from missions.plugins.setup.servo.calibrate import MIN_TRAVEL, make_limp
-from missions.plugins.setup.servo.origin import origin_file
 from missions.plugins.setup.servo.ranges import free_backup_path
 from missions.plugins.setup.servo.target import ServoTarget, target_options
 
@@ -126,7 +126,7 @@ def home(
     require_terminal(seconds)
     for each in (file, origin_file(file)):
         check_writable(each, "--into")
-    origin.load_settings(
+    calibration_origin.load_settings(
         file
     )  # before anything goes limp: where it cannot be read, the origins of other joints would be lost
     kept = dict(load_calibration(str(file))) if file.exists() else {}
@@ -139,7 +139,7 @@ def home(
         modes = {name: int(joint.reverse) for name, joint in arm.servos.items()}
         new = {each.joint: each.calibration(_margin_steps(each, margin), modes[each.joint.name]) for each in found}
         plans = _plan_changes(bench, new)
-        if plans and (lost := origin.describe_lost_calibration(bench.bus, plans, file)):
+        if plans and (lost := calibration_origin.describe_lost_calibration(bench.bus, plans, file)):
             click.echo(lost, err=True)
         _confirm_eeprom(plans, yes=yes)
         if not _save_calibration(bench, file, kept, new):
@@ -176,10 +176,12 @@ def _restore_calibration(bench: OpenBus, file: Path, joints: Sequence[Joint], *,
         bench.require_sole(joint)
     wanted = {joint: known[joint.name] for joint in joints}
     if not other_servos:
-        before, now = origin.load_settings(file), origin.read_settings(bench.bus, joints)
-        origin.require_same_models(before, now)
-        lost = origin.describe_lost_calibration(bench.bus, joints, file)
-        _confirm_doubts([*origin.find_doubts(bench.bus, wanted, before, now), *[lost] * bool(lost)], yes=yes)
+        before, now = calibration_origin.load_settings(file), calibration_origin.read_settings(bench.bus, joints)
+        calibration_origin.require_same_models(before, now)
+        lost = calibration_origin.describe_lost_calibration(bench.bus, joints, file)
+        _confirm_doubts(
+            [*calibration_origin.find_doubts(bench.bus, wanted, before, now), *[lost] * bool(lost)], yes=yes
+        )
     plans = _plan_changes(bench, wanted)
     stiff = any(bench.bus.read(joint.address, joint.model.table["torque_enable"]) for joint in plans)
     confirm_limp([joint.name for joint in plans], stiff=stiff, simulated=bench.simulated, yes=yes)
@@ -203,13 +205,13 @@ def _save_calibration(
     bench: OpenBus, file: Path, kept: Mapping[str, MotorCalibration], new: Mapping[Joint, MotorCalibration]
 ) -> bool:
     """Keep what was measured, before any servo is changed, and which servos it is of."""
-    settings = {**origin.load_settings(file), **origin.read_settings(bench.bus, new)}
+    settings = {**calibration_origin.load_settings(file), **calibration_origin.read_settings(bench.bus, new)}
     if kept:
         save(free_backup_path(file), format_calibration(kept))
     if not save(file, format_calibration({**kept, **{joint.name: each for joint, each in new.items()}})):
         return False
     click.echo(f"written into {file}")
-    return save(origin_file(file), origin.settings_text(settings))
+    return save(origin_file(file), calibration_origin.settings_text(settings))
 
 
 def _margin_steps(homed: HomedServo, margin: float) -> int:

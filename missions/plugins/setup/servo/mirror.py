@@ -14,7 +14,7 @@ from drivers.servos.driver import DynamixelJoints
 from missions.cli.commands import SharingCommand
 from missions.cli.numbers import QuantityInUnit
 from missions.cli.root import SUCCESS
-from missions.plugins.setup.servo.bench import (
+from missions.plugins.setup.servo.connections import (
     OpenArm,
     hold_option,
     open_arms,

@@ -5,12 +5,12 @@ from dataclasses import asdict, dataclass, replace
 from math import isclose, radians
 from pathlib import Path
 
-from config.editing import NotEditableError, require_own, rewrite, with_value
-from config.faults import InvalidFileError, SourceText
-from config.marked import read_source
-from config.reading import save_file
+from config.diagnostics import InvalidFileError, SourceText
+from config.file_io import save_file
 from config.robot import RobotConfig
 from config.units import quantity_text
+from config.yaml_edit import NotEditableError, require_own, rewrite, with_value
+from config.yaml_nodes import read_source
 from drivers.servos.declared import DynamixelKeys, JointKeys, Ticks
 from missions.library.drivers import parse_robot
 

@@ -8,12 +8,12 @@ from typing import get_args
 
 import click
 
-from drivers.servos.census import ScannedServo, scan_bus
+from drivers.servos.bus_scan import ScannedServo, scan_bus
 from drivers.servos.joint import Joint
 from drivers.servos.units import Framing, Protocol, protocol_label
 from missions.cli.commands import SharingCommand
 from missions.cli.root import FAILURE, SUCCESS
-from missions.plugins.setup.servo.bench import open_bus
+from missions.plugins.setup.servo.connections import open_bus
 from missions.plugins.setup.servo.target import ServoTarget, target_options
 
 VIRTUAL_REPLY_TIMEOUT = 0.015

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from config.faults import suggest_from
+from config.diagnostics import suggest_from
 from config.robot import RobotConfig
 from drivers.servos.declared import DynamixelKeys
 from missions.cli.commands import shared_option

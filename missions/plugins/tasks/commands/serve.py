@@ -9,23 +9,30 @@ from threading import Event
 
 import click
 
-from missions.cli.declared import add_options
+from missions.cli.option_declarations import add_options
 from missions.cli.root import SUCCESS
 from missions.executive.signals import SignalHandler
 from missions.library.folders import state_folder
 from missions.library.plugins import service
 from missions.options import make_options
 from missions.plugins.tasks.channels import channels_of
-from missions.plugins.tasks.courier import NoticeSender
+from missions.plugins.tasks.file_lock import LockHeldError, hold_lock, run_lock, server_lock
 from missions.plugins.tasks.fleet_latch import FleetLatch
-from missions.plugins.tasks.lock import LockHeldError, hold_lock, run_lock, server_lock
+from missions.plugins.tasks.notice_delivery import NoticeSender
 from missions.plugins.tasks.notices import channel_of
 from missions.plugins.tasks.outbox import Outbox
 from missions.plugins.tasks.queue import TaskQueue, local_zone, wall_clock
-from missions.plugins.tasks.schema import DiskFullError, describe_retry, open_db, queue_error, queue_errors, queue_file
-from missions.plugins.tasks.serve import TaskServer
+from missions.plugins.tasks.queue_database import (
+    DiskFullError,
+    describe_retry,
+    open_db,
+    queue_error,
+    queue_errors,
+    queue_file,
+)
+from missions.plugins.tasks.run_process import RunProcess
 from missions.plugins.tasks.task import TaskError
-from missions.plugins.tasks.work import RunProcess
+from missions.plugins.tasks.task_server import TaskServer
 
 ORPHAN_TIMEOUT = 60.0
 """Seconds that a run without a server has to come to rest; it needs a few."""

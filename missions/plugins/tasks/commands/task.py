@@ -16,21 +16,21 @@ from click.shell_completion import CompletionItem
 from config.library import find_file, shipped_files
 from config.notices import public_text
 from missions.cli.commands import LazyGroup
-from missions.cli.declared import DeclaredCommand, add_options, behaviours_option, params_option, run_options
 from missions.cli.names import MISSION
 from missions.cli.numbers import WholeNumber
+from missions.cli.option_declarations import DeclaredCommand, add_options, behaviours_option, params_option, run_options
 from missions.cli.options import SECONDS
-from missions.cli.orders import check_request
 from missions.cli.printable import format_columns
+from missions.cli.request_checks import check_request
 from missions.cli.root import SUCCESS
 from missions.language.plan import Plan
 from missions.library.folders import state_folder
 from missions.library.shipped import find_mission, shipped_missions
 from missions.plugins.tasks.channels import channels_of
-from missions.plugins.tasks.lock import is_locked, server_lock
+from missions.plugins.tasks.file_lock import is_locked, server_lock
 from missions.plugins.tasks.outbox import Outbox, QueuedNotice
 from missions.plugins.tasks.queue import TaskQueue, first_time, local_zone, read_at, read_repetition, wall_clock
-from missions.plugins.tasks.schema import open_db, queue_errors, queue_file
+from missions.plugins.tasks.queue_database import open_db, queue_errors, queue_file
 from missions.plugins.tasks.task import PRIORITIES, Attempt, Interrupted, NewTask, RetryPolicy, Task, TaskError
 from missions.request import RunRequest, Simulate
 
@@ -225,7 +225,7 @@ def _as_json(task: Task) -> dict[str, object]:
 
 def _check(request: RunRequest) -> Plan:
     """Return the mission; raise what `mission run` would raise for this order, before anything moves."""
-    from missions.cli.orders import check_people  # noqa: PLC0415 - the other subcommands need none of what they import
+    from missions.cli.request_checks import check_people  # noqa: PLC0415 - the other subcommands need none of what they import
     from missions.runner import load_plan, requested_robot  # noqa: PLC0415
 
     check_request(request)

@@ -25,7 +25,7 @@ from missions.plugins.testing.controllers.bench import (
     stamp_summary,
     table_lines,
 )
-from missions.plugins.testing.controllers.trial import DELAY_SCENARIOS, STAMP_SCENARIOS
+from missions.plugins.testing.controllers.tracking_trial import DELAY_SCENARIOS, STAMP_SCENARIOS
 
 DEFAULT_LAG = TrackFace.lag
 """Seconds that a base is believed to take until that is learnt, as missions have it."""

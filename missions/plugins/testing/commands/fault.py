@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import click
 
 from missions.cli.root import FAILURE, SUCCESS
-from missions.control.searching import FoundProcess, search_runs
+from missions.control.run_search import FoundProcess, search_runs
 from missions.control.sockets import open_connection
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import click
 
-from config.faults import suggest_from
+from config.diagnostics import suggest_from
 from config.library import DEFAULT_ROBOT, find_file
 from config.robot import RobotConfig
 from config.units import si_value
@@ -22,7 +22,7 @@ from drivers.servos.make import joint_specs
 from drivers.servos.models import MODELS
 from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
-from drivers.virtual.plugged import VirtualPort
+from drivers.virtual.device import VirtualPort
 from missions.assembly.simulation import Simulation
 from missions.cli.commands import LazyGroup
 from missions.cli.names import ROBOT, WORLD

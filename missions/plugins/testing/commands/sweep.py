@@ -15,23 +15,23 @@ from config.defaults import load_defaults
 from config.units import si_value
 from drivers.clock import SystemClock
 from missions.cli.console import console
-from missions.cli.declared import add_options, behaviours_option, params_option, run_options
 from missions.cli.keys import interruptible
 from missions.cli.names import MISSION
 from missions.cli.numbers import WholeNumber
+from missions.cli.option_declarations import add_options, behaviours_option, params_option, run_options
 from missions.cli.options import name_value_callback
 from missions.cli.origin import chosen_robot
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS
 from missions.cli.running import EXIT_CODES
 from missions.cli.running import run as run_watched
-from missions.plugins.testing.many import core_count
 from missions.plugins.testing.sweep.files import PICTURE, RUNS, SUMMARY, SweepFolder, write_world
-from missions.plugins.testing.sweep.knobs import parameter_names
+from missions.plugins.testing.sweep.parameters import parameter_names
 from missions.plugins.testing.sweep.processes import run_here
 from missions.plugins.testing.sweep.report import percent, report
 from missions.plugins.testing.sweep.summary import Summary, summarise
 from missions.plugins.testing.sweep.sweep import SweepPlan, SweepRequest, VariationError, describe_draw, design_sweep
 from missions.plugins.testing.sweep.variation import SweepRow
+from missions.plugins.testing.worker_pool import core_count
 
 
 def _quantity_reader(dimension: str) -> Callable[[click.Context, click.Parameter, str | None], float | None]:

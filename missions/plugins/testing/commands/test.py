@@ -10,23 +10,23 @@ from pathlib import Path
 import click
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from config.faults import Diagnostic, InvalidFileError
-from config.reading import save_file
+from config.diagnostics import Diagnostic, InvalidFileError
+from config.file_io import save_file
 from drivers.clock import SystemClock
 from missions.cli.console import console, echo
-from missions.cli.declared import behaviours_option
 from missions.cli.names import TESTED_NAME
 from missions.cli.numbers import WholeNumber
+from missions.cli.option_declarations import behaviours_option
 from missions.cli.options import print_found_files
 from missions.cli.origin import chosen_robot
 from missions.cli.outputs import report_write_errors
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.shipped import behaviour_files
 from missions.plugins.testing import report
-from missions.plugins.testing.many import core_count, play_all
-from missions.plugins.testing.play import CaseVerdict
+from missions.plugins.testing.case_verdict import CaseVerdict
 from missions.plugins.testing.report import coverage, coverage_lines, coverage_page, junit
 from missions.plugins.testing.suite import Case, all_tests, find_tests, load_suite
+from missions.plugins.testing.worker_pool import core_count, play_all
 
 
 @click.command(epilog="Example: mission test greet --coverage")

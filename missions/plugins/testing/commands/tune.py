@@ -10,10 +10,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from behaviours.tracking.fuzzy import RuleBases
 from config.controller import name_changes, parse_controller, replace_words
-from config.faults import SourceText
+from config.diagnostics import SourceText
+from config.file_io import save_file
 from config.library import find_file
-from config.marked import read_source
-from config.reading import save_file
+from config.yaml_nodes import read_source
 from missions.cli.console import console
 from missions.cli.keys import interruptible
 from missions.cli.names import CONTROLLER
@@ -22,7 +22,7 @@ from missions.cli.outputs import report_write_errors
 from missions.cli.root import INTERRUPTED, SUCCESS
 from missions.plugins.testing.commands.controller import read_controller
 from missions.plugins.testing.controllers.bench import run_bench, table_lines
-from missions.plugins.testing.controllers.trial import SCENARIOS
+from missions.plugins.testing.controllers.tracking_trial import SCENARIOS
 
 RULES = ("pan", "turn")
 """The rule bases that can be tuned."""

@@ -10,7 +10,7 @@ from behaviours.tracking.fuzzy import Controller, RuleBases, controllers
 from behaviours.tracking.terms import FuzzySets
 from config.controller import ControllerConfig
 from drivers.base.limits import BRAKING_RATIO
-from missions.plugins.testing.controllers.trial import (
+from missions.plugins.testing.controllers.tracking_trial import (
     BASE_LIMITS,
     HEAD_LIMITS,
     SCENARIOS,

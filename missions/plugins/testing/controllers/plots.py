@@ -16,7 +16,7 @@ from behaviours.tracking.terms import FuzzySets, FuzzyVariable
 from config.controller import ControllerConfig
 from missions.plugins.pictures.moves_plot import save_figure
 from missions.plugins.testing.controllers.bench import CENTRED_ERROR, OUTPUT_UNIT, UNITS, BenchRow
-from missions.plugins.testing.controllers.trial import TrackingBody
+from missions.plugins.testing.controllers.tracking_trial import TrackingBody
 
 MUTED_COLOUR = "#8a8f98"
 """The colour of what is beside the point."""

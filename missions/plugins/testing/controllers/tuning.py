@@ -15,9 +15,9 @@ from scipy.optimize import OptimizeResult, differential_evolution
 
 from behaviours.tracking.fuzzy import RuleBases
 from config.controller import TunableNumber, parse_controller, replace_words, tunable_numbers
-from config.faults import InvalidFileError, Mark, SourceText
+from config.diagnostics import InvalidFileError, Mark, SourceText
 from missions.plugins.testing.controllers.bench import Score, score_trial
-from missions.plugins.testing.controllers.trial import SCENARIOS, Scenario, TrackingBody, TrackingTrial
+from missions.plugins.testing.controllers.tracking_trial import SCENARIOS, Scenario, TrackingBody, TrackingTrial
 
 BODY_OF_RULES: Mapping[str, TrackingBody] = {"pan": TrackingBody.HEAD, "turn": TrackingBody.BASE}
 """The rule bases that can be tuned, and the body with which each is tried."""

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
-from config.reading import save_file
+from config.file_io import save_file
 from missions.plugins.testing.sweep.summary import Summary, cause_of
 from missions.plugins.testing.sweep.sweep import SweepPlan
 from missions.plugins.testing.sweep.variation import SweepRow, Variation

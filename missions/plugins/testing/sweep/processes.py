@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 from missions.plugins.testing.sweep.sweep import SweepPlan, run_seeds
 from missions.plugins.testing.sweep.variation import SweepRow
-from missions.plugins.testing.with_parent import end_with_parent
+from missions.plugins.testing.worker_lifetime import end_with_parent
 
 MAX_CHUNK_SEEDS = 8
 """Seeds that a worker gets at a time, at most: enough to read the mission rarely, few enough to see the sweep go on."""

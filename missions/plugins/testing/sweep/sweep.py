@@ -9,18 +9,18 @@ from typing import Literal
 
 import cv2
 
-from config.faults import InvalidFileError, SourceText, suggest_from
+from config.diagnostics import InvalidFileError, SourceText, suggest_from
 from config.library import DEFAULT_ROBOT, DEFAULT_WORLD, find_file
-from config.marked import Mapping as MarkedMapping
-from config.marked import compose, read_source
 from config.units import UNITS
 from config.world import WorldConfig, parse_world
-from missions.language.notes import CheckContext, Vocabulary
+from config.yaml_nodes import Mapping as MarkedMapping
+from config.yaml_nodes import compose, read_source
+from missions.language.check_context import CheckContext, Vocabulary
 from missions.language.param_types import Param, read_params
 from missions.language.plan import Plan
 from missions.library.drivers import load_robot
 from missions.library.shipped import find_mission
-from missions.plugins.testing.sweep.knobs import find_parameter
+from missions.plugins.testing.sweep.parameters import find_parameter
 from missions.plugins.testing.sweep.people import PlainMapping
 from missions.plugins.testing.sweep.variation import (
     DrawnValue,

@@ -7,9 +7,9 @@ from typing import Any
 
 import yaml
 
-from config.faults import SourceText
-from config.marked import Listing, Mapping, Node, compose
-from missions.plugins.testing.sweep.knobs import find_parameter
+from config.diagnostics import SourceText
+from config.yaml_nodes import Listing, Mapping, Node, compose
+from missions.plugins.testing.sweep.parameters import find_parameter
 from missions.plugins.testing.sweep.people import PlainMapping
 from missions.plugins.testing.sweep.variation import DrawnValue, Variation
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from drivers.api.sections import ArmKeys
 from missions.library.moves.load import load_move
 from missions.library.moves.sheet import Heading, find_joint, parse_heading, time_unit

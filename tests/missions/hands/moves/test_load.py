@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from config.gesture import GestureConfig, parse_gesture
-from config.writing import gesture_text
+from config.yaml_writer import gesture_text
 from drivers.api import Gesture, Keyframe
 from drivers.api.sections import ArmKeys
 from drivers.servos.models import MODELS

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from config.faults import InvalidFileError
+from config.diagnostics import InvalidFileError
 from missions.library.moves import sheet as sheets
 from missions.library.moves import sheet as workbook
 from missions.library.moves.sheet import read_sheet

@@ -19,14 +19,14 @@ from drivers.head.twin import ServoHeadTwin
 from drivers.sim.timeline import Timeline
 from missions.cli.keys import KeyReader
 from missions.control.pilot import MAX_STATE_AGE, Pilot
-from missions.plugins.teleop.beside import (
+from missions.plugins.teleop.command import ancestors, measure_line
+from missions.plugins.teleop.hand_driving import (
     ANSWER_TIMEOUT,
     FIRST_ANSWER_TIMEOUT,
     MAX_OPEN_QUERIES,
     LineDelay,
     drive_by_hand,
 )
-from missions.plugins.teleop.command import ancestors, measure_line
 from tests.drivers.test_twins import PAN, TILT
 from tests.tries import tries
 

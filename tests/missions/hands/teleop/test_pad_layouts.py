@@ -19,7 +19,7 @@ from missions.control.pilot import ENABLE_KEY, LATCH_KEY, DriveInput
 from missions.plugins.teleop import layout as events
 from missions.plugins.teleop import pad
 from missions.plugins.teleop import pad as pad_store
-from missions.plugins.teleop.beside import PadDevice
+from missions.plugins.teleop.hand_driving import PadDevice
 from missions.plugins.teleop.layout import (
     D_MODE_LAYOUT,
     STANDARD_LAYOUT,

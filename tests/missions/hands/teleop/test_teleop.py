@@ -12,7 +12,7 @@ from drivers.clock import ManualClock
 from drivers.errors import NotConnected
 from drivers.sim.timeline import Timeline
 from missions.control.pilot import HEAD_STEP, MAX_SHARE, MIN_SHARE, SPEED_KEYS, DriveInput, Pilot
-from missions.plugins.teleop.beside import (
+from missions.plugins.teleop.hand_driving import (
     COMMAND_INTERVAL,
     DRIVE_KEYS,
     KEY_HOLD_TIME,

@@ -17,7 +17,7 @@ from drivers.kobuki.wire import BAUD
 from drivers.transport.link import SerialLink
 from drivers.virtual.terminal import PseudoTerminal
 from missions.plugins.teleop import layout
-from missions.plugins.teleop.beside import PadDevice
+from missions.plugins.teleop.hand_driving import PadDevice
 from missions.plugins.teleop.layout import AxisRange
 from missions.plugins.teleop.layout import PadEvent as Told
 from missions.plugins.teleop.pad import Pad
@@ -144,7 +144,7 @@ def test_a_pad_that_could_drive_nothing_is_refused(
 def test_a_pad_that_was_asked_for_and_is_not_there_is_a_part_that_is_missing(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("missions.assembly.assembled.CONNECT_TIMEOUT", 0.5)
+    monkeypatch.setattr("missions.assembly.assembled_robot.CONNECT_TIMEOUT", 0.5)
     outcome = command(capsys, "run", "motions/forward", "--pad", "/dev/input/event999")
     assert outcome.code == 3
     assert "pad: /dev/input/event999: no such device" in outcome.err

@@ -14,7 +14,7 @@ from drivers.clock import ManualClock
 from drivers.errors import NotConnected
 from missions.control.pilot import ENABLE_KEY, LATCH_KEY, DriveInput, Pilot
 from missions.plugins.teleop import layout, pad
-from missions.plugins.teleop.beside import drive_by_hand
+from missions.plugins.teleop.hand_driving import drive_by_hand
 from missions.plugins.teleop.layout import AxisRange, PadEvent, parse_events, parse_range, range_request
 from missions.plugins.teleop.pad import DEAD_ZONE, SILENCE_TIMEOUT, Pad, find_pad
 from missions.plugins.testing.recorders import RecordedBase

@@ -15,8 +15,8 @@ from missions.executive.events import NodeChanged
 from missions.executive.tick_record import TickRecord
 from missions.plugins.records.commands.record import command
 from missions.plugins.records.comparison.runs import RunComparison, compare_runs
-from missions.plugins.records.recording.head import RecordHeader
-from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.recording.record_header import RecordHeader
+from missions.plugins.records.recording.run_record import open_record
 from missions.trees.drawing import TreeDrawing
 from tests.missions.records.report.test_report_joints import ARM, waves
 from tests.missions.records.report.told_record import DRAWING, WHERE, Item, items, write

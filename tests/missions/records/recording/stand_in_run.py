@@ -10,7 +10,7 @@ from threading import Event
 from drivers.api import HeadPose, Quality, Reading
 from drivers.clock import SystemClock
 from missions.executive.tick_record import TickRecord
-from missions.plugins.records.recording.head import RecordContents
+from missions.plugins.records.recording.record_header import RecordContents
 from missions.plugins.records.recording.recorder import Recorder
 from tests.missions.records.recording.small_record import FILES, HEAD
 

@@ -10,10 +10,10 @@ from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
 from missions.plugins.records.recording.container import McapContainer, McapMessage, RecordSpan
-from missions.plugins.records.recording.faults import InvalidRecordError
-from missions.plugins.records.recording.mend import RepairError, repair_record
-from missions.plugins.records.recording.read import RunRecord, open_record
-from missions.plugins.records.recording.survey import FIRST_PRIVATE_OPCODE, scan_file
+from missions.plugins.records.recording.mcap_scan import FIRST_PRIVATE_OPCODE, scan_file
+from missions.plugins.records.recording.repair import RepairError, repair_record
+from missions.plugins.records.recording.run_record import RunRecord, open_record
+from missions.plugins.records.recording.validation import InvalidRecordError
 from tests.missions.records.recording.small_record import END, items, write
 
 Damage = tuple[float, list[tuple[float, int]]]

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
+from config.file_io import collect_read_files, record_read
 from config.library import DEFAULT_ROBOT, find_file
-from config.reading import collect_read_files, record_read
 from missions.library.drivers import load_robot
-from missions.plugins.records.recording.gather import contents_of
-from missions.plugins.records.recording.head import RecordContents
+from missions.plugins.records.recording.record_contents import contents_of
+from missions.plugins.records.recording.record_header import RecordContents
 from missions.request import RunRequest
 from missions.runner import Runner
 

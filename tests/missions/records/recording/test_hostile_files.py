@@ -18,10 +18,10 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk
 from mcap.writer import CompressionType, Writer
 
-from missions.plugins.records.recording import container, read, survey
+from missions.plugins.records.recording import container, mcap_scan, run_record
 from missions.plugins.records.recording.container import RECORD_HEADER as RECORD_HEAD
 from missions.plugins.records.recording.export import to_csv
-from missions.plugins.records.recording.read import InvalidRecordError, open_record
+from missions.plugins.records.recording.run_record import InvalidRecordError, open_record
 from missions.plugins.records.recording.tagged_values import to_json
 from missions.trees.drawing import to_json as drawing_to_json
 from tests.missions.records.recording.small_record import HEAD, TREE
@@ -121,7 +121,7 @@ def test_an_index_that_names_one_chunk_many_times_is_not_believed(tmp_path: Path
 
 
 def test_false_beginnings_of_chunks_do_not_hold_it_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(survey, "MAX_SEARCHED_BYTES", 10_000_000)
+    monkeypatch.setattr(mcap_scan, "MAX_SEARCHED_BYTES", 10_000_000)
     whole = write_small(tmp_path / "whole.mcap", small_items(), close=False).read_bytes()
     false = struct.pack("<BQ", Opcode.CHUNK, 900_000) + bytes(28) + b"\x04\0\0\0zstd" + bytes(20)
     path = tmp_path / "a.mcap"
@@ -133,13 +133,13 @@ def test_false_beginnings_of_chunks_do_not_hold_it_up(tmp_path: Path, monkeypatc
         read_bytes[0] += len(found)
         return found
 
-    monkeypatch.setattr(survey, "read_body", counted)
+    monkeypatch.setattr(mcap_scan, "read_body", counted)
     assert open_record(path).end_time >= 4.0
     assert read_bytes[0] < 12_000_000
 
 
 def test_millions_of_records_that_say_nothing_take_no_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(survey, "MAX_SPANS", 1000)
+    monkeypatch.setattr(mcap_scan, "MAX_SPANS", 1000)
     whole = write_small(tmp_path / "whole.mcap", small_items(), close=False).read_bytes()
     path = tmp_path / "a.mcap"
     path.write_bytes(whole + struct.pack("<BQB", 0xFF, 1, 0) * 300_000)
@@ -155,7 +155,7 @@ def test_millions_of_records_that_say_nothing_take_no_memory(tmp_path: Path, mon
 def test_more_than_can_be_kept_in_memory_is_told_with_what_to_type(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: str
 ) -> None:
-    monkeypatch.setattr(read, most, 50)
+    monkeypatch.setattr(run_record, most, 50)
     record = open_record(write_small(tmp_path / "a.mcap", small_items()))
     with pytest.raises(InvalidRecordError, match=r"more than can be looked at in one go(.|\n)*try: mission record cut"):
         _ = record.events
@@ -163,7 +163,7 @@ def test_more_than_can_be_kept_in_memory_is_told_with_what_to_type(
 
 
 def test_files_in_it_that_fill_the_memory_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(read, "MAX_FILE_BYTES", 1_000_000)
+    monkeypatch.setattr(run_record, "MAX_FILE_BYTES", 1_000_000)
     path = write(tmp_path / "a.mcap", [about()], {f"world/{number}": bytes(600_000) for number in range(2)})
     with pytest.raises(InvalidRecordError, match="has files of more than 1 MB in it"):
         open_record(path)
@@ -173,7 +173,7 @@ def test_a_tree_of_too_many_nodes_is_not_drawn(tmp_path: Path, monkeypatch: pyte
     tree = drawing_to_json(replace(TREE, root=replace(TREE.root, children=TREE.root.children * 300)))
     path = write(tmp_path / "a.mcap", [about()], {"tree.json": json.dumps(tree).encode()})
     assert len(open_record(path).drawing().root.children) == 300
-    monkeypatch.setattr(read, "MAX_NODES", 300)
+    monkeypatch.setattr(run_record, "MAX_NODES", 300)
     with pytest.raises(InvalidRecordError, match="a tree of more than 300 nodes"):
         open_record(path).drawing()
 

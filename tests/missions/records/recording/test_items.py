@@ -73,7 +73,7 @@ def _set(value: object) -> VariableSet:
 
 
 def test_the_writer_imports_nothing_of_what_makes_a_run() -> None:
-    program = "import sys, missions.plugins.records.recording.process; print(*sys.modules)"
+    program = "import sys, missions.plugins.records.recording.writer_process; print(*sys.modules)"
     heard = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert not {"py_trees", "cv2", "click", "behaviours", "yaml"} & set(heard.stdout.split())
 

@@ -7,7 +7,7 @@ import pytest
 from drivers.api import HeadPose, Quality, Reading, Velocity
 from drivers.errors import NotConnected
 from missions.executive.tick_record import Answer, TickRecord
-from missions.plugins.records.recording.moments import TickDecoder, TickEncoder
+from missions.plugins.records.recording.tick_codec import TickDecoder, TickEncoder
 
 POSE = Reading(HeadPose(0.1, -0.2), 1.5, Quality.GOOD)
 ANSWERS: list[Answer] = [

@@ -5,10 +5,10 @@ from random import Random
 
 import pytest
 
-from missions.plugins.records.recording.outlet import RecordWriterClient, WriterEvent, WriterState
+from missions.plugins.records.recording.writer_client import RecordWriterClient, WriterEvent, WriterState
 from tests.machines import walk
 
-NAME = "missions.plugins.records.recording.outlet.TRANSITIONS"
+NAME = "missions.plugins.records.recording.writer_client.TRANSITIONS"
 
 
 def new_outlet() -> RecordWriterClient:

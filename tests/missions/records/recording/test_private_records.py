@@ -11,11 +11,11 @@ import pytest
 from drivers.clock import SystemClock
 from missions.plugins.records.recording.cut import cut_record
 from missions.plugins.records.recording.export import to_csv, to_folder, to_jsonl
-from missions.plugins.records.recording.head import RecordContents
 from missions.plugins.records.recording.items import PictureItem
-from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.recording.record_header import RecordContents
 from missions.plugins.records.recording.recorder import Recorder
-from missions.plugins.setup.drawings import AnnotatedPictures
+from missions.plugins.records.recording.run_record import open_record
+from missions.plugins.setup.annotated_pictures import AnnotatedPictures
 from tests.missions.command import command
 from tests.missions.records.recording.small_record import FILES, HEAD, items, moments, write
 from tests.missions.records.report.told_record import picture

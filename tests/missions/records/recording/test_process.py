@@ -7,10 +7,15 @@ import pytest
 
 from drivers.clock import ManualClock
 from missions.executive.events import CommandSent, NodeChanged
-from missions.plugins.records.recording.head import RecordContents
 from missions.plugins.records.recording.items import pack_items
-from missions.plugins.records.recording.process import FLUSH_INTERVAL, URGENT_FLUSH_INTERVAL, BatchReader, WriterProcess
+from missions.plugins.records.recording.record_header import RecordContents
 from missions.plugins.records.recording.writer import RecordWriter
+from missions.plugins.records.recording.writer_process import (
+    FLUSH_INTERVAL,
+    URGENT_FLUSH_INTERVAL,
+    BatchReader,
+    WriterProcess,
+)
 from tests.missions.records.recording.small_record import HEAD, Item, moments
 
 CAME = 1.25

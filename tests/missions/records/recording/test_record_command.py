@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 from missions.executive.events import Logged
 from missions.plugins.records.commands.record import command
 from missions.plugins.records.recording.info import record_lines
-from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.recording.run_record import open_record
 from tests.missions.records.recording.small_record import FILES, JPEG, TREE, items, moments, write
 
 

@@ -8,9 +8,9 @@ import pytest
 from mcap.writer import Writer
 
 from missions.executive.events import CommandSent, Ended, NodeChanged, Ticked
-from missions.plugins.records.recording.head import FORMAT_VERSION
 from missions.plugins.records.recording.info import record_lines
-from missions.plugins.records.recording.read import SERIES, InvalidRecordError, RunRecord, open_record
+from missions.plugins.records.recording.record_header import FORMAT_VERSION
+from missions.plugins.records.recording.run_record import SERIES, InvalidRecordError, RunRecord, open_record
 from perception.api import View
 from tests.missions.records.recording.small_record import (
     END,
@@ -185,6 +185,6 @@ def test_what_is_no_record_is_told_what_it_is(tmp_path: Path, make: Any, words: 
 
 
 def test_without_mcap_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "missions.plugins.records.recording.survey", None)
+    monkeypatch.setitem(sys.modules, "missions.plugins.records.recording.mcap_scan", None)
     with pytest.raises(InvalidRecordError, match=r"try: pip install 'missiontree\[records\]'"):
         open_record(tmp_path / "greet.mcap")

@@ -27,10 +27,10 @@ from drivers.api import CameraFrame, DeviceStatus, Health
 from drivers.clock import ManualClock, SystemClock
 from missions.executive.events import Event, FaultRaised, Logged, Started, VariableSet
 from missions.plugins.records.recording.budget import DEFAULT_FRAME_RATE, DEFAULT_MAX_BYTES
-from missions.plugins.records.recording.head import RecordContents
-from missions.plugins.records.recording.outlet import CannotRecordError
-from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.recording.record_header import RecordContents
 from missions.plugins.records.recording.recorder import Recorder
+from missions.plugins.records.recording.run_record import open_record
+from missions.plugins.records.recording.writer_client import CannotRecordError
 from perception.api import Gaze, View
 from tests.missions.records.recording.small_record import FILES, HEAD, face, items, moments
 from tests.missions.records.recording.stand_in_run import moment

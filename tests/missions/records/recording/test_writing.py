@@ -17,7 +17,6 @@ from mcap.reader import make_reader
 
 from drivers.api import BaseState, Health, JointState, Pose2D, Quality, RangeScan, Reading, Velocity
 from missions.executive import events
-from missions.plugins.records.recording.head import RecordContents, RecordHeader
 from missions.plugins.records.recording.info import record_lines
 from missions.plugins.records.recording.items import (
     EVENT_TOPICS,
@@ -29,10 +28,11 @@ from missions.plugins.records.recording.items import (
     pack_items,
     unpack_items,
 )
-from missions.plugins.records.recording.mend import repair_record
-from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.recording.record_header import RecordContents, RecordHeader
+from missions.plugins.records.recording.repair import repair_record
+from missions.plugins.records.recording.run_record import open_record
 from missions.plugins.records.recording.schemas import schema
-from missions.plugins.records.recording.schemas.ours import FOXGLOVE_SCHEMAS, MISSIONTREE_SCHEMAS
+from missions.plugins.records.recording.schemas.definitions import FOXGLOVE_SCHEMAS, MISSIONTREE_SCHEMAS
 from missions.plugins.records.recording.writer import TOPIC_SCHEMAS, ChunkSink, RecordWriter, WriteResult
 from perception.api import Gaze, Marker, Scene, Thing, View
 from tests.missions.records.recording.small_record import FILES, HEAD, face, items, moments, write

@@ -3,7 +3,7 @@
 import pytest
 
 from missions.executive.tick_record import TickRecord
-from missions.plugins.records.recording.read import RunRecord
+from missions.plugins.records.recording.run_record import RunRecord
 from missions.request import RunRequest
 from missions.runner import Runner
 from tests.missions.records.replay.written import record_of

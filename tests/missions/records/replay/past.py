@@ -9,14 +9,14 @@ import pytest
 from missions.executive.events import Event
 from missions.executive.stream import Listener
 from missions.executive.tick_record import TickRecord
-from missions.plugins.testing import stage
-from missions.plugins.testing.play import CaseVerdict, play
-from missions.plugins.testing.stage import IN_PROCESS_LIMITS
+from missions.plugins.testing import case_runner
+from missions.plugins.testing.case_runner import IN_PROCESS_LIMITS
+from missions.plugins.testing.case_verdict import CaseVerdict, play
 from missions.plugins.testing.suite import Case
 from missions.request import RunRequest
 from missions.runner import Runner
-from missions.trees.draw import drawing_of
 from missions.trees.drawing import TreeDrawing
+from missions.trees.drawing_builder import drawing_of
 
 
 @dataclass
@@ -69,6 +69,6 @@ def past_of_case(case: Case, patch: pytest.MonkeyPatch) -> tuple[CaseVerdict, Pa
         return runner
 
     with patch.context() as patched:
-        patched.setattr(stage, "Runner", remembering)
+        patched.setattr(case_runner, "Runner", remembering)
         verdict = play(case, limits=IN_PROCESS_LIMITS)
     return verdict, past[0]

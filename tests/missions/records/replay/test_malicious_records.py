@@ -14,8 +14,8 @@ import pytest
 
 from missions.executive.events import Ended, FaultRaised, Logged, NodeChanged, VariableSet
 from missions.executive.tick_record import TickRecord
-from missions.plugins.records.recording.head import RecordContents, RecordHeader
 from missions.plugins.records.recording.items import PictureItem, ViewItem, pack_items, unpack_items
+from missions.plugins.records.recording.record_header import RecordContents, RecordHeader
 from missions.plugins.records.recording.tagged_values import to_json as to_fields_of
 from missions.plugins.records.recording.writer import ChunkSink, RecordMessage, RecordWriter
 from missions.trees.drawing import to_json

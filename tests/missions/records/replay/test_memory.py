@@ -3,8 +3,8 @@
 import pytest
 
 from drivers.errors import DeviceFault
-from missions.plugins.records.replay.compare import NodePlace, pair_nodes
-from missions.plugins.records.replay.memory import NoRecordedAnswerError, RecordedAnswers, RecordedCommand
+from missions.plugins.records.replay.recorded_answers import NoRecordedAnswerError, RecordedAnswers, RecordedCommand
+from missions.plugins.records.replay.status_comparison import NodePlace, pair_nodes
 
 
 class Heard:

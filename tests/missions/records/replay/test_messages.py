@@ -11,14 +11,14 @@ from missions.executive.tick_record import TickRecord
 from missions.library.drivers import load_robot
 from missions.library.shipped import load_mission
 from missions.plugins.records.recording.cut import cut_record
-from missions.plugins.records.recording.read import RunRecord, open_record
 from missions.plugins.records.recording.recorder import FEEDBACK_INTERVAL
+from missions.plugins.records.recording.run_record import RunRecord, open_record
 from missions.plugins.records.replay.rerun import rerun
 from missions.plugins.records.report.page import report_page
 from missions.plugins.records.report.summary import study_record
 from missions.request import RunRequest
 from missions.runner import Runner
-from missions.trees.draw import with_states
+from missions.trees.drawing_builder import with_states
 from missions.trees.states import state_after
 from tests.missions.records.replay.written import record_of
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from missions.executive.events import Logged, Notified
-from missions.plugins.records.recording.read import RunRecord
-from missions.plugins.records.replay.play import JUMP_TIME, RecordPlayer
-from missions.plugins.records.replay.screen import PlayerScreen, event_lines, event_text
+from missions.plugins.records.recording.run_record import RunRecord
+from missions.plugins.records.replay.player_screen import PlayerScreen, event_lines, event_text
+from missions.plugins.records.replay.record_player import JUMP_TIME, RecordPlayer
 
 KEYS = [
     " ",

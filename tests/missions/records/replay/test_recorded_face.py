@@ -10,7 +10,7 @@ from drivers.api import Mood, ScreenContent
 from drivers.screen.drawing import face_image
 from drivers.screen.expression import face_expression
 from missions.cli.root import mission, run_guarded
-from missions.plugins.records.recording.read import RunRecord, open_record
+from missions.plugins.records.recording.run_record import RunRecord, open_record
 from missions.plugins.records.replay.frames import RecordedFace, annotate_frames
 
 MOODS = """

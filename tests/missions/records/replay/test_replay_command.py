@@ -15,8 +15,8 @@ from click.testing import CliRunner, Result
 
 from missions.library.shipped import shipped_missions
 from missions.plugins.records.commands import replay as commands
-from missions.plugins.records.recording.faults import InvalidRecordError
-from missions.plugins.records.recording.read import RunRecord
+from missions.plugins.records.recording.run_record import RunRecord
+from missions.plugins.records.recording.validation import InvalidRecordError
 from missions.request import RunRequest
 from tests.missions.records.replay.written import record_of
 from tests.waiting import wait_until

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import InvalidFileError
-from missions.plugins.records.recording.faults import InvalidRecordError
-from missions.plugins.records.recording.read import RunRecord
+from config.diagnostics import InvalidFileError
+from missions.plugins.records.recording.run_record import RunRecord
+from missions.plugins.records.recording.validation import InvalidRecordError
 from missions.plugins.records.replay.rerun import RerunResult, rerun
-from missions.plugins.records.replay.sources import RerunFiles
+from missions.plugins.records.replay.rerun_files import RerunFiles
 from missions.request import RunRequest
 from tests.missions.records.replay.written import record_of
 

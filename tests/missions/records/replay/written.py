@@ -4,14 +4,14 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
+from config.file_io import collect_read_files
 from config.library import DEFAULT_ROBOT, find_file
-from config.reading import collect_read_files
 from missions.executive.tick_record import TickRecord
 from missions.library.drivers import load_robot
-from missions.plugins.records.recording.gather import contents_of
-from missions.plugins.records.recording.read import RunRecord, open_record
+from missions.plugins.records.recording.record_contents import contents_of
 from missions.plugins.records.recording.recorder import Recorder
-from missions.plugins.testing.stage import IN_PROCESS_LIMITS
+from missions.plugins.records.recording.run_record import RunRecord, open_record
+from missions.plugins.testing.case_runner import IN_PROCESS_LIMITS
 from missions.request import RunRequest
 from missions.runner import Runner
 from perception.api import Frame

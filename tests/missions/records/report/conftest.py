@@ -2,7 +2,7 @@
 
 import pytest
 
-from missions.plugins.records.recording.read import RunRecord, open_record
+from missions.plugins.records.recording.run_record import RunRecord, open_record
 from missions.plugins.records.report.summary import RecordStudy, study_record
 from tests.missions.records.report.told_record import items, write
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from missions.cli.root import run_guarded
 from missions.plugins.records.commands.report import report as command
-from missions.plugins.records.recording.read import RunRecord
+from missions.plugins.records.recording.run_record import RunRecord
 from tests.missions.views.pictures.test_document import Reader
 
 
@@ -108,7 +108,7 @@ def test_plots_without_their_extra_say_what_to_install(
     report: Report, record: RunRecord, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib.axes", None)
-    monkeypatch.delitem(sys.modules, "missions.plugins.records.report.papers", raising=False)
+    monkeypatch.delitem(sys.modules, "missions.plugins.records.report.plots", raising=False)
     told = report(record.path, "--plots", tmp_path / "plots")
     assert told.exit_code == 2
     assert "pip install 'missiontree[plots]'" in told.output

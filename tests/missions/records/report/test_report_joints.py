@@ -17,12 +17,12 @@ from matplotlib.figure import Figure
 from drivers.api import JointState, Quality, Reading
 from missions.executive.tick_record import TickRecord
 from missions.plugins.records.commands.record import command
-from missions.plugins.records.recording.faults import InvalidRecordError
-from missions.plugins.records.recording.read import RunRecord, open_record
+from missions.plugins.records.recording.run_record import RunRecord, open_record
 from missions.plugins.records.recording.tagged_values import to_json
+from missions.plugins.records.recording.validation import InvalidRecordError
 from missions.plugins.records.report.joints import MAX_JOINTS, JointFigures, joint_charts, joint_figures, joint_samples
 from missions.plugins.records.report.page import report_page
-from missions.plugins.records.report.papers import draw_plots
+from missions.plugins.records.report.plots import draw_plots
 from missions.plugins.records.report.summary import study_record, summary_sentences
 from missions.trees.drawing import to_json as drawing_to_json
 from tests.cases import each

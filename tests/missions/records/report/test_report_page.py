@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from missions.plugins.records.recording.read import RunRecord, open_record
+from missions.plugins.records.recording.run_record import RunRecord, open_record
 from missions.plugins.records.report.page import report_page
 from missions.plugins.records.report.summary import RecordStudy, study_record
 from missions.request import RunRequest

@@ -5,7 +5,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missions.plugins.records.report.percepts import (
+from missions.plugins.records.report.sightings import (
     MAX_PICTURE_WIDTH,
     choose_frames,
     spread_evenly,

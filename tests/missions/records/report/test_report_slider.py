@@ -6,7 +6,7 @@ import pytest
 from mcap.reader import make_reader
 
 from missions.plugins.records.recording.cut import cut_record
-from missions.plugins.records.recording.read import RunRecord, open_record
+from missions.plugins.records.recording.run_record import RunRecord, open_record
 from missions.plugins.records.report.slider import (
     TextTable,
     failure_positions,

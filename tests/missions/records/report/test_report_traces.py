@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from missions.executive.events import NodeChanged, VariableSet
 from missions.plugins.records.recording.items import ViewItem
-from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.recording.run_record import open_record
 from missions.plugins.records.report.chart import chart_figure, percent_along, round_numbers
 from missions.plugins.records.report.slider import SliderTimes
 from missions.plugins.records.report.summary import RecordStudy, study_record

@@ -10,7 +10,7 @@ from drivers.api import HeadPose
 from missions.executive.events import Ended, FaultRaised, NodeChanged, VariableSet
 from missions.executive.tick_record import TickRecord
 from missions.plugins.records.recording.items import LossItem, PictureItem, ViewItem
-from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.recording.run_record import open_record
 from missions.plugins.records.report.slider import slider_times
 from missions.plugins.records.report.summary import (
     RecordStudy,
@@ -20,7 +20,7 @@ from missions.plugins.records.report.summary import (
     verdict,
 )
 from missions.plugins.records.report.tables import faults_table, log_table
-from missions.trees.words import percept_text, percepts_text, value_text, variable_text
+from missions.trees.value_text import percept_text, percepts_text, value_text, variable_text
 from perception.api import UNKNOWN, Marker, Scene, Thing
 from tests.cases import each
 from tests.missions.records.report.told_record import WHERE, Item, face, items, write

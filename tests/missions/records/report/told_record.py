@@ -23,8 +23,8 @@ from missions.executive.events import (
     VariableSet,
 )
 from missions.executive.tick_record import Answer, TickRecord
-from missions.plugins.records.recording.head import RecordContents, RecordHeader
 from missions.plugins.records.recording.items import LossItem, PictureItem, ViewItem, pack_items, unpack_items
+from missions.plugins.records.recording.record_header import RecordContents, RecordHeader
 from missions.plugins.records.recording.writer import ChunkSink, RecordWriter
 from missions.trees.drawing import Badge, TreeBox, TreeDrawing, to_json
 from perception.api import Box as Place

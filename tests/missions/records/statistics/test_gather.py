@@ -11,15 +11,15 @@ from drivers.api import HeadPose, Health, Velocity
 from drivers.errors import NoReply
 from missions.executive.tick_record import Answer, TickRecord
 from missions.plugins.records.recording.items import HealthItem, ViewItem
-from missions.plugins.records.recording.read import open_record
-from missions.plugins.records.statistics.figures import Stats, TimeQuantiles, WireFigures, merge_stats, time_quantiles
-from missions.plugins.records.statistics.gather import (
+from missions.plugins.records.recording.run_record import open_record
+from missions.plugins.records.statistics.computation import (
     PICTURE_SEARCH,
     PICTURE_TO_PERCEPTS,
     TICK_LATE,
     TICK_WORK,
     compute_stats,
 )
+from missions.plugins.records.statistics.figures import Stats, TimeQuantiles, WireFigures, merge_stats, time_quantiles
 from perception.api import View
 from tests.benchmarks.recording import run
 from tests.missions.records.recording.small_record import HEAD, Item, face, items, write

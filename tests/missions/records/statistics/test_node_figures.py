@@ -14,7 +14,7 @@ from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf, argument
 from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import RunState
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from drivers.clock import ManualClock
 from missions.executive.build import build
 from missions.executive.events import Event, NodeChanged
@@ -28,7 +28,7 @@ from missions.plugins.records.statistics.figures import NodeFigures
 from missions.plugins.records.statistics.nodes import node_figures
 from missions.request import RunRequest
 from missions.runner import Runner
-from missions.trees.draw import drawing_of
+from missions.trees.drawing_builder import drawing_of
 from tests.missions.records.replay.past import past_of
 
 TICKS = 12

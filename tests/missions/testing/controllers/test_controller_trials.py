@@ -9,15 +9,15 @@ from typing import Any
 
 import pytest
 
-from behaviours.tracking import foresight, lag
+from behaviours.tracking import lag_estimator, motion_prediction
 from behaviours.tracking.follow import HEAD_LAG
 from behaviours.tracking.fuzzy import RuleBases
-from behaviours.tracking.lag import LagEstimator, ramp
+from behaviours.tracking.lag_estimator import LagEstimator, ramp
 from behaviours.tracking.track import TrackFace
 from drivers.api import HeadPose
 from drivers.head.twin import ServoHeadTwin
-from missions.library.things import find_controller
-from missions.plugins.testing.controllers import trial
+from missions.library.lookups import find_controller
+from missions.plugins.testing.controllers import tracking_trial as trial
 from missions.plugins.testing.controllers.bench import (
     DEFAULT_CONTROLLERS,
     MAX_DELAY_ERROR,
@@ -30,7 +30,7 @@ from missions.plugins.testing.controllers.bench import (
     table_lines,
     time_optimal_bound,
 )
-from missions.plugins.testing.controllers.trial import (
+from missions.plugins.testing.controllers.tracking_trial import (
     BASE_LIMITS,
     DELAY_SCENARIOS,
     HEAD_LIMITS,
@@ -252,7 +252,7 @@ def test_nothing_swings_where_a_robot_is_not_what_its_file_says(
         monkeypatch.setattr(
             trial, "BASE_LIMITS", replace(BASE_LIMITS, angular_acceleration=BASE_LIMITS.angular_acceleration / 2)
         )
-        for module in (lag, foresight):
+        for module in (lag_estimator, motion_prediction):
             monkeypatch.setattr(module, "ramped", lambda rate, told, most: ramp(rate, told, 2 * most))
     step, walk = (Scenario(path.__name__, path, learning_time=LEARNING_TIME) for path in (standing_path, walking_path))
     sways = Scenario("sways", swinging_path(2.0), learning_time=LEARNING_TIME, seconds=9.0, settled_from=3.0)

@@ -3,9 +3,9 @@
 import pytest
 
 from config.controller import parse_controller
-from config.faults import InvalidFileError, SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from config.library import shipped_files
-from config.marked import read_source
+from config.yaml_nodes import read_source
 from missions.plugins.testing.controllers.bench import Score
 from missions.plugins.testing.controllers.tuning import (
     INVALID_COST,

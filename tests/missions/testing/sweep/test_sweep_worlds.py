@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from config.faults import SourceText
+from config.diagnostics import SourceText
 from config.library import shipped_files
-from config.marked import read_source
-from config.things import PersonConfig
 from config.world import WorldConfig, parse_world
-from missions.plugins.testing.sweep.knobs import find_parameter, parameter_names
+from config.world_items import PersonConfig
+from config.yaml_nodes import read_source
+from missions.plugins.testing.sweep.parameters import find_parameter, parameter_names
 from missions.plugins.testing.sweep.variation import DrawnValue, ValueList, Variation
 from missions.plugins.testing.sweep.worlds import plain_world, vary_world
 

@@ -4,14 +4,14 @@ from collections.abc import Iterable, Mapping
 
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
-from config.faults import SourceText
+from config.diagnostics import SourceText
 from drivers.clock import ManualClock
 from missions.language.document import check_plan
 from missions.language.plan import Plan
+from missions.library.lookups import LOOKUPS
 from missions.library.shipped import find_mission
-from missions.library.things import LOOKUPS
 from missions.plugins.verify.explore import VerificationReport
-from missions.plugins.verify.judge import MAX_STATES, verify
+from missions.plugins.verify.verdicts import MAX_STATES, verify
 
 
 def plan_of(tree: str, *properties: str, leaves: Iterable[type[Leaf]] = (), params: str = "{}") -> Plan:

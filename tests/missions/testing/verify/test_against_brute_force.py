@@ -15,8 +15,8 @@ from drivers.clock import ManualClock
 from missions.executive.build import build
 from missions.language.plan import Plan, Step
 from missions.plugins.verify.explore import GOING, StateSpace
-from missions.plugins.verify.judge import MAX_STATES
 from missions.plugins.verify.model import MissionModel
+from missions.plugins.verify.verdicts import MAX_STATES
 from tests.missions.testing.verify.exploring import plan_of
 
 TICKS = 3

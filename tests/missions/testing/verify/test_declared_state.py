@@ -4,8 +4,8 @@ import pytest
 
 from behaviours.node import Node
 from missions.executive.build import NODES
-from missions.plugins.verify.mocks import SetStandIn, StandIn, WaitStandIn
 from missions.plugins.verify.snapshot import declared_state
+from missions.plugins.verify.stand_ins import SetStandIn, StandIn, WaitStandIn
 from tests.missions.testing.verify.sources import state_in_source
 
 CLASSES: list[type[Node]] = [*dict.fromkeys(NODES.values()), StandIn, SetStandIn, WaitStandIn]

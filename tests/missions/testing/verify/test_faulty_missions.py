@@ -12,7 +12,7 @@ from drivers.clock import ManualClock
 from missions.library.shipped import load_mission, shipped_missions
 from missions.library.vocabulary import load_leaves
 from missions.plugins.verify.explore import PROVED, REFUTED, VerificationReport
-from missions.plugins.verify.judge import verify
+from missions.plugins.verify.verdicts import verify
 
 FOLDER = Path(__file__).parent / "faulty"
 

@@ -14,10 +14,10 @@ from missions.language.plan import Plan, Step
 from missions.library.shipped import load_mission
 from missions.plugins.verify.choices import Oracle
 from missions.plugins.verify.explore import PROVED, REFUTED, StateSpace
-from missions.plugins.verify.judge import MAX_STATES, RuleChecker, verify
-from missions.plugins.verify.live import live_while_running, names_read
+from missions.plugins.verify.live_variables import live_while_running, names_read
 from missions.plugins.verify.model import MissionModel, abstract_step
-from missions.plugins.verify.watch import RuleMonitor
+from missions.plugins.verify.rule_monitor import RuleMonitor
+from missions.plugins.verify.verdicts import MAX_STATES, RuleChecker, verify
 from tests.missions.testing.verify.exploring import explored, outcome, outcomes, plan_of
 
 

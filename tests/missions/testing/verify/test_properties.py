@@ -2,8 +2,8 @@
 
 import pytest
 
-from config.faults import InvalidFileError
-from missions.language.body import PROPERTIES, PROPERTY_FORMS
+from config.diagnostics import InvalidFileError
+from missions.language.mission_body import PROPERTIES, PROPERTY_FORMS
 from missions.language.plan import MissionProperty
 from tests.missions.testing.verify.exploring import plan_of
 

@@ -6,7 +6,7 @@ from py_trees.common import Status
 from behaviours.leaf import RUNNING, Leaf
 from drivers.clock import ManualClock
 from missions.plugins.verify.explore import PROVED, REFUTED, UNDECIDED
-from missions.plugins.verify.judge import verify
+from missions.plugins.verify.verdicts import verify
 from tests.missions.testing.verify.exploring import explored, outcome, outcomes, plan_of
 
 CAN_END = "it can end from every state"

@@ -7,7 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from missions.plugins.verify.choices import Oracle
-from missions.plugins.verify.instants import (
+from missions.plugins.verify.symbolic_time import (
     INITIAL_ZONE,
     UNBOUNDED,
     ZERO_BOUND,

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from missions.cli.live import RunDisplay
 from missions.plugins.view import terminal, viewer
-from missions.plugins.view.viewing import LiveView
+from missions.plugins.view.live_view import LiveView
 from missions.request import RunRequest
 from missions.runner import Runner
 

@@ -8,15 +8,15 @@ from behaviours.catalogue import LEAVES
 from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import RunState
-from config.faults import SourceText
+from config.diagnostics import SourceText
 from drivers.clock import ManualClock
 from missions.executive.build import build
 from missions.language.document import check_plan
 from missions.language.plan import Plan
+from missions.library.lookups import LOOKUPS
 from missions.library.shipped import find_mission
-from missions.library.things import LOOKUPS
-from missions.trees.draw import one_line
 from missions.trees.drawing import SIGNS, Badge, Status, TreeBox, TreeDrawing
+from missions.trees.drawing_builder import one_line
 
 HOSTILE = """"';</script><img src=x onerror=alert(1)> \\n \\ | # `[{(&amp;%%"""
 """What a name, an argument or a reason may hold, and a picture must not take for anything but text."""

@@ -9,8 +9,8 @@ from rich.cells import cell_len
 from missions.library.shipped import load_mission
 from missions.plugins.pictures.compare import Change, TreeComparison, compare, side_by_side
 from missions.plugins.pictures.forms import comparison_to_json
-from missions.trees.draw import drawing_of, fold_missions
 from missions.trees.drawing import TreeDrawing
+from missions.trees.drawing_builder import drawing_of, fold_missions
 from tests.missions.views.pictures.drawn import DRAWINGS, plan_of
 
 BEFORE = """

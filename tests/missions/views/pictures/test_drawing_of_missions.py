@@ -6,7 +6,8 @@ from behaviours.catalogue import LEAVES
 from drivers.clock import ManualClock
 from missions.language.nodes import BRANCHES, MISSION
 from missions.library.shipped import load_mission, shipped_missions
-from missions.trees.draw import (
+from missions.trees.drawing import NodeState, TreeBox, TreeDrawing
+from missions.trees.drawing_builder import (
     ACTION_SYMBOL,
     CONDITION_SYMBOL,
     drawing_of,
@@ -15,7 +16,6 @@ from missions.trees.draw import (
     one_line,
     with_states,
 )
-from missions.trees.drawing import NodeState, TreeBox, TreeDrawing
 from tests.cases import each
 from tests.missions.views.pictures.drawn import downwards, keys_and_lines, plan_of, ready
 

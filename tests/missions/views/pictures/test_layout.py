@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from missions.library.shipped import load_mission, shipped_missions
 from missions.plugins.pictures.compare import compare
 from missions.plugins.pictures.layout import PAGE_WIDTH, MissionPanel, PlacedCard, TreeLayout, lay_out, lay_out_pair
-from missions.trees.draw import drawing_of
 from missions.trees.drawing import TreeBox, TreeDrawing
+from missions.trees.drawing_builder import drawing_of
 from tests.missions.views.pictures.drawn import DRAWINGS
 
 

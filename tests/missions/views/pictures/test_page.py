@@ -11,8 +11,8 @@ from missions.library.shipped import load_mission
 from missions.plugins.pictures.compare import compare
 from missions.plugins.pictures.page.pair import page, pair_page
 from missions.plugins.pictures.svg import STYLE, svg
-from missions.trees.draw import drawing_of, with_states
 from missions.trees.drawing import SIGNS, Badge, NodeState, TreeBox, TreeDrawing
+from missions.trees.drawing_builder import drawing_of, with_states
 from tests.browser import Browser, Tab, chromium
 from tests.cases import each
 from tests.missions.views.pictures.drawn import HOSTILE, plan_of

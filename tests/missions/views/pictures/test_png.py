@@ -10,7 +10,7 @@ from missions.library.shipped import load_mission
 from missions.plugins.pictures.layout import lay_out
 from missions.plugins.pictures.png import MAX_PIXELS, png
 from missions.plugins.pictures.svg import HEADER, MARGIN, svg
-from missions.trees.draw import drawing_of
+from missions.trees.drawing_builder import drawing_of
 from perception.api import Image
 
 

@@ -10,11 +10,11 @@ from missions.cli.show import FORM_OF_SUFFIX, TREE_FORMS
 from missions.executive.events import NodeChanged
 from missions.library.shipped import load_mission
 from missions.plugins.pictures.forms import PAIR_FORMS
-from missions.plugins.records.recording.head import RecordContents, RecordHeader
 from missions.plugins.records.recording.items import pack_items, unpack_items
+from missions.plugins.records.recording.record_header import RecordContents, RecordHeader
 from missions.plugins.records.recording.writer import ChunkSink, RecordWriter
-from missions.trees.draw import drawing_of
 from missions.trees.drawing import to_json
+from missions.trees.drawing_builder import drawing_of
 from tests.cases import each
 from tests.missions.command import Outcome, command
 

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from missions.library.shipped import load_mission
 from missions.plugins.pictures.compare import CHANGES, compare
 from missions.plugins.pictures.svg import svg, svg_pair
-from missions.trees.draw import drawing_of, fold_missions, with_states
 from missions.trees.drawing import SIGNS, NodeState, Status, TreeBox, TreeDrawing
+from missions.trees.drawing_builder import drawing_of, fold_missions, with_states
 from tests.missions.views.pictures.drawn import DRAWINGS, HOSTILE, plan_of
 
 NAME = "{http://www.w3.org/2000/svg}"

@@ -12,8 +12,8 @@ from py_trees import display
 
 from drivers.clock import ManualClock
 from missions.library.shipped import load_mission, shipped_missions
-from missions.trees.draw import drawing_of, fold_missions, with_states
 from missions.trees.drawing import ASCII_SIGNS, SIGNS, NodeState, TreeDrawing, outline
+from missions.trees.drawing_builder import drawing_of, fold_missions, with_states
 from missions.trees.text import dot, mermaid, text_tree
 from tests.cases import each
 from tests.missions.views.pictures.drawn import DRAWINGS, HOSTILE, downwards, plan_of, ready

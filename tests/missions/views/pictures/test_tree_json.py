@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 
 from missions.library.shipped import load_mission, shipped_missions
-from missions.trees.draw import drawing_of
 from missions.trees.drawing import FORMAT, TreeDrawing, from_json, schema, to_json
+from missions.trees.drawing_builder import drawing_of
 from tests.cases import each
 from tests.missions.command import command
 from tests.missions.views.pictures.drawn import DRAWINGS, plan_of

@@ -2,7 +2,7 @@
 
 import json
 
-from missions.plugins.records.recording.schemas.ours import FOXGLOVE_SCHEMAS, MISSIONTREE_SCHEMAS
+from missions.plugins.records.recording.schemas.definitions import FOXGLOVE_SCHEMAS, MISSIONTREE_SCHEMAS
 
 
 def schema(name: str) -> bytes:

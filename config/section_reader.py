@@ -1,0 +1,274 @@
+"""Reading a section of a file by the keys that a class declares: values, defaults, and mistakes at their places."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeVar
+
+from config.diagnostics import InvalidFileError, Mark, SourceText, suggest_from
+from config.fields import Fields, fields_of, value_of
+from config.units import quoted_value
+from config.yaml_nodes import Listing, Node, Scalar
+from config.yaml_nodes import Mapping as MarkedMapping
+from drivers.api.keys import PERCENT, Form, Key, KeyDiagnostic, declared_keys
+
+K = TypeVar("K")
+
+KeyPath = tuple[str | int, ...]
+"""Where something stands in a section: words, and places in lists."""
+
+
+def read_keys(fields: Fields, cls: type[K]) -> K:
+    """Read a section whose keys ``cls`` declares, and note every mistake; harmless values stand where one is.
+
+    What ``cls`` finds beyond each key (its ``mistakes``) is noted where the keys that it is about are right.
+    """
+    found = _read(fields, cls)
+    fields.report_unknown_keys(getattr(cls, "unknown", ""))
+    add_mistakes(fields, getattr(found, "mistakes", tuple)())
+    return found
+
+
+def read_value(key: Key, text: str) -> Any:
+    """Read one value of a key as somebody types it. Raises ValueError, in words."""
+    try:
+        fields = fields_of(SourceText("what was typed", f"{key.word}: {text}\n"), subject="it")
+        node = fields.node_of(key.word)
+        found = None if node is None else _value(fields, key, key.word, node, (key.word,))
+    except InvalidFileError as error:
+        raise ValueError(error.diagnostics[0].message) from None
+    if fields.diagnostics:
+        told = fields.diagnostics[0]
+        raise ValueError(told.message + (f"; {told.suggestion}" if told.suggestion else ""))
+    return found
+
+
+def add_mistakes(fields: Fields, mistakes: Iterable[KeyDiagnostic]) -> None:
+    """Note what was found in a section beyond its single keys, each where it stands in the file."""
+    for each in mistakes:
+        about = each.about or ((),)
+        if any(
+            path[: len(part)] == part or part[: len(path)] == path for part in about for path in fields.wrong_places
+        ):
+            continue  # what is wrong by itself was told
+        place = _mark_at(fields.node, each.at, named=each.marks_key)
+        if place is None and each.fallback_at:
+            place = _mark_at(fields.node, each.fallback_at, named=False)
+        hint = each.hint or (suggest_from(each.unknown_word, each.known_words) if each.known_words else "")
+        fields.add_error(place or nearest_mark(fields.node, each.at), each.message, hint)
+
+
+def _read(fields: Fields, cls: type[K]) -> K:
+    """Read the keys, and keep in ``fields.wrong`` where those are that are wrong by themselves."""
+    values: dict[str, Any] = {}
+    for each in declared_keys(cls):
+        if each.form == "rest":
+            values[each.field] = _read_rest(fields, each, {other.word for other in declared_keys(cls)})
+            continue
+        node = fields.node_of(each.word, required=each.required, hint=each.help)
+        if node is not None:
+            values[each.field] = _value(fields, each, each.word, node, (each.word,))
+            continue
+        values[each.field] = _placeholder(fields, each) if each.required else each.default
+        fields.wrong_places += [(each.word,)] if each.required else []
+    return cls(**values)
+
+
+def _value(fields: Fields, key: Key, word: str, node: Node, at: KeyPath) -> Any:
+    """Read what a key takes from a node ``at`` a path in the section; ``word`` is what messages call it."""
+    faults, wrong = len(fields.diagnostics), len(fields.wrong_places)
+    found = (
+        _read_form(fields, key, word, node, at) if _has_form(key, node) else _add_form_error(fields, key, word, node)
+    )
+    if len(fields.diagnostics) > faults and len(fields.wrong_places) == wrong:
+        fields.wrong_places.append(at)
+    return found
+
+
+def _read_form(fields: Fields, key: Key, word: str, node: Node, at: KeyPath) -> Any:
+    """Read a value that has the form of the key."""
+    match key.form:
+        case "text":
+            return node.text if isinstance(node, Scalar) else ""
+        case "choice":
+            return _read_choice(fields, key, word, node)
+        case "number" | "integer":
+            kind = int if key.form == "integer" else float
+            low, high = (None if bound is None else kind(bound) for bound in (key.low, key.high))
+            return fields.clamp(word, node.mark, kind(str(value_of(node))), low, high)
+        case "quantity":
+            return _read_quantity(fields, key, word, node)
+        case "section":
+            return _read_section(fields, key, key.each or f"'{word}'", node, at)
+        case "either":
+            return _value(fields, next(each for each in key.options if _may_have_form(each, node)), word, node, at)
+    return _read_collection(fields, key, word, node, at)
+
+
+def _read_collection(fields: Fields, key: Key, word: str, node: Node, at: KeyPath) -> Any:
+    """Read a list, values under names, or several quantities; else the plain value."""
+    items = node.items if isinstance(node, Listing) else []
+    match key.form:
+        case "span" | "vector":
+            before = len(fields.diagnostics)
+            found: Any = tuple(_read_quantity(fields, key, word, each) for each in items)
+            if key.form == "span" and found[0] >= found[1] and len(fields.diagnostics) == before:
+                fields.add_error(node.mark, f"'{word}': the first value must be below the second")
+            return found
+        case "list":
+            return tuple(_read_item(fields, key, word, each, (*at, place)) for place, each in enumerate(items))
+        case "named":
+            entries = node.entries if isinstance(node, MarkedMapping) else []
+            return {name.text: _read_item(fields, key, name.text, each, (*at, name.text)) for name, each in entries}
+    return value_of(node)
+
+
+def _read_item(fields: Fields, key: Key, word: str, node: Node, at: KeyPath) -> Any:
+    """Read what stands in a list, or under a name."""
+    inner = key.inner or key
+    if inner.form != "section":
+        return _value(fields, inner, word, node, at)
+    named = f"{inner.each or key.word} '{word}'" if key.form == "named" else inner.each
+    return _read_section(fields, inner, named, node, at)
+
+
+def _read_section(fields: Fields, key: Key, what: str, node: Node, at: KeyPath) -> Any:
+    """Read a section below another, which messages call ``what``."""
+    faults = len(fields.diagnostics)
+    section = Fields(fields.source, node, fields.diagnostics, subject=what, torn=fields.torn)
+    found: Any = read_keys(section, key.of or object)
+    fields.wrong_places += [(*at, *path) for path in section.wrong_places]
+    if len(fields.diagnostics) > faults and not section.wrong_places:
+        fields.wrong_places.append(at)
+    return found
+
+
+def _has_form(key: Key, node: Node) -> bool:
+    """Say whether a node has the form that a key needs; of a section, and of a quantity, that is told elsewhere."""
+    value = value_of(node)
+    match key.form:
+        case "text":
+            return isinstance(node, Scalar) and _is_text(node, blank=key.blank)
+        case "choice" if key.wrong:
+            return isinstance(node, Scalar) and node.text in key.among
+        case "flag":
+            return isinstance(value, bool)
+        case "number" | "integer":
+            real = isinstance(value, int | float if key.form == "number" else int)
+            return real and not isinstance(value, bool)
+        case "span" | "vector":
+            return isinstance(node, Listing) and len(node.items) in key.sizes
+        case "list":
+            return isinstance(node, Listing)
+        case "named":
+            return isinstance(node, MarkedMapping)
+        case "either":
+            return any(_may_have_form(each, node) for each in key.options)
+        case "section" if key.wrong:
+            return isinstance(node, MarkedMapping)
+    return True
+
+
+def _is_text(node: Scalar, *, blank: bool) -> bool:
+    """Say whether a word is a text; where it may be ``blank``, all but nothing is."""
+    return node.value is not None or bool(node.text) if blank else node.value is not None and bool(node.text.strip())
+
+
+def _may_have_form(key: Key, node: Node) -> bool:
+    """Say whether a node may be meant for one of several forms: it is a word, a list or a mapping, as that is."""
+    kind = {"list": Listing, "vector": Listing, "span": Listing, "named": MarkedMapping, "section": MarkedMapping}
+    return isinstance(node, kind.get(key.form, Scalar))
+
+
+FORM_TEXTS: Mapping[Form, str] = {
+    "text": "a text",
+    "choice": "a word",
+    "flag": "true or false",
+    "number": "a plain number",
+    "integer": "a whole number",
+    "quantity": "a quantity",
+    "span": "two values: [low, high]",
+    "vector": "a list",
+    "list": "a list",
+    "named": "a mapping of names to values",
+    "section": "a mapping of keys to values",
+}
+"""What a key of each form needs, in the messages about values of another form."""
+
+
+def _add_form_error(fields: Fields, key: Key, word: str, node: Node) -> Any:
+    """Note a value that has not the form of its key."""
+    mark, needs = node.mark, FORM_TEXTS.get(key.form, "")
+    if key.form == "vector" and isinstance(node, Listing) and node.items:
+        mark, needs = (mark if key.wrong else node.items[0].mark), "three lengths: [x, y, z]"
+    if key.form == "either":
+        needs = ", or ".join(FORM_TEXTS[each.form] for each in key.options)
+    message = key.wrong.replace("{}", word) or f"'{word}' needs {needs}"
+    fields.add_error(mark, message, key.hint.replace("{}", word), sure=key.form in ("flag", "number", "integer"))
+    return _placeholder(fields, key)
+
+
+def _placeholder(fields: Fields, key: Key) -> Any:
+    """Return what stands for a value that is wrong, or that lacks."""
+    zeros = (0.0,) * next(iter(key.sizes), 0)
+    if key.form == "section":
+        empty = Fields(fields.source, MarkedMapping(Mark()), [], subject="")
+        return _read(empty, key.of or object)
+    if key.form == "either":
+        return _placeholder(fields, key.options[0])
+    plain: Mapping[Form, Any] = {"text": "", "flag": False, "integer": 0, "list": (), "named": {}}
+    return key.among[0] if key.form == "choice" else zeros or plain.get(key.form, 0.0)
+
+
+def _read_choice(fields: Fields, key: Key, word: str, node: Node) -> str:
+    """Read one of some words."""
+    text = node.text if isinstance(node, Scalar) else ""
+    if text not in key.among:
+        hint = "; ".join(filter(None, (suggest_from(text, key.among), key.hint)))
+        fields.add_error(node.mark, f"'{word}' cannot be {quoted_value(value_of(node))}", hint, sure=True)
+        return key.among[0]
+    return text
+
+
+def _read_quantity(fields: Fields, key: Key, word: str, node: Node) -> float | str:
+    """Read a quantity, or the word that may stand for one."""
+    if isinstance(node, Scalar) and node.text in key.among:
+        return node.text
+    if key.dimension != PERCENT:
+        return fields.measure(node, word, key.dimension, low=key.low, high=key.high)
+    low, high = (None if bound is None else bound / 100 for bound in (key.low, key.high))
+    return round(100 * fields.measure(node, word, "share", low=low, high=high), 6)
+
+
+def _read_rest(fields: Fields, key: Key, words: set[str]) -> dict[str, float]:
+    """Read what stands beside the other keys; values in a form of their own are for whoever knows that."""
+    others = [(name, node) for name, node in fields.entries() if name.text not in words]
+    if not key.dimension:
+        return {}
+    found = {}
+    for name, node in others:
+        before = len(fields.diagnostics)
+        found[name.text] = fields.measure(node, name.text, key.dimension)
+        if len(fields.diagnostics) > before:
+            fields.wrong_places.append((name.text,))
+    return found
+
+
+def _mark_at(node: Node, at: KeyPath, *, named: bool) -> Mark | None:
+    """Return where a path leads to in a section, to the value or to its name; None where the file has no such thing."""
+    for place, step in enumerate(at):
+        if isinstance(node, MarkedMapping):
+            entry = next((entry for entry in node.entries if entry[0].text == step), None)
+            if entry is None:
+                return None
+            if named and place == len(at) - 1:
+                return entry[0].mark
+            node = entry[1]
+        elif isinstance(node, Listing) and isinstance(step, int) and step < len(node.items):
+            node = node.items[step]
+        else:
+            return None
+    return node.mark
+
+
+def nearest_mark(node: Node, at: KeyPath) -> Mark:
+    """Return where a path leads to in a section; where the file has no such thing, the mark of what is around it."""
+    return next(mark for end in range(len(at), -1, -1) if (mark := _mark_at(node, at[:end], named=False)) is not None)

@@ -1,0 +1,128 @@
+"""Changing one value in a file that people write: all else in it, comments and layout too, stays as it is."""
+
+import re
+from collections.abc import Mapping as PyMapping
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from config.diagnostics import InvalidFileError, Mark, SourceText
+from config.file_io import save_file
+from config.library import HERE
+from config.yaml_nodes import Listing, Mapping, Node, Scalar, compose
+
+_BOM = b"\xef\xbb\xbf"
+_FLOW = re.compile(r"\[[^\[\]{}\"'#]*\]")
+"""A list of plain values on one line, such as [-90 deg, 90 deg]."""
+
+
+class NotEditableError(ValueError):
+    """A file that is not to be changed, or in which the place is not found; the message says what to do instead."""
+
+
+def with_value(source: SourceText, keys: Sequence[str], value: str) -> str:
+    """Return the text of a YAML file in which ``value`` stands at ``keys``: changed where it is, else added.
+
+    Raises NotEditableError where one of the mappings on the way is not there, or is written elsewhere (an alias),
+    InvalidFileError for what is no YAML.
+    """
+    node: Node = compose(source)
+    for key in keys[:-1]:
+        found = node.get(key) if isinstance(node, Mapping) else None
+        if not isinstance(found, Mapping):
+            raise NotEditableError(f"{source.name}: there is no '{key}' to write into")
+        node = found
+    if not isinstance(node, Mapping):
+        raise NotEditableError(f"{source.name}: it is no mapping")
+    old = node.get(keys[-1])
+    if isinstance(old, Scalar):
+        return _replace_at(source.text, old.mark, value, length=old.mark.length)
+    if isinstance(old, Listing) and (list_ := _FLOW.match(source.line(old.mark.line), old.mark.column - 1)):
+        return _replace_at(source.text, old.mark, value, length=len(list_[0]))
+    if old is not None:
+        raise NotEditableError(f"{source.name}: '{keys[-1]}' is neither one value nor a list on one line")
+    return _add(source.text, node, f"{keys[-1]}: {value}")
+
+
+def without_key(source: SourceText, key: str) -> str:
+    """Return the text of a YAML file without a top-level ``key`` and its value; unchanged if it has none.
+
+    Raises NotEditableError for a value that shares its line, or has several; InvalidFileError for what is no YAML.
+    """
+    node = compose(source)
+    found = [(name, value) for name, value in node.entries if name.text == key] if isinstance(node, Mapping) else []
+    lines = source.text.splitlines(keepends=True)
+    for name, value in found:
+        line = source.line(name.mark.line)
+        alone = name.mark.column == 1 and line.startswith((key, f'"{key}"', f"'{key}'"))
+        if not (alone and isinstance(value, Scalar) and value.mark.line == name.mark.line and "\n" not in value.text):
+            raise NotEditableError(f"{source.name}: '{key}' is written in a way that cannot be removed: do it yourself")
+        lines[name.mark.line - 1] = ""
+    return "".join(lines)
+
+
+def with_values(source: SourceText, values: PyMapping[tuple[str, ...], str]) -> str:
+    """Return the text in which each of ``values`` stands at its keys, and all else means what it meant.
+
+    Raises NotEditableError and InvalidFileError as ``with_value``, and where an anchor stands for more than one value.
+    """
+    wanted, text = _plain_value(compose(source)), source.text
+    for keys, value in values.items():
+        text = with_value(SourceText(source.name, text), keys, value)
+        place = wanted
+        for key in keys[:-1]:
+            place = place[key]
+        place[keys[-1]] = _plain_value(compose(SourceText(source.name, value)))
+    try:
+        right = _plain_value(compose(SourceText(source.name, text))) == wanted
+    except InvalidFileError:  # the anchor was lost
+        right = False
+    if not right:
+        what = "; ".join(": ".join((*keys, value)) for keys, value in values.items())
+        raise NotEditableError(f"{source.name}: it is written in a way that cannot be changed here; write {what}")
+    return text
+
+
+def _plain_value(node: Node) -> Any:
+    """Return what a node means, wherever it stands."""
+    if isinstance(node, Mapping):
+        return {name.text: _plain_value(value) for name, value in node.entries}
+    return [_plain_value(each) for each in node.items] if isinstance(node, Listing) else node.value
+
+
+def _replace_at(text: str, mark: Mark, new: str, *, length: int = 0) -> str:
+    """Put ``new`` in the place of the ``length`` characters at ``mark``."""
+    lines = text.splitlines(keepends=True)
+    line, at = lines[mark.line - 1], mark.column - 1
+    lines[mark.line - 1] = line[:at] + new + line[at + length :]
+    return "".join(lines)
+
+
+def _add(text: str, mapping: Mapping, entry: str) -> str:
+    """Add an entry in front of the others: behind the brace of ``{...}``, else on a line of its own."""
+    line = text.splitlines()[mapping.mark.line - 1]
+    if line[mapping.mark.column - 1 :].startswith("{"):
+        behind = Mark(mapping.mark.line, mapping.mark.column + 1)
+        return _replace_at(text, behind, entry + (", " if mapping.entries else ""))
+    indent = line[: mapping.mark.column - 1]
+    newline = "\r\n" if "\r\n" in text else "\n"
+    return _replace_at(text, mapping.mark, entry + newline + indent)
+
+
+def require_own(path: Path, command: str) -> None:
+    """Raise NotEditableError for a file that ships with MissionTree: an update would take the change away again.
+
+    ``command`` is what to type with a copy of it, in which ``FILE`` stands for the copy.
+    """
+    if path.resolve().is_relative_to(HERE.resolve()):
+        copy = f"my_{path.name}"
+        raise NotEditableError(
+            f"{path.stem} ships with MissionTree and is not written; copy it:\n"
+            f"  cp {path} {copy}\n  {command.replace('FILE', copy)}"
+        )
+
+
+def rewrite(path: Path, text: str) -> None:
+    """Replace the text of a file, as ``save_file``, with the rights and the byte order mark it had. Raises OSError."""
+    mark = _BOM if path.read_bytes().startswith(_BOM) else b""
+    save_file(path, mark + text.encode())

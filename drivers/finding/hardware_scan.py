@@ -1,0 +1,183 @@
+"""All that is plugged in, in one look; and what changed between two looks."""
+
+import fcntl
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from drivers.api.driver import Driver
+from drivers.clock import Clock
+from drivers.finding.machine import HostMachine
+from drivers.finding.port_probe import EXTRA_TIMEOUT, PortScan, probe_port
+from drivers.finding.serial_ports import (
+    DeviceProblem,
+    SerialPortInfo,
+    UsbDevice,
+    find_portless_adapters,
+    find_serial_ports,
+    find_usb_device,
+)
+from drivers.finding.video import CSI_HINT, CSI_SOURCE, Ioctl, list_devices
+from drivers.transport.programs import Program, end_command
+
+# Cameras, microphones, loudspeakers and game pads that are plugged in.
+
+_CARD = re.compile(r"^\s*(\d+) \[(\S+)\s*\]: .* - (.+)$", re.MULTILINE)
+_STREAM = re.compile(r"^(\d+)-\d+: [^:]*:[^:]*: ?(.*)$", re.MULTILINE)
+_JOYSTICK = re.compile(r"\bjs\d+\b")
+_EVENT = re.compile(r"\bevent\d+\b")
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectedCamera:
+    """A camera: its device, its name, its pictures' sizes, who has it open, and what is wrong with it.
+
+    ``source`` is what a robot file calls it: a CSI camera is read by TCP, from ``rpicam-vid``.
+    """
+
+    path: str
+    name: str
+    sizes: tuple[tuple[int, int], ...] = ()
+    usb: UsbDevice | None = None
+    holders: tuple[Program, ...] = ()
+    trouble: DeviceProblem | None = None
+    source: int | str = 0
+
+
+@dataclass(frozen=True, slots=True)
+class SoundCard:
+    """A sound card: its number, its name, and whether it can hear and be heard."""
+
+    number: int
+    name: str
+    hears: bool
+    speaks: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectedGamePad:
+    """A game pad: its device, its name, and what is wrong with it."""
+
+    path: str
+    name: str
+    trouble: DeviceProblem | None = None
+
+
+def find_cameras(machine: HostMachine, ioctl: Ioctl = fcntl.ioctl) -> list[ConnectedCamera]:
+    """Return the cameras that are plugged in, each once; no picture is taken."""
+    holders = machine.device_holders()
+    found = []
+    for device in list_devices(machine.local_path("/sys/class/video4linux"), machine.local_path("/dev"), ioctl):
+        path = f"/dev/{device.path.name}"
+        held = tuple(holders.get(path, ()))
+        usb = find_usb_device(machine, f"/sys/class/video4linux/{device.path.name}/device")
+        trouble = DeviceProblem(device.trouble, f"ls -l {path}") if device.trouble else None
+        source: int | str = int(device.path.name.removeprefix("video"))
+        if device.csi:
+            source, trouble = CSI_SOURCE, DeviceProblem(device.trouble, CSI_HINT)
+        elif machine.can_open(path) is False:
+            trouble = DeviceProblem(*machine.explain_denied(path))
+        elif held:
+            trouble = DeviceProblem(
+                f"in use by {', '.join(map(str, held))}", end_command(held, f"end that program, or: fuser -v {path}")
+            )
+        found.append(ConnectedCamera(path, device.name, device.sizes, usb, held, trouble, source))
+    return found
+
+
+def find_sound_cards(machine: HostMachine) -> list[SoundCard]:
+    """Return the sound cards, as ALSA tells of them."""
+    streams: dict[int, str] = {}
+    for number, told in _STREAM.findall(machine.read_text("/proc/asound/pcm")):
+        streams[int(number)] = streams.get(int(number), "") + told
+    cards = _CARD.findall(machine.read_text("/proc/asound/cards"))
+    return [
+        SoundCard(
+            int(number), name, "capture" in streams.get(int(number), ""), "playback" in streams.get(int(number), "")
+        )
+        for number, _, name in cards
+    ]
+
+
+def find_game_pads(machine: HostMachine) -> list[ConnectedGamePad]:
+    """Return the game pads, by the nodes that `mission teleop --pad` takes."""
+    found = []
+    for block in machine.read_text("/proc/bus/input/devices").split("\n\n"):
+        event = _EVENT.search(block)
+        if _JOYSTICK.search(block) and event:
+            path, name = f"/dev/input/{event[0]}", re.search(r'^N: Name="(.*)"$', block, re.MULTILINE)
+            denied = None if machine.can_open(path) else DeviceProblem(*machine.explain_denied(path))
+            found.append(ConnectedGamePad(path, name[1] if name else path, denied))
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class ScannedPort:
+    """A serial port, and what came of asking it; ``scan`` is None where it was not to be asked."""
+
+    port: SerialPortInfo
+    scan: PortScan | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class HardwareScan:
+    """What is plugged in. ``portless_adapters`` are adapters that have no port."""
+
+    ports: tuple[ScannedPort, ...] = ()
+    portless_adapters: tuple[tuple[UsbDevice, DeviceProblem], ...] = ()
+    cameras: tuple[ConnectedCamera, ...] = ()
+    sound_cards: tuple[SoundCard, ...] = ()
+    game_pads: tuple[ConnectedGamePad, ...] = ()
+
+    @property
+    def device_names(self) -> list[tuple[str, str]]:
+        """The devices of its cameras and pads, each with its name."""
+        return [(camera.path, camera.name) for camera in self.cameras] + [
+            (pad.path, pad.name) for pad in self.game_pads
+        ]
+
+    @property
+    def paths(self) -> frozenset[str]:
+        """The devices of its ports, cameras and pads."""
+        return frozenset(path for path, _ in self.device_names) | {plug.port.path for plug in self.ports}
+
+    @property
+    def identified(self) -> list[tuple[SerialPortInfo, PortScan]]:
+        """The ports on which a driver's device has answered."""
+        return [(plug.port, plug.scan) for plug in self.ports if plug.scan is not None and plug.scan.device is not None]
+
+
+PortProber = Callable[[SerialPortInfo], PortScan | None]
+"""Asks a port who is there; None for one that is not to be asked."""
+
+
+def scan_hardware(machine: HostMachine, ask: PortProber | None = None, ioctl: Ioctl = fcntl.ioctl) -> HardwareScan:
+    """Return what is plugged in; with ``ask`` each serial port is asked who is behind it, one after another."""
+    plugs = tuple(ScannedPort(port, None if ask is None else ask(port)) for port in find_serial_ports(machine))
+    return HardwareScan(
+        plugs,
+        tuple(find_portless_adapters(machine)),
+        tuple(find_cameras(machine, ioctl)),
+        tuple(find_sound_cards(machine)),
+        tuple(find_game_pads(machine)),
+    )
+
+
+def make_prober(
+    machine: HostMachine,
+    drivers: Iterable[Driver],
+    clock: Clock,
+    *,
+    consented_ports: Iterable[str] = (),
+    extra_timeout: float = EXTRA_TIMEOUT,
+) -> PortProber:
+    """Return what asks ports by the probes of ``drivers``; those ``consented`` without scruple."""
+    drivers, consented_ports = tuple(drivers), frozenset(consented_ports)
+
+    def ask(port: SerialPortInfo) -> PortScan:
+        consent = bool(consented_ports & {port.path, port.call, *port.names})
+        return probe_port(
+            port, drivers, clock, consent=consent, extra_timeout=extra_timeout, path=str(machine.local_path(port.path))
+        )
+
+    return ask

@@ -1,0 +1,121 @@
+"""Where a body presses on the floor in a gait: the point of zero moment of all its masses, each link a point."""
+
+from dataclasses import dataclass
+from math import cos, sin
+
+import numpy as np
+
+from drivers.legs.body import SIDES, Floats, LeggedBody
+from drivers.legs.declared import StrideKeys
+from drivers.legs.engine import AttitudeEstimate, BalanceCorrection, LegPosture, whole_body_pose
+from drivers.legs.gait import Gait
+from drivers.legs.kinematics import forward_kinematics, link_centres, rotation_about
+from drivers.legs.pattern_generator import GRAVITY, FloorPose, hull_edges, pendulum_rate, polygon_margin
+
+# Balance of a walk by what is felt of the trunk: ankles first, then the hips, then a step to where it can be caught.
+#
+# The trunk is taken for the top of an inverted pendulum: leaning by an angle from where the walk has it, the centre
+# of mass is that far off, and its capture point farther by how fast the lean grows. A small error the ankles push
+# back, as far as the soles reach; of a larger one the hips take a share; the next foot lands as far off as the
+# capture point will be by then.
+
+CAPTURE_DEADBAND = 0.012
+"""Metres of capture error that soles take by themselves."""
+
+
+@dataclass(frozen=True, slots=True)
+class BalanceGains:
+    """How much balance does: ``ankle`` and ``hip`` per radian of lean, ``damping`` per rad/s, ``step`` of the error.
+
+    In physics the ankles kept walks up that fell without them; steps have not been seen to help yet, and are off.
+    """
+
+    ankle: float = 0.3
+    damping: float = 0.02
+    hip: float = 0.0
+    step: float = 0.0
+    max_ankle: float = 0.1
+    max_hip: float = 0.15
+
+
+class BalanceController:
+    """Says what is to be added to a walk. ``com_height`` is that of the centre of mass in metres."""
+
+    def __init__(self, stride: StrideKeys, com_height: float, gains: BalanceGains = BalanceGains()) -> None:
+        self._gains, self._lean = gains, stride.lean
+        self._height, self._rate = com_height, pendulum_rate(com_height)
+        self._longest, self._widest = stride.longest / 2, stride.widest
+
+    def __call__(self, felt: AttitudeEstimate, posture: LegPosture) -> BalanceCorrection:  # noqa: ARG002 - see drivers.legs.engine.BalanceFunction
+        """Return the correction for what is felt in a posture."""
+        gains = self._gains
+        lean, rates = (felt.roll, felt.pitch - self._lean), (felt.roll_rate, felt.pitch_rate)
+        pushed = [gains.ankle * angle + gains.damping * speed for angle, speed in zip(lean, rates, strict=True)]
+        ankle = [_clamp(angle, gains.max_ankle) for angle in pushed]
+        hip = [_clamp(-gains.hip * angle, gains.max_hip) for angle in lean]
+        # A lean ahead carries the body ahead; a lean to the right, which is above 0, to the right.
+        ahead = self._capture_error(lean[1], rates[1])
+        left = -self._capture_error(lean[0], rates[0])
+        step = (_clamp(gains.step * ahead, self._longest), _clamp(gains.step * left, self._widest))
+        return BalanceCorrection((hip[0], hip[1]), (ankle[0], ankle[1]), step)
+
+    def _capture_error(self, lean: float, speed: float) -> float:
+        """Return how far (m) the capture point is off, beyond what soles take by themselves."""
+        error = self._height * (lean + speed / self._rate)
+        return error - _clamp(error, CAPTURE_DEADBAND)
+
+
+def _clamp(value: float, most: float) -> float:
+    return min(max(value, -most), most)
+
+
+MARGIN_CYCLES = 3
+"""Cycles that are laid end to end: the middle one has whole ones on either side."""
+
+Z = np.array([0.0, 0.0, 1.0])
+
+
+def trunk_path(gait: Gait) -> Floats:
+    """Return where the trunk goes over ``MARGIN_CYCLES`` cycles (x, y, heading), over the foot that stands: (M, 3)."""
+    feet, headings, on = (np.concatenate([rows] * MARGIN_CYCLES) for rows in (gait.feet, gait.headings, gait.on_floor))
+    found = np.zeros((len(feet), 3))
+    for at in range(1, len(feet)):
+        x, y, heading = found[at - 1]
+        lower = feet[at, :, 2] - 1.0 * (on[at] & on[at - 1])
+        stands = int(np.argmin(lower))
+        (ax, ay, _), (bx, by, _) = feet[at - 1, stands], feet[at, stands]
+        turned = heading + headings[at - 1, stands] - headings[at, stands]
+        c, s, ct, st = cos(heading), sin(heading), cos(turned), sin(turned)
+        found[at] = x + c * ax - s * ay - ct * bx + st * by, y + s * ax + c * ay - st * bx - ct * by, turned
+    return found
+
+
+def support_margins(body: LeggedBody, gait: Gait, angles: Floats) -> Floats:
+    """Return how far (m) within the soles on the floor it presses at each moment (M,); below 0 outside of them."""
+    count, trunk = len(angles), trunk_path(gait)
+    placed = forward_kinematics(body, whole_body_pose(body, angles))
+    trunk_mass = np.broadcast_to(body.trunk.centre, (count, 1, 3))
+    masses = np.concatenate([np.concatenate((link_centres(body, placed), trunk_mass), axis=1)] * MARGIN_CYCLES)
+    turned = rotation_about(Z, trunk[:, 2])
+    floor = np.concatenate([gait.feet[..., 2].min(axis=1)] * MARGIN_CYCLES)  # the lower sole is on the floor
+    places = (turned[:, None] @ masses[..., None])[..., 0]
+    places += np.column_stack((trunk[:, :2], -floor))[:, None]
+    dt = gait.period / count
+    push = np.gradient(np.gradient(places, dt, axis=0), dt, axis=0)
+    mass = np.append(body.mass, body.trunk.mass)
+    weight = mass * (push[..., 2] + GRAVITY)
+    sums = [(weight * places[..., axis] - mass * push[..., axis] * places[..., 2]).sum(axis=1) for axis in (0, 1)]
+    point = np.stack(sums, axis=1) / weight.sum(axis=1)[:, None]
+    middle = range(count, 2 * count)
+    return np.array([_support_margin(body, gait, trunk[at], at % count, point[at]) for at in middle])
+
+
+def _support_margin(body: LeggedBody, gait: Gait, trunk: Floats, at: int, point: Floats) -> float:
+    """Return the margin of one moment; minus infinity where no foot is on the floor."""
+    corners, here = [], FloorPose(*trunk.tolist())
+    for number, side in enumerate(SIDES):
+        if gait.on_floor[at, number]:
+            leg, (x, y, _) = body.legs[side], gait.feet[at, number].tolist()
+            sole = here.offset(x, y, float(gait.headings[at, number]))
+            corners += [sole.offset(u * leg.length / 2, v * leg.width / 2).point for u in (-1, 1) for v in (-1, 1)]
+    return polygon_margin(hull_edges(corners), (float(point[0]), float(point[1]))) if corners else -np.inf

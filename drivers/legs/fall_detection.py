@@ -1,0 +1,117 @@
+"""Whether a body falls, or lies: by how its trunk leans, and how fast; without an IMU, by what its knees bear.
+
+A body falls when its capture point is farther off than a step can reach; it lies when it leans too far. Of legs alone
+it is known that they bear nothing though they should: a body that lies, that was lifted, or that sits on something.
+"""
+
+from collections.abc import Sequence
+from math import acos, cos, hypot, inf, radians
+
+import numpy as np
+
+from drivers.api import JointState
+from drivers.legs.actions import make_posture
+from drivers.legs.body import Floats
+from drivers.legs.compensation import static_torques
+from drivers.legs.engine import AttitudeEstimate, WalkingEngine
+from drivers.legs.pattern_generator import pendulum_rate
+
+FALLEN_LEAN = radians(50)
+"""How far from upright its trunk leans when it has fallen."""
+
+FALL_DEBOUNCE_TIME = 0.05
+"""Seconds for which the capture point has to be out of reach to be believed: a foot that lands jerks the trunk."""
+
+UPRIGHT_DEBOUNCE_TIME = 0.5
+"""Seconds for which a body that has fallen has to be upright to stand again."""
+
+KNEE_LOAD_INTERVAL = 0.05
+"""Seconds from one look at what the knees bear to the next: it is worked out from the whole body."""
+
+KNEE_LOAD_TIME_CONSTANT = 1.0
+"""Seconds over which that is averaged: over a stride, and over the noise of servos that guess their load."""
+
+UNLOADED_SHARE, LOADED_SHARE = 0.25, 0.5
+"""The shares of what its knees have borne before below which they bear nothing, and above which they do again."""
+
+UNLOADED_DEBOUNCE_TIME = 1.0
+"""Seconds for which they have to bear nothing."""
+
+MIN_KNEE_LOAD = 0.15
+"""What both knees together must have told once to be believed: without a burden each tells its friction, 0.05 or so."""
+
+MIN_BENT_SHARE = 0.5
+"""The share of the torque in a stand below which knees are too straight to tell anything."""
+
+
+class FallDetector:
+    """Tells whether the body of an engine falls: ``update`` is asked in every turn. ``lean`` is None where unmeasured."""
+
+    def __init__(self, engine: WalkingEngine) -> None:
+        manner, self._body = engine.walker.manner, engine.body
+        self._upright_pitch, self._height, self._rate = (
+            engine.stride.lean,
+            manner.com_height,
+            pendulum_rate(manner.com_height),
+        )
+        self._reach = manner.max_step + manner.sole_length / 2
+        self._knees = [self._body.legs["left"].joints[3], self._body.legs["right"].joints[3]]
+        self._min_torque = MIN_BENT_SHARE * float(np.abs(self._knee_torques(engine.ready_angles)).sum())
+        self._since, self._knee_load_at = inf, -inf
+        self._load_ratio = self._max_load_ratio = 0.0
+        self.lean: float | None = None
+        self.fallen = False
+
+    def update(
+        self, attitude: AttitudeEstimate | None, joints: Sequence[JointState], now: float, *, legs_led: bool
+    ) -> None:
+        """Take in what is felt of the trunk and the joints of both legs at a time; ``afoot``: the legs are led."""
+        if attitude is None:
+            self.lean = None
+            self._update_knee_load(joints, now)
+            return
+        self.lean = acos(min(max(cos(attitude.roll) * cos(attitude.pitch), -1.0), 1.0))
+        if self.lean > FALLEN_LEAN:
+            self.fallen, self._since = True, now
+        ahead, aside = (
+            attitude.pitch - self._upright_pitch + attitude.pitch_rate / self._rate,
+            attitude.roll + attitude.roll_rate / self._rate,
+        )
+        lost = self._height * hypot(ahead, aside) > self._reach
+        self._debounce(
+            lost if self.fallen or legs_led else False,
+            now,
+            UPRIGHT_DEBOUNCE_TIME if self.fallen else FALL_DEBOUNCE_TIME,
+        )
+
+    def _debounce(self, fallen: bool, now: float, after: float) -> None:
+        """Believe that it falls, or stands, once it has been so for long enough."""
+        if fallen == self.fallen:
+            self._since = now
+        elif now - self._since >= after - 1e-9:
+            self.fallen, self._since = fallen, now
+
+    def _update_knee_load(self, joints: Sequence[JointState], now: float) -> None:
+        """Compare what the knees bear to what they have borne before, each by the pose that they are in."""
+        if now - self._knee_load_at < KNEE_LOAD_INTERVAL:
+            return
+        since, self._knee_load_at = now - self._knee_load_at, now
+        held = self._knee_torques(np.array([each.position for each in joints]))
+        should = float(np.abs(held).sum())
+        if should < self._min_torque or not all(each.torque for each in joints):
+            self._since = now
+            return
+        loads = np.array([joints[3].load, joints[9].load])
+        told = float((loads * np.sign(held)).sum())
+        self._load_ratio += (told / should - self._load_ratio) * min(1.0, since / KNEE_LOAD_TIME_CONSTANT)
+        if self._load_ratio * should > MIN_KNEE_LOAD:
+            self._max_load_ratio = max(self._max_load_ratio, self._load_ratio)
+        if self._max_load_ratio:
+            share = self._load_ratio / self._max_load_ratio
+            self._debounce(share < (LOADED_SHARE if self.fallen else UNLOADED_SHARE), now, UNLOADED_DEBOUNCE_TIME)
+
+    def _knee_torques(self, angles: Floats) -> Floats:
+        """Return the torques (Nm) with which both knees hold the body up at angles (12,) of its legs."""
+        posture = make_posture(self._body, angles, (True, True))
+        found: Floats = static_torques(self._body, posture)[self._knees]
+        return found

@@ -1,0 +1,235 @@
+"""Joints as topics of ROS 2 have them: where each is, where it is sent, and what of that a controller is told."""
+
+from collections.abc import Callable, Mapping
+from math import degrees, inf, isnan, nan
+from typing import Any
+
+from drivers.api import DeviceStatus, JointLimits, JointState, Quality, Reading, StatusCallback
+from drivers.api.fast_dataclass import dataclass
+from drivers.joints.progress import JointProgress
+from drivers.joints.request_checks import narrow_limits
+from drivers.ros2 import wire
+from drivers.ros2.declared import JOINT_PLACEHOLDER
+from drivers.ros2.topic_port import TopicChannel
+from drivers.ros2.types import types
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+TRAJECTORY, ARRAY, SINGLE = (
+    "trajectory_msgs/msg/JointTrajectory",
+    "std_msgs/msg/Float64MultiArray",
+    "std_msgs/msg/Float64",
+)
+
+TRAJECTORY_HORIZON = 0.3
+"""Seconds of its way that a joint is sent at most: who hears no more stands at the end of them."""
+
+MIN_POINT_TIME = 0.05
+"""Seconds in which a controller is to be where it is told to stay."""
+
+MIN_SPEED = 0.01
+"""rad/s: no joint is sent more slowly."""
+
+STALE_AFTER = 0.3
+"""Seconds after which where a joint was is stale."""
+
+OFFLINE_TIMEOUT = 0.4
+"""Seconds without a word of a joint after which it counts as offline, and nothing is sent any farther."""
+
+MOVING_SPEED = 0.02
+"""rad/s from which on a joint counts as moving."""
+
+MAX_PLAUSIBLE_VALUE = 1e6
+"""Radians, and radians a second, that no joint reaches."""
+
+NO_TORQUE_OFF, NO_TORQUE_OFF_HINT = (
+    "stays stiff: ROS 2 has no word for limp joints",
+    "let its controller do it: `call_service`",
+)
+"""What is told where joints are to be limp."""
+
+RUNAWAY_NOTICE = "ROS 2 has no word for torque off, so its motor goes on"
+RUNAWAY_HINT = "switch the power of its motor off; then look at the signs of its motor, its sensor and its controller"
+"""What is told of a joint that runs away."""
+
+CLAMP_REPORT_INTERVAL = 10.0
+"""Seconds without a goal beyond the limits of a joint after which the next one is worth a word again."""
+
+
+@dataclass(frozen=True, slots=True)
+class TopicJoint:
+    """A joint: its name in ROS 2, its ``limits``, and 1 for ``direction``, or -1 where it turns the other way there."""
+
+    ros_name: str
+    limits: JointLimits
+    direction: int = 1
+
+
+def joint_channels(
+    states: str, command: str, joints: Mapping[str, TopicJoint], full: Callable[[str], str] = wire.full_name
+) -> list[TopicChannel]:
+    """Return the channels of joints: their states, then their command, one for each where it has ``{joint}`` in it.
+
+    ``full`` gives the full name of a topic.
+    """
+    names, kinds = [command], [TRAJECTORY, ARRAY]
+    if JOINT_PLACEHOLDER in command:
+        names, kinds = [command.replace(JOINT_PLACEHOLDER, joint.ros_name) for joint in joints.values()], [SINGLE]
+    commands = [TopicChannel(full(name), tuple(kinds), is_command=True) for name in names]
+    return [TopicChannel(full(states), (JOINT_STATE,)), *commands]
+
+
+@dataclass(frozen=True, slots=True)
+class LinearTrajectory:
+    """The way of a joint from ``start`` (radians), where it is at time ``start_time``, to ``goal`` at ``speed`` (rad/s)."""
+
+    start: float
+    start_time: float
+    goal: float
+    speed: float
+
+    def position(self, now: float) -> float:
+        """Return where it is to be at time ``now``."""
+        reach = self.speed * max(now - self.start_time, 0.0)
+        return self.start + min(max(self.goal - self.start, -reach), reach)
+
+    def remaining_time(self, now: float) -> float:
+        """Return the seconds that it needs from ``now`` on; 0 once it is there."""
+        return max(self.start_time + abs(self.goal - self.start) / self.speed - now, 0.0)
+
+
+def trajectory_points(trajectories: Mapping[str, LinearTrajectory], now: float) -> list[tuple[float, dict[str, float]]]:
+    """Return the leg of all ways that begins at ``now``: seconds from then on, and where each joint is to be by then.
+
+    One point for each joint that arrives within ``TRAJECTORY_HORIZON``, and one for its end: between them all go straight on.
+    """
+    times = sorted(
+        {max(min(way.remaining_time(now), TRAJECTORY_HORIZON), MIN_POINT_TIME) for way in trajectories.values()}
+    )
+    return [(time, {name: way.position(now + time) for name, way in trajectories.items()}) for time in times]
+
+
+def command_frames(
+    kind: str,
+    joints: Mapping[str, TopicJoint],
+    trajectories: Mapping[str, LinearTrajectory],
+    now: float,
+    type_index: int = 0,
+) -> bytes:
+    """Return what a controller that listens to ``kind`` is told at ``now``, as frames of its channels.
+
+    ``place`` is that of the kind among those of the channel.
+    """
+    if kind == TRAJECTORY:
+        points = [
+            {
+                "positions": [joint.direction * places[name] for name, joint in joints.items()],
+                "time_from_start": {"sec": 0, "nanosec": round(time * 1e9)},
+            }
+            for time, places in trajectory_points(trajectories, now)
+        ]
+        values = {"joint_names": [joint.ros_name for joint in joints.values()], "points": points}
+        return wire.frame(1, types().encode(kind, values), type_index)
+    places = [joint.direction * trajectories[name].position(now) for name, joint in joints.items()]
+    if kind == ARRAY:
+        return wire.frame(1, types().encode(kind, {"data": places}), type_index)
+    told = (wire.frame(number, types().encode(SINGLE, {"data": place})) for number, place in enumerate(places, 1))
+    return b"".join(told)
+
+
+class JointFeedback:
+    """Where ``joints`` were by the newest messages of type ``JOINT_STATE``."""
+
+    def __init__(self, joints: Mapping[str, TopicJoint]) -> None:
+        self._joints = joints
+        self.unread_joints: set[str] = set()
+        """The joints, by their names there, whose newest position is not a number."""
+        # Replaced, never altered: any thread may read it.
+        self._latest: Mapping[str, tuple[float, float, float]] = {}  # position, velocity, when
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._latest
+
+    def update(self, message: Any, now: float) -> bool:
+        """Take a message; say whether it told of any joint. Raises ValueError, IndexError for figures of no joint."""
+        at, found = {there: place for place, there in enumerate(message.name)}, {}
+        for name, joint in self._joints.items():
+            if (place := at.get(joint.ros_name)) is None:
+                continue
+            position, before = joint.direction * float(message.position[place]), self._latest.get(name)
+            if isnan(position):  # it has not been read yet
+                self.unread_joints.add(joint.ros_name)
+                continue
+            self.unread_joints.discard(joint.ros_name)
+            velocity = joint.direction * float(message.velocity[place]) if place < len(message.velocity) else nan
+            if isnan(velocity):  # nor is measured
+                since = 0.0 if before is None else now - before[2]
+                velocity = (position - before[0]) / since if before is not None and since > 0 else 0.0
+            if not (abs(position) < MAX_PLAUSIBLE_VALUE and abs(velocity) < MAX_PLAUSIBLE_VALUE):
+                raise ValueError(
+                    f"its joint {joint.ros_name} is at {position:g} rad, {velocity:g} rad/s, in {JOINT_STATE}"
+                )
+            found[name] = (position, velocity, now)
+        self._latest = {**self._latest, **found}
+        return bool(found)
+
+    def position(self, name: str) -> float:
+        """Return where a joint was."""
+        return self._latest[name][0]
+
+    def is_moving(self, name: str) -> bool:
+        """Whether a joint moved."""
+        return abs(self._latest[name][1]) > MOVING_SPEED
+
+    def silent_joints(self, now: float) -> list[str]:
+        """Return the joints of which nothing comes."""
+        return [
+            name for name in self._joints if name not in self._latest or now - self._latest[name][2] > OFFLINE_TIMEOUT
+        ]
+
+    def check_progress(self, name: str, progress: JointProgress) -> str:
+        """Let ``progress`` look at the newest position of a joint; return what it says."""
+        if not progress.active or name not in self._latest:
+            return ""
+        position, _, stamp = self._latest[name]
+        return progress.update(position, 0.0, stamp)
+
+    def reading(
+        self, name: str, trajectory: LinearTrajectory | None, now: float, *, online: bool, blocked: str = ""
+    ) -> Reading[JointState]:
+        """Return the state of a joint that is on a ``way``. What ROS 2 does not tell is 0."""
+        if name not in self._latest:
+            return Reading(None, now, Quality.NONE)
+        position, velocity, stamp = self._latest[name]
+        moving = abs(velocity) > MOVING_SPEED or (
+            online and trajectory is not None and trajectory.remaining_time(now) > 0
+        )
+        goal = None if trajectory is None else trajectory.goal
+        state = JointState(position, velocity, goal, 0.0, 0.0, 0.0, moving, torque=True, blocked=blocked)
+        return Reading(state, stamp, Quality.GOOD if online and now - stamp <= STALE_AFTER else Quality.STALE)
+
+
+class TopicJointLimits:
+    """The limits of ``joints``, which may be narrowed; goals beyond them are clamped, and told once an episode."""
+
+    def __init__(self, part: str, joints: Mapping[str, TopicJoint], report: StatusCallback) -> None:
+        self._part, self._joints, self._report = part, joints, report
+        self.limits: Mapping[str, JointLimits] = {name: joint.limits for name, joint in joints.items()}
+        self._clamped_at: dict[str, float] = {}
+
+    def restrict_limits(self, limits: Mapping[str, JointLimits]) -> Mapping[str, JointLimits]:
+        """Narrow the limits of the named joints; see ``drivers.api.Limitable``."""
+        widest = {name: joint.limits for name, joint in self._joints.items()}
+        self.limits = {**self.limits, **narrow_limits(self._part, limits, widest)}
+        return self.limits
+
+    def clamp_goals(self, goals: Mapping[str, float], now: float) -> dict[str, float]:
+        """Return the nearest goals within the limits; tell of those that are others."""
+        accepted = {name: self.limits[name].clamp(goal) for name, goal in goals.items()}
+        for name in (each for each in goals if accepted[each] != goals[each]):
+            before, self._clamped_at[name] = self._clamped_at.get(name, -inf), now
+            if now - before >= CLAMP_REPORT_INTERVAL:
+                what = f"the goal of {name} was clamped to {degrees(accepted[name]):.1f} deg"
+                what += f": {degrees(goals[name]):.1f} deg is beyond its limits"
+                hint = "change what is asked of it, or its limits in the robot file"
+                self._report(DeviceStatus(self._part, "fault", what, hint))
+        return accepted

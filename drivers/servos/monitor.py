@@ -1,0 +1,279 @@
+"""What the driver of an arm does unasked: find the servos, read them, notice what is wrong, find them again."""
+
+from collections.abc import Callable, Mapping, Sequence
+from math import ceil, inf
+from threading import RLock
+
+from drivers.api import Quality, Reading
+from drivers.clock import Clock
+from drivers.errors import BadRequest, NoReply, NotConnected
+from drivers.servos.bus import ServoBus
+from drivers.servos.joint import Joint
+from drivers.servos.joint_setup import diagnose_no_reply, find_mismatch, read_table_block, restore_settings
+from drivers.servos.poll_rate import RESTING_INTERVAL
+from drivers.servos.status_report import ServoReporter
+from drivers.servos.sync_read import GroupReader
+from drivers.servos.torque import hold_or_relax, set_torque
+from drivers.servos.wire import LASTING_FAULTS, ServoFault
+from drivers.transport.reconnect import ReconnectTracker
+
+MAX_MISSED_READS = 3
+"""Readings without a reply, in a row, after which a servo counts as missing."""
+
+CHECK_INTERVAL = 1.0
+"""Seconds between readings of what changes seldom, and between attempts to find a missing servo."""
+
+CONFIRMATION_RETRY_INTERVAL = 0.05
+"""Seconds after which a servo is told again that has not confirmed that it is held or limp."""
+
+MISSED_READ_PAUSE = 0.2
+"""Seconds for which a servo that has missed two readings in a row is left alone, lest it slow the others down."""
+
+
+CONFIRMATION_TIMEOUT = 1.0
+"""Seconds that a servo has to confirm that it is held or limp: on a busy machine its reply may be late."""
+
+
+class JointMonitor:
+    """Keeps the driver's picture of its joints up to date. For one thread.
+
+    ``connected`` is True once every servo was looked for on a port that is open. ``lock`` is the driver's own, held
+    wherever a servo's torque or goal is changed. ``absence`` is that of the arm, which one servo of it may cause.
+    """
+
+    def __init__(
+        self,
+        bus: ServoBus,
+        joints: Mapping[str, Joint],
+        lock: RLock,
+        clock: Clock,
+        reporter: ServoReporter,
+        absence: ReconnectTracker,
+    ) -> None:
+        self.connected = False
+        self._bus = bus
+        self._joints = tuple(joints.values())
+        self._lock = lock
+        self._clock = clock
+        self._reporter = reporter
+        self._absence = absence
+        self._group_reader = GroupReader(bus, clock)
+
+    @property
+    def online(self) -> bool:
+        """True while the servos were looked for on a port that is open, and at least one answers."""
+        return self.connected and self._bus.is_open and any(joint.is_answering for joint in self._joints)
+
+    @property
+    def hint(self) -> str:
+        """What helps against what keeps servos from being driven: the cures that are known, else where to look."""
+        wrong = [joint for joint in self._joints if not joint.is_driven]
+        cures = list(dict.fromkeys(joint.hint for joint in wrong if joint.hint))
+        if any(not joint.hint for joint in wrong) or not wrong:
+            cures.append(
+                f"check power and cable, then ID, model and baud rate ({self._bus.baud}) of the servos named: "
+                "`mission servo scan --robot FILE` shows what answers"
+            )
+        return "; ".join(cures)
+
+    def connect(self) -> None:
+        """Open the port and look for every servo; tell in one notice all that are missing or not what they should be.
+
+        Raises NotConnected.
+        """
+        self._bus.open()
+        self._group_reader.reset()
+        for joint in self._joints:
+            joint.is_answering, joint.missed_reads = False, 0
+            self.identify(joint)
+        self.connected = True  # only now: a joint that is looked for is stopped where it stands
+        self._report_presence()
+        self._reporter.report_mismatches(self.hint)
+
+    def on_port_lost(self, error: NotConnected) -> None:
+        """Take note that the port is gone."""
+        self.connected = False
+        self._reporter.report_offline(str(error), error.hint)
+
+    def reset(self) -> None:
+        """Forget the connection without a word: it was closed on purpose."""
+        self.connected = False
+        self._reporter.reset()
+
+    def read(self, joints: Sequence[Joint], after_each: Callable[[], None]) -> None:
+        """Read each of ``joints`` once; do something ``meanwhile``, after each. Raises NotConnected."""
+        self._bus.require_open()
+        for joint, answered in self._group_reader.read(joints):
+            if answered:
+                self._update_reading(joint)
+            else:
+                self._on_missed_read(joint)
+            after_each()
+
+    def run_checks(self) -> bool:
+        """Do what is due but seldom: look for one servo that is missing, and check a few that are not.
+
+        Say if one is back after which nothing of before goes on. Raises NotConnected.
+        """
+        now, returned = self._clock.read_value(), False
+        if missing := [joint for joint in self._joints if not joint.is_driven and now >= joint.next_read_at]:
+            returned = self._find_missing(min(missing, key=lambda joint: joint.next_read_at))
+        waiting = [
+            joint for joint in self._joints if joint.is_driven and now - joint.checked_at >= _check_interval(joint)
+        ]
+        for joint in sorted(waiting, key=lambda joint: joint.checked_at)[
+            : ceil(len(self._joints) * RESTING_INTERVAL / CHECK_INTERVAL)
+        ]:
+            self._check(joint)
+        self._report_presence()
+        self._reporter.report_excluded()
+        with self._lock:
+            self._reporter.report_unconfirmed(since=now - CONFIRMATION_TIMEOUT)
+        return returned
+
+    def _find_missing(self, joint: Joint) -> bool:
+        """Look for a servo that is not driven, and tell if something about it has changed; say as ``run_checks``."""
+        before, seen = joint.undriven_reason, joint.reading
+        with self._lock:  # nobody moves it before it is known how long it was away
+            self.identify(joint)
+            now = self._clock.read_value()
+            back = joint.is_driven and seen.value is not None
+            returned = back and self._absence.on_return(now, now - seen.stamp, name=joint.title)
+            joint.approaches_slowly = joint.approaches_slowly or returned
+        if joint.is_unconfirmed and joint.is_answering:
+            with self._lock:
+                self._repeat_hold_or_relax(joint)
+        if joint.undriven_reason != before:
+            self._reporter.report_driven(joint, joint.hint or self.hint)
+        return returned
+
+    def identify(self, joint: Joint) -> None:
+        """Identify one servo and restore its settings; leave the reason in its ``complaint`` if that fails."""
+        corrupt = self._bus.statistics(joint.spec.id).corrupt
+        with self._lock:
+            try:
+                complaint = find_mismatch(self._bus, joint)
+                joint.is_answering = True
+                if not complaint:
+                    self._check_displacement(joint)
+                    restore_settings(self._bus, joint, now=self._clock.read_value())
+            except NoReply:
+                complaint, joint.is_answering = diagnose_no_reply(self._bus, joint, corrupt), False
+            except BadRequest as error:
+                complaint = f"refuses its settings ({error})"
+                joint.hint = f"mission servo info {joint.spec.id} --robot FILE"
+            joint.undriven_reason = complaint
+        joint.checked_at = self._clock.read_value()
+        joint.next_read_at = 0.0 if joint.is_driven else joint.checked_at + CHECK_INTERVAL
+        joint.missed_reads = 0 if joint.is_driven else MAX_MISSED_READS
+        if joint.is_driven:
+            for each, answered in self._group_reader.read([joint]):
+                if answered:
+                    self._update_reading(each)
+            if joint.is_shut_down:
+                self._reporter.report_shutdown(joint)
+
+    def _check_displacement(self, joint: Joint) -> None:
+        """Tell if a joint that was away stands elsewhere than it stood. Raises NoReply, NotConnected, BadRequest."""
+        found = joint.angle(self._bus.read(joint.address, joint.model.table["present_position"]))
+        if (stood := joint.expected_position(found)) is not None:
+            joint.approaches_slowly = True
+            self._reporter.report_displacement(joint, stood, found)
+
+    def _update_reading(self, joint: Joint) -> None:
+        """Take in what a servo felt."""
+        joint.missed_reads, joint.next_read_at = 0, 0.0
+        joint.reading = Reading(joint.state(), self._clock.read_value(), Quality.GOOD)
+        told = self._bus.faults(joint.spec.id)
+        if told != joint.reply_faults:
+            if told & ~joint.reply_faults & (LASTING_FAULTS if joint.address.protocol == "STS" else ServoFault.ALERT):
+                joint.checked_at = -CHECK_INTERVAL  # it is checked next, and says what is the matter
+            joint.reply_faults = told
+            self._report_new_faults(joint)
+
+    def _report_new_faults(self, joint: Joint) -> None:
+        """Tell what newly ails a servo."""
+        ailing = joint.active_faults
+        risen, joint.faults = ailing & ~joint.faults, ailing
+        if risen:
+            self._reporter.report_faults(joint, risen)
+
+    def _on_missed_read(self, joint: Joint) -> None:
+        """Ask again in the next round, then once more after a while; then count the servo as missing."""
+        joint.missed_reads += 1
+        now = self._clock.read_value()
+        joint.next_read_at = now + MISSED_READ_PAUSE if joint.missed_reads > 1 else now
+        if joint.missed_reads >= MAX_MISSED_READS:
+            joint.undriven_reason, joint.is_answering, joint.next_read_at = (
+                "does not answer",
+                False,
+                now + CHECK_INTERVAL,
+            )
+            self._reporter.report_lost(joint, self.hint)
+
+    def _check(self, joint: Joint) -> None:
+        """Look whether the servo has shut down, has lost its settings in a dip of the supply, or has missed a word."""
+        joint.checked_at = self._clock.read_value()
+        lost = False
+        try:
+            with self._lock:
+                for block in joint.model.table.slow_blocks:
+                    read_table_block(self._bus, joint, block, tries=1)
+                joint.torque = bool(joint.value("torque_enable"))
+                stays = (
+                    joint.is_shut_down and joint.address.protocol == "STS"
+                )  # let go, it tells of no overload any more
+                newly_shut, joint.is_shut_down = (
+                    joint.reports_shutdown and not joint.is_shut_down,
+                    joint.reports_shutdown or stays,
+                )
+                if joint.is_shut_down and joint.torque and joint.address.protocol == "STS":
+                    set_torque(self._bus, joint, on=False)  # its force would return by itself, to an old goal
+                    joint.torque = False
+                elif joint.is_unconfirmed:
+                    self._repeat_hold_or_relax(joint)
+                elif lost := self._has_lost_settings(joint):
+                    restore_settings(self._bus, joint, now=self._clock.read_value())
+                elif joint.has_lost_setpoint:
+                    joint.setpoint = None  # it did not hear it: it is sent there anew
+        except (NoReply, BadRequest):
+            self._on_missed_read(joint)
+            return
+        self._report_new_faults(joint)
+        if newly_shut:
+            self._reporter.report_shutdown(joint)
+        if lost:
+            self._reporter.report_voltage_dip(joint)
+
+    def _repeat_hold_or_relax(self, joint: Joint) -> None:
+        """Hold or relax a servo once more that has not confirmed it."""
+        hold_or_relax(self._bus, [joint], stiff=bool(joint.torque_request), now=self._clock.read_value())
+
+    def _has_lost_settings(self, joint: Joint) -> bool:
+        """Whether a servo that has not shut down is without its torque or its torque limit."""
+        limp = bool(joint.torque_request) and not joint.torque
+        return not joint.is_shut_down and (limp or joint.value(joint.model.table.torque_limit) != joint.torque_ticks)
+
+    def next_confirmation_at(self) -> float:
+        """Return when the next servo is to be told again that has not confirmed its rest; infinity for none."""
+        return min(
+            (
+                joint.checked_at + CONFIRMATION_RETRY_INTERVAL
+                for joint in self._joints
+                if joint.is_unconfirmed and joint.is_driven
+            ),
+            default=inf,
+        )
+
+    def _report_presence(self) -> None:
+        if self.online:
+            self._reporter.report_online(self._bus.port)
+        else:
+            self._reporter.report_offline("no servo answers", self.hint)
+
+
+def _check_interval(joint: Joint) -> float:
+    """Return the seconds between two checks of a joint."""
+    return (
+        CONFIRMATION_RETRY_INTERVAL if joint.is_unconfirmed else CHECK_INTERVAL - RESTING_INTERVAL
+    )  # it comes in the next round

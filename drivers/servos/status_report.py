@@ -1,0 +1,176 @@
+"""What the driver of an arm tells of its servos: each thing once, with what may help."""
+
+from collections.abc import Iterable, Mapping
+from math import degrees, inf
+
+from drivers.api import DeviceStatus, StatusCallback
+from drivers.servos.joint import Joint
+from drivers.servos.sync_read import round_duration
+from drivers.servos.units import Protocol
+from drivers.servos.wire import ServoFault
+
+FAULT_HINTS = {
+    ServoFault.VOLTAGE: "measure the supply at the last servo while the arm moves",
+    ServoFault.OVERHEATING: "relax the arm and let it cool",
+    ServoFault.OVERLOAD: "free the joint, or take the load off it",
+    ServoFault.ENCODER: "switch its power off and on; if it comes back, the servo is broken",
+    ServoFault.SHOCK: "look at its cable and its supply",
+    ServoFault.CURRENT: "free the joint, or take the load off it",
+}
+SHUTDOWN_SIGNS: Mapping[Protocol, str] = {
+    1: "its torque limit is 0",
+    2: "its torque is off until it starts again",
+    "STS": "its torque was switched off",
+}
+COULD_NOT_BE = "could not be"
+UNCONFIRMED_HINT = "a joint that nobody sends on comes to rest by itself; if one moves on, switch its power off by hand"
+SHUTDOWN_HINT = "free the joint, then `mission servo torque recover --robot FILE`, or switch the arm's power off and on"
+
+
+class ServoReporter:
+    """The words for what happens to ``joints``. It remembers what has been told, so that nothing is told twice."""
+
+    def __init__(self, name: str, joints: Mapping[str, Joint], report: StatusCallback) -> None:
+        self._name = name
+        self._joints = joints
+        self._report = report
+        self._online = False
+        self._reported_excluded: frozenset[str] = frozenset()
+        self._reported_unconfirmed: frozenset[str] = frozenset()
+        self._reported_not_at_rest: list[str] = []
+
+    def report_online(self, port: str) -> None:
+        """Tell, if it is new, that servos answer on ``port``."""
+        if not self._online:
+            self._online = True
+            answering = sum(joint.is_answering for joint in self._joints.values())
+            self._send_status("online", f"{answering} of {len(self._joints)} servos answer on {port}")
+
+    def report_offline(self, reason: str, hint: str) -> None:
+        """Tell, if it is new, that the arm as a whole is gone."""
+        if self._online:
+            self._online = False
+            self._send_status("offline", reason, hint)
+
+    def reset(self) -> None:
+        """Forget that it was there, without a word."""
+        self._online = False
+        self._reported_not_at_rest = []
+        self._reported_unconfirmed = frozenset()
+
+    def report_mismatches(self, hint: str) -> None:
+        """Tell in one notice of all servos that are missing or not what the robot file says."""
+        wrong = [f"{joint.title} {joint.undriven_reason}" for joint in self._joints.values() if not joint.is_driven]
+        if wrong:
+            self._send_status("fault", f"{len(wrong)} of {len(self._joints)} servos: {'; '.join(wrong)}", hint)
+
+    def report_driven(self, joint: Joint, hint: str) -> None:
+        """Tell of a servo that was not driven: it is now, or there is another reason."""
+        if joint.is_driven:
+            self._send_status("online", f"{joint.title} is back")
+        else:
+            self._send_status("fault", f"{joint.title} {joint.undriven_reason}", hint)
+
+    def report_lost(self, joint: Joint, hint: str) -> None:
+        """Tell of a servo that has fallen silent."""
+        self._send_status("fault", f"{joint.title} does not answer any more", hint)
+
+    def report_shutdown(self, joint: Joint) -> None:
+        """Tell of a servo that has shut itself down."""
+        self._send_status(
+            "fault", f"{joint.title} has shut down: {SHUTDOWN_SIGNS[joint.address.protocol]}", SHUTDOWN_HINT
+        )
+
+    def report_faults(self, joint: Joint, new_faults: ServoFault) -> None:
+        """Tell what newly ails a servo, with what it measured."""
+        state = joint.reading.value
+        felt = "" if state is None else f"{state.voltage:.1f} V, {state.temperature:.0f} °C, load {state.load:+.0%}"
+        hint = "; ".join(cure for fault, cure in FAULT_HINTS.items() if fault & new_faults)
+        self._send_status("fault", f"{joint.title} reports {new_faults.description} ({felt})", hint)
+
+    def report_voltage_dip(self, joint: Joint) -> None:
+        """Tell of a servo that had lost its settings."""
+        how = "made stiff again where it stood" if joint.torque else "given them again"
+        what = f"{joint.title} had lost its settings and was {how}"
+        self._send_status("fault", what, "its supply dips: measure it at the last servo while the arm moves")
+
+    def report_displacement(self, joint: Joint, expected: float, actual: float) -> None:
+        """Tell of a joint that was away and is ``report_driven`` elsewhere than it ``stood`` (radians)."""
+        what = f"{joint.title} stands at {degrees(actual):.1f} deg, not at {degrees(expected):.1f} deg, where it stood before"
+        hint = (
+            "it goes on from there, slowly; if its servo is another, or its horn has slipped, its zero may have changed"
+        )
+        self._send_status("fault", what, f"{hint}: mission servo calibrate --zero --robot FILE")
+
+    def report_silent_leader(self, follower: Joint, leader: Joint) -> None:
+        """Tell of a follower that stands still because nothing is heard of its leader."""
+        self._send_status(
+            "fault", f"{follower.title} stays where it is: nothing is heard of {leader.title}, which leads it"
+        )
+
+    def report_slow_bus(self, rate: float, baud: int) -> None:
+        """Tell if the wire cannot carry ``rate`` rounds of readings a second, and what keeps it busy."""
+        joints = [joint for joint in self._joints.values() if joint.is_driven]
+        wire, waiting = round_duration(joints, baud)
+        if wire + waiting <= 1 / rate:
+            return
+        cure = (
+            "`mission servo set all return_delay 0 --robot FILE`"
+            if waiting > wire / 4
+            else "raise the baud rate of the servos"
+        )
+        what = f"a round of {len(joints)} servos takes {(wire + waiting) * 1000:.0f} ms"
+        detail = f"{waiting * 1000:.0f} ms of it return delay: {1 / (wire + waiting):.0f} Hz instead of {rate:g} Hz"
+        self._send_status("fault", f"{what}, {detail}", f"{cure}, or set a lower rate in the robot file")
+
+    def report_excluded(self) -> None:
+        """Tell of joints that moves have begun to leave out."""
+        left_out = frozenset(joint.name for joint in self._joints.values() if joint.excluded_from_move)
+        for name in sorted(left_out - self._reported_excluded):
+            joint = self._joints[name]
+            why = joint.undriven_reason or ("has shut down" if joint.is_shut_down else "did not say where it stands")
+            self._send_status("fault", f"a move left {joint.title} out: it {why}")
+        self._reported_excluded = left_out
+
+    def report_unconfirmed(self, since: float = inf) -> None:
+        """Tell of joints that have left it open, ``since`` then or longer, whether they were held or relaxed."""
+        open_ = [joint for joint in self._joints.values() if joint.is_unconfirmed and joint.unconfirmed_since <= since]
+        new = [joint for joint in open_ if joint.name not in self._reported_unconfirmed]
+        for stiff in (True, False):
+            hint = "they are told again as soon as they answer; if one moves on, switch its power off by hand"
+            for what in _describe_not_at_rest(
+                [joint for joint in new if bool(joint.torque_request) is stiff], stiff=stiff
+            ):
+                self._send_status("fault", what, hint)
+        self._reported_unconfirmed = (self._reported_unconfirmed & self._unconfirmed_joints()) | {
+            joint.name for joint in open_
+        }
+
+    def report_not_at_rest(self, joints: Iterable[Joint], *, stiff: bool, reason: str = "") -> None:
+        """Tell, if it is new, of joints that could not be brought to rest, or did not say whether they are.
+
+        A run rests its robot, then closes it, which rests it once more.
+        """
+        wanting = _describe_not_at_rest(joints, stiff=stiff)
+        if wanting and [*wanting, reason] != self._reported_not_at_rest:
+            for what in wanting:
+                known = what.startswith(COULD_NOT_BE)
+                self._send_status(
+                    "fault", what + reason, "switch their power off by hand" if known else UNCONFIRMED_HINT
+                )
+        self._reported_not_at_rest = [*wanting, reason]
+        self._reported_unconfirmed = self._unconfirmed_joints()
+
+    def _unconfirmed_joints(self) -> frozenset[str]:
+        return frozenset(name for name, joint in self._joints.items() if joint.is_unconfirmed)
+
+    def _send_status(self, kind: str, message: str, hint: str = "") -> None:
+        self._report(DeviceStatus(self._name, kind, message, hint))
+
+
+def _describe_not_at_rest(joints: Iterable[Joint], *, stiff: bool) -> list[str]:
+    """Say of joints that are not at rest, as far as that is known; one that is not sent on comes to rest by itself."""
+    silent = [joint.title for joint in joints if stiff and joint.lacks_confirmation]
+    others = [joint.title for joint in joints if not (stiff and joint.lacks_confirmation)]
+    found = [f"{COULD_NOT_BE} {'held' if stiff else 'relaxed'}: {', '.join(others)}"] if others else []
+    return found + ([f"did not say whether they are held: {', '.join(silent)}"] if silent else [])

@@ -1,0 +1,276 @@
+"""The line of a bus and who is on it: opened for one owner, one exchange at a time, with an account of every servo."""
+
+from collections import defaultdict, deque
+from collections.abc import Mapping
+from threading import RLock
+
+from drivers.api.fast_dataclass import dataclass
+from drivers.clock import Clock
+from drivers.errors import BadRequest, NotConnected
+from drivers.servos.codec import Codec, Exchange, ExpectedReply, LateReplies, ServoReply, codecs_for
+from drivers.servos.units import RETURN_DELAY_STEP, Framing, Protocol
+from drivers.servos.wire import REFUSAL_FAULTS, Packet, ServoFault
+from drivers.transport.adapter import BusTransport, TransportOpener, open_transport
+from drivers.transport.history import DelayStatistics
+
+MAX_RETURN_DELAY = 254 * RETURN_DELAY_STEP
+"""Seconds: the longest delay that a servo can be set to before it replies."""
+
+SECOND_REPLY_DELAY = 0.004
+"""Seconds beyond the longest return delay that a second servo with the same ID is listened for."""
+
+
+@dataclass(slots=True)
+class ServoStatistics:
+    """What became of the requests to one servo.
+
+    ``tries`` counts all that it was to answer, ``misses`` those without a reply, ``corrupt`` those with a damaged one,
+    ``late`` replies that came after all, ``refused`` what it would not do. ``duplicates`` counts intact replies beyond the
+    one that was requested: a second servo has the same ID. ``slowest`` is the longest exchange, in seconds, to which it
+    replied.
+    """
+
+    tries: int = 0
+    misses: int = 0
+    corrupt: int = 0
+    late: int = 0
+    refused: int = 0
+    duplicates: int = 0
+    slowest: float = 0.0
+
+
+class ServoTransport:
+    """Owns the line of a chain of servos. Safe between threads: a second one waits for the first.
+
+    ``patience`` (seconds) is what a reply may take beyond its bytes and the longest return delay; the timer of a slow
+    USB adapter is added to it. A transport error closes the port; ``open`` may be called again. ``dial`` opens the
+    line; ``framing`` says whose code makes packets and finds them.
+    """
+
+    def __init__(
+        self,
+        port: str,
+        clock: Clock,
+        *,
+        baud: int = 1_000_000,
+        name: str = "servos",
+        reply_timeout: float = 0.004,
+        dial: TransportOpener = open_transport,
+        framing: Framing = "own",
+    ) -> None:
+        self.port = port
+        self.name = name
+        self.latency = 0.0  # seconds for which the adapter may hold a reply back, known once it was open
+        self._baud = baud
+        self._clock = clock
+        self._reply_timeout = reply_timeout
+        self._dial = dial
+        self._lock = RLock()
+        self._line: BusTransport | None = None
+        self._last_error = NotConnected(f"{name}: {port}: not opened yet")
+        self._codecs = codecs_for(framing)
+        self._parsers = {protocol: codec.parser() for protocol, codec in self._codecs.items()}
+        self._late_replies = LateReplies()
+        self._recent_requests: deque[Packet] = deque(maxlen=4)  # what an echo may repeat
+        self._statistics: defaultdict[int, ServoStatistics] = defaultdict(ServoStatistics)
+        self._faults: dict[int, ServoFault] = {}
+        self._busy_time = 0.0
+        self._busy_until = 0.0
+        self.exchanges = DelayStatistics()
+        """From a request to the last of its replies, where all came, since the bus was made."""
+
+    def open(self) -> None:
+        """Take the port for this process alone. Raises NotConnected, with what to try; does nothing if it is open."""
+        with self._lock:
+            if self._line is not None:
+                return
+            try:
+                self._line = self._dial(self.name, self.port, self._baud, self._clock)
+            except NotConnected as error:
+                self._last_error = error
+                raise
+            self.latency = self._line.latency
+            self._busy_time = 0.0
+            self._late_replies.reset()
+
+    def close(self) -> None:
+        """Release the port. Safe from any state, more than once."""
+        self._release(NotConnected(f"{self.name}: {self.port}: closed"))
+
+    @property
+    def is_open(self) -> bool:
+        """True while the port is held."""
+        return self._line is not None
+
+    def require_open(self) -> None:
+        """Raise NotConnected, with the reason, unless the port is open."""
+        self._require_line()
+
+    @property
+    def baud(self) -> int:
+        """The rate of the line. Setting it keeps the port; raises NotConnected where the adapter cannot follow."""
+        return self._baud
+
+    @baud.setter
+    def baud(self, baud: int) -> None:
+        with self._lock:
+            self._baud = baud
+            self._late_replies.reset()
+            if self._line is not None:
+                try:
+                    self._line.set_baud(baud)
+                except NotConnected as error:
+                    self._release(error)
+                    raise
+
+    def read_value(self) -> float:
+        """Return the time of its clock, in seconds."""
+        return self._clock.read_value()
+
+    def busy_time(self) -> float:
+        """Return for how many seconds the line was in use, by requests, replies and the wait for them, since open."""
+        return self._busy_time
+
+    def noise_bytes(self) -> int:
+        """Return how many bytes have come that were part of no sound packet, since the bus was made."""
+        return sum(parser.skipped_bytes for parser in self._parsers.values())
+
+    def faults(self, servo: int) -> ServoFault:
+        """Return what the newest reply of ``servo`` complained of, apart from the request; nothing before the first."""
+        return self._faults.get(servo, ServoFault(0))
+
+    def statistics(self, servo: int) -> ServoStatistics:
+        """Return the figures of ``servo`` since the bus was made."""
+        return self._statistics[servo]
+
+    def listen_for_duplicate(self, protocol: Protocol, size: int, extra_time: float = SECOND_REPLY_DELAY) -> None:
+        """Wait for as long as a second servo with the same ID may take for a reply of ``size`` bytes of data.
+
+        That is the longest return delay and ``extra`` seconds. Its reply counts in ``ServoStatistics.doubles``. Raises
+        NotConnected.
+        """
+        codec = self._codecs[protocol]
+        with self._lock:
+            line = self._require_line()
+            reply = (codec.overhead + size) * 10 / self._baud
+            until = self._clock.read_value() + reply + MAX_RETURN_DELAY + extra_time + self.latency
+            try:
+                while self._clock.read_value() < until:
+                    self._receive_unrequested(line, codec, until)
+            except NotConnected as error:
+                self._release(error)
+                raise
+
+    # --- for the bus --------------------------------------------------------------------------------------------------
+
+    def _transact(
+        self, codec: Codec, request: Packet, expected: Mapping[int, ExpectedReply], *, extra_time: float = 0.0
+    ) -> dict[int, ServoReply]:
+        """Send a request once and return the replies of those who are ``wanted``, by ID; missing ones are missing.
+
+        ``wait`` (seconds) is what the replies may take beyond the usual. Raises NotConnected, and BadRequest for what
+        no packet can hold.
+        """
+        try:
+            frame = codec.frame(request.id, request.code, request.parameters)
+        except ValueError as error:
+            raise BadRequest(f"{self.name}: {error}") from error
+        with self._lock:
+            line = self._require_line()
+            try:
+                self._drain(line, codec, expected)
+                sent = self._clock.read_value()
+                line.send(frame)
+                self._recent_requests.append(request)
+                # Only now: who was held up before the request had left would take the reply for late.
+                leaving = max(self._clock.read_value(), self._busy_until) + len(frame) * 10 / self._baud
+                if not expected:
+                    self._add_busy_time(sent, leaving)
+                    return {}
+                exchange = Exchange(codec, expected, self._on_stray_reply, self._recent_requests)
+                self._receive_replies(line, exchange, leaving + extra_time)
+            except NotConnected as error:
+                self._release(error)
+                raise
+            self._count(exchange, expected, sent, self._clock.read_value())
+            return exchange.replies
+
+    def _receive_replies(self, line: BusTransport, exchange: Exchange, begin: float) -> None:
+        """Take what comes until all have answered, or the next reply should have come: the first from ``begin`` on."""
+        parser = self._parsers[exchange.codec.protocol]
+        deadline, over = begin + self._reply_time(exchange), False
+        while exchange.missing:
+            waiting = len(exchange.missing)
+            heard = line.receive(deadline)
+            for packet in parser.feed(heard):
+                exchange.receive(packet)
+            if exchange.missing and len(exchange.missing) < waiting:
+                deadline, over = max(deadline, self._clock.read_value() + self._reply_time(exchange)), False
+            elif over or not heard:
+                return
+            elif exchange.missing:
+                over = self._clock.read_value() >= deadline
+
+    def _reply_time(self, exchange: Exchange) -> float:
+        """Return the seconds that the next reply may take: ten bits a byte, the servo's delay, and our patience."""
+        size = exchange.codec.overhead + next(iter(exchange.missing.values())).size
+        return size * 10 / self._baud + MAX_RETURN_DELAY + self._reply_timeout + self.latency
+
+    def _drain(self, line: BusTransport, codec: Codec, expected: Mapping[int, ExpectedReply]) -> None:
+        """Take what has come since without being waited for; wait for what could be mistaken for what is ``wanted``."""
+        self._receive_unrequested(line, codec, 0.0)
+        for servo, want in expected.items():
+            while (until := self._late_replies.blocked_until(servo, want)) > self._clock.read_value():
+                self._receive_unrequested(line, codec, until)
+        self._parsers[codec.protocol].reset()
+
+    def _receive_unrequested(self, line: BusTransport, codec: Codec, until: float) -> None:
+        """Take what comes by ``until`` although nobody is asked."""
+        if heard := line.receive(until):
+            for packet in self._parsers[codec.protocol].feed(heard):
+                if packet.intact and (reply := codec.reply(packet)) is not None and packet not in self._recent_requests:
+                    self._statistics[reply.id].duplicates += not self._on_stray_reply(reply)
+
+    def _on_stray_reply(self, reply: ServoReply) -> bool:
+        """Take note of a reply that nobody waits for; return whether it is one that was overdue."""
+        if overdue := self._late_replies.pop(reply.id, len(reply.data)):
+            self._statistics[reply.id].late += 1
+        return overdue
+
+    def _count(self, exchange: Exchange, expected: Mapping[int, ExpectedReply], sent: float, now: float) -> None:
+        """Enter what has become of a request into the figures of those who were to answer it."""
+        self._add_busy_time(sent, now)
+        for servo in exchange.duplicates:
+            self._statistics[servo].duplicates += 1
+        if len(exchange.replies) == len(expected):
+            self.exchanges.add(now - sent)
+        for servo, want in expected.items():
+            tally = self._statistics[servo]
+            tally.tries += 1
+            if reply := exchange.replies.get(servo):
+                self._faults[servo] = reply.faults and reply.faults & ~REFUSAL_FAULTS
+                tally.slowest = max(tally.slowest, now - sent)
+                self._late_replies.on_reply(servo, want)
+                continue
+            if servo in exchange.damaged or (exchange.has_damaged_packet and len(expected) == 1):
+                tally.corrupt += 1
+            else:
+                tally.misses += 1
+            self._late_replies.add(servo, want, now)  # what came damaged was perhaps not the reply
+
+    def _add_busy_time(self, begin: float, end: float) -> None:
+        """Count the line as used from ``begin`` to ``end``; what overlaps counts once."""
+        self._busy_time += max(0.0, end - max(begin, self._busy_until))
+        self._busy_until = max(self._busy_until, end)
+
+    def _require_line(self) -> BusTransport:
+        if self._line is None:
+            raise NotConnected(str(self._last_error), hint=self._last_error.hint)
+        return self._line
+
+    def _release(self, reason: NotConnected) -> None:
+        with self._lock:
+            line, self._line = self._line, None
+            self._last_error = reason
+            if line is not None:
+                line.close()

@@ -1,0 +1,76 @@
+"""What virtual STS servos do when they hear a request, modelled after the maker's protocol manual and memory table.
+
+Where those are silent: a damaged or unknown request is not answered, and behind a servo that is missing from a reading
+of many all are silent, as with Dynamixels.
+"""
+
+from collections.abc import Iterator, Sequence
+
+from drivers.servos.virtual.protocol1 import sync_write
+from drivers.servos.virtual.servo import VirtualServo
+from drivers.servos.virtual.slots import Slot
+from drivers.servos.wire import BROADCAST, Packet, encode_sts_faults, status
+from drivers.servos.wire2 import Protocol2Instruction
+
+_ALWAYS_ANSWERED = (Protocol2Instruction.PING, Protocol2Instruction.READ)
+"""What is answered at any response level."""
+
+
+def handle_packet(packet: Packet, servos: Sequence[VirtualServo], now: float) -> list[Slot]:
+    """Let all ``servos`` hear ``packet`` at time ``now``; return their replies, one slot after the other."""
+    if not packet.intact:
+        return []
+    if packet.id == BROADCAST and packet.code == Protocol2Instruction.SYNC_WRITE:
+        sync_write(packet.parameters, servos, now)
+        return []
+    if packet.id == BROADCAST and packet.code == Protocol2Instruction.SYNC_READ:
+        return list(_answer_in_turn(packet.parameters, servos, now))
+    slot: Slot = []
+    for servo in servos:
+        if packet.id in (servo.number, BROADCAST):
+            servo.advance(now)
+            number = servo.number  # it answers by the ID that it was asked by
+            data = _execute(servo, packet)
+            heard = packet.code == Protocol2Instruction.PING or packet.id != BROADCAST
+            if data is not None and heard and (packet.code in _ALWAYS_ANSWERED or servo.get("response_level")):
+                slot.append((servo, _status(servo, number, data)))
+    return [slot] if slot else []
+
+
+def _execute(servo: VirtualServo, packet: Packet) -> bytes | None:
+    """Do what one servo is told; return the data that answer it, None for what it does not know."""
+    parameters = packet.parameters
+    match packet.code:
+        case Protocol2Instruction.PING:
+            return b""
+        case Protocol2Instruction.READ if len(parameters) == 2:
+            return servo.read(*parameters)
+        case Protocol2Instruction.WRITE if parameters:
+            servo.write(parameters[0], parameters[1:])
+        case Protocol2Instruction.REG_WRITE if parameters:
+            servo.registered_write = (parameters[0], parameters[1:])
+            servo.set("registered", 1)
+        case Protocol2Instruction.ACTION:
+            servo.run_registered_write()
+        case Protocol2Instruction.FACTORY_RESET:
+            servo.factory_reset("id")
+        case _:
+            return None
+    return b""
+
+
+def _status(servo: VirtualServo, number: int, data: bytes) -> bytes:
+    return status(number, encode_sts_faults(servo.faults), data)
+
+
+def _answer_in_turn(parameters: bytes, servos: Sequence[VirtualServo], now: float) -> Iterator[Slot]:
+    """Let the servos that a reading of many names answer one after the other."""
+    for number in parameters[2:]:
+        slot: Slot = []
+        for servo in servos:
+            if servo.number == number:
+                servo.advance(now)
+                slot.append((servo, _status(servo, number, servo.read(*parameters[:2]))))
+        if not slot:
+            return
+        yield slot

@@ -1,0 +1,159 @@
+"""One end of the talk with a program of ours: who wants something of it waits for the answer, or to be broken off."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from enum import Enum
+from threading import Condition
+from typing import Final
+
+from drivers.api import DeviceStatus, StatusCallback, ignore
+from drivers.clock import Clock
+from drivers.errors import NoReply, NotConnected
+from drivers.sound.cancel_token import CancelToken
+from drivers.transport.loop import guard_callback
+from drivers.transport.worker_process import Message, WorkerProcess
+
+START_TIMEOUT = 5.0
+"""Seconds for which a program that starts is waited for, also when it has died: shared machines are slow."""
+
+HANG_TIMEOUT = 10.0
+"""Seconds after its start when a program that somebody waits for, and that is not ready yet, is taken to hang."""
+
+MAX_DEATHS = 3
+"""Deaths in a row after which a program is not waited for any more; it is started again all the same."""
+
+
+class ProgramState(Enum):
+    """State of a program; DEAD: its worker starts it again."""
+
+    CLOSED, STARTING, READY, DEAD = range(4)
+
+
+class ProgramEvent(Enum):
+    """Event of a program and of its worker."""
+
+    OPEN, START, READY, DIE, CLOSE = range(5)
+
+
+TRANSITIONS: Final = {
+    **{(state, ProgramEvent.CLOSE): ProgramState.CLOSED for state in ProgramState},
+    (ProgramState.CLOSED, ProgramEvent.OPEN): ProgramState.STARTING,
+    (ProgramState.STARTING, ProgramEvent.START): ProgramState.STARTING,
+    (ProgramState.STARTING, ProgramEvent.READY): ProgramState.READY,
+    (ProgramState.STARTING, ProgramEvent.DIE): ProgramState.DEAD,
+    (ProgramState.READY, ProgramEvent.DIE): ProgramState.DEAD,
+    (ProgramState.DEAD, ProgramEvent.START): ProgramState.STARTING,
+}
+"""Any other pair changes nothing: what a program says while it is being closed comes too late."""
+
+
+class WorkerClient(ABC):
+    """Talks with ``worker``: a ``drivers.transport.worker_process.WorkerHandler``. A subclass says what its answers mean."""
+
+    def __init__(self, worker: WorkerProcess, clock: Clock, *, report: StatusCallback = ignore, hint: str = "") -> None:
+        self._worker = worker
+        self._clock = clock
+        self._report = guard_callback(report)
+        self._hint = hint
+        self._condition = Condition()  # over all that is told
+        self._program_state = ProgramState.CLOSED
+        self._started_at = 0.0  # when it was started last
+        self._deaths = 0  # in a row
+        self._missing_reason = ""
+        self._reported: set[DeviceStatus] = set()
+
+    def open(self) -> None:
+        """Start the program; returns at once. Safe more than once."""
+        if self._program_state is ProgramState.CLOSED:
+            self._handle_program(ProgramEvent.OPEN)
+            self._worker.open(self)
+
+    def close(self) -> None:
+        """End it. Safe from any state, more than once."""
+        self._handle_program(ProgramEvent.CLOSE)
+        self._worker.close()
+        with self._condition:
+            self._deaths, self._missing_reason = 0, ""
+            self._condition.notify_all()
+
+    @property
+    def _is_ready(self) -> bool:
+        return self._program_state is ProgramState.READY
+
+    def _handle_program(self, event: ProgramEvent) -> None:
+        with self._condition:
+            self._program_state = TRANSITIONS.get((self._program_state, event), self._program_state)
+            self._condition.notify_all()
+
+    @property
+    def failure_reason(self) -> str:
+        """Why there is no hope for it, else ""."""
+        health = self._worker.health()
+        return self._missing_reason or (health.detail if self._deaths >= MAX_DEATHS and not health.online else "")
+
+    def _wait_until_ready(self, token: CancelToken) -> bool:
+        """Wait for the program to be ready; False when it was broken off. Raises NotConnected and NoReply."""
+        with token.on_cancel(self._wake), self._condition:
+            settled = ProgramState.READY, ProgramState.CLOSED
+            self._condition.wait_for(
+                lambda: self._program_state in settled or token.is_cancelled or self.failure_reason, START_TIMEOUT
+            )
+            if self._is_ready or token.is_cancelled:
+                return not token.is_cancelled
+            stuck = self._worker.health().online and self._clock.read_value() - self._started_at > HANG_TIMEOUT
+        if stuck and not self.failure_reason:
+            self._worker.kill()
+            raise NoReply(f"{self._worker.name}: its program hangs while it starts", hint=self._hint)
+        raise NotConnected(self.failure_reason or self._worker.health().detail or "it does not start", hint=self._hint)
+
+    def _wait_until(self, condition: Callable[[], object], token: CancelToken, timeout: float) -> bool:
+        """Wait until ``holds`` is true, for some seconds at most; False when it is not. Raises NotConnected.
+
+        It also ends when it is broken off, and raises when the program dies meanwhile.
+        """
+        with token.on_cancel(self._wake), self._condition:
+            self._condition.wait_for(lambda: condition() or token.is_cancelled or not self._is_ready, timeout)
+            if condition():
+                return True
+            if not self._is_ready and not token.is_cancelled:
+                raise NotConnected(self._worker.health().detail or "it has died", hint=self._hint)
+            return False
+
+    def _wake(self) -> None:
+        with self._condition:
+            self._condition.notify_all()
+
+    @abstractmethod
+    def _handle_message(self, message: Message, body: bytes) -> DeviceStatus | None:
+        """Keep what was told, under the lock; return what is to be reported of it, once."""
+
+    # --- the worker's thread ------------------------------------------------------------------------------------------
+
+    def on_started(self) -> None:
+        """Note that it runs; that it is ready, it says itself."""
+        self._started_at = self._clock.read_value()
+        self._handle_program(ProgramEvent.START)
+
+    def on_message(self, message: Message, body: bytes) -> None:
+        """Keep what it says, and wake who waits for that."""
+        with self._condition:
+            notice = self._process_message(message, body)
+            self._condition.notify_all()
+        if notice is not None and notice not in self._reported:
+            self._reported.add(notice)
+            self._report(notice)
+
+    def _process_message(self, message: Message, body: bytes) -> DeviceStatus | None:
+        if "ready" in message:
+            self._handle_program(ProgramEvent.READY)
+            self._deaths = 0
+            return None
+        if "absent" in message:
+            self._missing_reason = f"{self._worker.name}: {message['absent']}"
+            return DeviceStatus(self._worker.name, "fault", self._missing_reason, self._hint)
+        return self._handle_message(message, body)
+
+    def on_exit(self, reason: str) -> None:  # noqa: ARG002 - the worker reports it
+        """Note that it has died."""
+        self._deaths += 1
+        self._handle_program(ProgramEvent.DIE)

@@ -1,0 +1,191 @@
+"""Putting a robot together by the table of drivers: one loop, for the metal, for virtual devices and for twins.
+
+The table also says in which order parts are made, and which of them bring others along.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import field
+from typing import TYPE_CHECKING, Any, Protocol, cast
+
+from behaviours.robot import ExtraPart, Robot
+from config.robot import RobotConfig, Section
+from drivers.api import (
+    Base,
+    Device,
+    Guardable,
+    Head,
+    Imu,
+    Ranger,
+    StatusCallback,
+    SteeringCallback,
+    WitnessedBase,
+    ignore,
+)
+from drivers.api.driver import resolve_name
+from drivers.api.fast_dataclass import dataclass
+from drivers.api.kinds import KINDS
+from drivers.api.sections import ArmKeys
+from drivers.clock import Clock, SystemClock
+from drivers.errors import BadRequest
+from missions.library.import_trial import error_text, find_name_problem
+from missions.library.interests import Interests
+from perception.api import Frame, Gaze, View
+
+if TYPE_CHECKING:
+    from config.world import WorldConfig
+
+
+@dataclass(frozen=True, slots=True)
+class Overrides:
+    """Settings of the caller beyond the robot file.
+
+    ``world`` is what a simulated robot stands in, None for the metal. ``camera`` is a source instead of the robot's
+    camera, or of the rendered one. ``ports`` are ports by part instead of the robot file's. ``interests`` are
+    what the mission looks for.
+    """
+
+    world: "WorldConfig | None" = None
+    camera: str | None = None
+    ports: Mapping[str, str] = field(default_factory=dict)
+    seed: int = 0
+    interests: Interests = field(default_factory=Interests)
+
+    def clock(self) -> Clock:
+        """Return a new clock in real time; one that waits for virtual devices, where there are only such."""
+        if self.world is None:
+            return SystemClock()
+        from drivers.virtual.patient_clock import PatientClock  # noqa: PLC0415 - the metal imports no simulation
+
+        return PatientClock()
+
+
+@dataclass(frozen=True, slots=True)
+class Hooks:
+    """Callbacks, told of a device's notices, of anything worth a tick, of what is said aloud, and of each percept.
+
+    ``on_answer`` is told who in a simulated world has said which words, ``on_steering`` who commands the base, as that
+    changes. ``on_frame`` gets each frame that was searched, and where the camera looked then.
+    """
+
+    report: StatusCallback
+    on_change: Callable[[], None]
+    print_line: Callable[[str], None]
+    on_view: Callable[[View], None]
+    on_answer: Callable[[str, str], None]
+    on_steering: SteeringCallback = ignore
+    on_frame: Callable[[Frame, Gaze | None], None] = ignore
+
+
+class PartFactory(Protocol):
+    """Where a robot is put together: on the metal or virtual devices, or in simulated time."""
+
+    def make(self, part: str, section: Section, made: Mapping[str, Any]) -> tuple[Device, object]:
+        """Return the device of a part, and what leaves see of it, which is mostly the same."""
+        ...
+
+
+def make_parts(config: RobotConfig, chosen: frozenset[str], factory: PartFactory) -> tuple[Robot, dict[str, Device]]:
+    """Return the robot of the ``chosen`` parts as leaves see it, and its devices, in the order in which they open."""
+    made: dict[str, Device] = {}
+    seen: dict[str, object] = {}
+    for part in order_parts(config, chosen):
+        made[part], seen[part] = factory.make(part, config.sections[part], made)
+    parts: Mapping[str, object] = made
+    base, ranger = parts.get("base"), parts.get("range")
+    if config.has_range_guard and config.range is not None and isinstance(base, Guardable) and ranger is not None:
+        base.guard_by(cast("Ranger", ranger), config.range.blind)
+    if isinstance(base, WitnessedBase) and {"range", "imu"} & parts.keys():
+        base.compare_with(ranger=cast("Ranger | None", ranger), imu=cast("Imu | None", parts.get("imu")))
+    opened = sorted(made, key=lambda part: (list(KINDS).index(config.kind_of(part).name), part not in KINDS))
+    return robot_of_parts(config, seen), {part: made[part] for part in opened}
+
+
+def robot_of_parts(config: RobotConfig, parts: Mapping[str, object]) -> Robot:
+    """Return the robot that leaves see, of parts by name; the others it lacks."""
+    fields: dict[str, Any] = {f"{KINDS[kind].field}_part": part for kind, part in parts.items() if kind in KINDS}
+    others = {
+        name: ExtraPart(kind, parts[name], joint_groups(config, name))
+        for name, kind in config.extra_parts.items()
+        if name in parts
+    }
+    return Robot(
+        **fields,
+        extra_parts=others,
+        camera_position=camera_position(config),
+        groups=joint_groups(config),
+        places=_map_places(config),
+    )
+
+
+def _map_places(config: RobotConfig) -> Mapping[str, tuple[float, float, float, str]]:
+    """Return the places of a robot's map: x and y (m), heading (rad), and the frame; none for one that has no map."""
+    if "ros2" not in config.sections:
+        return {}
+    from missions.library.folders import places_of  # noqa: PLC0415 - a robot without ROS 2 knows no map
+
+    return {name: (it.x, it.y, it.heading, it.frame) for name, it in places_of(config).items()}
+
+
+def joint_groups(config: RobotConfig, part: str = "arm") -> Mapping[str, tuple[str, ...]]:
+    """Return the groups of an arm's joints; none for what is no arm of the robot."""
+    section = config.sections.get(part)
+    return section.keys.groups if section is not None and isinstance(section.keys, ArmKeys) else {}
+
+
+def camera_position(config: RobotConfig) -> tuple[float, float, float]:
+    """Return where the camera sits (m, robot's frame), or would, on a robot that has none."""
+    return (0.0, 0.0, 1.0) if config.camera is None else config.camera.position
+
+
+def resolve_maker(name: str, section: Section, what: str) -> Callable[..., Any]:
+    """Return what makes a device, a twin or a virtual device, by its dotted name.
+
+    Raises BadRequest where a driver has no such thing, or a wrong name for it.
+    """
+    driver = section.driver
+    part = f"{section.part}: the driver '{driver.name}'"
+    if not name:
+        raise BadRequest(f"{part} has no {what}", hint="its author can declare one: docs/drivers.md")
+    outside = not name.startswith("drivers.")
+    if outside and (problem := find_name_problem(name)):
+        raise BadRequest(f"{part} has a wrong {what}, {name}: {problem.message}", hint="tell its author")
+    try:
+        found: Callable[..., Any] = resolve_name(name)
+    except Exception as error:
+        raise BadRequest(f"{part} has a wrong {what}, {name}: {error_text(error)}", hint="tell its author") from error
+    return found
+
+
+def gaze(stamp: float, base: Base | None, head: Head | None) -> Gaze:
+    """Return which way the camera looked at ``stamp``, in the odometry frame; straight ahead as far as unknown."""
+    heading = base.heading_at(stamp) if base is not None else None
+    pose = head.pose_at(stamp) if head is not None else None
+    yaw = (heading or 0.0) + (pose.pan if pose is not None else 0.0)
+    pitch = pose.tilt if pose is not None else 0.0
+    return Gaze(yaw, pitch)
+
+
+def with_carriers(config: RobotConfig, chosen: frozenset[str]) -> frozenset[str]:
+    """Return the parts that a robot has of the ``chosen``, those that carry them, and what a base keeps away by."""
+    if "camera" in chosen:
+        chosen |= {"head"}
+    if "base" in chosen and config.has_range_guard:
+        chosen |= {"range"}
+    chosen &= config.parts
+    return chosen | {need for kind in chosen for need in config.sections[kind].driver.needs if need in config.parts}
+
+
+def order_parts(config: RobotConfig, chosen: frozenset[str]) -> Iterator[str]:
+    """Yield the ``chosen`` parts, each after those that its driver needs and those that its kind comes after."""
+    made: set[str] = set()
+
+    def make(part: str) -> Iterator[str]:
+        if part in made or part not in chosen or part not in config.sections:
+            return
+        made.add(part)
+        for before in (*config.sections[part].driver.needs, *config.kind_of(part).made_after):
+            yield from make(before)
+        yield part
+
+    for part in (*KINDS, *sorted(config.parts.difference(KINDS))):
+        yield from make(part)

@@ -1,0 +1,313 @@
+"""From a robot file to twins: in one world, on one timeline, all in one thread."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from functools import partial
+from math import inf
+from random import Random
+from typing import TYPE_CHECKING, Any, cast
+
+from config.robot import RobotConfig, Section
+from config.world import WorldConfig
+from drivers.api import CameraFrame, Device, Image, Mood
+from drivers.api.measures import Array
+from drivers.api.sections import ScreenKeys, VoiceKeys
+from drivers.api.sensor_sections import CameraKeys
+from drivers.camera.twin import CameraTwin, black_like
+from drivers.microphone.twin import HearingTwin
+from drivers.screen.twin import ScreenTwin
+from drivers.sim.context import SimContext
+from drivers.sim.person_actions import PersonReply
+from drivers.sim.timeline import Timeline
+from drivers.sim.viewpoint import PinholeLens as Lens
+from drivers.voice.twin import VoiceTwin
+from missions.assembly.assembled_robot import AssembledRobot, RunEyes
+from missions.assembly.face import FRAME_INTERVAL, MouthAnimation
+from missions.assembly.half_duplex import HalfDuplex
+from missions.assembly.part_factory import Hooks, gaze, make_parts, resolve_maker, with_carriers
+from missions.assembly.simulated_eyes import Glimpse, SensorNoise, SteppedEyes, TrueSight
+from missions.assembly.truth import TrueNames
+from missions.assembly.twins import Twins
+from missions.library.interests import Interests
+from missions.library.worlds import build_physics, build_world
+from perception.api import Gaze, Words
+from perception.geometry import Pinhole
+from perception.hearing.grammar import PhraseGrammar
+
+if TYPE_CHECKING:
+    from perception.eyes import Vision
+
+
+# How a robot in simulated time deals with the people in its world: the twins of its voice, its ears and its face.
+
+
+class Conversation:
+    """Gives ``twins`` a voice, ears and a face, and lets the people in the ``world`` answer in their own time.
+
+    People and robot hear each other where they are near enough, with no inner wall between. ``phrases`` are what the
+    robot listens for.
+    """
+
+    def __init__(self, twins: Twins, world: WorldConfig, hooks: Hooks, phrases: tuple[str, ...], seed: int) -> None:
+        self._twins = twins
+        self._world = world
+        self._hooks = hooks
+        self._phrases = phrases
+        self._seed = seed
+
+    def twin(self, kind: str, keys: Any) -> Device | None:
+        """Return the twin of a part that takes part in it; None for others."""
+        match kind:
+            case "voice":
+                return self._voice(keys)
+            case "microphone":
+                return self._microphone()
+            case "screen":
+                return self._screen(keys)
+        return None
+
+    def begin(self) -> None:
+        """Let the people say what they say unasked."""
+        self._expect(self._twins.world.replies_between(-1.0, inf))
+
+    def _voice(self, keys: VoiceKeys) -> VoiceTwin:
+        clock, audience = self._twins.timeline.clock, self._hooks
+        return VoiceTwin(clock, self._say, default_style=keys.style, report=audience.report, changed=audience.on_change)
+
+    def _microphone(self) -> HearingTwin[Words]:
+        clock, audience = self._twins.timeline.clock, self._hooks
+        return HearingTwin(
+            clock,
+            PhraseGrammar.from_texts(self._phrases),
+            Words,
+            is_deaf=HalfDuplex(self._twins.parts.get("voice"), clock).may_be_own_speech,
+            mishearing=self._world.physics.mishearing,
+            seed=self._seed,
+            report=audience.report,
+            changed=audience.on_change,
+        )
+
+    def _screen(self, keys: ScreenKeys) -> ScreenTwin:
+        timeline, voice = self._twins.timeline, self._twins.parts.get("voice")
+        screen = ScreenTwin(timeline.clock, awake=Mood(keys.mood), report=self._hooks.report)
+        if voice is not None:
+            timeline.call_every(FRAME_INTERVAL, MouthAnimation(voice, screen, timeline.clock).step)
+        return screen
+
+    def _say(self, text: str) -> None:
+        """Say something aloud."""
+        twins = self._twins
+        self._hooks.print_line(text)
+        self._expect(twins.world.deliver_speech(text, twins.timeline.clock.read_value(), self._robot_position()))
+
+    def _expect(self, replies: Iterable[PersonReply]) -> None:
+        """Have what people say told, and heard, when they say it."""
+        for reply in replies:
+            self._twins.timeline.call_at(reply.time, partial(self._on_spoken, reply))
+
+    def _on_spoken(self, reply: PersonReply) -> None:
+        twins = self._twins
+        self._hooks.on_answer(reply.speaker, reply.text)
+        if twins.microphone is not None and twins.world.is_audible(
+            reply.speaker, twins.timeline.clock.read_value(), self._robot_position()
+        ):
+            twins.microphone.on_reply(reply)
+
+    def _robot_position(self) -> tuple[float, float]:
+        """Return where the robot truly is."""
+        pose = self._twins.pose()
+        return pose.x, pose.y
+
+
+PICTURE_INTERVAL = 0.08
+"""Seconds from one searched picture to the next, for eyes of either kind: what a small computer manages with this
+detector. A camera that is quicker has its other pictures dropped by the real eyes too."""
+
+DETECTION_DELAY = 0.03
+"""Seconds from a picture to what it shows."""
+
+WHITE, BLACK = cast(Image, Array()), cast(Image, Array())
+"""Stand-ins for the pictures of a camera, open and covered, that nothing searches. They have no pixels."""
+
+
+def twin_robot(
+    config: RobotConfig,
+    chosen: frozenset[str],
+    timeline: Timeline,
+    world: WorldConfig,
+    hooks: Hooks,
+    *,
+    interests: Interests,
+    seed: int,
+    truth: bool,
+    physics: bool = False,
+) -> tuple[Twins, AssembledRobot]:
+    """Put together twins for the ``chosen`` parts of a robot, stepped by ``timeline``, and the robot that they make.
+
+    With ``truth``, faces are known from the world instead of being searched for in pictures. With ``physics`` the
+    robot is a body with masses. Raises BadRequest for a part whose driver has no twin, and where there is no physics.
+    """
+    chosen = with_carriers(config, chosen)
+    twins = Twins(timeline, build_world(world))
+    if physics:
+        # MuJoCo is 60 MB, which few runs need.
+        from missions.assembly.physics import scene_of  # noqa: PLC0415
+
+        twins.scene = scene_of(config, world, twins.world.start, seed)
+    place = _TwinPartFactory(twins, config, world, hooks, interests, seed, truth=truth)
+    robot, devices = make_parts(config, chosen, place)
+    place.conversation.begin()
+    steps = {part: step for part in twins.parts if (step := config.kind_of(part).step_order) is not None}
+    for part in sorted(steps, key=lambda it: steps[it]):
+        twin = twins.parts[part]
+        timeline.call_every(twin.PERIOD, twin.step)
+    return twins, AssembledRobot(config.name, robot, devices, place.run_eyes)
+
+
+class _TwinPartFactory:
+    """Where the twins of one robot are put together."""
+
+    def __init__(
+        self,
+        twins: Twins,
+        config: RobotConfig,
+        world: WorldConfig,
+        hooks: Hooks,
+        interests: Interests,
+        seed: int,
+        *,
+        truth: bool,
+    ) -> None:
+        self._twins = twins
+        self._clock = twins.timeline.clock
+        self._world = world
+        self._hooks = hooks
+        self._interests = interests
+        self._seed = seed
+        self._truth = truth
+        self.conversation = Conversation(twins, world, hooks, interests.phrases, seed)
+        self.run_eyes: RunEyes | None = None
+        self._stage = SimContext(
+            self._clock,
+            twins.world,
+            lambda _: twins.pose(),
+            build_physics(world.physics),
+            seed,
+            hooks.report,
+            hooks.on_change,
+            hooks.on_steering,
+            twins.parts,
+            {kind: section.keys for kind, section in config.sections.items()},
+            scene=twins.scene,
+        )
+
+    def make(self, kind: str, section: Section, made: Mapping[str, Any]) -> tuple[Device, object]:  # noqa: ARG002
+        """Return the twin of a part, and what leaves see of it."""
+        parts = self._twins.parts
+        if kind == "camera":
+            seen = self._eyes(section.keys)
+            return parts[kind], seen
+        twin = self.conversation.twin(kind, section.keys)
+        if twin is None:
+            make = resolve_maker(section.driver.twin, section, "twin")
+            twin = make(section.keys, replace(self._stage, part_name=kind))
+        parts[kind] = twin
+        return twin, twin
+
+    def _eyes(self, keys: CameraKeys) -> "Vision | TrueSight":
+        self._twins.place = keys.position
+        upright = keys.upright()
+        self._twins.lens = Lens(upright.width, upright.height, upright.field_of_view)
+        sight, self.run_eyes = self.true_eyes() if self._truth else self.eyes(keys)
+        return sight
+
+    def camera(self, draw: Callable[[float], Image], black: Callable[[Image], Image] = black_like) -> CameraTwin:
+        twins = self._twins
+        twins.parts["camera"] = found = CameraTwin(
+            draw,
+            self._clock,
+            field_of_view=twins.lens.field_of_view,
+            report=self._hooks.report,
+            dropouts=self._world.dropouts,
+            seed=self._seed,
+            black=black,
+        )
+        return found
+
+    def eyes(self, keys: CameraKeys) -> "tuple[Vision, SteppedEyes[CameraFrame]]":
+        """Return eyes that search pictures of the world."""
+        from drivers.sim.render import Renderer  # noqa: PLC0415 - numpy and OpenCV load for pictures alone
+        from missions.assembly.eyes import vision  # noqa: PLC0415
+        from missions.assembly.gallery import recogniser  # noqa: PLC0415
+        from missions.assembly.models import face_detector  # noqa: PLC0415
+
+        twins, audience = self._twins, self._hooks
+        renderer = Renderer(twins.world, twins.lens, noise=self._world.noise, seed=self._seed)
+        camera = self.camera(lambda time: renderer.draw(twins.viewpoint(), time))
+        sight = vision(
+            self._gaze,
+            self._clock,
+            interests=self._interests,
+            detector=face_detector(keys),
+            lens=None,  # what draws the pictures is ideal
+            field_of_view=twins.lens.field_of_view,
+            report=audience.report,
+            seen=audience.on_view,
+            watched=audience.on_frame,
+            recogniser=recogniser(self._interests, audience.report, drawn=self._world.people),
+        )
+
+        def take() -> CameraFrame | None:
+            return camera.expose(self._clock.read_value())
+
+        return sight, SteppedEyes(
+            twins.timeline, take, sight.see, sight.looked, period=PICTURE_INTERVAL, delay=DETECTION_DELAY
+        )
+
+    def true_eyes(self) -> tuple[TrueSight, SteppedEyes[Glimpse]]:
+        """Return eyes that know who is in view."""
+        twins = self._twins
+        lens = Pinhole(twins.lens.width, twins.lens.height, twins.lens.field_of_view)
+        sight = TrueSight(
+            twins.world,
+            lambda _: twins.viewpoint(),
+            self._gaze,
+            lens,
+            noise=SensorNoise(),
+            seed=self._seed,
+            on_view=self._hooks.on_view,
+            interests=self._interests,
+            names=self._true_names(),
+        )
+        newest = sight.glimpse(0.0, dark=True)
+
+        def draw(time: float) -> Image:
+            nonlocal newest
+            newest = sight.glimpse(time)
+            return WHITE
+
+        camera = self.camera(draw, black=lambda _: BLACK)
+
+        def take() -> Glimpse | None:
+            frame = camera.expose(self._clock.read_value())
+            if frame is None:
+                return None
+            if frame.image is not WHITE:
+                return sight.glimpse(frame.stamp, dark=True)
+            # A camera that hangs did not draw: what it shows is what was seen last.
+            return replace(newest, stamp=frame.stamp, scene=replace(newest.scene, stamp=frame.stamp))
+
+        return sight, SteppedEyes(
+            twins.timeline, take, sight.see, sight.looked, period=PICTURE_INTERVAL, delay=DETECTION_DELAY
+        )
+
+    def _true_names(self) -> TrueNames | None:
+        """Return what knows whose faces they are; None where the mission does not ask for names."""
+        if not self._interests.names:
+            return None
+        own = Random(f"names {self._seed}")  # noqa: S311 - which looks are mistaken is no secret
+        return TrueNames(self._world.people, SensorNoise().mistaken, own)
+
+    def _gaze(self, stamp: float) -> Gaze:
+        parts = self._twins.parts
+        return gaze(stamp, parts.get("base"), parts.get("head"))

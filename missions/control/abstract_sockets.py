@@ -1,0 +1,156 @@
+"""Names of runs that the kernel keeps: no full, missing or emptied folder takes them away, but the end of the process.
+
+A name says whose run it is, and of which process. It is that of an abstract socket, which ``/proc/net/unix`` lists for
+all in one network namespace; other users see it too, so each end checks who the other one is. And it is that of a file
+in memory, which ``/proc/PID/fd`` shows for whoever may end the process, also where that is in a container of its own.
+"""
+
+import hashlib
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from drivers.api.fast_dataclass import dataclass
+from missions.control.processes import ProcessIdentity, identity_of
+from missions.control.run_folders import SYSTEM_ROOT
+
+SOCKET_LIST = Path("/proc/net/unix")
+
+LISTENING, STREAM, DATAGRAM = 1 << 16, 1, 2
+"""A flag and two types of sockets, as the kernel lists them."""
+
+SIMULATED_SUFFIX = "-simulated"
+"""The end of the kind of a run, or of a command, that moves no robot."""
+
+
+@dataclass(frozen=True, slots=True)
+class AbstractName:
+    """The name of an abstract socket: of a run, or of a command that moves a robot, of the user ``uid``."""
+
+    uid: int
+    run: str
+    identity: ProcessIdentity
+    kind: str
+    inode: int = 0
+    local_identity: ProcessIdentity | None = None
+    """The process as it is seen from here, where its own file in memory was found."""
+
+    @property
+    def is_run(self) -> bool:
+        """Whether a run listens there; else a command can only be ended by a signal."""
+        return self.kind.startswith("run")
+
+    @property
+    def address(self) -> str:
+        """The address as people read it, with "@" for the byte 0."""
+        return f"@{self.text}"
+
+    @property
+    def text(self) -> str:
+        """The name."""
+        about = (self.uid, self.run, self.identity.start, self.identity.namespace, self.kind)
+        return f"{_prefix()}{'/'.join(map(str, about))}"
+
+    def has_its_process(self) -> bool:
+        """Return whether the process has the socket open: another user can give a socket any name. Raises OSError."""
+        return f"socket:[{self.inode}]" in _link_targets(Path(f"/proc/{self.identity.pid}/fd"))
+
+
+def _prefix() -> str:
+    root = os.environ.get(SYSTEM_ROOT, "")
+    return f"missiontree{root and '.' + hashlib.sha256(root.encode()).hexdigest()[:8]}/"
+
+
+def make_name(run: str, kind: str, *, simulated: bool) -> AbstractName:
+    """Return the name for a run of this process, or for a command. Raises OSError where /proc is missing."""
+    identity = identity_of(os.getpid())
+    if identity is None:
+        raise OSError("/proc does not show this process")
+    return AbstractName(os.geteuid(), run, identity, kind + SIMULATED_SUFFIX * simulated)
+
+
+def listen(name: AbstractName) -> socket.socket:
+    """Return a socket that listens. Raises OSError."""
+    return _bind(name, socket.SOCK_STREAM)
+
+
+def bind_marker(name: AbstractName) -> socket.socket:
+    """Return a socket that only shows that a command is there. Raises OSError."""
+    return _bind(name, socket.SOCK_DGRAM)
+
+
+def _bind(name: AbstractName, kind: socket.SocketKind) -> socket.socket:
+    found = socket.socket(socket.AF_UNIX, kind)
+    try:
+        found.bind(f"\0{name.address[1:]}")
+        if kind is socket.SOCK_STREAM:
+            found.listen(64)
+    except BaseException:
+        found.close()
+        raise
+    return found
+
+
+def hold_name(name: AbstractName) -> int:
+    """Return the descriptor of a file in memory with this name, which shows what the process is. Raises OSError."""
+    return os.memfd_create(name.text)
+
+
+def held_names() -> list[AbstractName]:
+    """Return the names that processes hold, as far as this user may see that. Raises OSError without descriptors."""
+    prefix, found = f"/memfd:{_prefix()}", list[AbstractName]()
+    for process in os.listdir("/proc"):  # noqa: PTH208 - some hundreds
+        if process.isdecimal():
+            try:
+                texts = {text for text in _link_targets(Path("/proc", process, "fd")) if text.startswith(prefix)}
+                here = identity_of(int(process)) if texts else None
+            except (FileNotFoundError, ProcessLookupError, PermissionError):
+                continue  # it has ended, or is another user's
+            for text in texts if here is not None else ():
+                name = _parse_name(text.removeprefix(prefix).removesuffix(" (deleted)"), 0, here.boot if here else "")
+                if name is not None and here is not None and name.identity.start == here.start:  # not a fork of it
+                    found.append(replace(name, local_identity=here))
+    return found
+
+
+def _link_targets(folder: Path) -> Iterator[str]:
+    """Yield where the links in a folder lead."""
+    for each in folder.iterdir():
+        with suppress(FileNotFoundError):  # closed since
+            yield os.readlink(each)  # noqa: PTH115 - it is no path
+
+
+def listed_names() -> list[AbstractName]:
+    """Return those that there are, of all users. Raises OSError where the kernel's list cannot be read."""
+    prefix, found = f"@{_prefix()}", list[AbstractName]()
+    here = identity_of(os.getpid())
+    for line in SOCKET_LIST.read_text(encoding="utf-8", errors="replace").splitlines():
+        fields = line.split()
+        if len(fields) == 8 and fields[7].startswith(prefix) and here is not None:
+            listens = bool(int(fields[3], 16) & LISTENING)
+            name = _parse_name(fields[7].removeprefix(prefix), int(fields[6]), here.boot)
+            if (
+                name is not None
+                and int(fields[4], 16) == (STREAM if name.is_run else DATAGRAM)
+                and (
+                    listens or not name.is_run  # the ends of connections have the name too
+                )
+            ):
+                found.append(name)
+    return found
+
+
+def _parse_name(text: str, inode: int, boot: str) -> AbstractName | None:
+    """Return what a name says; None for one that is not ours, which anybody could have given."""
+    fields = text.split("/")
+    if len(fields) != 5 or not fields[4].startswith(("run", "command")):
+        return None
+    try:
+        uid, start, namespace = int(fields[0]), int(fields[2]), int(fields[3])
+        pid = int(fields[1].partition("-")[0])
+    except ValueError:
+        return None
+    return AbstractName(uid, fields[1], ProcessIdentity(pid, start, boot, namespace), fields[4], inode)

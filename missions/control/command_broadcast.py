@@ -1,0 +1,310 @@
+"""Every run of this machine stopped, or released, at once; and each command that moves a robot and is no run ended.
+
+A run counts as stopped once it has answered that all is latched, or once its process has ended. All else is a doubt.
+"""
+
+import secrets
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import field
+from threading import Lock, Thread
+from typing import Any
+
+from drivers.api.fast_dataclass import dataclass
+from missions.control import sockets
+from missions.control.notes import END_TIMEOUT, RobotHolder, stamp_stop
+from missions.control.processes import ProcessIdentity, identity_of
+from missions.control.run_search import FoundProcess, SearchResult, error_text, is_own_process, listed_runs, search_runs
+from missions.control.sockets import RunConnection
+
+StopOutcomes = dict[object, tuple[bool, str]]
+"""What came of each that was asked: whether it is good, and the words for people."""
+
+JsonCommand = Mapping[str, object]
+
+RUN_END_TIMEOUT = 7.0
+"""Seconds that a run which does not answer has to end after SIGTERM: its lifeline kills it after 5."""
+
+STOP_TRIES = 8
+"""Times that a run is asked to stop while one of its parts has not confirmed: a busy machine may be late by 0.2 s."""
+
+GONE_ERRORS = (ConnectionRefusedError, FileNotFoundError)
+"""Errors of a connection to a socket of which nobody listens any more, or which has been removed."""
+
+
+def send_to_all(
+    commands: Sequence[JsonCommand],
+    by: str,
+    wanted_names: Sequence[str] = (),
+    *,
+    search_result: SearchResult | None = None,
+    is_wanted: Callable[[Mapping[str, Any]], bool] = lambda _: True,
+) -> StopOutcomes:
+    """Ask all runs, or those of ``wanted_names``, one thing after another; return what came of it, within a second or so.
+
+    Where a stop is asked for, commands that have no latch are ended too; where nothing is, all are listed. ``found`` is
+    what a search has found just now; of the runs it is ``is_wanted`` those with such a first message. What could not be
+    looked at, and could be meant, is returned as well.
+    """
+    asking = CommandBroadcast(commands, by, wanted_names, is_wanted)
+    if asking.is_stop:
+        asking.request_listed(listed_runs())  # at once, whatever the folders are like that are looked at next
+    unstamped = stamp_stop() if asking.is_stop and not wanted_names else ""
+    search_result = search_runs(thorough=False) if search_result is None else search_result
+    work = asking.start_requests(search_result.processes)
+    known = {each.key for each in search_result.processes}
+    search_result = search_runs()  # what is there at once does not wait for this
+    work += asking.start_requests([each for each in search_result.processes if each.key not in known])
+    for thread in [*work, *(thread for _, thread in asking.early_requests.values())]:
+        thread.join()
+    if not wanted_names or not asking.replied_runs.issuperset(wanted_names):
+        asking.outcomes |= {each: (False, each.message) for each in search_result.warnings}
+    if unstamped and not asking.outcomes:
+        asking.outcomes["stamp"] = False, unstamped
+    for name in wanted_names:
+        if name not in asking.matched_names:
+            asking.outcomes[name] = False, f"no run {name}: `mission stop --list` lists what runs"
+    return asking.outcomes
+
+
+@dataclass(slots=True)
+class CommandBroadcast:
+    """One thing asked of many, from a thread for each. ``outcomes`` is what came of it, ``replied_runs`` the runs that have.
+
+    ``results`` are what runs have answered to a stop, ``matched_names`` those names of ``wanted_names`` that there are. ``early_requests`` are
+    the runs that were asked by name alone, each with the thread that does.
+    """
+
+    commands: Sequence[JsonCommand]
+    by: str
+    wanted_names: Sequence[str] = ()
+    is_wanted: Callable[[Mapping[str, Any]], bool] = lambda _: True
+    outcomes: StopOutcomes = field(default_factory=dict)
+    replied_runs: set[str] = field(default_factory=set)
+    matched_names: set[str] = field(default_factory=set)
+    results: dict[object, Mapping[str, Any]] = field(default_factory=dict)
+    early_requests: dict[object, tuple[FoundProcess, Thread]] = field(default_factory=dict)
+    _press: str = field(default_factory=lambda: secrets.token_hex(8))
+    _claimed_runs: set[object] = field(default_factory=set)
+    _lock: Lock = field(default_factory=Lock)
+
+    @property
+    def is_stop(self) -> bool:
+        """Whether a stop is asked for."""
+        return any(command["do"] == "stop" for command in self.commands)
+
+    def start_requests(self, processes: Sequence[FoundProcess]) -> list[Thread]:
+        """Ask all at the same time, so that one that hangs holds up no other; return the threads that do."""
+        work = list[Thread]()
+        for each in processes:
+            thread = Thread(target=self.request, args=(each,))
+            try:
+                thread.start()
+            except RuntimeError:  # the system allows no more threads
+                self.request(each)
+            else:
+                work.append(thread)
+        return work
+
+    def request_listed(self, processes: Sequence[FoundProcess]) -> None:
+        """Begin to ask runs that the kernel lists. One that does not answer is left to ``start_requests``, which knows more."""
+
+        def work(each: FoundProcess) -> None:
+            unanswered = suppress(OSError, ValueError, KeyError, TypeError, AttributeError)
+            with unanswered, sockets.open_connection(each.addresses[0]) as link:
+                if link.run_info and each.is_process(link.process) and link.uid == each.uid:
+                    self._request_over(each, link)
+
+        for each in processes:
+            if each.addresses and each.matches(self.wanted_names) is not False:
+                thread = Thread(target=work, args=(each,))
+                with suppress(RuntimeError):  # the system allows no more threads
+                    thread.start()
+                    self.early_requests[each.key] = each, thread
+
+    def request(self, process: FoundProcess) -> None:
+        """Ask one, if it is meant, and note what came of it."""
+        if process.key in self.early_requests:
+            early, thread = self.early_requests[process.key]
+            thread.join()
+            if early in self.outcomes:
+                return
+        if process.matches(self.wanted_names) is False:
+            return
+        self.matched_names |= process.names.intersection(self.wanted_names)
+        try:
+            if process.is_command:
+                self._end_command(process)
+            else:
+                self._request_run(process)
+        except Exception as error:  # whatever it is: what was not asked is not taken for what was stopped
+            self._add_warning(process, f"{process.description}: {type(error).__name__}: {error}")
+
+    def _add_warning(self, process: FoundProcess, reason: str, peer: ProcessIdentity | None = None) -> None:
+        """Note that a run has perhaps not been stopped, or has not done what was asked. ``peer`` listens for it."""
+        hint = process.end_hint(peer) if self.is_stop else f"mission stop {process.run}  (which ends it)"
+        self.outcomes[process] = False, f"{reason}{': perhaps not stopped' * self.is_stop}\n  try: {hint}"
+
+    def _request_run(self, process: FoundProcess) -> None:
+        """Ask a run at one of its addresses; where it answers at none of them, end its process if it was to stop."""
+        failed = list[OSError | ValueError]()
+        peer: ProcessIdentity | None = None
+        for address in process.addresses:
+            try:
+                with sockets.open_connection(address) as link:
+                    if not process.is_process(link.process) or (isinstance(address, str) and link.uid != process.uid):
+                        continue  # another run has this name, or another user has given a socket this name
+                    peer = peer or identity_of(link.process)
+                    self._request_over(process, link)
+                    return
+            except (OSError, ValueError) as error:
+                failed.append(error)
+        self._handle_no_reply(process, failed, peer)
+
+    def _request_over(self, process: FoundProcess, link: RunConnection) -> None:
+        """Ask a run by way of a link, if it is meant, and note its answer. Raises OSError where it does not answer."""
+        told = link.run_info
+        if not told and not self.is_stop:
+            raise TimeoutError("it does not answer")
+        if told and not self._claim_run(process, link):
+            return
+        try:
+            words = [self._execute(process, link, command) for command in self.commands]
+        except BaseException:
+            self._claimed_runs.discard(_run_key(link))  # it may answer by another way
+            raise
+        name = process.description if process.holder is not None or not told else _description_of(link)
+        self.outcomes[process] = all(good for good, _ in words), name + "".join(f": {each}" for _, each in words)
+        self.replied_runs.add(process.run)
+
+    def _claim_run(self, process: FoundProcess, link: RunConnection) -> bool:
+        """Return whether a run is meant that tells what it is, and nobody asks it already by another way."""
+        told = link.run_info
+        names = {process.run, str(told.get("run")), str(link.process), str(told.get("mission"))}
+        if (self.wanted_names and names.isdisjoint(self.wanted_names)) or not self.is_wanted(told):
+            return False
+        self.matched_names |= names.intersection(self.wanted_names)
+        known = _run_key(link)
+        with self._lock:
+            is_new = known not in self._claimed_runs
+            self._claimed_runs.add(known)
+        return is_new
+
+    def _execute(self, process: FoundProcess, link: RunConnection, command: JsonCommand) -> tuple[bool, str]:
+        """Have one thing done, and say what came of it. Raises OSError where nobody answers."""
+        if command["do"] == "release":
+            command = {**command, "stop": link.last_stop()}
+        elif command["do"] == "stop":
+            command = {**command, "press": self._press}
+        for _ in range(STOP_TRIES):
+            answer = link.request({**command, "by": self.by})
+            if not answer["ok"]:
+                hint = answer.get("hint")
+                return False, str(answer["message"]) + (f"\n  try: {hint}" if hint else "")
+            result: Mapping[str, Any] = answer.get("result") or {}
+            if not result.get("missing"):
+                break
+        if command["do"] == "stop":
+            self.results[process] = result
+        parts = ", ".join(result.get("parts", ()))
+        if missing := ", ".join(result.get("missing", ())):
+            told = f"perhaps not stopped: {missing} (stopped: {parts or 'nothing'})"
+            return False, f"{told}\n  try: mission stop --end {link.process or process.run}, or the robot's own switch"
+        words = {
+            "stop": f"stopped ({parts or 'it has nothing that moves'})",
+            "halt": "is being ended",
+            "release": "released, and paused",
+            "resume": "goes on",
+        }
+        return True, words[str(command["do"])]
+
+    def _handle_no_reply(
+        self, process: FoundProcess, errors: Sequence[Exception], peer: ProcessIdentity | None
+    ) -> None:
+        """Note of a run that does not answer what that means; end its process, if it was to stop."""
+        is_gone = all(isinstance(error, GONE_ERRORS) for error in errors)
+        if is_gone and process.identity is None and process.holder is None:
+            return  # the file of a process that was killed: what lives has a note, or a name, besides
+        why = "; ".join(dict.fromkeys(f"{getattr(each, 'strerror', None) or each}" for each in errors))
+        why = f"hangs ({why or 'it has no socket'})"
+        try:
+            if not process.is_alive(peer) or (is_gone and not _is_still_found(process, search_runs())):
+                return  # it has ended meanwhile
+        except OSError as error:
+            self._add_warning(process, f"{process.description}: {why}; {error_text(error)}", peer)
+            return
+        if not self.is_stop or process.matches(self.wanted_names) is None:
+            self._add_warning(process, f"{process.description}: {why}", peer)
+        else:
+            self._terminate(process, peer, why)
+
+    def _terminate(self, process: FoundProcess, peer: ProcessIdentity | None, reason: str) -> None:
+        """Send a run that hangs the signal that its watchdog hears, and wait for its end."""
+        identity = process.local_identity or peer
+        try:
+            process.terminate(peer)
+            if identity is not None and identity.has_ended_within(RUN_END_TIMEOUT):
+                self.outcomes[process] = True, f"{process.description}: {reason}; SIGTERM was sent, which has ended it"
+                self.replied_runs.add(process.run)
+                return
+        except OSError as error:
+            self._add_warning(
+                process, f"{process.description}: {reason}; no SIGTERM could be sent: {error_text(error)}", peer
+            )
+            return
+        reason = f"{reason}; SIGTERM was sent, and has not ended it within {RUN_END_TIMEOUT:g} s"
+        self._add_warning(process, f"{process.description}: {reason}", peer)
+
+    def _end_command(self, process: FoundProcess) -> None:
+        """End a command that holds a robot, and note what came of it."""
+        if is_own_process(process) or any(command["do"] in ("release", "resume") for command in self.commands):
+            return  # what was ended is not there to be released
+        if process.matches(self.wanted_names) is None:
+            self._add_warning(process, f"{process.description}: it is not known which command it is")
+            return
+        if not self.commands:
+            self.outcomes[process] = True, process.description
+            return
+        try:
+            has_ended = process.as_holder().end(self.by)
+        except OSError as error:
+            self._add_warning(process, f"{process.description}: could not be ended: {error_text(error)}")
+            return
+        if has_ended:
+            self.outcomes[process] = True, f"{process.description}: ended, with what it moved at rest"
+            self.replied_runs.add(process.run)
+        else:
+            self._add_warning(process, f"{process.description}: hangs (SIGTERM did not end it in {END_TIMEOUT:g} s)")
+
+
+def stop_one(process: FoundProcess, by: str) -> Mapping[str, object]:
+    """Stop one run, or end one command; return what is told of it. Nothing where it has gone, or is this process."""
+    asking = CommandBroadcast([{"do": "stop"}], by)
+    asking.request(process)
+    result = asking.results.get(process, {})
+    if process not in asking.outcomes:
+        return {}
+    is_good, words = asking.outcomes[process]
+    if not is_good:
+        return {**result, "trouble": words}
+    return result or {"ended": process.description}
+
+
+def _is_still_found(process: FoundProcess, search: SearchResult) -> bool:
+    """Return whether what was found is there still, or that is not known."""
+    return bool(search.warnings) or any(
+        each.run == process.run and each.identity == process.identity for each in search.processes
+    )
+
+
+def _run_key(link: RunConnection) -> object:
+    """Return what tells a run from all others that were asked, by what it tells of itself."""
+    return link.process, *(link.run_info.get(each) for each in ("pid", "run", "began"))
+
+
+def _description_of(link: RunConnection) -> str:
+    """Return what a run tells that it is."""
+    told = link.run_info
+    mission, robot, simulated = (str(told.get(name, "")) for name in ("mission", "robot", "simulated"))
+    process = link.process or told.get("pid", 0)  # the kernel does not tell the number of one in another container
+    return RobotHolder(process, mission, robot, simulated, run=str(told.get("run", ""))).description

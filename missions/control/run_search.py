@@ -1,0 +1,319 @@
+"""The search for all that can move a robot of this user: by socket files, notes, and abstract sockets.
+
+What cannot be looked at is a `StopWarning`: an error while looking is never taken for "nothing runs".
+"""
+
+import errno
+import os
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import field, replace
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+from drivers.api.fast_dataclass import dataclass
+from missions.control import abstract_sockets, sockets
+from missions.control.abstract_sockets import SIMULATED_SUFFIX, AbstractName
+from missions.control.notes import NOTE_SUFFIX, RobotHolder, read_note
+from missions.control.processes import ProcessIdentity, identity_of
+from missions.control.run_folders import RunFolder, call_all_with_timeout, run_folders
+from missions.control.sockets import Address
+
+MANUAL_STOP_HINT = "pgrep -af mission  (what runs), and kill its process; or the robot's own switch"
+"""What to type where nothing better is known."""
+
+
+@dataclass(frozen=True, slots=True)
+class StopWarning:
+    """A reason why something may move on, and what to type."""
+
+    reason: str
+    hint: str = MANUAL_STOP_HINT
+
+    @property
+    def message(self) -> str:
+        """What people are told."""
+        return f"perhaps not stopped: {self.reason}\n  try: {self.hint}"
+
+
+@dataclass(frozen=True, slots=True)
+class FoundProcess:
+    """A run, or a command without a control socket: the ``addresses`` where it may answer, and what its notes tell."""
+
+    run: str
+    addresses: tuple[Address, ...] = ()
+    holder: RobotHolder | None = None
+    abstract_name: AbstractName | None = None
+
+    @property
+    def is_command(self) -> bool:
+        """Whether it can only be ended."""
+        if self.addresses or (self.holder is not None and self.holder.is_run):
+            return False
+        return self.holder is not None or (self.abstract_name is not None and not self.abstract_name.is_run)
+
+    @property
+    def key(self) -> object:
+        """What tells it from all others, wherever its sockets are."""
+        return self.run, self.identity or self.addresses
+
+    @property
+    def identity(self) -> ProcessIdentity | None:
+        """The process, as far as it is known."""
+        if self.holder is not None and self.holder.identity is not None:
+            return self.holder.identity
+        return None if self.abstract_name is None else self.abstract_name.identity
+
+    @property
+    def local_identity(self) -> ProcessIdentity | None:
+        """The process by its number on this side of a container, if that is known."""
+        return (
+            self.identity
+            if self.abstract_name is None or self.abstract_name.local_identity is None
+            else self.abstract_name.local_identity
+        )
+
+    def is_process(self, process: int) -> bool:
+        """Return whether the process at the other end of a connection may be this one: another may have its name."""
+        return (
+            self.abstract_name is None
+            or self.abstract_name.local_identity is None
+            or self.abstract_name.local_identity.pid == process
+        )
+
+    def end_hint(self, peer: ProcessIdentity | None = None) -> str:
+        """Return what to type if it does not end. ``peer`` is the process that listens at its socket, if known."""
+        for known in (self.local_identity, peer):
+            with suppress(OSError):  # its number is not known from here
+                if known is not None and known.is_visible:
+                    return f"if process {known.pid} is there still: kill -9 {known.pid}"
+        return MANUAL_STOP_HINT
+
+    @property
+    def uid(self) -> int:
+        """Whose it is."""
+        if self.abstract_name is not None:
+            return self.abstract_name.uid
+        return os.geteuid() if self.holder is None or self.holder.uid is None else self.holder.uid
+
+    def is_alive(self, peer: ProcessIdentity | None) -> bool:
+        """Return whether its process has not ended. Raises OSError where that is not known.
+
+        ``peer`` is who has listened at its socket, for one that has left no note and no name.
+        """
+        if self.abstract_name is not None and self.abstract_name.local_identity is not None:
+            return self.abstract_name.local_identity.is_alive()
+        if self.holder is not None:
+            return self.holder.is_alive()
+        identity = peer if self.abstract_name is None else self.abstract_name.identity
+        if identity is None:
+            raise OSError("it is not known which process it is")
+        return identity.is_alive()
+
+    def terminate(self, peer: ProcessIdentity | None) -> None:
+        """Send its process SIGTERM, if it has not ended. Raises OSError where it cannot be told from another one."""
+        if self.abstract_name is not None and self.abstract_name.local_identity is not None:
+            self.abstract_name.local_identity.terminate()
+        elif self.holder is not None:
+            self.holder.terminate()
+        elif self.abstract_name is None and peer is not None:
+            peer.terminate(None if os.geteuid() else self.uid)
+        elif self.abstract_name is not None and self.abstract_name.has_its_process():
+            self.abstract_name.identity.terminate(None if os.geteuid() else self.abstract_name.uid)
+        else:
+            raise OSError("it is not known which process it is")
+
+    def as_holder(self) -> RobotHolder:
+        """Return the command, also where it could leave no note."""
+        if self.holder is not None:
+            return self.holder
+        name = self.abstract_name
+        if name is None or (name.local_identity is None and not name.has_its_process()):
+            raise OSError("it is not known which process it is")
+        identity, simulated = (
+            name.local_identity or name.identity,
+            SIMULATED_SUFFIX[1:] * name.kind.endswith(SIMULATED_SUFFIX),
+        )
+        return RobotHolder(identity.pid, "a command", "a robot", simulated, self.run, identity=identity, uid=self.uid)
+
+    @property
+    def description(self) -> str:
+        """What it is, as people are told."""
+        if self.holder is not None:
+            return self.holder.description
+        return f"{self.run}: {'a command' if self.is_command else 'a run'}"
+
+    def matches(self, wanted_names: Sequence[str]) -> bool | None:
+        """Return whether one of these names is its own; None where that is not known before it answers."""
+        if not wanted_names or not self.names.isdisjoint(wanted_names):
+            return True
+        return None if self.holder is None else False
+
+    @property
+    def names(self) -> set[str]:
+        """The names by which it can be meant, as far as they are known."""
+        if self.holder is None:
+            return {self.run}
+        return {self.run, str(self.holder.process), self.holder.name, *self.holder.name.split()[:1]}
+
+
+@dataclass(slots=True)
+class SearchResult:
+    """What was found, and what could not be looked at. ``files`` are the socket files among the addresses."""
+
+    processes: list[FoundProcess] = field(default_factory=list)
+    warnings: list[StopWarning] = field(default_factory=list)
+
+
+def search_runs(*, thorough: bool = True) -> SearchResult:
+    """Look in every place where a run, or a command that moves a robot, of this user can be.
+
+    Where it is ``thorough`` each process of this user is looked at, too, which takes some milliseconds.
+    """
+    result = SearchResult()
+    holders, files = list[RobotHolder](), list[Path]()
+    looked = call_all_with_timeout({place.folder: partial(_read_folder, place) for place in run_folders()})
+    for folder, seen in looked.items():
+        if isinstance(seen, OSError):
+            result.warnings.append(warning_for(f"{folder} cannot be read", seen))
+            continue
+        holders += seen.holders
+        files += seen.files
+        result.warnings += seen.warnings
+    result.processes = _merge_processes(holders, files, _listed_names(result.warnings, thorough=thorough))
+    return result
+
+
+def listed_runs() -> list[FoundProcess]:
+    """Return the runs of this user that the kernel lists by name: no folder is looked at, so none can delay this."""
+    return [each for each in _merge_processes([], [], _listed_names([], thorough=False)) if not each.is_command]
+
+
+class _FolderContents(NamedTuple):
+    """What is in one folder of runs."""
+
+    holders: list[RobotHolder]
+    files: list[Path]
+    warnings: list[StopWarning]
+
+
+def _read_folder(place: RunFolder) -> _FolderContents:
+    """Return what is in a folder of runs. Raises OSError where it cannot be read."""
+    names = place.file_names()
+    found = _FolderContents([], [place.folder / name for name in names if name.endswith(sockets.SOCKET_SUFFIX)], [])
+    for name in names:
+        if name.endswith(NOTE_SUFFIX) and name.removesuffix(NOTE_SUFFIX).replace("-", "").isdecimal():
+            try:
+                holder = read_note(place.folder / name)
+            except OSError as error:
+                found.warnings.append(warning_for(f"{place.folder / name} cannot be read", error))
+            else:
+                found.holders.extend([] if holder is None else [holder])
+    return found
+
+
+def _listed_names(warnings: list[StopWarning], *, thorough: bool) -> list[AbstractName]:
+    """Return the names that the kernel has of this user's runs; of others only that there is one is told."""
+    names = list[AbstractName]()
+    for look, what in (
+        (abstract_sockets.listed_names, abstract_sockets.SOCKET_LIST),
+        (abstract_sockets.held_names, "/proc"),
+    ):
+        try:
+            names += look() if thorough or look is abstract_sockets.listed_names else ()
+        except OSError as error:
+            warnings.append(warning_for(f"{what} cannot be read", error))
+    mine = []
+    for name in names:
+        if os.geteuid() in (0, name.uid) or name.local_identity is not None:
+            mine.append(name)
+        elif not name.kind.endswith(SIMULATED_SUFFIX):
+            warnings.append(
+                StopWarning(f"process {name.run} of another user ({name.uid}) has a robot", "sudo mission stop")
+            )
+    return mine
+
+
+def _merge_processes(
+    holders: Sequence[RobotHolder], files: Sequence[Path], names: Sequence[AbstractName]
+) -> list[FoundProcess]:
+    """Return each process once, with all that is known of it. A file that is in no note is one of its own."""
+    found: dict[tuple[str, ProcessIdentity | None], FoundProcess] = {}
+    for holder in holders:
+        key = holder.run, holder.identity
+        same = found.get(key)
+        if same is not None and same.holder is not None:
+            holder = replace(holder, notes=(*same.holder.notes, *holder.notes))  # noqa: PLW2901
+        addresses = [each if each.startswith("@") else Path(each) for each in holder.sockets]
+        known = () if same is None else same.addresses
+        found[key] = FoundProcess(holder.run, tuple(dict.fromkeys([*known, *addresses])), holder)
+    for name in names:
+        key = name.run, name.identity
+        same = found.get(key, FoundProcess(name.run))
+        more = [name.address] if name.is_run and name.local_identity is None else []
+        if same.abstract_name is not None:  # it is told by its socket and by its process
+            name = replace(  # noqa: PLW2901
+                name,
+                inode=name.inode or same.abstract_name.inode,
+                local_identity=name.local_identity or same.abstract_name.local_identity,
+            )
+        found[key] = replace(same, addresses=tuple(dict.fromkeys([*same.addresses, *more])), abstract_name=name)
+    noted = {address for each in found.values() for address in each.addresses}
+    alone = [FoundProcess(sockets.run_of_socket(path), (path,)) for path in dict.fromkeys(files) if path not in noted]
+    return [*(_with_files(each, files) for each in found.values()), *alone]
+
+
+def _with_files(process: FoundProcess, files: Sequence[Path]) -> FoundProcess:
+    """Return a run that has no address with the socket files of its name: its note may be missing, or be refused."""
+    if process.addresses or process.abstract_name is None or not process.abstract_name.is_run:
+        return process
+    return replace(process, addresses=tuple(path for path in files if sockets.run_of_socket(path) == process.run))
+
+
+def warning_for(subject: str, error: OSError) -> StopWarning:
+    """Return the doubt that an error leaves."""
+    hints: Mapping[int | None, str] = {
+        errno.EMFILE: "mission stop  (in another terminal: no file descriptor is left here; ulimit -n tells how many)",
+        errno.ENFILE: "mission stop  (again: no file descriptor is left on this computer)",
+        errno.EACCES: "sudo mission stop",
+        errno.EPERM: "sudo mission stop",
+    }
+    return StopWarning(f"{subject}: {error_text(error)}", hints.get(error.errno, MANUAL_STOP_HINT))
+
+
+def error_text(error: OSError) -> str:
+    """Return an error in words."""
+    return error.strerror or str(error)
+
+
+def is_own_process(process: FoundProcess) -> bool:
+    """Return whether it is of this process: who stops all others does not end itself."""
+    if process.holder is not None and process.holder.identity is None:
+        return process.holder.process == os.getpid()
+    known = process.identity
+    return known is not None and known == identity_of(os.getpid())
+
+
+def addresses_of(run: str) -> list[Address]:
+    """Return where a run may answer; none for one that is not there. Raises OSError where that is not known."""
+    result = search_runs(thorough=False)
+    found = [address for each in result.processes if each.run == run for address in each.addresses]
+    if result.warnings and not found:
+        raise OSError(result.warnings[0].reason)
+    return list(dict.fromkeys(found))
+
+
+def has_control_socket(run: str) -> bool:
+    """Return whether a run has a control socket, as far as can be seen."""
+    return any(each.run == run and each.addresses for each in search_runs(thorough=False).processes)
+
+
+def may_be_alive(process: FoundProcess) -> bool:
+    """Return whether a process is there, or that is not known; not where only the file of a socket was left."""
+    if process.holder is None and process.abstract_name is None:
+        return False
+    try:
+        return process.is_alive(None)
+    except OSError:
+        return True

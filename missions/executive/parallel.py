@@ -1,0 +1,122 @@
+"""The composites that do their children all at once."""
+
+from collections.abc import Mapping, Sequence
+from typing import Self
+
+from py_trees import composites
+from py_trees.common import ParallelPolicy, Status
+
+from behaviours.node import Node, Suspension
+from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Composite
+from missions.language.expressions import ExpressionError, Value
+from missions.language.parallel_counts import ParallelDecision, decide_parallel
+from missions.language.plan import Step
+
+
+class Parallel(Composite, composites.Parallel):
+    """Does its children all at once until enough have ended (see missions.language.parallel_counts), then halts the rest.
+
+    With no ``counts`` beside it, it succeeds when all have, and fails at the first failure.
+    """
+
+    run_state = ("_decision", "_lost")
+    _decision = ParallelDecision(1, 1)
+    _lost: Suspension | None = None  # that of a child that has failed for it
+
+    def __init__(self, name: str) -> None:
+        composites.Parallel.__init__(self, name, policy=ParallelPolicy.SuccessOnAll(synchronise=True))
+        self.counts: Mapping[str, Value] = {}
+
+    @classmethod
+    def from_step(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
+        parallel = super().from_step(step, children, inner)
+        parallel.counts = step.arguments
+        return parallel
+
+    def on_start(self) -> str:
+        super().on_start()
+        self._lost = None
+        settings = {}
+        for word, value in self.counts.items():
+            try:
+                settings[word] = value.resolve(self.scope)
+            except (ExpressionError, ValueError) as error:
+                return f"{word}: {error}"
+        self._decision = decide_parallel(len(self.members), settings)
+        return ""
+
+    def on_running(self) -> Status:
+        # Children that ended at an earlier tick count before any is ticked, wherever they stand in the list.
+        statuses = [child.status for child in self.members]
+        succeeded, failed = statuses.count(SUCCESS), statuses.count(FAILURE)
+        suspended = True  # as long as all that run are
+        for child, before in zip(self.members, statuses, strict=True):
+            if before is SUCCESS or before is FAILURE:
+                continue
+            status = child.execute_tick()
+            if status is RUNNING:
+                suspended = suspended and child.suspension is not None
+                continue
+            succeeded += status is SUCCESS
+            failed += status is FAILURE
+            self._lost = self._lost or child.suspension
+            result = self._result(succeeded, failed)
+            if result is not RUNNING:
+                return self.end(result)
+        if suspended:
+            self.suspension = shared_suspension(self.members)
+        return RUNNING
+
+    def _result(self, succeeded: int, failed: int) -> Status:
+        """Return how it ends with so many successes and failures, or that it goes on."""
+        if succeeded + failed == len(self.members) or not self._decision.waits_for_all:
+            if failed >= self._decision.failures:
+                return self._fail_with_all_reasons(failed)
+            if succeeded >= self._decision.successes:
+                return SUCCESS
+        return RUNNING
+
+    def _fail_with_all_reasons(self, failed: int) -> Status:
+        """Return a failure, for the reasons of all that have failed."""
+        blamed = [child for child in self.members if child.status is FAILURE]
+        number = f"{failed} of {len(self.members)} failed: " if failed > 1 else ""
+        self.feedback_message = number + "; ".join(dict.fromkeys(child.feedback_message for child in blamed))
+        self.suspension = self._lost
+        return FAILURE
+
+    def members_stand_still(self) -> Status:
+        for child in self.members:
+            if child.status is RUNNING:
+                child.pass_time()
+                self._lost = self._lost if child.status is RUNNING else self._lost or child.suspension
+        statuses = [child.status for child in self.members]
+        self.suspension = None
+        result = self._result(statuses.count(SUCCESS), statuses.count(FAILURE))
+        return RUNNING if result is RUNNING else self.end(result)
+
+
+class Race(Composite, composites.Parallel):
+    """Does its children all at once; ends with the first that ends, halting the rest."""
+
+    def __init__(self, name: str) -> None:
+        composites.Parallel.__init__(self, name, policy=ParallelPolicy.SuccessOnOne())
+
+    def on_running(self) -> Status:
+        suspended = True  # as long as all are
+        for child in self.members:
+            status = child.execute_tick()
+            if status is not RUNNING:
+                return self.end(self.adopt_failure(child) if status is FAILURE else status)
+            suspended = suspended and child.suspension is not None
+        if suspended:
+            self.suspension = shared_suspension(self.members)
+        return RUNNING
+
+    def member_ended(self, member: Node, status: Status) -> Status:
+        return self.end(super().member_ended(member, status))
+
+
+def shared_suspension(members: Sequence[Node]) -> Suspension | None:
+    """Return the suspension of a node whose running ``members`` are all suspended: one that is lost, if there is."""
+    found = [member.suspension for member in members if member.status is RUNNING and member.suspension is not None]
+    return max(found, key=lambda suspension: suspension.timed_out, default=None)

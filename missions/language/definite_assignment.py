@@ -1,0 +1,432 @@
+"""Variables that are not set on every way to where they are read: found by following every way through the tree.
+
+The definite assignment of compilers, over a behaviour tree: for each end of a node, the variables that may be unset by
+then, each with a shortest way that leaves it so. What this cannot know is left to ``mission verify``: a reader behind a
+condition on a variable may be safe, one whose failure is caught may fail, and of nodes that run at the same time each
+may have set something for another.
+"""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from behaviours.basics import Fail, Log, Set, Succeed
+from drivers.api.fast_dataclass import dataclass
+from missions.language.check_context import CheckContext
+from missions.language.expressions import Value
+from missions.language.for_each import ListMembers
+from missions.language.kinds import STATE_KINDS
+from missions.language.nodes import COMPOSITES, FAILURE, FOR_EACH, MISSION, MODIFIERS, SUCCESS, SWITCHES
+from missions.language.outcomes import early_ends
+from missions.language.outcomes import possible_ends as ends_of
+from missions.language.plan import UNREAD_KIND, PlaceholderLeaf, Step
+from missions.language.read_analysis import always_read_names, may_fail, nonzero_variables
+
+# Sets of variables that may be unset at some place of a tree, each with the events that lead there.
+
+
+class PathEvent(NamedTuple):
+    """The last event of a way, after those ``previous``; ``length`` counts them all."""
+
+    text: str
+    previous: "EventPath"
+    length: int
+
+
+EventPath = PathEvent | None
+"""What has to happen, in order, for a variable to be unset at some place; None where that is so at first."""
+
+
+class UnsetVariables(NamedTuple):
+    """The variables that may be unset at some place: a bit for each in ``bits``, and the shortest ``paths`` of some.
+
+    Every step has such a value. A mapping of all variables to their ways would take time that is quadratic in the
+    number of steps, and so would sets.
+    """
+
+    bits: int
+    paths: Mapping[str, EventPath]
+
+
+NOTHING_UNSET = UnsetVariables(0, {})
+
+
+class UnsetAfter(NamedTuple):
+    """What may be unset after each end of a step; None for an end that it cannot come to."""
+
+    success: UnsetVariables | None
+    failure: UnsetVariables | None
+
+
+def add_event(event: str, unset: UnsetVariables | None) -> UnsetVariables | None:
+    """Return what is unset, once ``event`` has happened besides."""
+    if unset is None or not unset.paths:
+        return unset
+    ways = {name: PathEvent(event, way, 1 if way is None else way.length + 1) for name, way in unset.paths.items()}
+    return UnsetVariables(unset.bits, ways)
+
+
+def merge_unset(alternatives: Iterable[UnsetVariables | None]) -> UnsetVariables | None:
+    """Return what may be unset by one of these ways, each variable by the shortest; None where there is no way."""
+    bits: int | None = None
+    found: dict[str, EventPath] = {}
+    for unset in alternatives:
+        if unset is None:
+            continue
+        bits = unset.bits if bits is None else bits | unset.bits
+        for name, way in unset.paths.items():
+            if name not in found or _length(way) < _length(found[name]):
+                found[name] = way
+    return None if bits is None else UnsetVariables(bits, found)
+
+
+def _length(way: EventPath) -> int:
+    return 0 if way is None else way.length
+
+
+CONDITION_KINDS = frozenset({*SWITCHES, *(word for word, kind in MODIFIERS.items() if kind.value == "condition")})
+"""The kinds of nodes that ask an expression which way to go."""
+
+MAX_TRACED_READS = 100
+"""Readings whose ways are followed: ``config.diagnostics.MAX_DIAGNOSTICS``, since no more than those are reported."""
+
+
+@dataclass(frozen=True, slots=True)
+class StepContext:
+    """What holds for a step from around it: ``assumed_bits`` names count as set, in a ``is_failure_caught`` one failures do no harm.
+
+    ``assumed_bits`` has a bit for each name, as in ``UnsetVariables``. A ``is_guarded`` one stands behind a condition on a variable:
+    whether it is ever run with one unset, nobody can say. By ``nonzero`` names anything can be divided.
+    """
+
+    assumed_bits: int = 0
+    is_failure_caught: bool = False
+    is_guarded: bool = False
+    nonzero: frozenset[str] = frozenset()
+
+
+class UnsetRead(NamedTuple):
+    """A step that reads a variable which is unset where the run has come this way."""
+
+    step: Step
+    name: str
+    path: EventPath
+
+    @property
+    def events(self) -> Sequence[str]:
+        """The events of the way, in order."""
+        found, way = list[str](), self.path
+        while way is not None:
+            found.append(way.text)
+            way = way.previous
+        return found[::-1]
+
+
+def find_unset_reads(tree: Step, names: Iterable[str], params: Mapping[str, object]) -> list[UnsetRead]:
+    """Return what is read in ``tree`` without being set on every way; ``names`` are unset where it begins.
+
+    The first ``MAX_TRACED_READS`` are complete; of others, only those of the same variables are returned.
+    """
+    here = StepContext(nonzero=nonzero_variables(tree, params))
+    names = tuple(names)
+    found = _UnsetAnalysis().read(tree, names, here)  # bits alone: most missions have no such reading
+    return _UnsetAnalysis({each.name for each in found[:MAX_TRACED_READS]}).read(tree, names, here) if found else []
+
+
+class _UnsetAnalysis:
+    """Goes through a tree once, and notes in ``reads`` what is read too soon. Ways are kept of ``followed`` names."""
+
+    def __init__(self, traced: Collection[str] = frozenset()) -> None:
+        self.reads: list[UnsetRead] = []
+        self._traced = traced
+        self._bits: dict[str, int] = {}
+
+    def read(self, tree: Step, names: Iterable[str], here: StepContext) -> list[UnsetRead]:
+        """Return what is read too soon in a tree before which ``names`` are unset."""
+        self.follow(tree, self._initially_unset(names), here)
+        return [each for each in self.reads if each.name in self._traced] if self._traced else self.reads
+
+    def follow(self, step: Step, unset: UnsetVariables, here: StepContext) -> UnsetAfter:
+        """Return what may be unset after ``step``, before which ``unset`` may be."""
+        for value in step.arguments.values():
+            self._check_read(step, value, unset, here)
+        if step.leaf is not None:
+            return self._follow_leaf(step, unset, here)
+        if step.kind == MISSION:
+            return self._follow_mission(step, unset, here)
+        if step.kind in SWITCHES:
+            return self.follow_switch(step, unset, here)
+        if step.kind == FOR_EACH:
+            return self.follow_for_each(step, unset, here)
+        if step.kind in MODIFIERS or step.kind == UNREAD_KIND:
+            return self._follow_modifier(step, unset, here)
+        kind = COMPOSITES[step.kind]
+        if kind.order == "in order":
+            return self.follow_in_order(step, unset, here, passes=kind.passes)
+        return self.follow_at_once(step, unset, here, all_succeed=kind.passes == SUCCESS)
+
+    def _bits_of(self, names: Iterable[str]) -> int:
+        """Return the bits of some names, each of which has the same one in all steps."""
+        found = 0
+        for name in names:
+            found |= self._bits.setdefault(name, 1 << len(self._bits))
+        return found
+
+    def _initially_unset(self, names: Iterable[str]) -> UnsetVariables:
+        names = tuple(names)
+        return UnsetVariables(self._bits_of(names), dict.fromkeys(name for name in names if name in self._traced))
+
+    def _with_set(self, names: Collection[str], unset: UnsetVariables) -> UnsetVariables:
+        """Return what is unset still, once ``names`` are set."""
+        if not names:
+            return unset
+        ways = {name: way for name, way in unset.paths.items() if name not in names}
+        return UnsetVariables(unset.bits & ~self._bits_of(names), ways)
+
+    def _with_bit(self, names: Iterable[str], bits: int) -> list[str]:
+        """Return those of some names that have a bit."""
+        return [name for name in names if bits & self._bits_of((name,))]
+
+    def _check_read(self, step: Step, value: Value, unset: UnsetVariables, here: StepContext) -> None:
+        if here.is_failure_caught or here.is_guarded:
+            return
+        for name in self._with_bit(sorted(always_read_names(value)), unset.bits & ~here.assumed_bits):
+            self.reads.append(UnsetRead(step, name, unset.paths.get(name)))
+
+    def _follow_leaf(self, step: Step, unset: UnsetVariables, here: StepContext) -> UnsetAfter:
+        known = self._with_set(step.direct_variables, unset)
+        if step.leaf is PlaceholderLeaf:
+            return UnsetAfter(known, NOTHING_UNSET)  # nobody knows whether it can fail, and with what unset
+        ends = {FAILURE} if step.leaf is Fail else set(ends_of(step))
+        if step.leaf in (Log, Set, Succeed) and not self._may_fail(step, unset, here):
+            ends.discard(FAILURE)
+        return UnsetAfter(
+            known if SUCCESS in ends else None,
+            add_event(f"{_step_label(step)} fails", unset) if FAILURE in ends else None,
+        )
+
+    def _may_fail(self, step: Step, unset: UnsetVariables, here: StepContext) -> bool:
+        for value in step.arguments.values():
+            reads = () if value.template is None else value.template.reads
+            if may_fail(value, self._with_bit((read.name for read in reads), unset.bits), here.nonzero):
+                return True
+        return False
+
+    def _follow_mission(self, step: Step, unset: UnsetVariables, here: StepContext) -> UnsetAfter:
+        (tree,) = step.children
+        held = nonzero_variables(tree, {name: value.constant for name, value in step.arguments.items()})
+        inner = replace(here, assumed_bits=0, nonzero=held)
+        after = self.follow(tree, self._initially_unset(tree.variables - step.arguments.keys()), inner)
+        for value in step.returns.values():
+            self._check_read(step, value, after.success or NOTHING_UNSET, here)
+        lacking = 0 if after.failure is None else after.failure.bits
+        lost = [name for name, value in step.returns.items() if self._with_bit(always_read_names(value), lacking)]
+        kept = step.direct_variables.difference(
+            lost if step.output_variable is None else [step.output_variable] if lost else []
+        )
+        return UnsetAfter(
+            None if after.success is None else self._with_set(step.direct_variables, unset),
+            None if after.failure is None else add_event(f"{_step_label(step)} fails", self._with_set(kept, unset)),
+        )
+
+    # --- composites -----------------------------------------------------------------------------------------------
+
+    def follow_in_order(self, step: Step, unset: UnsetVariables, here: StepContext, *, passes: str) -> UnsetAfter:
+        """Follow a sequence or a selector: the next child has its turn where the one before it ``passes``."""
+        stops: list[UnsetVariables | None] = []
+        now: UnsetVariables | None = unset
+        for child in step.children:
+            if now is None:
+                break
+            after = self.follow(
+                child, now, replace(here, is_failure_caught=here.is_failure_caught or catches_failure(step, child))
+            )
+            now, stopped = after if passes == SUCCESS else (after.failure, after.success)
+            stops.append(stopped)
+            if stopped is not None and _has_variable_condition(child):
+                here = replace(here, is_guarded=True)  # what goes on has been asked for
+        return UnsetAfter(now, merge_unset(stops)) if passes == SUCCESS else UnsetAfter(merge_unset(stops), now)
+
+    def follow_at_once(self, step: Step, unset: UnsetVariables, here: StepContext, *, all_succeed: bool) -> UnsetAfter:
+        """Follow children that run at once, or in any order; ``all_succeed`` where a success needs all of them."""
+        found = []
+        once = twice = 0
+        for child in step.children:
+            own = self._bits_of(child.variables)
+            once, twice = once | own, twice | (once & own)
+        for child in step.children:
+            beside = twice | (once & ~self._bits_of(child.variables))  # what another child sets
+            inner = replace(
+                here,
+                is_failure_caught=here.is_failure_caught or catches_failure(step, child),
+                assumed_bits=here.assumed_bits | beside,
+            )
+            found.append(self.follow(child, unset, inner))
+        if step.kind == "race":
+            found = [
+                UnsetAfter(add_event(f"{_step_label(child)} ends first", after.success), after.failure)
+                for child, after in zip(step.children, found, strict=True)
+            ]
+        success = merge_unset(after.success for after in found)
+        if all_succeed and not step.arguments and success is not None:
+            still = success.bits
+            for each in found:
+                still &= -1 if each.success is None else each.success.bits
+            success = UnsetVariables(
+                still, {name: success.paths[name] for name in self._with_bit(success.paths, still)}
+            )
+        elif step.arguments and success is not None:
+            enough = PathEvent(f"{_step_label(step)} succeeds without it", None, 1)
+            ways = {name: way or (enough if name in step.variables else way) for name, way in success.paths.items()}
+            success = UnsetVariables(success.bits, ways)
+        return UnsetAfter(success, merge_unset(after.failure for after in found))
+
+    def follow_switch(self, step: Step, unset: UnsetVariables, here: StepContext) -> UnsetAfter:
+        """Follow a switch."""
+        here = replace(here, is_guarded=here.is_guarded or _has_variable_condition(step))
+        cases = [f"{_step_label(step)} takes the case '{_case_label(case)}'" for case in step.cases]
+        found = [
+            UnsetAfter(add_event(case, child.success), add_event(case, child.failure))
+            for case, child in zip(
+                [*cases, f"{_step_label(step)} takes the default"],
+                (self.follow(child, unset, here) for child in step.children),
+                strict=False,
+            )
+        ]
+        none = (
+            []
+            if len(step.children) > len(step.cases)
+            else [add_event(f"{_step_label(step)} has no case for it", unset)]
+        )
+        return UnsetAfter(
+            merge_unset(each.success for each in found), merge_unset([*(each.failure for each in found), *none])
+        )
+
+    def follow_for_each(self, step: Step, unset: UnsetVariables, here: StepContext) -> UnsetAfter:
+        """Follow one round of a for_each, and the way around it where its list may be empty."""
+        after = self.follow(step.children[0], self._with_set(step.binds, unset), here)
+        among = step.arguments["in"].constant
+        has_member = isinstance(among, ListMembers) and among.count
+        empty = None if has_member else add_event(f"{_step_label(step)} has no member", unset)
+        return UnsetAfter(merge_unset((after.success, empty)), after.failure)
+
+    # --- modifiers ------------------------------------------------------------------------------------------------
+
+    def _follow_modifier(self, step: Step, unset: UnsetVariables, here: StepContext) -> UnsetAfter:
+        if step.kind == UNREAD_KIND:  # it may make one end of another, or let one never be: nobody after it is blamed
+            self.follow(step.children[0], unset, replace(here, is_guarded=True, is_failure_caught=True))
+            return UnsetAfter(NOTHING_UNSET, NOTHING_UNSET)
+        kind = MODIFIERS[step.kind]
+        guarded = here.is_guarded or (bool(kind.early_end_text) and _has_variable_condition(step))
+        caught = here.is_failure_caught or catches_failure(step, step.children[0])
+        value = step.arguments["value"]
+        known = value.template is None
+        if step.kind == "if" and known and not value.constant:
+            return UnsetAfter(add_event(_early_end_event(step), unset), None)
+        after = self.follow(step.children[0], unset, replace(here, is_guarded=guarded, is_failure_caught=caught))
+        endless = known and value.constant is None
+        ways = [
+            (None if endless and kind.without_limit(end) else each, onward)
+            for end, onward, each in ((SUCCESS, kind.success, after.success), (FAILURE, kind.failure, after.failure))
+        ]
+        cut = add_event(_early_end_event(step), unset) if kind.early_end_text else after.success
+        always = kind.value == "condition" and known and bool(value.constant) == (step.kind != "until")
+        cut_to = frozenset[str]() if always else early_ends(step)
+        return UnsetAfter(
+            *(
+                merge_unset([*(each for each, onward in ways if end in onward), *([cut] if end in cut_to else ())])
+                for end in (SUCCESS, FAILURE)
+            )
+        )
+
+
+def _early_end_event(step: Step) -> str:
+    return f"'{step.kind}' (line {step.mark.line}) {MODIFIERS[step.kind].early_end_text}"
+
+
+def catches_failure(step: Step, child: Step) -> bool:
+    """Say whether a failure of ``child`` is nothing bad to ``step``: another has its turn, or it is taken otherwise."""
+    if step.kind in MODIFIERS:
+        return FAILURE not in MODIFIERS[step.kind].failure
+    kind = COMPOSITES.get(step.kind)
+    if kind is None:
+        return False
+    if kind.passes == FAILURE:
+        return kind.order != "in order" or child is not step.children[-1]
+    return step.kind == "parallel" and bool(step.arguments)
+
+
+def _step_label(step: Step) -> str:
+    return f"'{step.name}' (line {step.mark.line})"
+
+
+def _case_label(case: object) -> str:
+    return str(case).lower() if isinstance(case, bool) else str(case)
+
+
+def _has_variable_condition(step: Step) -> bool:
+    """Say whether a condition in ``step`` asks for anything but what the robot senses."""
+    asked = (each for each in step.walk() if each.kind in CONDITION_KINDS)
+    values = (value.template for each in asked for value in each.arguments.values())
+    return any(read.name not in STATE_KINDS for template in values if template is not None for read in template.reads)
+
+
+# Which variables have a value where they are read: what nothing before sets, or not on every way, is a mistake.
+
+REPEATING_KINDS = frozenset(
+    {
+        *(word for word, kind in COMPOSITES.items() if kind.at_once or kind.reactive),
+        *(word for word, kind in MODIFIERS.items() if kind.repeats or kind.every_tick),
+    }
+)
+"""The kinds below which one part may follow any other: in a later round, or at the same time."""
+
+
+MAX_SHOWN_EVENTS = 10
+"""Events of a way that a message lists."""
+
+UNSET_HINT = "set it before, such as set: {{{0}: null}}, and ask for it here with if: {0} != null"
+
+
+def check_assignments(context: CheckContext, tree: Step) -> None:
+    """Note every variable that is read where no step that can come before has set it, or not every way to there."""
+    before = len(context.faults)
+    _check_order(context, tree, set(context.params) | (context.variables - tree.variables))
+    if len(context.faults) > before:
+        return
+    for each in find_unset_reads(tree, tree.variables - context.params.keys() - context.missing_params, context.params):
+        when = f"it is not set where {_format_events(each.events)}" if each.path else "it is set only after this"
+        context.fault_at(each.step, f"'{each.name}' is read here, but {when}", UNSET_HINT.format(each.name))
+
+
+def _format_events(events: Sequence[str]) -> str:
+    """Return the events of a way for people: the first ones of many."""
+    more = len(events) - MAX_SHOWN_EVENTS
+    return ", ".join([*events[:MAX_SHOWN_EVENTS], *([f"and {more} more things happen"] if more > 0 else [])])
+
+
+def _check_order(context: CheckContext, step: Step, known: set[str]) -> None:
+    """Check ``step``, before which ``known`` can have been set; add to that what can have been set after it."""
+    if step.kind in REPEATING_KINDS:
+        known |= step.variables
+    for value in step.arguments.values():
+        _check(context, step, value, known)
+    if step.kind == FOR_EACH:  # its list is asked for before any of its rounds
+        known |= step.variables
+    if step.kind == MISSION:
+        own = set(step.arguments)
+        _check_order(context, step.children[0], own)
+        for value in step.returns.values():
+            _check(context, step, value, own)
+    else:
+        for child in step.children:
+            _check_order(context, child, known)
+    known |= step.direct_variables
+
+
+def _check(context: CheckContext, step: Step, value: Value, known: set[str]) -> None:
+    if value.template is None:
+        return
+    for read in value.template.reads:
+        if read.name not in known and read.name not in STATE_KINDS:
+            context.fault_at(step, f"'{read.name}' is read here, but nothing before this sets it")

@@ -1,0 +1,235 @@
+"""What every mission file holds, the one that is run and those that it runs: a header, params, a tree, and so on.
+
+``properties`` are what a mission promises of itself, as ``mission verify`` proves or refutes it.
+"""
+
+import re
+from collections.abc import Callable, Iterator
+
+from config.diagnostics import Mark, own_words_for, suggest_from, suggest_key
+from config.units import quoted_value
+from config.yaml_nodes import Listing, Mapping, Node, Scalar
+from drivers.api.fast_dataclass import dataclass
+from missions.language.check_context import CheckContext
+from missions.language.expressions import Value
+from missions.language.modifiers import read_expression
+from missions.language.param_types import Param, find_setters, read_params, single_kind_leaves
+from missions.language.plan import MissionProperty, PlaceholderLeaf, Step
+from missions.language.synonyms import SYNONYMS
+
+PROPERTIES = {
+    "never": (
+        "what must not happen: one thing while, before, after or without another",
+        r" (while|before|after|without) ",
+    ),
+    "always eventually": ("what must be reachable from every state that a run can come to", r"\S"),
+    "can": ("an end that must be possible: succeed or fail", r"^(succeed|fail)$"),
+}
+"""The keys of a property: what each says, and a pattern that its text fits."""
+
+PROPERTY_FORMS = (
+    "never: gesture while drive",
+    "never: gesture before find_face",
+    "never: drive after say",
+    "never: say without gesture",
+    "always eventually: base stopped",
+    "always eventually: say",
+    "can: succeed",
+)
+"""An example of each form."""
+
+RELATIONS = ("while", "before", "after", "without")
+PROPERTY_ENDS = ("succeed", "fail")
+_HINT = f"such as '{PROPERTY_FORMS[0]}' or '{PROPERTY_FORMS[4]}'"
+
+
+def read_properties(context: CheckContext, node: Node | None, tree: Step | None) -> tuple[MissionProperty, ...]:
+    """Read a list of properties, whose names are those of the steps of ``tree`` and of the actuators it drives."""
+    if node is None or tree is None:  # without a tree there is nothing to promise anything of
+        return ()
+    if not isinstance(node, Listing) or not node.items:
+        context.fault(node.mark, "'properties' needs a list, each on a line with '- '", _HINT)
+        return ()
+    if any(step.leaf is PlaceholderLeaf for step in tree.walk()):  # what has not been read may be what is named
+        return ()
+    names = property_names(tree)
+    return tuple(found for item in node.items for found in _read_property(context, item, names, tree.claims))
+
+
+def property_names(tree: Step) -> set[str]:
+    """Return what a property may name of a tree: its leaves, its sub-missions, and the nodes with a ``name``."""
+    return {
+        word
+        for step in tree.walk()
+        for word in (step.kind if step.leaf is not None else "", step.name if step.name != step.kind else "")
+        if word
+    }
+
+
+def _read_property(
+    context: CheckContext, node: Node, names: set[str], parts: frozenset[str]
+) -> Iterator[MissionProperty]:
+    """Read one property."""
+    if not isinstance(node, Mapping) or len(node.entries) != 1:
+        context.fault(node.mark, f"a property needs one of {', '.join(PROPERTIES)}", _HINT)
+        return
+    ((key, value),) = node.entries
+    if key.text not in PROPERTIES:
+        context.fault(key.mark, f"unknown property {quoted_value(key.text)}", suggest_from(key.text, PROPERTIES))
+    elif not isinstance(value, Scalar) or not value.text.strip():
+        context.fault(value.mark, f"'{key.text}' needs a text", _HINT)
+    else:
+        found = _READERS[key.text](context, value, names, parts)
+        if found is not None:
+            form, subject, other = found
+            yield MissionProperty(form, subject, other, f"{key.text}: {value.text.strip()}", key.mark)
+
+
+ParsedProperty = tuple[str, str, str] | None
+
+
+def _never(context: CheckContext, value: Scalar, names: set[str], parts: frozenset[str]) -> ParsedProperty:
+    splits = [
+        (relation, value.text[: match.start()].strip(), value.text[match.end() :].strip())
+        for relation in RELATIONS
+        for match in re.finditer(rf"\s{relation}\s", value.text)
+    ]
+    if not splits:
+        words = ", ".join(f"'{relation}'" for relation in RELATIONS)
+        context.fault(value.mark, f"'never' needs one of {words} between two names", _HINT)
+        return None
+    known = names | parts
+    # A name may hold one of the words itself ("wait while he goes"): the split whose names are known is meant.
+    relation, subject, other = next((s for s in splits if s[1] in known and s[2] in known), splits[0])
+    may_be_other = names if relation in ("before", "after") else known  # an actuator does not succeed
+    good = _check_known_name(context, value, subject, known) & _check_known_name(context, value, other, may_be_other)
+    return (relation, subject, other) if good else None
+
+
+def _eventually(context: CheckContext, value: Scalar, names: set[str], parts: frozenset[str]) -> ParsedProperty:
+    text = value.text.strip()
+    subject, _, last = text.rpartition(" ")
+    if last == "stopped" and text not in names:
+        return ("stopped", subject, "") if _check_known_name(context, value, subject.strip(), names | parts) else None
+    return ("eventually", text, "") if _check_known_name(context, value, text, names | parts) else None
+
+
+def _can(context: CheckContext, value: Scalar, names: set[str], parts: frozenset[str]) -> ParsedProperty:
+    del names, parts
+    text = value.text.strip()
+    if text not in PROPERTY_ENDS:
+        context.fault(
+            value.mark, f"'can' takes succeed or fail, got {quoted_value(text)}", suggest_from(text, PROPERTY_ENDS)
+        )
+        return None
+    return "can", text, ""
+
+
+def _check_known_name(context: CheckContext, value: Scalar, name: str, known: set[str] | frozenset[str]) -> bool:
+    """Note a name that nothing in the mission has, at its place in the text."""
+    if name in known:
+        return True
+    at = max(0, value.text.rfind(name) if value.text.rstrip().endswith(name) else value.text.find(name))
+    mark = Mark(value.mark.line, value.mark.column + value.quoted + at, max(1, len(name)))
+    context.fault(mark, f"no behaviour of this mission is called {quoted_value(name)}", suggest_from(name, known))
+    return False
+
+
+_READERS = {"never": _never, "always eventually": _eventually, "can": _can}
+
+
+MISSION_KEYS = ("mission", "summary", "params", "if_interrupted", "tree", "returns", "properties")
+
+IF_INTERRUPTED = ("retry", "give_up")
+"""What to do about the mission as a task of which nobody knows how far it came."""
+
+
+@dataclass(frozen=True, slots=True)
+class MissionBody:
+    """A mission file, read. ``returns`` are the results that it hands back, by name.
+
+    ``if_interrupted`` is one of ``IF_INTERRUPTED``; empty where the file says nothing of it.
+    """
+
+    mission: str
+    summary: str
+    tree: Step | None
+    returns: dict[str, Value]
+    properties: tuple[MissionProperty, ...] = ()
+    if_interrupted: str = ""
+
+
+AssignParams = Callable[[CheckContext, dict[str, Param], str], None]
+"""Gives the params their values: into ``params`` of the notes where known now, else their names into ``stored``."""
+
+
+def read_body(
+    context: CheckContext, root: Node, assign_params: AssignParams, read_step: Callable[[CheckContext, Node], Step]
+) -> MissionBody | None:
+    """Read a mission file; None where it is no mapping."""
+    if not isinstance(root, Mapping):
+        context.fault(root.mark, "a mission begins with keys", "write 'mission: NAME', then 'tree:'")
+        return None
+    context.has_unreadable_line = context.has_unreadable_line or root.torn
+    for key, _ in root.entries:
+        if key.text not in MISSION_KEYS:
+            context.fault(key.mark, f"a mission has no key '{key.text}'", suggest_key(key.text, MISSION_KEYS, SYNONYMS))
+    mission, summary = _header(context, root, "mission", required=True), _header(context, root, "summary")
+    assign_params(context, read_params(context, root.get("params")), mission)
+    node = root.get("tree")
+    if node is None:
+        if not _has_misspelt_key(root, "tree"):
+            context.fault(root.mark, "the mission needs 'tree:' with its first behaviour under it")
+        return MissionBody(mission, summary, None, {})
+    found = find_setters(node, context.leaves)
+    given = context.params.keys() | context.variables
+    context.variable_leaves |= {name: leaf for name, leaf in single_kind_leaves(found).items() if name not in given}
+    context.variables |= found.keys()
+    tree = read_step(context, node)
+    properties = read_properties(context, root.get("properties"), tree)
+    returns = read_returns(context, root.get("returns"))
+    return MissionBody(mission, summary, tree, returns, properties, _if_interrupted(context, root))
+
+
+def _header(context: CheckContext, root: Mapping, key: str, *, required: bool = False) -> str:
+    node = root.get(key)
+    if node is None:
+        if required and not _has_misspelt_key(root, key):
+            context.fault(root.mark, f"the mission needs '{key}: ...'")
+        return ""
+    if not isinstance(node, Scalar) or node.value is None or not node.text.strip():
+        context.fault(node.mark, f"'{key}' needs a text")
+        return ""
+    return node.text
+
+
+def _has_misspelt_key(root: Mapping, key: str) -> bool:
+    """Say whether a key is there under another name, which has been noted."""
+    return any(word not in MISSION_KEYS and own_words_for(word, SYNONYMS, (key,)) for word in root.keys())  # noqa: SIM118 - no dict
+
+
+def _if_interrupted(context: CheckContext, root: Mapping) -> str:
+    node = root.get("if_interrupted")
+    if node is None:
+        return ""
+    said = node.text if isinstance(node, Scalar) else ""
+    if said not in IF_INTERRUPTED:
+        context.fault(node.mark, f"'if_interrupted' cannot be {quoted_value(said)}", suggest_from(said, IF_INTERRUPTED))
+    return said
+
+
+def read_returns(context: CheckContext, node: Node | None) -> dict[str, Value]:
+    """Read ``returns: {name: expression}``, whose expressions are those of the mission of ``notes``."""
+    if node is None:
+        return {}
+    if not isinstance(node, Mapping):
+        context.fault(node.mark, "'returns' needs names and expressions", "write returns: {found: person}")
+        return {}
+    found = {}
+    for key, value in node.entries:
+        context.check_new_name(key, "a result")
+        if isinstance(value, Scalar):
+            found[key.text] = read_expression(context, f"result '{key.text}'", value, lambda result: result)
+        else:
+            context.fault(value.mark, f"result '{key.text}' needs an expression")
+    return found

@@ -1,0 +1,120 @@
+"""``success_count``, ``failure_count`` and ``wait_for_all``: how many children decide a ``parallel``."""
+
+from collections.abc import Mapping as Named
+from functools import partial
+
+from behaviours.leaf import Leaf
+from config.units import quoted_value
+from config.yaml_nodes import Listing, Mapping, Node, Scalar
+from drivers.api.fast_dataclass import dataclass
+from missions.language.check_context import CheckContext
+from missions.language.expressions import INVALID_VALUE, Value, as_whole_number
+
+# Arguments as the file has them, for pictures: "60 deg", not 1.0472.
+
+
+def arguments_as_written(leaf: type[Leaf], node: Node | None) -> dict[str, str]:
+    """Return the arguments that stand behind a leaf's word, by name; those that are left out are not there."""
+    if isinstance(node, Mapping):
+        return entries_as_written(node)
+    principal = next((argument.name for argument in leaf.arguments.values() if argument.principal), None)
+    if principal is None or node is None or (isinstance(node, Scalar) and node.value is None):
+        return {}
+    return {principal: source_text(node)}
+
+
+def entries_as_written(node: Node | None) -> dict[str, str]:
+    """Return names with what is given for each; nothing where there is no mapping."""
+    return {name.text: source_text(given) for name, given in node.entries} if isinstance(node, Mapping) else {}
+
+
+def source_text(node: Node) -> str:
+    """Return what a node says, without quotes; lists as ``[a, b]``, mappings as ``{k: v}``, each on one line."""
+    if isinstance(node, Listing):
+        return f"[{', '.join(map(source_text, node.items))}]"
+    if isinstance(node, Mapping):
+        return f"{{{', '.join(f'{name}: {value}' for name, value in entries_as_written(node).items())}}}"
+    return node.text
+
+
+SUCCESS_COUNT, FAILURE_COUNT, WAIT_FOR_ALL = "success_count", "failure_count", "wait_for_all"
+
+COUNTS = {
+    SUCCESS_COUNT: ("a count or all", "succeeds once so many children have; all, where it is not said"),
+    FAILURE_COUNT: ("a count or all", "fails once so many children have, or success is impossible; 1 if not said"),
+    WAIT_FOR_ALL: ("true", "halts none of them, and ends when all have ended"),
+}
+"""What may stand beside a ``parallel``: what each takes, and what it does."""
+
+ALL_CHILDREN = "all"
+"""The count of all children, whatever their number."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParallelDecision:
+    """When a parallel ends: once ``successes`` of its children have succeeded, or ``failures`` have failed.
+
+    ``waits_for_all``: it ends only when all children have, and succeeds when fewer than ``failures`` have failed.
+    """
+
+    successes: int
+    failures: int
+    waits_for_all: bool = False
+
+
+def decide_parallel(children: int, settings: Named[str, object]) -> ParallelDecision:
+    """Return what decides a parallel; ``settings`` are its own.
+
+    It fails once as many have failed as ``failure_count`` says, or as many that too few are left that could succeed.
+    """
+    successes = settings.get(SUCCESS_COUNT)
+    failures = settings.get(FAILURE_COUNT, 1)
+    needed = successes if isinstance(successes, int) else children
+    enough = failures if isinstance(failures, int) else children
+    return ParallelDecision(needed, min(enough, children - needed + 1), bool(settings.get(WAIT_FOR_ALL)))
+
+
+def read_counts(context: CheckContext, beside: Mapping, children: int) -> dict[str, Value]:
+    """Read what stands beside a parallel of so many children."""
+    found = {
+        word.text: _read_count(context, word.text, node, children)
+        for word, node in beside.entries
+        if word.text in COUNTS
+    }
+    settings = {word: value.constant for word, value in found.items() if value.template is None}
+    if children and len(settings) == len(found) and FAILURE_COUNT in found:
+        decided, asked = decide_parallel(children, settings), settings[FAILURE_COUNT]
+        first = "the first failure" if decided.failures == 1 else f"{decided.failures} failures"
+        too_many = isinstance(asked, int) and asked > decided.failures
+        if too_many or (asked == ALL_CHILDREN and decided.successes == children):
+            context.fault(
+                next(word.mark for word, _ in beside.entries if word.text == FAILURE_COUNT),
+                f"'{FAILURE_COUNT}' cannot matter: after {first}, {decided.successes} of {children} cannot succeed",
+                f"write '{SUCCESS_COUNT}' too: how many must succeed"
+                if decided.successes == children
+                else f"write '{FAILURE_COUNT}: {ALL_CHILDREN}': it fails once {decided.successes} cannot succeed any more",
+            )
+    return found
+
+
+def _read_count(context: CheckContext, word: str, node: Node, children: int) -> Value:
+    what = f"'{word}'"
+    if word == WAIT_FOR_ALL:
+        if not isinstance(node, Scalar) or node.value is not True:
+            context.fault(node.mark, f"{what} takes only true")
+        return Value(True)
+    if not isinstance(node, Scalar):
+        context.fault(node.mark, f"{what} needs a count, or all")
+        return INVALID_VALUE
+    return context.read_value(node, what, partial(_count, children))
+
+
+def _count(children: int, value: object) -> int | str:
+    if value == ALL_CHILDREN:
+        return ALL_CHILDREN
+    number = as_whole_number(value)
+    if number is None or number < 1:
+        raise ValueError(f"needs a count of 1 or more, or all, got {quoted_value(value)}")
+    if 0 < children < number:
+        raise ValueError(f"must be at most {children}, the number of its children, got {number}")
+    return number

@@ -1,0 +1,101 @@
+"""The objects that a mission looks for: named outright, or by an expression, of which all that it may say counts."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from itertools import product
+
+from missions.language.check_context import CheckContext
+from missions.language.expressions import Value
+from missions.language.for_each import ListMembers
+from missions.language.plan import PlaceholderLeaf, Step
+from perception.api import ThingSpec
+
+OBJECT_KIND = "object"
+"""The kind of the arguments that name them."""
+
+MAX_COMBINATIONS = 2000
+"""So many ways to fill the names of one expression are tried; one that has more is taken for unknown."""
+
+
+MAX_FILLED = 20_000
+"""Ways tried for all expressions of a mission together: each makes a text, which others may be filled with."""
+
+
+def wanted_objects(tree: Step) -> tuple[ThingSpec, ...]:
+    """Return the objects that a mission may look for, each once: what its sense for things is told before it starts."""
+    texts: list[str] | None = None
+    found: dict[ThingSpec, None] = {}
+    for step in tree.walk():
+        for value in _object_values(step):
+            if value.template is not None:
+                texts = _texts(tree) if texts is None else texts
+                found |= dict.fromkeys(_possible_objects(value, texts))
+            elif isinstance(value.constant, ThingSpec):
+                found[value.constant] = None
+    return tuple(found)
+
+
+def check_objects(context: CheckContext, tree: Step) -> None:
+    """Note what names an object by an expression of which nothing in the mission says what it can be."""
+    texts: list[str] | None = None
+    for step in () if context.missing_params else tree.walk():
+        for value in _object_values(step):
+            if value.template is None or not value.template.reads or any(read.member for read in value.template.reads):
+                continue  # of a member, such as the name of what was seen, nothing is known
+            texts = _texts(tree) if texts is None else texts
+            if next(_possible_objects(value, texts), None) is None:
+                hint = "name it in a param, in the list of a for_each, or by 'set', or listen for its name"
+                context.fault_at(
+                    step, f"'{step.kind}': what it looks for must be known before the mission starts", hint
+                )
+
+
+def _object_values(step: Step) -> Iterator[Value]:
+    declared = {} if step.leaf is None or step.leaf is PlaceholderLeaf else step.leaf.arguments
+    return (value for name, value in step.arguments.items() if name in declared and declared[name].kind == OBJECT_KIND)
+
+
+def _possible_objects(value: Value, texts: list[str]) -> Iterator[ThingSpec]:
+    """Yield the objects that a value with a template may be, where each name in it may be any of the ``texts``."""
+    for said in _fill_template(value, texts):
+        try:
+            made = said if value.convert is None else value.convert(said)
+        except (ValueError, LookupError):  # no object
+            continue
+        if isinstance(made, ThingSpec):
+            yield made
+
+
+def _fill_template(value: Value, texts: list[str]) -> Iterator[object]:
+    """Yield all that a value's template may say."""
+    template = value.template
+    names = () if template is None else tuple(dict.fromkeys(read.name for read in template.reads))
+    if template is not None and len(texts) ** len(names) <= MAX_COMBINATIONS:
+        for given in product(texts, repeat=len(names)):
+            with suppress(ValueError):  # this text cannot stand there
+                yield template.evaluate(dict(zip(names, given, strict=True)))
+
+
+def _texts(tree: Step) -> list[str]:
+    """Return all texts that a variable of a mission may have: those that stand in it, and those made of them."""
+    values = [value for step in tree.walk() for value in step.arguments.values()]
+    found = dict.fromkeys(text for value in values for text in _texts_within(value.constant))
+    left = MAX_FILLED
+    for value in values:
+        if value.template is not None and value.template.reads and len(found) <= min(left, MAX_COMBINATIONS):
+            tried = [*_fill_template(value, [*found])]
+            left -= len(tried)
+            found |= dict.fromkeys(made for made in tried if isinstance(made, str))
+    return [*found]
+
+
+def _texts_within(value: object) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, ListMembers):
+        yield from _texts_within(value.values)
+    elif isinstance(value, dict):
+        yield from _texts_within(tuple(value.values()))
+    elif isinstance(value, list | tuple):
+        for member in value:
+            yield from _texts_within(member)

@@ -1,0 +1,121 @@
+"""Things that missions name and the library holds: gestures, other moves, gaits, controllers and objects, for leaves.
+
+What reads a kind of file is imported with the first of it: a mission names few kinds.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from config.diagnostics import InvalidFileError, SourceText, did_you_mean
+from config.library import UnknownNameError, find_file, is_file, shipped_files
+from config.units import quoted_value
+from config.yaml_nodes import read_source
+from drivers.api import Gesture
+from drivers.api.gait import GaitKeys
+from perception.api import ThingSpec
+
+if TYPE_CHECKING:
+    from behaviours.tracking.follow import RuleBases
+    from config.object import ObjectConfig
+    from missions.library.moves.record import NewMoveFile
+
+T = TypeVar("T")
+
+MAX_SHOWN_PATH = 400
+"""Characters of a path that are told of; longer ones are slips of somebody's keyboard."""
+
+
+def find_gesture(name: str) -> Gesture:
+    """Return a gesture by name or path. Raises LookupError with what is known, or what is wrong with its file."""
+    from config.gesture import load_gesture  # noqa: PLC0415 - so here and below: see the module
+
+    return _load(load_gesture, "gestures", name).movement
+
+
+def find_move(name: str) -> Gesture:
+    """Return a movement: a gesture, a recording or a spreadsheet, by name or path. Raises as ``find_gesture`` does."""
+    from missions.library.moves.load import load_move  # noqa: PLC0415
+
+    return _load(load_move, "moves", name, shipped_files("gestures"))
+
+
+def find_gait(name: str) -> GaitKeys:
+    """Return a gait by name or path. Raises as ``find_gesture`` does."""
+    from config.gesture import load_gait  # noqa: PLC0415
+
+    return _load(load_gait, "gaits", name)
+
+
+def new_move_file(name: str) -> "NewMoveFile":
+    """Return the file of a movement that is yet to be recorded. Raises LookupError for what cannot be one."""
+    from missions.library.moves.record import NewMoveFile  # noqa: PLC0415
+
+    return NewMoveFile(name)
+
+
+def find_controller(name: str) -> "RuleBases":
+    """Return a controller's rule bases by name or path. Raises as ``find_gesture`` does."""
+    try:
+        return _load(lambda path: _parse_rule_bases(read_source(path)), "controllers", name)
+    except ValueError as error:
+        raise LookupError(f"names controller '{name}', which is wrong: {error}") from error
+
+
+@lru_cache(maxsize=16)
+def _parse_rule_bases(source: SourceText) -> "RuleBases":
+    """Work out a controller, which takes as long as all else of a mission: once, however many missions name it."""
+    from behaviours.tracking.follow import RuleBases  # noqa: PLC0415
+    from config.controller import parse_controller  # noqa: PLC0415
+
+    return RuleBases.from_mapping(parse_controller(source).values)
+
+
+def find_object(name: str) -> ThingSpec:
+    """Return an object to look for, by name or path, or by a phrase such as "red ball". Raises as ``find_gesture`` does."""
+    found = _load_object(name)
+    return ThingSpec(found.name, found.colour, found.shape, found.size)
+
+
+def _load_object(name: str) -> "ObjectConfig":
+    from config.object import load_object, read_phrase  # noqa: PLC0415
+
+    if name in shipped_files("objects") or Path(name).suffix in (".yaml", ".yml"):
+        return _load(load_object, "objects", name)
+    try:
+        return read_phrase(name)
+    except ValueError as error:
+        # One word is a name more likely than a colour with a slip in it.
+        close = "" if " " in name.strip() else did_you_mean(name, shipped_files("objects"))
+        raise LookupError(f"needs an object: {error}" if not close else f"needs an object: {close}") from error
+
+
+def existing_file(name: str) -> Path:
+    """Return the path of a file that is there. Raises LookupError."""
+    if not is_file(path := Path(name)):
+        raise LookupError(
+            f"names a file that is not there: {name if len(name) <= MAX_SHOWN_PATH else quoted_value(name)}"
+        )
+    return path
+
+
+LOOKUPS: Mapping[str, Callable[[str], object]] = {
+    "gesture": find_gesture,
+    "move": find_move,
+    "gait": find_gait,
+    "new move": new_move_file,
+    "controller": find_controller,
+    "object": find_object,
+    "file": existing_file,
+}
+"""How each kind of thing is found."""
+
+
+def _load(load: Callable[[Path], T], kind: str, name: str, library: dict[str, Path] | None = None) -> T:
+    try:
+        return load(find_file(kind, name, library=library))
+    except UnknownNameError as error:
+        raise LookupError(f"needs a {kind.removesuffix('s')}: {error}") from error
+    except InvalidFileError as error:
+        raise LookupError(f"names a {kind.removesuffix('s')} that is wrong: {error}") from error

@@ -1,0 +1,215 @@
+"""The tasks that a robot does for its fleet: a journal of their IDs, beside the robot's own queue, which runs them.
+
+What a robot has accepted is on the disk before it says so, and begins only once its keeper has confirmed that the
+robot still has it, to a question that the robot has asked itself: an order that was long on its way begins nothing.
+"""
+
+import sqlite3
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+
+from missions.plugins.fleet.fleet_robot import FleetRobot
+from missions.plugins.fleet.member import RobotActivity
+from missions.plugins.fleet.messages import (
+    TASK_ID_PATTERN,
+    AcceptTask,
+    Address,
+    AttemptEnd,
+    FleetAnswer,
+    FleetRequest,
+    FleetTimeouts,
+    TaskReport,
+    TaskState,
+)
+from missions.plugins.tasks.queue import TaskQueue
+from missions.plugins.tasks.task import NewTask, RetryPolicy, Task, TaskError
+
+SendRequest = Callable[[FleetRequest, Address, Callable[[FleetAnswer | None], None]], None]
+"""Asks a robot something, and hands over its answer, or None, on any thread."""
+
+APPROVED_BY = "its keeper"
+
+
+@dataclass(frozen=True, slots=True)
+class TaskAssignment:
+    """A task that was accepted, its attempt, and the task in the robot's own queue; ``again`` if it may be repeated."""
+
+    id: str
+    attempt: int
+    task: Task
+    again: bool
+
+    @property
+    def allocator(self) -> Address:
+        """The robot that keeps it."""
+        return Address.read(self.id.rpartition("/")[0])
+
+
+class AssignmentQueue(TaskQueue):
+    """The robot's own queue, with the journal of what came of its fleet."""
+
+    def accept(self, request: AcceptTask, robot: str, options: tuple[str, ...], now: float) -> None:
+        """Take a task, with its ID; it waits for ``approve``. Raises sqlite3.IntegrityError for one that was done."""
+        policy = RetryPolicy("give-up", most=1)  # what comes next, its keeper decides
+        new = NewTask(
+            mission=request.mission,
+            params=request.params,
+            robot=robot,
+            options=options,
+            policy=policy,
+            needs_approval=True,
+        )
+        with self._transaction():
+            number = self._insert(new, None, now)
+            sql = "INSERT INTO errand (id, attempt, task, again) VALUES (?, ?, ?, ?)"
+            self._execute(sql, request.task, request.attempt, number, request.repeatable)
+
+    def unconfirmed(self) -> list[TaskAssignment]:
+        """Return the errands whose end their keeper has not confirmed."""
+        rows = self._execute("SELECT * FROM errand WHERE told = 0 ORDER BY task").fetchall()
+        return [TaskAssignment(row["id"], row["attempt"], self.task(row["task"]), bool(row["again"])) for row in rows]
+
+    def has_attempt(self, request: AcceptTask) -> bool:
+        """Say whether this very attempt was accepted before."""
+        sql = "SELECT 1 FROM errand WHERE id = ? AND attempt = ?"
+        return self._execute(sql, request.task, request.attempt).fetchone() is not None
+
+    def mark_confirmed(self, assignment: TaskAssignment) -> None:
+        """Keep that the keeper knows the end."""
+        self._execute("UPDATE errand SET told = 1 WHERE id = ? AND attempt = ?", assignment.id, assignment.attempt)
+
+    def is_busy(self) -> bool:
+        """Say whether something runs, or is about to."""
+        return bool(self._execute("SELECT 1 FROM task WHERE state = 'running' LIMIT 1").fetchone())
+
+
+@dataclass(slots=True)
+class _ReportState:
+    """What was said of an errand: the newest report, when it was sent, and until when the errand is this robot's."""
+
+    reported: tuple[TaskState, AttemptEnd] | None = None
+    sent_at: float = float("-inf")
+    begun_at: float = 0.0
+    answered: bool = False
+    leased_at: float | None = None
+
+
+class TaskExecutor:
+    """A Worker of a Member: accepts tasks, reports on them, and lets go of those that are this robot's no more."""
+
+    def __init__(
+        self,
+        address: Address,
+        queue: AssignmentQueue,
+        fleet_robot: FleetRobot,
+        send_request: SendRequest,
+        now: Callable[[], float],
+        wall: Callable[[], float],
+        *,
+        is_stopped: Callable[[], bool],
+        robot: str = "",
+        options: tuple[str, ...] = (),
+        timeouts: FleetTimeouts | None = None,
+        has_mission: Callable[[str], bool] = lambda _: True,
+    ) -> None:
+        self._address, self._queue, self._fleet_robot, self._send_request = address, queue, fleet_robot, send_request
+        self._now, self._wall, self._is_stopped, self._has_mission = now, wall, is_stopped, has_mission
+        self._robot, self._options, self._timeouts = robot, options, timeouts or FleetTimeouts()
+        self._report_states: dict[tuple[str, int], _ReportState] = {}
+        self._answers: deque[tuple[TaskAssignment, tuple[TaskState, AttemptEnd], float, FleetAnswer | None]] = deque()
+
+    def activity(self) -> RobotActivity:
+        """Return what the robot is busy with."""
+        open_ones = [each for each in self._queue.unconfirmed() if not each.task.has_ended]
+        if not open_ones:
+            return RobotActivity(free=not self._queue.is_busy())
+        return RobotActivity(open_ones[0].id, self._task_state(open_ones[0].task)[0], free=False)
+
+    def answer(self, request: FleetRequest) -> FleetAnswer | None:
+        """See Worker: whether a task is accepted."""
+        if not isinstance(request, AcceptTask):
+            return None
+        if not TASK_ID_PATTERN.fullmatch(request.task) or not self._has_mission(request.mission):
+            return FleetAnswer(ok=False, reason=f"no mission '{request.mission}' here", data=({"unable": True},))
+        if self._queue.has_attempt(request):
+            return FleetAnswer()
+        if self._is_stopped() or not self.activity().free or self._fleet_robot.read_telemetry().runs:
+            return FleetAnswer(ok=False, reason="stopped" if self._is_stopped() else "busy")
+        try:
+            self._queue.accept(request, self._robot, self._options, self._wall())
+        except sqlite3.IntegrityError as error:
+            return FleetAnswer(ok=False, reason=str(error), data=({"unable": True},))
+        except (sqlite3.Error, TaskError) as error:
+            return FleetAnswer(ok=False, reason=str(error))
+        return FleetAnswer()
+
+    def step(self, now: float) -> bool:
+        """See Worker: report, and heed what the keepers say."""
+        while self._answers:
+            self._on_report_answer(*self._answers.popleft())
+        errands = self._queue.unconfirmed()
+        for errand in errands:
+            talk = self._report_states.setdefault((errand.id, errand.attempt), _ReportState(begun_at=now))
+            self._release_expired(errand, talk, now)
+            said = self._task_state(errand.task)
+            wait = self._timeouts.heartbeat if talk.answered else self._timeouts.retry_interval
+            if said != talk.reported or talk.sent_at + wait <= now:
+                talk.reported, talk.sent_at, talk.answered = said, now, False
+                self._report(errand, said, now)
+        return bool(errands)
+
+    def _report(self, errand: TaskAssignment, said: tuple[TaskState, AttemptEnd], now: float) -> None:
+        state, how = said
+        report = TaskReport(
+            task=errand.id, attempt=errand.attempt, robot=str(self._address), state=state, how=how,
+            reason="".join(each for each in errand.task.reason if each.isprintable())[:500],
+        )  # fmt: skip
+        self._send_request(report, errand.allocator, lambda answer: self._answers.append((errand, said, now, answer)))
+
+    def _on_report_answer(
+        self, errand: TaskAssignment, said: tuple[TaskState, AttemptEnd], sent: float, answer: FleetAnswer | None
+    ) -> None:
+        """Heed what a keeper says to a report that was sent then."""
+        talk = self._report_states.get((errand.id, errand.attempt))
+        if talk is None:
+            return
+        if answer is None or not (answer.ok or answer.data):
+            return  # it is asked again
+        talk.answered = talk.answered or talk.sent_at == sent
+        task = self._queue.task(errand.task.id)
+        if task.has_ended and (said[0] in ("FINISHED", "FAILED") or not answer.ok):
+            self._queue.mark_confirmed(errand)
+            del self._report_states[errand.id, errand.attempt]
+        elif not answer.ok:
+            self._release_task(task)
+        else:
+            talk.leased_at = max(sent, talk.leased_at or sent)
+            if task.awaits_approval and self._now() < sent + self._timeouts.lease and not self._is_stopped():
+                self._queue.approve(task.id, self._wall(), APPROVED_BY)
+
+    def _release_expired(self, errand: TaskAssignment, talk: _ReportState, now: float) -> None:
+        """Let go of what others may be given by now, since its keeper was not heard of for so long."""
+        since = talk.begun_at if talk.leased_at is None else talk.leased_at
+        waits = errand.task.awaits_approval
+        if not errand.task.has_ended and (errand.again or waits) and now > since + self._timeouts.lease:
+            self._release_task(errand.task)
+
+    def _release_task(self, task: Task) -> None:
+        with suppress(TaskError):  # it has ended meanwhile
+            self._queue.cancel(task.id, self._wall())
+
+    def _task_state(self, task: Task) -> tuple[TaskState, AttemptEnd]:
+        match task.state:
+            case "waiting":
+                return ("WAITING" if task.awaits_approval else "INITIALIZING"), ""
+            case "running":
+                seen = self._fleet_robot.read_telemetry()
+                return ("PAUSED" if seen.paused else "RUNNING" if seen.runs else "INITIALIZING"), ""
+            case "done":
+                return "FINISHED", "success"
+            case "failed":
+                return "FAILED", "failure"
+            case _:
+                return "FAILED", "interrupted" if task.attempts else "refused"

@@ -1,0 +1,96 @@
+"""The session by which a robot or an operator is in a fleet: Zenoh, secured by keys, or within this computer."""
+
+import json
+import socket
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from config.fleet import DEFAULT_PORT, FleetKeys, refusal_reason
+from missions.plugins.fleet.messages import NAME_PATTERN
+from missions.plugins.tasks.task import TaskError
+
+if TYPE_CHECKING:
+    import zenoh
+
+LINK_LEASE_MS = 1500
+"""Milliseconds without a word after which a link counts as broken; four signs of life are sent within it."""
+
+MAX_TRANSPORT_BYTES = 4 * 1024 * 1024
+"""Bytes of a message that is put together of what comes over the wire, at most."""
+
+INSTALL = "pip install 'missiontree[fleet]'"
+
+
+def check_name(name: str, what: str = "fleet") -> str:
+    """Return a name of a fleet or robot. Raises TaskError for one that cannot stand in a key."""
+    if not NAME_PATTERN.fullmatch(name):
+        wanted = "small letters, digits, - and _, 40 at most"
+        raise TaskError(f"{ascii(name)[:60]} cannot be the name of a {what}: {wanted}", hint=f"a name such as {what}1")
+    return name
+
+
+def open_session(fleet: FleetKeys, *, mode: str = "") -> "zenoh.Session":
+    """Return a session in a fleet; it finds the others as soon as they are there. Raises TaskError."""
+    try:
+        import zenoh  # noqa: PLC0415 - the extra may be missing
+    except ImportError as error:
+        raise TaskError("a fleet needs eclipse-zenoh", hint=INSTALL) from error
+    certified = bool(fleet.ca and fleet.certificate and fleet.private_key)
+    for endpoint in (*fleet.listen, *fleet.connect):
+        if why := refusal_reason(endpoint, certified=certified):
+            raise TaskError(why, hint="tls/HOST:PORT with keys (docs/fleet.md), or tcp/127.0.0.1:PORT")
+    config = zenoh.Config()
+    for path, value in _zenoh_settings(fleet, mode or fleet.mode).items():
+        config.insert_json5(path, json.dumps(value))
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        where = ", ".join((*fleet.listen, *fleet.connect)) or "this computer"
+        raise TaskError(f"fleet '{fleet.fleet}' at {where}: {str(error)[:300]}", hint="docs/fleet.md") from error
+
+
+def _zenoh_settings(fleet: FleetKeys, mode: str) -> Mapping[str, Any]:
+    """Return the settings of Zenoh. What a fleet says of no place is that of this computer."""
+    listen, connect = list(fleet.listen), list(fleet.connect)
+    if not listen and not connect:
+        connect = [f"tcp/127.0.0.1:{DEFAULT_PORT}"]
+    if not listen and mode == "peer":
+        here = not any(each.partition("/")[0] in ("tls", "quic") for each in connect)
+        first = f"tcp/127.0.0.1:{DEFAULT_PORT}"
+        listen = [first if first in connect and _is_free(DEFAULT_PORT) else "tcp/127.0.0.1:0"] if here else []
+    found: dict[str, Any] = {
+        "mode": mode,
+        "listen/endpoints": listen,
+        "listen/exit_on_failure": True,
+        "connect/endpoints": connect,
+        "connect/timeout_ms": -1 if mode == "client" else 0,
+        "connect/exit_on_failure": False,
+        "connect/retry": {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5},
+        "scouting/multicast/enabled": False,  # who is in a fleet is said by a file, not by whoever shouts
+        "transport/shared_memory/enabled": False,
+        "transport/link/rx/max_message_size": MAX_TRANSPORT_BYTES,
+        "transport/link/tx/lease": LINK_LEASE_MS,
+        "transport/link/tx/keep_alive": 4,
+    }
+    if fleet.ca:
+        found["transport/link/tls"] = {
+            "root_ca_certificate": fleet.ca,
+            "enable_mtls": True,
+            "listen_certificate": fleet.certificate,
+            "listen_private_key": fleet.private_key,
+            "connect_certificate": fleet.certificate,
+            "connect_private_key": fleet.private_key,
+            "verify_name_on_connect": False,  # the fleet's own authority says who is in; addresses change
+        }
+    return found
+
+
+def _is_free(port: int) -> bool:
+    """Say whether nobody listens at a port of this computer: who comes first is where the others look."""
+    with socket.socket() as tried:
+        tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            tried.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+    return True

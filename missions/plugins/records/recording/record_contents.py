@@ -1,0 +1,157 @@
+"""The beginning of a record: which files a run was made of, and on what."""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Protocol
+
+from config.diagnostics import InvalidFileError, SourceText
+from config.file_io import read_regular
+from config.library import SHEET_SUFFIXES
+from config.robot import RobotConfig
+from config.yaml_nodes import Mapping as Marked
+from config.yaml_nodes import compose
+from drivers.api.secrets import without_secrets
+from missions.assembly.models import YUNET, models_folder
+from missions.assembly.part_factory import camera_position
+from missions.language.expressions import format_value
+from missions.language.plan import Plan
+from missions.library.shipped import behaviour_files
+from missions.plugins.records.recording.record_header import RecordContents, RecordHeader
+from missions.trees.drawing import to_json
+from missions.trees.drawing_builder import drawing_of
+from perception.model_files import MAX_MODEL_BYTES
+
+FILE_KINDS = ("mission", "world", "gesture", "gait", "controller", "object", "move", "robot")
+"""The kinds of files of a run: the first of these words that stands in one as a key."""
+
+
+class RecordedRequest(Protocol):
+    """A request to run, as far as a record tells of it: a ``missions.request.RunRequest``."""
+
+    @property
+    def mission(self) -> str:
+        """The name or file of the mission."""
+        ...
+
+    @property
+    def behaviours(self) -> Sequence[Path]:
+        """Files of leaves that were named."""
+        ...
+
+    @property
+    def params(self) -> Mapping[str, str]:
+        """The params, as they were given."""
+        ...
+
+    @property
+    def seed(self) -> int:
+        """The seed of chance."""
+        ...
+
+    @property
+    def eyes(self) -> str:
+        """How a twin sees: pixels or truth."""
+        ...
+
+    @property
+    def simulation(self) -> str | None:
+        """How the robot is simulated, None for one that moves."""
+        ...
+
+    @property
+    def world_name(self) -> str:
+        """The world that a simulated robot stands in; empty for one that moves."""
+        ...
+
+
+def contents_of(
+    request: RecordedRequest,
+    plan: Plan,
+    config: RobotConfig,
+    files: Mapping[Path, bytes],
+    *,
+    started: datetime,
+    command: Sequence[str] = (),
+    mocks: Sequence[str] = (),
+    lag: float | None = None,
+) -> RecordContents:
+    """Return what a record of a run begins with.
+
+    ``files`` are those that were read for it, as ``config.file_io.collect_read_files`` has them; ``started`` is the time of day
+    at which its clock showed 0, ``command`` what was typed, ``mocks`` the leaves that a test has replaced, ``lag`` what
+    was known of the base's.
+    """
+    names = dict(_name_files(files, {path.resolve() for path in behaviour_files(request.mission, request.behaviours)}))
+    mission = Path(plan.source.name).resolve()
+    chosen = plan.tree.parts & config.parts
+    simulation = request.simulation
+    head = RecordHeader(
+        mission=plan.mission,
+        file=next((name for name, path in names.items() if path == mission), f"mission/{mission.name}"),
+        robot=config.name,
+        world=request.world_name,
+        params=dict(request.params),
+        seed=request.seed,
+        simulate=simulation or "",
+        eyes="" if "camera" not in chosen else request.eyes if simulation == "fast" else "pixels",
+        rate=config.rate,
+        started=started.isoformat(),
+        command=tuple(map(without_secrets, command)),
+        parts=tuple(sorted(chosen)),
+        values={name: format_value(value) for name, value in plan.params.items()},
+        behaviours=tuple(name for name in names if name.startswith("behaviours/")),
+        paths={name: str(path) for name, path in names.items()},
+        models=_model_checksums(config),
+        mocks=tuple(mocks),
+        eye=camera_position(config),
+        lag=lag,
+    )
+    tree = json.dumps(to_json(drawing_of(plan)), ensure_ascii=False).encode()
+    return RecordContents(head, {name: _without_passwords(files[path]) for name, path in names.items()}, tree)
+
+
+def _without_passwords(data: bytes) -> bytes:
+    """Return a file as it is kept: without the passwords of addresses."""
+    try:
+        return without_secrets(data.decode()).encode() if b"://" in data else data
+    except UnicodeDecodeError:
+        return data
+
+
+def _name_files(files: Mapping[Path, bytes], python: set[Path]) -> Iterator[tuple[str, Path]]:
+    """Yield each file with its name in the record: ``mission/greet.yaml``; the second of one name is numbered."""
+    taken: set[str] = set()
+    for path, data in files.items():
+        kind = "behaviours" if path in python else _file_kind(path, data)
+        name, number = f"{kind}/{path.name}", 1
+        while name in taken:
+            number += 1
+            name = f"{kind}/{path.stem}-{number}{path.suffix}"
+        taken.add(name)
+        yield name, path
+
+
+def _file_kind(path: Path, data: bytes) -> str:
+    """Return what a file is, by what it says itself."""
+    if path.suffix.lower() in SHEET_SUFFIXES:
+        return "move"
+    try:
+        root = compose(SourceText(str(path), data.decode("utf-8-sig")))
+    except (InvalidFileError, UnicodeDecodeError):
+        return "file"
+    keys = set(root.keys()) if isinstance(root, Marked) else set()
+    return next((kind for kind in FILE_KINDS if kind in keys), "file")
+
+
+def _model_checksums(config: RobotConfig) -> dict[str, str]:
+    """Return the model that finds faces, by its sum."""
+    if config.camera is None or config.camera.detector != "yunet":
+        return {}
+    path = Path(config.camera.model).expanduser() if config.camera.model else models_folder() / YUNET.file
+    try:
+        return {path.name: hashlib.sha256(read_regular(path, MAX_MODEL_BYTES)).hexdigest()}
+    except OSError:  # then there are no eyes either, and who makes them says so
+        return {}

@@ -1,0 +1,101 @@
+"""Records as lists show them: of each, its beginning and its end alone are read."""
+
+import os
+import struct
+from bisect import bisect_left
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+
+from missions.executive.events import Ended
+from missions.plugins.records.recording.run_record import RunRecord, open_record, start_time_ns
+from missions.plugins.records.recording.validation import InvalidRecordError
+from missions.plugins.records.replay.frames import STAMP_TOLERANCE
+
+Json = dict[str, object]
+
+MAX_SEARCH_BYTES = 16_000_000
+"""Bytes before a moment that are looked through for what was so then."""
+
+END_CHUNKS = 4
+"""Chunks at the end of a record in which its end is looked for."""
+
+_TIMES = struct.Struct("<QQ")
+_CHUNK_HEADER_BYTES = 9  # bytes before what a chunk holds
+
+
+class ChunkedRecord:
+    """A record, and the pieces of it: ``chunks`` are when each begins and ends (s), in order of time."""
+
+    def __init__(self, path: Path) -> None:
+        self.record = open_record(path)
+        began = start_time_ns(self.record.header)
+        self.chunks = []
+        container = self.record.container
+        with path.open("rb") as file:
+            for span in container.chunk_spans:
+                times = container.chunk_times.get(span.start)
+                if times is None:  # it was never closed, and has no index
+                    file.seek(span.start + _CHUNK_HEADER_BYTES)
+                    found = file.read(_TIMES.size)
+                    times = _TIMES.unpack(found) if len(found) == _TIMES.size else None
+                if times is not None:
+                    self.chunks.append(((times[0] - began) / 1e9, (times[1] - began) / 1e9, span))
+        self.chunks.sort(key=lambda chunk: chunk[0])
+
+    def excerpt(self, first: int, last: int) -> RunRecord:
+        """Return the record of these chunks alone."""
+        whole = self.record
+        spans = [span for _, _, span in self.chunks[first:last]]
+        container = replace(whole.container, spans=spans)
+        return RunRecord(container, whole.header, whole.files, self.end_time, None)
+
+    @property
+    def end_time(self) -> float:
+        """When it ends."""
+        return max((end for _, end, _ in self.chunks), default=0.0)
+
+    def run_end(self) -> Ended | None:
+        """Return how the run ended, where the end of the record tells it."""
+        return self.excerpt(max(0, len(self.chunks) - END_CHUNKS), len(self.chunks)).run_end()
+
+    def chunks_before(self, time: float) -> Iterator[tuple[int, int]]:
+        """Yield the chunks that begin up to ``time``, one by one from the last, for ``MAX_SEARCH_BYTES`` bytes."""
+        last, size = bisect_left(self.chunks, time + STAMP_TOLERANCE, key=lambda chunk: chunk[0]), 0
+        while last > 0 and size < MAX_SEARCH_BYTES:
+            span = self.chunks[last - 1][2]
+            size += span.end - span.start
+            yield last - 1, last
+            last -= 1
+
+
+def list_entry(path: Path) -> Json:
+    """Return what lists say of a record: `trouble` where it cannot be read."""
+    told: Json = {"name": path.name, "bytes": path.stat().st_size}
+    if (name := os.fsencode(path.name).decode("utf-8", "replace")) != path.name:
+        trouble = "the name of this file is not text in UTF-8, so no link leads to it: rename the file"
+        return {**told, "name": name, "began": path.stat().st_mtime, "trouble": trouble}
+    try:
+        opened = ChunkedRecord(path)
+        return told | run_facts(opened.record) | {"seconds": opened.end_time} | result_facts(opened.run_end())
+    except (InvalidRecordError, OSError) as error:
+        return told | {"began": path.stat().st_mtime, "trouble": str(error)[:500]}
+
+
+def run_facts(record: RunRecord) -> Json:
+    """Return the mission, robot and world of a record, and when it began."""
+    head = record.header
+    began = datetime.fromisoformat(head.started).timestamp()
+    return {
+        "mission": head.mission,
+        "robot": head.robot,
+        "simulated": head.simulate,
+        "world": head.world,
+        "began": began,
+    }
+
+
+def result_facts(end: Ended | None) -> Json:
+    """Return how a run ended."""
+    return {"result": "", "reason": ""} if end is None else {"result": end.result, "reason": end.reason}

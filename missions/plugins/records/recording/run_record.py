@@ -1,0 +1,377 @@
+"""A record, read back: the one door through which everything else looks at what a run did."""
+
+import base64
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from datetime import datetime
+from functools import cached_property
+from pathlib import Path
+from shlex import quote
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from config.library import kinds_of, wrong_kind_error
+from missions.executive import events
+from missions.executive.events import Ended, Event, Logged, NodeChanged, Ticked
+from missions.executive.tick_record import TickRecord
+from missions.plugins.records.recording.items import EVENT_TOPICS, FeedbackItem
+from missions.plugins.records.recording.record_header import (
+    FORMAT_VERSION,
+    LIMIT_METADATA,
+    TREE_ATTACHMENT,
+    VERSIONS_METADATA,
+    RecordHeader,
+)
+from missions.plugins.records.recording.tagged_values import decode_view, from_json
+from missions.plugins.records.recording.tick_codec import TickDecoder
+from missions.plugins.records.recording.validation import (
+    MAX_SECONDS,
+    InvalidRecordError,
+    check_time,
+    parse_message,
+    parse_strict_json,
+    reject_malformed,
+)
+from missions.trees.drawing import ACTIVE, TreeDrawing
+from missions.trees.drawing import from_json as drawing_from_json
+from missions.trees.states import TIME_TOLERANCE
+from perception.api import View
+
+if TYPE_CHECKING:
+    from missions.plugins.records.recording.container import McapContainer
+
+
+# Whether a file is a record of ours, and which; if it is none, what it is instead.
+
+MCAP_PROFILE = "missiontree"
+"""How the header of a file says that it is ours."""
+
+FIRST_YEAR, LAST_YEAR = 1970, 2200
+"""Between these every clock of a robot is."""
+
+OTHER_FORMAT_MESSAGE = f"is a record of format {{}}; this MissionTree reads format {FORMAT_VERSION} alone"
+
+
+def not_mcap_error(path: Path) -> InvalidRecordError:
+    """Return what is to be said of a file that does not begin as MCAP files do. Raises OSError."""
+    if not path.is_file():
+        made = path if path.suffix == ".mcap" else "run.mcap"
+        hint = f"mission run MISSION --record {made}, which makes one"
+        return InvalidRecordError(f"{path}: no record: it is not even a file\n  try: {hint}")
+    if path.stat().st_size == 0:
+        return InvalidRecordError(f"{path}: is empty: its run ended before anything was written")
+    if "missions" in kinds_of(path):
+        return InvalidRecordError(
+            f"{path}: a mission, and no record\n  try: mission run {path} --record {path.stem}.mcap, which makes one"
+        )
+    if other := wrong_kind_error("records", path):
+        return InvalidRecordError(other)
+    return InvalidRecordError(f"{path}: no record: it does not begin as an MCAP file does")
+
+
+def read_header(container: "McapContainer", tables: Mapping[str, Mapping[str, str]]) -> RecordHeader:
+    """Return what a record says of itself. Raises InvalidRecordError where it is none of ours, or of another format."""
+    path, header = container.path, container.header()
+    if VERSIONS_METADATA not in tables and (header is None or header.profile != MCAP_PROFILE):
+        raise _foreign_file_error(container)
+    data = next((message.data for message in container.messages(frozenset({"/mission"}))), None)
+    with reject_malformed(path):
+        written = (
+            {"format": int(tables.get(VERSIONS_METADATA, {}).get("format", FORMAT_VERSION))}
+            if data is None
+            else parse_strict_json(data)
+        )
+        if (found := int(written["format"])) != FORMAT_VERSION:
+            again = "pip install --upgrade missiontree" if found > FORMAT_VERSION else "record the mission anew"
+            raise InvalidRecordError(f"{path}: {OTHER_FORMAT_MESSAGE.format(found)}\n  try: {again}")
+        if data is None:
+            raise InvalidRecordError(f"{path}: its beginning is missing or damaged, so that none of it can be read")
+        return _validate_header(from_json(written, RecordHeader))
+
+
+def _validate_header(header: RecordHeader) -> RecordHeader:
+    """Return a head whose numbers can be reckoned with. Raises ValueError for another."""
+    if not FIRST_YEAR <= datetime.fromisoformat(header.started).year <= LAST_YEAR:
+        raise ValueError(f"no run began at {header.started:.40}")
+    for figure in (header.rate, 0.0 if header.lag is None else header.lag, *header.eye):
+        check_time(figure)
+    if header.rate <= 0:
+        raise ValueError(f"a rate of {header.rate:g} Hz")
+    return header
+
+
+def _foreign_file_error(container: "McapContainer") -> InvalidRecordError:
+    path, header = container.path, container.header()
+    if header is None or not container.chunk_spans:
+        return InvalidRecordError(f"{path}: ends or is damaged before it says what it is of: nothing can be read")
+    by = " and ".join(filter(None, (header.profile, header.library)))
+    told = f": it is of {by}" if by else ""
+    return InvalidRecordError(
+        f"{path}: an MCAP file, but no record of MissionTree{told}\n  try: Foxglove, which opens it"
+    )
+
+
+__all__ = ["SERIES", "InvalidRecordError", "RunRecord", "open_record"]
+
+CUT_METADATA = "cut"
+"""The name of the metadata that say which piece of a record this is."""
+
+SERIES: Mapping[str, tuple[str, str]] = {
+    **{
+        f"base.{name}": ("/state/base", name)
+        for name in ("x", "y", "heading", "speed", "turn", "wanted_speed", "wanted_turn")
+    },
+    **{f"head.{name}": ("/state/head", name) for name in ("pan", "tilt", "wanted_pan", "wanted_tilt")},
+    "battery.percent": ("/state/base", "battery_percent"),
+}
+"""What can be drawn over time, in SI units (the battery in percent): in which messages it stands, by which name."""
+
+MAX_MESSAGES, MAX_MESSAGE_BYTES = 3_000_000, 400_000_000
+"""Messages, and bytes of them, that are kept in memory to answer one question: two days of a run have that."""
+
+MAX_FILE_BYTES, MAX_NODES = 300_000_000, 20_000
+"""Bytes of all files together, and nodes of the tree: a mission has half as many steps at most."""
+
+ROOT_KEY = "1"
+"""The key of the tree's root."""
+
+_EVENT_CLASSES: Mapping[str, type[Event]] = {topic: getattr(events, name) for name, topic in EVENT_TOPICS.items()}
+
+_COUNTS: Any = Mapping[str, int]
+
+T = TypeVar("T")
+
+
+def open_record(path: Path) -> "RunRecord":
+    """Return the record in ``path``, of which only its beginning is read now. Raises InvalidRecordError."""
+    try:
+        from missions.plugins.records.recording.mcap_scan import scan_file  # noqa: PLC0415 - see above
+    except ImportError as error:
+        raise InvalidRecordError(
+            f"reading records needs mcap ({error})\n  try: pip install 'missiontree[records]'"
+        ) from error
+    try:
+        container = scan_file(path)
+        if container is None:
+            raise not_mcap_error(path)
+        tables = container.metadata()
+        head = read_header(container, tables)
+        files = _read_attachments(container)
+        last = container.last_time()
+    except OSError as error:
+        raise InvalidRecordError(f"{path}: cannot be read: {error.strerror or error}") from error
+    with reject_malformed(path):
+        began = start_time_ns(head)
+    until = 0.0 if last is None else (last - began) / 1e9
+    return RunRecord(
+        container, head, files, until, _cut_start(tables.get(CUT_METADATA)), limit_reached=LIMIT_METADATA in tables
+    )
+
+
+def _read_attachments(container: "McapContainer") -> dict[str, bytes]:
+    found, left = dict[str, bytes](), MAX_FILE_BYTES
+    for each in container.attachments():
+        left -= len(each.data)
+        if left < 0:
+            raise InvalidRecordError(f"{container.path}: has files of more than {MAX_FILE_BYTES / 1e6:.0f} MB in it")
+        found[each.name] = each.data
+    return found
+
+
+def start_time_ns(header: RecordHeader) -> int:
+    """Return the time of day at which the run's clock showed 0, in ns since 1970, as times of messages are."""
+    return round(datetime.fromisoformat(header.started).timestamp() * 1e6) * 1000
+
+
+def _cut_start(table: Mapping[str, str] | None) -> float | None:
+    try:
+        start = 0.0 if table is None else float(table["from"])
+    except (KeyError, ValueError):  # damaged: no other beginning is said to be the true one
+        return float("nan")
+    return start if start > 0 else None
+
+
+class RunRecord:
+    """What a run did. Made by ``open_record``; keeps no file open. Times are in seconds of the run.
+
+    ``files`` are those that the run was made of, by their names in the record. ``is_complete`` says that it was closed
+    properly. ``cut_start`` is where a piece begins that was cut out of another record, and None for a record from its
+    beginning. ``limit_reached`` says that it was as large as it might get, so that the run went on without it. ``container`` is
+    the file itself, for what works on it.
+
+    What is asked for is read when it is asked for, and kept; pictures and percepts are not. InvalidRecordError is
+    raised for messages that are not what this program writes; messages in a damaged stretch are just not there.
+    """
+
+    def __init__(
+        self,
+        container: "McapContainer",
+        header: RecordHeader,
+        files: Mapping[str, bytes],
+        last_message_time: float,
+        cut_start: float | None,
+        *,
+        limit_reached: bool = False,
+    ) -> None:
+        self.container = container
+        self.path: Path = container.path
+        self.header = header
+        self.files = files
+        self.is_complete = container.is_complete
+        self._last_message_time = last_message_time
+        self.cut_start = cut_start
+        self.limit_reached = limit_reached
+        self._series_messages: dict[str, list[tuple[float, dict[str, float]]]] = {}
+
+    @cached_property
+    def events(self) -> Sequence[Event]:
+        """All that happened, in order of time: what nodes did, commands, faults and so on, ticks, and the end.
+
+        In a piece that was cut out, the newest changes of before its beginning come first.
+        """
+        found = [
+            event for event in self.read(self.decode_event, *EVENT_TOPICS.values(), "/moments") if event is not None
+        ]
+        found.sort(key=_sort_key)
+        status = "running"
+        for event in found:  # a tick's result is what the root came to in it
+            if isinstance(event, NodeChanged) and event.node == ROOT_KEY:
+                status = event.status
+            elif isinstance(event, Ticked):
+                event.status = status
+                if event.late is not None and event.late * self.header.rate <= 1:
+                    event.late = None  # less than a tick: that is not late
+        return found
+
+    @cached_property
+    def end_time(self) -> float:
+        """When it ends: at its last message or event. Messages are stamped in whole nanoseconds, events exactly."""
+        return max([self._last_message_time, *(event.t for event in self.events[-1:])])
+
+    @cached_property
+    def tick_records(self) -> Sequence[TickRecord]:
+        """Every moment of the executive, with the answers that it got then."""
+        restored = TickDecoder()
+        return list(self.read(lambda _, data: restored.decode(data), "/moments"))
+
+    def views(self) -> Iterator[tuple[float, View]]:
+        """Yield what perception found, and when it said so."""
+        return self.read(lambda _, data: (data["t"], decode_view(data)), "/percepts")
+
+    def frames(self) -> Iterator[tuple[float, bytes]]:
+        """Yield when each picture was taken, and the picture as JPEG."""
+        return self.read(lambda _, data: (data["t"], base64.b64decode(data["data"])), "/camera")
+
+    def series(self, name: str) -> tuple[list[float], list[float]]:
+        """Return the times and values of one of ``SERIES``, where they are known. Raises KeyError for another name."""
+        topic, field = SERIES[name]
+        if topic not in self._series_messages:  # all that is drawn of a part stands in the same messages
+            fields = [other for told, other in SERIES.values() if told == topic]
+            self._series_messages[topic] = list(self.read(lambda _, data: _known_values(data, fields), topic))
+        found = [(time, known[field]) for time, known in self._series_messages[topic] if field in known]
+        return [time for time, _ in found], [value for _, value in found]
+
+    def statuses(self, time: float) -> Mapping[str, NodeChanged]:
+        """Return the newest change of each node up to ``time``, or so near behind it that nobody means less, by key."""
+        states = self.status_history
+        place = bisect_right(states, time + TIME_TOLERANCE, key=lambda state: state[0])
+        return {change.node: change for _, change in states[:place]}
+
+    @cached_property
+    def status_history(self) -> Sequence[tuple[float, NodeChanged]]:
+        """What each node was from when on: its changes and, with the same ``t``, its new messages while it ran on."""
+        news: list[NodeChanged | FeedbackItem] = [*self._changes, *self.read(_decode_feedback, "/feedback")]
+        found: list[tuple[float, NodeChanged]] = []
+        newest: dict[str, NodeChanged] = {}
+        for new in sorted(news, key=lambda new: (new.t, isinstance(new, FeedbackItem))):
+            if isinstance(new, NodeChanged):
+                newest[new.node] = new
+            elif new.node not in newest or newest[new.node].status not in ACTIVE:
+                continue
+            else:
+                newest[new.node] = replace(newest[new.node], reason=new.reason)
+            found.append((new.t, newest[new.node]))
+        return found
+
+    def failures(self) -> Sequence[NodeChanged]:
+        """Return every change of a node to failure, in order."""
+        return [change for change in self._changes if change.status == "failure"]
+
+    def search(self, text: str) -> Sequence[Event]:
+        """Return the events that say ``text`` somewhere, in capitals or not; ticks say nothing."""
+        wanted = text.casefold()
+        return [event for event in self.events if not isinstance(event, Ticked) and wanted in _search_text(event)]
+
+    def drawing(self) -> TreeDrawing:
+        """Return the mission's tree as it was when the run began. Raises InvalidRecordError where it is not there."""
+        if TREE_ATTACHMENT not in self.files:
+            raise InvalidRecordError(f"{self.path}: the drawing of the mission's tree is missing or damaged")
+        with reject_malformed(self.path):
+            found = drawing_from_json(parse_strict_json(self.files[TREE_ATTACHMENT]))
+            if sum(1 for _ in found.root.walk()) > MAX_NODES:
+                raise ValueError(f"a tree of more than {MAX_NODES} nodes")
+            return found
+
+    def lost_counts(self) -> Mapping[str, int]:
+        """Return how many messages were lost while the run went on, by topic."""
+        counts: Counter[str] = Counter()
+        for found in self.read(lambda _, data: from_json(data["counts"], _COUNTS), "/lost"):
+            counts.update(found)
+        return counts
+
+    def run_end(self) -> Ended | None:
+        """Return how the run ended; None where the record does not tell."""
+        return next((event for event in reversed(self.events) if isinstance(event, Ended)), None)
+
+    @cached_property
+    def _changes(self) -> list[NodeChanged]:
+        return [event for event in self.events if isinstance(event, NodeChanged)]
+
+    def decode_event(self, topic: str, data: Any) -> Event | None:
+        """Return the event that a message on a topic tells of, if any; of a tick, its status is not known here."""
+        if topic == "/moments":
+            # It is told when it is over. In real time it takes some, though for the tree that stands still.
+            spent = 0.0 if self.header.simulate == "fast" else check_time(data["spent"])
+            late = check_time(data["late"])
+            if data["kind"] != "tick":
+                return None
+            return Ticked(data["t"] + spent, from_json(data["tick"], int), "", late)
+        if topic == EVENT_TOPICS["Logged"]:
+            return Logged(data["t"], from_json(data["kind"], str), from_json(data["message"], str))
+        return from_json(data, _EVENT_CLASSES[topic])
+
+    def read(self, decode: Callable[[str, Any], T], *topics: str) -> Iterator[T]:
+        """Yield what ``read`` makes of each message on ``topics``, and of which of them it is on."""
+        kept = not {"/camera"}.issuperset(topics)  # pictures are looked at one by one
+        messages = size = 0
+        for topic, _, data in self.container.messages(frozenset(topics)):
+            messages, size = messages + 1, size + len(data)
+            if kept and (messages > MAX_MESSAGES or size > MAX_MESSAGE_BYTES):
+                raise InvalidRecordError(
+                    f"{self.path}: has more than can be looked at in one go ({messages} messages, {size / 1e6:.0f} MB)"
+                    f"\n  try: mission record cut {quote(str(self.path))} 0s 60s -o piece.mcap"
+                )
+            with reject_malformed(self.path):
+                found = decode(topic, parse_message(data))
+            yield found
+
+
+def _decode_feedback(_: str, data: Any) -> FeedbackItem:
+    return FeedbackItem(data["t"], int(data["tick"]), str(data["node"]), str(data["reason"]))
+
+
+def _known_values(data: Any, fields: Sequence[str]) -> tuple[float, dict[str, float]]:
+    """Return when figures were told, and the values of those that were known."""
+    good = data["quality"] == "good"
+    values = {name: float(data[name]) for name in fields if good and data[name] is not None}
+    return data["t"], {name: value for name, value in values.items() if abs(value) < MAX_SECONDS}
+
+
+def _sort_key(event: Event) -> tuple[float, int]:
+    """Put a tick behind all that came of it, and the end of the mission behind everything."""
+    return event.t, isinstance(event, Ticked) + 2 * isinstance(event, Ended)
+
+
+def _search_text(event: Event) -> str:
+    return " ".join(map(str, event.as_dict().values())).casefold()

@@ -1,0 +1,94 @@
+"""Moments as messages: an answer that is as it was before is not written out again.
+
+Of such an answer only the question stands there. What "before" is begins anew with every chunk of the file, so each
+chunk can be read without those before it, and one that is lost takes nothing else along.
+"""
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any, get_args
+
+from missions.codec import number
+from missions.executive.tick_record import Answer, TickKind, TickRecord
+from missions.plugins.records.recording.tagged_values import dumps, from_json, tag_value, untag_value
+from missions.plugins.records.recording.validation import check_time
+
+TICK_KINDS = frozenset(get_args(TickKind))
+"""What moments there are."""
+
+QUESTION_LENGTH = 3
+"""As long is an answer of which only the question is written."""
+
+
+class TickEncoder:
+    """Writes moments."""
+
+    def __init__(self) -> None:
+        self._last_answers: dict[bytes, bytes] = {}
+
+    def reset(self) -> None:
+        """Write the next answer to every question in full."""
+        self._last_answers.clear()
+
+    def encode(self, tick_record: TickRecord) -> bytes:
+        """Return a moment as the bytes of a message."""
+        fields = {
+            "t": tick_record.t,
+            "kind": tick_record.kind,
+            "tick": tick_record.tick,
+            "late": number(tick_record.late),
+            "spent": number(tick_record.spent),
+            "overheld": tick_record.overheld,
+        }
+        try:
+            answers = b",".join(self._encode_answer(*answer) for answer in tick_record.answers)
+        except Exception:
+            self.reset()  # none of its answers will stand there
+            raise
+        return dumps(fields)[:-1] + b',"answers":[' + answers + b"]}"
+
+    def _encode_answer(self, part: str, what: str, arguments: tuple[object, ...], value: object) -> bytes:
+        question = _question(part, what, arguments) if arguments else _cached_question(part, what)
+        told = dumps(tag_value(value))
+        if self._last_answers.get(question) == told:
+            return question
+        self._last_answers[question] = told
+        return question[:-1] + b"," + told + b"]"
+
+
+def _question(part: str, what: str, arguments: tuple[object, ...]) -> bytes:
+    return dumps([part, what, [tag_value(each) for each in arguments]])
+
+
+@lru_cache(maxsize=256)
+def _cached_question(part: str, what: str) -> bytes:
+    """Return a question without arguments: a run asks the same few in every tick."""
+    return _question(part, what, ())
+
+
+class TickDecoder:
+    """Reads moments, in the order in which they were written."""
+
+    def __init__(self) -> None:
+        self._last_answers: dict[Any, object] = {}
+
+    def decode(self, data: Mapping[str, Any]) -> TickRecord:
+        """Return the moment of a message. Raises LookupError, TypeError or ValueError for what is none."""
+        overheld, kind = data["overheld"], data["kind"]
+        if kind not in TICK_KINDS:
+            raise ValueError(f"{kind!s:.40} is no kind of moment")
+        return TickRecord(
+            kind,
+            from_json(data["tick"], int),
+            data["t"],
+            check_time(data["late"]),
+            check_time(data["spent"]),
+            [self._decode_answer(answer) for answer in data["answers"]],
+            None if overheld is None else (overheld[0], overheld[1]),
+        )
+
+    def _decode_answer(self, data: list[Any]) -> Answer:
+        question = dumps(data[:QUESTION_LENGTH])
+        if len(data) > QUESTION_LENGTH:
+            self._last_answers[question] = untag_value(data[QUESTION_LENGTH])
+        return data[0], data[1], tuple(untag_value(each) for each in data[2]), self._last_answers[question]

@@ -1,0 +1,245 @@
+"""The way from a run to the process that writes its record, and what that tells in return: also what is lost."""
+
+import fcntl
+import json
+import os
+import select
+import subprocess
+import sys
+from collections import deque
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import field
+from enum import Enum
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Final
+
+from drivers.api.fast_dataclass import dataclass
+from drivers.clock import SystemClock
+from missions.plugins.records.recording.items import BATCH_HEADER, pack_items
+from missions.plugins.records.recording.record_header import RecordContents
+
+
+@dataclass(frozen=True, slots=True)
+class RecordLoss:
+    """What is missing in a record: messages by topic, and why. ``limit_reached_at`` is when it reached its limit (s), or None."""
+
+    counts: Mapping[str, int] = field(default_factory=dict)
+    reason: str = ""
+    limit_reached_at: float | None = None
+
+    def __bool__(self) -> bool:
+        return bool(self.counts or self.reason or self.limit_reached_at is not None)
+
+    def __str__(self) -> str:
+        """Say it in a line for people; nothing where nothing is missing."""
+        said = []
+        if self.counts:
+            named = ", ".join(f"{count} on {topic}" for topic, count in sorted(self.counts.items()))
+            said.append(f"{sum(self.counts.values())} messages are missing ({self.reason or 'lost'}): {named}")
+        elif self.reason:
+            said.append(self.reason)
+        if self.limit_reached_at is not None:
+            said.append(f"it reached its limit at {self.limit_reached_at:.1f} s and ends there")
+        return "; ".join(said)
+
+
+class WriterState(Enum):
+    """State of a writing process. ABORTED: it never began its file; STOPPED: it takes nothing more; CLOSED: it is done.
+
+    A pair that TRANSITIONS lacks changes nothing.
+    """
+
+    NEW, STARTING, RECORDING, ABORTED, STOPPED, CLOSED = range(6)
+
+
+class WriterEvent(Enum):
+    """Event of a writing process; END is any end of its work but that of a complete record."""
+
+    START, READY, END, CLOSE = range(4)
+
+
+TRANSITIONS: Final = {
+    (WriterState.NEW, WriterEvent.START): WriterState.STARTING,
+    (WriterState.STARTING, WriterEvent.READY): WriterState.RECORDING,
+    (WriterState.STARTING, WriterEvent.END): WriterState.ABORTED,
+    (WriterState.RECORDING, WriterEvent.END): WriterState.STOPPED,
+    (WriterState.RECORDING, WriterEvent.CLOSE): WriterState.CLOSED,
+}
+
+POLL_INTERVAL = 0.1
+"""Seconds within which a pipe that is full sees that its process has been given up."""
+
+PIPE_BYTES = 1 << 20
+"""Bytes that the pipe is to hold, so that a picture does not fill it."""
+
+_READ_BYTES = 1 << 16
+
+
+class CannotRecordError(RuntimeError):
+    """A record that cannot even be begun: the message says why, ``hint`` what to type next."""
+
+    def __init__(self, message: str, *, hint: str = "") -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+class RecordWriterClient:
+    """One writing process: ``open``, ``send`` and ``receive`` from one thread, then ``finish``; ``abandon`` from any.
+
+    ``counts`` are the messages in a closed record, ``lost`` those that could not be written, and ``reason``. ``limit_reached_at`` is
+    the time (s) at which the record reached its limit. ``problems`` are still to be reported. The process has
+    ``start_time`` seconds to begin.
+    """
+
+    def __init__(self, path: Path, *, limit: float, overwrite: bool, start_timeout: float) -> None:
+        self.problems: deque[str] = deque()
+        self.counts: Mapping[str, int] = {}
+        self.lost: Mapping[str, int] = {}
+        self.reason = ""
+        self.limit_reached_at: float | None = None
+        self.state = WriterState.NEW
+        self.path = path
+        self._overwrite = overwrite
+        self._start_timeout = start_timeout
+        self._arguments = [str(path.resolve()), repr(float(limit)), "overwrite" if overwrite else "new"]
+        self._process: subprocess.Popen[bytes] | None = None
+        self._input_fd = self._output_fd = -1
+        self._received = b""
+        self._last_output = ""  # the last words of an interpreter that fails
+        self._output_closed = False  # the process has closed its output
+        self._abandon_reason = ""
+
+    @property
+    def accepts_items(self) -> bool:
+        """Whether the process takes items."""
+        return self.state in (WriterState.STARTING, WriterState.RECORDING)
+
+    @property
+    def process_id(self) -> int | None:
+        """The number of its process; None where there is none."""
+        return None if self._process is None else self._process.pid
+
+    def open(self, contents: RecordContents) -> None:
+        """Start the process, and wait until the beginning of the record is in its file. Raises CannotRecordError."""
+        if find_spec("mcap") is None:
+            raise CannotRecordError("records need mcap, which is missing", hint="pip install 'missiontree[records]'")
+        if self.path.exists() and not self.path.is_file():
+            raise CannotRecordError(f"{self.path}: is no file that could be written over", hint="name another file")
+        if self.path.exists() and not self._overwrite:
+            raise CannotRecordError(f"{self.path}: is there already", hint="another name, or --overwrite")
+        if not self.path.parent.is_dir():
+            folder = self.path.parent
+            raise CannotRecordError(f"{self.path}: there is no folder {folder}", hint=f"mkdir -p {folder}")
+        self._start()
+        self.send(pack_items([contents]))
+        wall = SystemClock()
+        while self.state is WriterState.STARTING and wall.read_value() < self._start_timeout:
+            self.receive(POLL_INTERVAL)
+        if self.state in (WriterState.STARTING, WriterState.ABORTED):
+            why = self.reason or f"its process did not begin within {self._start_timeout:.0f} s"
+            self.abandon(why)
+            self.finish()
+            raise CannotRecordError(f"{self.path}: cannot be written: {why}", hint="another folder or disk, with room")
+
+    def _start(self) -> None:
+        paths = [str(Path(__file__).parents[4]), os.environ.get("PYTHONPATH", "")]
+        self._process = process = subprocess.Popen(  # noqa: S603 - ourselves
+            [sys.executable, "-P", "-m", "missions.plugins.records.recording.writer_process", *self._arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            bufsize=0,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))},
+            start_new_session=True,  # a Ctrl-C is the run's to hear
+        )
+        if process.stdin is None or process.stdout is None:
+            raise CannotRecordError(f"{self.path}: its process has no pipes")
+        self._input_fd, self._output_fd = process.stdin.fileno(), process.stdout.fileno()
+        os.set_blocking(self._input_fd, False)
+        with suppress(OSError, AttributeError):  # where the system has such a thing, and allows so much
+            fcntl.fcntl(self._input_fd, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
+        self._advance(WriterEvent.START)
+
+    def send(self, batch: bytes) -> bool:
+        """Send a batch, however long the process takes to accept it; say whether it has."""
+        left = memoryview(BATCH_HEADER.pack(len(batch)) + batch)
+        while left and self.accepts_items and not self._abandon_reason:
+            if select.select([], [self._input_fd], [], POLL_INTERVAL)[1]:
+                with suppress(BlockingIOError, BrokenPipeError):  # a broken one is heard of below
+                    left = left[os.write(self._input_fd, left) :]
+            self.receive()
+        return not left
+
+    def receive(self, timeout: float = 0.0) -> None:
+        """Take in what the process tells, waiting up to ``timeout`` seconds for it."""
+        if self._output_closed or not select.select([self._output_fd], [], [], timeout)[0]:
+            return
+        data = os.read(self._output_fd, _READ_BYTES)
+        *lines, self._received = (self._received + data).split(b"\n")
+        for line in lines:
+            self._handle_line(line)
+        if not data:
+            self._output_closed = True
+            if self.accepts_items:
+                self._stop(f"its process has ended{self._exit_description()}")
+
+    def _handle_line(self, line: bytes) -> None:
+        try:
+            told: Any = json.loads(line)
+        except ValueError:
+            self._last_output = line.decode(errors="replace").strip()
+            return
+        match told:
+            case {"ready": True}:
+                self._advance(WriterEvent.READY)
+            case {"failed": str(why)}:
+                self._stop(why)
+            case {"lost": dict(lost), "why": str(why)}:
+                if not self.lost:
+                    self.problems.append(f"{why}: messages are being lost")
+                self.lost, self.reason = lost, why
+            case {"renamed": str(name)}:
+                self.path = self.path.with_name(name)
+            case {"trouble": str(why)}:
+                self.problems.append(why)
+            case {"closed": {"counts": dict(counts), "ended": ended}}:
+                self.counts, self.limit_reached_at = counts, ended
+                self._advance(WriterEvent.CLOSE)
+                if ended is not None:
+                    self.problems.append(f"the record has reached its limit at {ended:.1f} s, and ends there")
+
+    def _stop(self, reason: str) -> None:
+        """Note that the process takes no more, though the run goes on."""
+        was_recording, self.reason = self.state is WriterState.RECORDING, reason
+        self._advance(WriterEvent.END)
+        if was_recording:
+            self.problems.append(f"{reason}: nothing more is recorded")
+
+    def _advance(self, event: WriterEvent) -> None:
+        self.state = TRANSITIONS.get((self.state, event), self.state)
+
+    def _exit_description(self) -> str:
+        code = None if self._process is None else self._process.poll()
+        killed = f", killed by signal {-code}" if code is not None and code < 0 else ""
+        return f"{killed}: {self._last_output}" if self._last_output else killed
+
+    def abandon(self, reason: str) -> None:
+        """Wait for the process no longer: let ``send`` and ``finish`` end it. Safe more than once."""
+        self._abandon_reason = self._abandon_reason or reason
+
+    def finish(self) -> None:
+        """Let the process write what it has, and wait until it has ended. Safe more than once."""
+        process, self._process = self._process, None
+        if process is None or process.stdin is None or process.stdout is None:
+            return
+        process.stdin.close()
+        while not self._output_closed and not self._abandon_reason:
+            self.receive(POLL_INTERVAL)
+        self._advance(WriterEvent.END)
+        if not self._output_closed:
+            self.reason = self._abandon_reason
+            process.kill()
+        process.wait()
+        process.stdout.close()

@@ -1,0 +1,116 @@
+"""A player for a record: where in it the player is, and what each key does."""
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Mapping, Sequence
+
+from missions.executive.events import Event
+from missions.plugins.records.recording.run_record import RunRecord
+from missions.trees.states import TIME_TOLERANCE
+
+JUMP_TIME = 5.0
+"""Seconds that an arrow key jumps."""
+
+SPEEDS = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
+"""How many times as fast as it was; of any other speed, the next in this row is taken when it changes."""
+
+KEY_HELP = "space play  ←→ jump  ↑↓ speed  , . tick  f F failure  / n N search  0-9 tenth  q quit"
+
+BACKSPACE_KEYS = ("\x7f", "\b")
+
+
+class RecordPlayer:
+    """Goes through a record: ``time`` is where it is, in seconds of the run.
+
+    ``note`` is what there is to say of the last key, ``typing`` the text to search for while it is typed.
+    """
+
+    def __init__(self, record: RunRecord, *, at: float = 0.0, speed: float = 1.0) -> None:
+        self.playing = True
+        self.speed = speed
+        self.note = ""
+        self.typing: str | None = None
+        self.start = 0.0 if record.cut_start is None else record.cut_start
+        self.end = max(record.end_time, self.start)
+        self._record = record
+        self._ticks = [moment.t for moment in record.tick_records]
+        self._failures = [failure.t for failure in record.failures()]
+        self._matches: Sequence[Event] = ()
+        self.time = self._clamp(at)
+        self._keys: Mapping[str, Callable[[], None]] = {
+            " ": self._play_or_pause,
+            "left": lambda: self._go_to(self.time - JUMP_TIME),
+            "right": lambda: self._go_to(self.time + JUMP_TIME),
+            "up": lambda: self._change_speed(faster=True),
+            "down": lambda: self._change_speed(faster=False),
+            ".": lambda: self._jump(self._ticks, "tick"),
+            ",": lambda: self._jump(self._ticks, "tick", back=True),
+            "f": lambda: self._jump(self._failures, "failure"),
+            "F": lambda: self._jump(self._failures, "failure", back=True),
+            "/": self._begin_search,
+            "n": lambda: self._jump([event.t for event in self._matches], "event with that text"),
+            "N": lambda: self._jump([event.t for event in self._matches], "event with that text", back=True),
+        }
+
+    def advance(self, seconds: float) -> None:
+        """Let so many seconds pass; at the end it pauses."""
+        if self.playing:
+            self.time = self._clamp(self.time + seconds * self.speed)
+            self.playing = self.time < self.end
+
+    def press(self, key: str) -> bool:
+        """Do what a key asks for; False when that is to end."""
+        if self.typing is not None:
+            self._type_key(key)
+            return True
+        if key in ("q", "end"):
+            return False
+        self.note = ""
+        if key.isascii() and key.isdigit():
+            self.time = self.start + (self.end - self.start) * int(key) / 10
+        elif key in self._keys:
+            self._keys[key]()
+        return True
+
+    def _go_to(self, time: float) -> None:
+        self.time = self._clamp(time)
+
+    def _begin_search(self) -> None:
+        self.typing = ""
+
+    def _clamp(self, time: float) -> float:
+        return min(max(time, self.start), self.end)
+
+    def _play_or_pause(self) -> None:
+        self.playing = not self.playing
+        if self.playing and self.time >= self.end:
+            self.time = self.start
+
+    def _change_speed(self, *, faster: bool) -> None:
+        others = [each for each in SPEEDS if (each > self.speed if faster else each < self.speed)]
+        if others:
+            self.speed = others[0 if faster else -1]
+
+    def _jump(self, times: Sequence[float], what: str, *, back: bool = False) -> None:
+        """Pause at the next of some rising ``times``, or at the one before; never at the one that is shown."""
+        if back:
+            place = bisect_left(times, self.time - TIME_TOLERANCE) - 1
+        else:
+            place = bisect_right(times, self.time + TIME_TOLERANCE)
+        if 0 <= place < len(times):
+            self.time, self.playing = self._clamp(times[place]), False
+        else:
+            self.note = f"no {what} {'before' if back else 'after'} this"
+
+    def _type_key(self, key: str) -> None:
+        """Take in one key of a text to search for."""
+        text = self.typing or ""
+        if key in ("escape", "end"):
+            self.typing = None
+        elif key == "enter":
+            self.typing = None
+            self._matches = self._record.search(text) if text else ()
+            self._jump([event.t for event in self._matches], f"'{text}'")
+        elif key in BACKSPACE_KEYS:
+            self.typing = text[:-1]
+        elif len(key) == 1 and key.isprintable():
+            self.typing = text + key

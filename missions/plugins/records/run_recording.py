@@ -1,0 +1,155 @@
+"""``mission run --record``: a run kept in a file, from before its beginning to its end."""
+
+import sys
+from contextlib import AbstractContextManager, nullcontext, suppress
+from datetime import timedelta
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import click
+
+from drivers.api import DeviceStatus
+from drivers.api.fast_dataclass import dataclass
+from drivers.clock import time_of_day
+from missions.cli.session import RunSession
+from missions.executive.events import FaultRaised
+from missions.plugins.records import retention
+from missions.plugins.records.options import RecordOptions, is_recorded_by_default
+from missions.plugins.records.recording.budget import DEFAULT_FRAME_RATE, DEFAULT_MAX_BYTES
+from missions.request import RunRequest
+
+RECORD_SUFFIX = ".mcap"
+"""What the name of a record ends in."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordSettings:
+    """What a user asks of a record: where (a file or a folder), how large at most (bytes), and pictures a second."""
+
+    path: Path
+    limit: float = DEFAULT_MAX_BYTES
+    frames: float = DEFAULT_FRAME_RATE
+    overwrite: bool = False
+    requested: bool = True
+    """False for a record that is kept by default: where it cannot be, the run goes on without."""
+
+
+def record_settings(options: RecordOptions, request: RunRequest) -> RecordSettings | None:
+    """Return what the options ask for; by default a record in the user's own folder, of a run on a robot.
+
+    Raises click.UsageError for options that could only be ignored.
+    """
+    record, asked = options.record, options.record is not None
+    if record is None and not options.no_record and is_recorded_by_default(simulated=request.simulation is not None):
+        record = _default_folder()
+    if record is None:
+        if options.record_limit is not None or options.record_frames is not None or options.overwrite:
+            raise click.UsageError(
+                f"--record-limit, --record-frames and --overwrite go with --record FILE{RECORD_SUFFIX}"
+            )
+        return None
+    if record.is_dir():
+        record = _new_path(record, f"{Path(request.mission).stem}-{time_of_day().astimezone():%Y-%m-%dT%H-%M-%S}")
+    elif record.suffix != RECORD_SUFFIX:
+        raise click.BadParameter(f"{record}: a record's name ends in {RECORD_SUFFIX}", param_hint="--record")
+    frames = DEFAULT_FRAME_RATE if options.record_frames is None else options.record_frames
+    return RecordSettings(record, options.record_limit or DEFAULT_MAX_BYTES, frames, options.overwrite, asked)
+
+
+def _default_folder() -> Path | None:
+    """Return the folder of records that are kept by default, with room for one more; None if it cannot be made."""
+    folder = retention.records_folder()
+    try:
+        removed = retention.remove_old_records(folder, time_of_day().timestamp())
+    except OSError as error:  # such as a full disk: a robot does not refuse to move for that
+        click.echo(f"mission: not recorded: {folder}: {error.strerror or error}", err=True)
+        return None
+    if removed:
+        click.echo(f"mission: removed old records from {folder}: {', '.join(removed)}", err=True)
+    return folder
+
+
+def _new_path(folder: Path, name: str) -> Path:
+    """Return a file in ``folder`` that is not there yet: two runs may begin in one second."""
+    numbered = (folder / f"{name}{more}{RECORD_SUFFIX}" for more in ("", *(f"-{number}" for number in range(2, 100))))
+    return next((path for path in numbered if not path.exists()), folder / f"{name}{RECORD_SUFFIX}")
+
+
+class RunRecording:
+    """Records the run of a ``session``: a context around the run.
+
+    What is missing from the record in the end is said on stderr. ``__enter__``, which begins the record before anything
+    has moved, raises click.BadParameter where that cannot be.
+    """
+
+    def __init__(self, settings: RecordSettings, session: RunSession) -> None:
+        from missions.plugins.records.recording.recorder import Recorder  # noqa: PLC0415 - a run without a record needs none
+
+        self._settings, self._session = settings, session
+        self._recorder = recorder = Recorder(
+            settings.path,
+            limit=settings.limit,
+            frame_rate=settings.frames,
+            lossless=session.request.simulation == "fast",
+            overwrite=settings.overwrite,
+        )
+        session.listen(recorder)
+        session.runner.observe(recorder.on_tick, recorder.on_view, recorder.on_frame)
+        session.outputs.append(lambda: self.path if self.started else None)
+        recorder.watch_tree(session.runner.root)
+        self.started = True
+
+    def __enter__(self) -> Self:
+        from missions.plugins.records.recording.record_contents import contents_of  # noqa: PLC0415 - a run without a record needs none of it
+        from missions.plugins.records.recording.writer_client import CannotRecordError  # noqa: PLC0415
+
+        wish, session, runner = self._settings, self._session, self._session.runner
+        if wish.path.resolve() in session.files:
+            raise click.BadParameter(f"{wish.path} is a file of this very run", param_hint="--record")
+        started = time_of_day() - timedelta(seconds=runner.clock.read_value())
+        lag = runner.assembled_robot.robot.lag
+        contents = contents_of(
+            session.request,
+            runner.plan,
+            runner.config,
+            session.files,
+            started=started,
+            command=("mission", *sys.argv[1:]),
+            lag=lag.seconds if lag.learnt else None,
+        )
+        try:
+            self._recorder.open(contents, runner.clock, report=self._report, health_check=runner.assembled_robot.health)
+        except CannotRecordError as error:
+            if not wish.requested:
+                click.echo(f"mission: not recorded: {error}", err=True)
+                self.started = False
+                return self
+            hint = f"\n  try: {error.hint}" if error.hint else ""
+            raise click.BadParameter(f"{error}{hint}", param_hint="--record") from error
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        loss = self._recorder.close()
+        if loss:
+            with suppress(OSError):
+                click.echo(f"mission: {self.path}: {loss}", err=True)
+
+    @property
+    def path(self) -> Path:
+        """Where the record is; renamed where it is incomplete and an earlier one has its name."""
+        return self._recorder.path
+
+    def _report(self, notice: DeviceStatus) -> None:
+        runner = self._session.runner
+        runner.stream.emit(
+            FaultRaised(runner.clock.read_value(), notice.device, notice.kind, notice.message, notice.hint)
+        )
+
+
+def record_run(options: RecordOptions, session: RunSession) -> AbstractContextManager[object]:
+    """Record a run, as the options ask. Raises click.UsageError."""
+    wish = record_settings(options, session.request)
+    return nullcontext() if wish is None else RunRecording(wish, session)

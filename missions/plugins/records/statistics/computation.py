@@ -1,0 +1,166 @@
+"""From a record to its figures: nothing of this is measured for its own sake while a robot runs."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from missions.executive.events import NodeChanged
+from missions.executive.tick_record import Answer, TickRecord
+from missions.plugins.records.recording.run_record import RunRecord
+from missions.plugins.records.recording.tagged_values import from_json
+from missions.plugins.records.recording.validation import MAX_SECONDS, check_time, parse_message, reject_malformed
+from missions.plugins.records.statistics.figures import RunKind, Stats, Times, WireFigures
+from missions.plugins.records.statistics.nodes import node_figures
+
+TICK_LATE, TICK_WORK = "tick: late", "tick: at work"
+PICTURE_SEARCH, PICTURE_TO_PERCEPTS = "picture: searched in", "picture to percepts"
+
+MOTION_COMMANDS = frozenset({("base", "drive"), ("head", "look"), ("arm", "move")})
+"""What sets an actuator moving."""
+
+_COUNTERS: Any = Mapping[str, Mapping[str, int]]
+
+BASE_COMMAND = ("base", "command")
+"""The figures of how long a command to the base waits for the renewal that sends it; others are sent at once."""
+
+DURATION_PREFIX, TIME_SUFFIX = "longest_", "_us"
+"""Around the names of the counters that are times; see ``drivers.transport.history``."""
+
+
+def compute_stats(record: RunRecord) -> Stats:
+    """Return the figures of a record. Raises InvalidRecordError."""
+    head, moments = record.header, record.tick_records
+    ticks = [moment for moment in moments if moment.kind == "tick"]
+    start = record.cut_start or 0.0
+    seen, devices = _read_messages(record)
+    wires = dict(_wire_figures(devices, since_begin=record.cut_start is None))
+    end = record.run_end()
+    real = head.simulate != "fast"
+    return Stats(
+        RunKind(head.mission, head.robot, head.simulate),
+        records=1,
+        results=Counter({"not recorded" if end is None else end.result: 1}),
+        seconds=max(0.0, record.end_time - start),
+        ticks=len(ticks),
+        overruns=sum(int((each.late + each.spent) * head.rate) for each in ticks) if real else 0,
+        nodes=node_figures(
+            record.drawing(),
+            [event for event in record.events if isinstance(event, NodeChanged)],
+            moments,
+            start=start,
+            until=record.end_time,
+        ),
+        delays={
+            name: times
+            for name, times in (
+                (TICK_LATE, _times([each.late for each in ticks] if real else [])),
+                (TICK_WORK, _times([each.spent for each in ticks])),
+                *_picture_times(seen, real=real),
+                *_reaction_times(ticks, wires.get(BASE_COMMAND), real=real),
+            )
+            if len(times)
+        },
+        wires=wires,
+        counts=dict(_counter_totals(devices, since_begin=record.cut_start is None)),
+    )
+
+
+def _read_messages(record: RunRecord) -> tuple[list[tuple[float, float, float]], list[Mapping[str, Mapping[str, int]]]]:
+    """Return of each view when it came, its stamp and the seconds of searching; and the devices' counters over time."""
+    seen: list[tuple[float, float, float]] = []
+    devices: list[Mapping[str, Mapping[str, int]]] = []
+    for message in record.container.messages(frozenset({"/percepts", "/state/devices"})):
+        with reject_malformed(record.path):
+            data: Any = parse_message(message.data)
+            if message.topic == "/state/devices":
+                counters = {name: device["counters"] for name, device in data["devices"].items()}
+                devices.append(from_json(counters, _COUNTERS))
+            elif data["looked"] is not None:
+                seen.append((data["t"], check_time(data["looked"]), check_time(data["spent"])))
+    return seen, devices
+
+
+def _picture_times(seen: Sequence[tuple[float, float, float]], *, real: bool) -> Iterator[tuple[str, Times]]:
+    yield PICTURE_SEARCH, _times([spent for _, _, spent in seen] if real else [])
+    yield PICTURE_TO_PERCEPTS, _times([t - stamp for t, stamp, _ in seen])
+
+
+def _reaction_times(
+    ticks: Sequence[TickRecord], waits: WireFigures | None, *, real: bool
+) -> Iterator[tuple[str, Times]]:
+    """Yield for each actuator how old a picture was when the first command that knew of it had gone out."""
+    found: dict[str, list[float]] = {}
+    newest: dict[str, float] = {}
+    for moment in ticks:
+        gone = moment.t + (moment.spent if real else 0.0)  # within it, or right at its end: nearer is not known
+        for part, stamp in _commands_after_look(moment.answers).items():
+            if stamp > newest.get(part, float("-inf")):
+                newest[part] = stamp
+                found.setdefault(part, []).append(gone - stamp)
+    for part, times in sorted(found.items()):
+        waited = waits.mean if waits is not None and part == BASE_COMMAND[0] else 0.0
+        yield f"picture to {part} {'on the wire' if real else 'command'}", _times(times) + waited
+
+
+def _commands_after_look(answers: Sequence[Answer]) -> Mapping[str, float]:
+    """Return which parts were commanded after the tree had asked what is seen, and the stamp of the newest of that."""
+    newest: float | None = None
+    found: dict[str, float] = {}
+    for part, what, _, value in answers:
+        if part == "sight":
+            stamps = [newest, *_stamps(value)]
+            newest = max((stamp for stamp in stamps if stamp is not None), default=None)
+        elif (part, what) in MOTION_COMMANDS and newest is not None and not isinstance(value, Exception):
+            found.setdefault(part, newest)
+    return found
+
+
+def _stamps(value: object) -> Iterator[float]:
+    """Yield the stamps of an answer of the eyes: itself one, a thing that has one, or several of these."""
+    match value:
+        case float() | int() if abs(value) < MAX_SECONDS:
+            yield float(value)
+        case tuple() | list():
+            for each in value:
+                yield from _stamps(each)
+        case _ if isinstance(stamp := getattr(value, "stamp", None), float):
+            yield stamp
+
+
+def _wire_figures(
+    devices: Sequence[Mapping[str, Mapping[str, int]]], *, since_begin: bool
+) -> Iterator[tuple[tuple[str, str], WireFigures]]:
+    for device, name, counted in _counter_growth(devices, since_begin=since_begin):
+        if name.endswith(TIME_SUFFIX) and not name.startswith(DURATION_PREFIX):
+            what = name.removesuffix(TIME_SUFFIX)
+            if count := counted.get(f"{what}s", 0):
+                longest = devices[-1][device].get(f"{DURATION_PREFIX}{name}", 0)
+                yield (device, what), WireFigures(count, counted[name] / 1e6, longest / 1e6)
+
+
+def _counter_totals(
+    devices: Sequence[Mapping[str, Mapping[str, int]]], *, since_begin: bool
+) -> Iterator[tuple[tuple[str, str], int]]:
+    """Yield what devices count; not what is a time, or a figure of the moment, which names its unit."""
+    for device, name, counted in _counter_growth(devices, since_begin=since_begin):
+        if not name.endswith((TIME_SUFFIX, ")")) and f"{name.removesuffix('s')}{TIME_SUFFIX}" not in counted:
+            yield (device, name), counted[name]
+
+
+def _counter_growth(
+    devices: Sequence[Mapping[str, Mapping[str, int]]], *, since_begin: bool
+) -> Iterator[tuple[str, str, Mapping[str, int]]]:
+    """Yield every counter of every device with all by which that device's have grown over the record."""
+    if not devices:
+        return
+    for device, last in devices[-1].items():
+        first = {} if since_begin else devices[0].get(device, {})
+        counted = {name: count - first.get(name, 0) for name, count in last.items()}
+        for name in counted:
+            yield device, name, counted
+
+
+def _times(values: Sequence[float]) -> Times:
+    return np.asarray(values, dtype=np.float64)

@@ -1,0 +1,48 @@
+"""Writing pictures in which something was drawn, never over what was looked at."""
+
+import itertools
+from pathlib import Path
+
+import click
+import cv2
+
+from config.file_io import PRIVATE_MODE, save_file
+from drivers.api import Image
+from drivers.camera.source import SourceKind, source_kind
+from missions.cli.outputs import report_write_errors
+
+
+class AnnotatedPictures:
+    """Pictures with what was seen drawn in, in a folder; never over what was looked at, nor one over another."""
+
+    def __init__(self, folder: Path, inputs: tuple[str, ...]) -> None:
+        try:
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        except OSError as error:
+            raise click.BadParameter(f"{folder}: {error.strerror}", param_hint="--annotate") from error
+        self._folder = folder
+        self._inputs = [Path(name) for name in inputs]
+        self._names: dict[Path, str] = {}
+
+    def write(self, path: Path, number: int, image: Image) -> None:
+        """Write one picture: frame ``number`` of the file at ``path``."""
+        stem = self._stem(path)
+        target = self._folder / (
+            f"{stem}.png" if source_kind(path) is SourceKind.PICTURE else f"{stem}_{number:05d}.png"
+        )
+        looked_at = (path, *self._inputs)
+        if target.exists() and any(target.samefile(each) for each in looked_at if each.exists()):
+            raise click.UsageError(f"--annotate: {target} is one of the pictures themselves; choose another folder")
+        done, packed = cv2.imencode(".png", image)
+        if not done:
+            raise click.ClickException(f"{target}: cannot be written")
+        with report_write_errors(target, "--annotate"):
+            save_file(target, packed.tobytes(), PRIVATE_MODE)
+
+    def _stem(self, path: Path) -> str:
+        """Return a name of its own for each file that is looked at: "astro", then "astro-2"."""
+        if path not in self._names:
+            taken = set(self._names.values())
+            tries = (path.stem if n == 1 else f"{path.stem}-{n}" for n in itertools.count(1))
+            self._names[path] = next(name for name in tries if name not in taken)
+        return self._names[path]

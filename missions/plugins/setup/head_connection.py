@@ -1,0 +1,193 @@
+"""A head that is open for a command at the terminal, and what all these commands do with it."""
+
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from math import degrees, radians
+from typing import Any
+
+import click
+
+from behaviours.head import ArrivalDetector, pose_text
+from config.diagnostics import suggest_from
+from config.library import find_file
+from config.robot import RobotConfig
+from config.world import load_world
+from drivers.api import DeviceStatus, Head, HeadPose, ignore
+from drivers.api.sections import HeadKeys, SerialKeys
+from drivers.clock import Clock
+from drivers.errors import NotConnected
+from drivers.head.keys import TwoServoKeys
+from drivers.head.pantilt import Trimmable
+from drivers.servos.declared import NeckKeys
+from missions.assembly.assemble import assemble
+from missions.assembly.assembled_robot import CONNECT_TIMEOUT
+from missions.assembly.learnt_delays import LearntDelays
+from missions.assembly.part_factory import Hooks, Overrides
+from missions.cli.commands import shared_option
+from missions.cli.keys import interruptible
+from missions.cli.names import ROBOT
+from missions.cli.origin import robot_file
+from missions.cli.root import FAILURE, SUCCESS
+from missions.control.holders import hold_robot
+from missions.library.drivers import load_robot
+from missions.library.interests import Interests
+
+DEFAULT_HEAD = "head"
+"""The name of a head that has none of its own: the one that carries the camera."""
+
+POLL_INTERVAL = 0.02
+"""Seconds between two looks at the head."""
+
+ARRIVAL_TOLERANCE = radians(0.51)
+"""As near as a servo of whole degrees comes to any goal."""
+
+TURN_TIMEOUT = 15.0
+"""Seconds for any turn of a head."""
+
+
+def robot_options(command: Any) -> Any:
+    """Add ``--robot``, ``--simulate`` and ``--port`` to a command."""
+    for option in (
+        shared_option("--port", metavar="PATH", help="Where the board is plugged in, instead of what the file says."),
+        shared_option("--simulate", is_flag=True, help="Use a virtual board, even with --robot."),
+        shared_option("--robot", type=ROBOT, help="The robot (a name or a file); its head moves. Else simulated."),
+    ):
+        command = option(command)
+    return command
+
+
+head_option = shared_option(
+    "--head", default=DEFAULT_HEAD, metavar="NAME", help="Which head, of a robot that has several."
+)
+"""Adds ``--head`` to a command."""
+
+
+def head_keys(config: RobotConfig, head: str) -> HeadKeys:
+    """Return what a robot file says of a head. Raises click.UsageError, with the heads that there are."""
+    heads = {part: it.keys for part, it in config.sections.items() if isinstance(it.keys, HeadKeys)}
+    if head in heads:
+        return heads[head]
+    if not heads:
+        raise click.UsageError(f"{config.name} has no head")
+    raise click.UsageError(f"{config.name} has no {head}; --head: {suggest_from(head, heads)}")
+
+
+@dataclass(frozen=True, slots=True)
+class OpenHead:
+    """A head that is open and there."""
+
+    head: Head
+    trimmer: Trimmable
+    config: TwoServoKeys | NeckKeys
+    clock: Clock
+    lags: LearntDelays | None = None
+    name: str = DEFAULT_HEAD
+
+    def look(self, target: HeadPose) -> int:
+        """Look there, wait until the head does, and say it; return the exit code."""
+        goal = self.head.look(target)
+        if not self.wait_for(goal):
+            here = self.head.pose().value
+            click.echo(
+                f"the head rests at {'?' if here is None else pose_text(here)}, not at {pose_text(goal)}", err=True
+            )
+            return FAILURE
+        click.echo(f"looks at {pose_text(goal)}" + ("" if goal == target else f", the limit for {pose_text(target)}"))
+        return SUCCESS
+
+    def wait_for(self, goal: HeadPose) -> bool:
+        """Wait until the head is at ``goal``; say whether it has got there."""
+        arrival, start = ArrivalDetector(ARRIVAL_TOLERANCE), self.clock.read_value()
+        while not arrival(self.head.pose(), goal, self.clock.read_value()):
+            if arrival.stuck or self.clock.read_value() - start > TURN_TIMEOUT:
+                return False
+            pause()
+        return True
+
+    def axis_figures(self) -> dict[str, dict[str, float]]:
+        """Return where each axis is, its limits and its trim, in degrees, by the name of the joint."""
+        pose, limits, trims = self.head.pose().value, self.head.limits, self.trimmer.trim()
+        found = {}
+        for number, (axis, ends) in enumerate(((self.config.pan, limits.pan), (self.config.tilt, limits.tilt))):
+            figures = {"from": ends[0], "to": ends[1], "trim": trims[number]}
+            if pose is not None:
+                figures["angle"] = (pose.pan, pose.tilt)[number]
+            found[axis.joint or f"{self.name}_{('pan', 'tilt')[number]}"] = {
+                name: round(degrees(value), 2) + 0.0 for name, value in figures.items()
+            }
+        return found
+
+
+@contextmanager
+def open_robot_head(
+    name: str | None,
+    *,
+    simulate: bool,
+    port: str | None,
+    head: str = DEFAULT_HEAD,
+    stay: bool = False,
+    camera: bool = False,
+) -> Iterator[OpenHead]:
+    """Open a head of a robot, with the ``camera`` if wanted, and wait until it is there; close it whatever comes.
+
+    It goes to its start first, unless it is to ``stay``.
+    Raises NotConnected, with what is missing, after ``CONNECT_TIMEOUT``.
+    """
+    config = load_robot(robot_file(name))
+    keys = head_keys(config, head)
+    virtual = simulate or name is None
+    if virtual and port is not None:
+        raise click.UsageError("--port names a real port, which is used only with --robot NAME and without --simulate")
+    carriers = config.sections[head].driver.needs
+    part = head if isinstance(keys, SerialKeys) or not carriers else carriers[0]  # on whose board, or bus, it is
+    ports = {} if port is None else {part: port}
+    with open_head(config, ports, head=head, virtual=virtual, stay=stay, camera=camera) as bench:
+        yield bench
+
+
+@contextmanager
+def open_head(
+    config: RobotConfig,
+    ports: Mapping[str, str],
+    *,
+    head: str = DEFAULT_HEAD,
+    virtual: bool = False,
+    stay: bool = False,
+    camera: bool = False,
+) -> Iterator[OpenHead]:
+    """Open a head that a robot has, with ``ports`` instead of those of its file; see ``open_robot_head``."""
+    keys = head_keys(config, head)
+    wishes = Overrides(
+        world=load_world(find_file("worlds", "empty")) if virtual else None,
+        ports=ports,
+        interests=Interests(faces=False),
+    )
+    clock = wishes.clock()
+    audience = Hooks(ignore if stay else _print_warning, ignore, click.echo, ignore, ignore)
+    robot = assemble(config, frozenset({head, "camera"} if camera else {head}), clock, wishes, audience)
+    turned, trimmer = robot.robot.with_named_parts({DEFAULT_HEAD: head}).head, robot.devices[head]
+    if not isinstance(trimmer, Trimmable) or not isinstance(keys, TwoServoKeys | NeckKeys):
+        raise click.UsageError(f"the {head} of {config.name} cannot be trimmed")
+    if stay:
+        trimmer.skip_start_move()
+    with interruptible(), hold_robot(config.name, simulated=virtual), closing(robot):
+        robot.open()
+        while not (turned.health().online and turned.pose().good):
+            if clock.read_value() > CONNECT_TIMEOUT:
+                health = turned.health()
+                raise NotConnected(health.detail, hint=health.hint)
+            pause()
+        yield OpenHead(turned, trimmer, keys, clock, None if robot.eyes is None else robot.lags, head)
+
+
+def _print_warning(notice: DeviceStatus) -> None:
+    """Tell a person at the terminal what is wrong with the head, before it is moved."""
+    if notice.kind == "fault":
+        click.echo(f"{notice.device}: {notice.message}" + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)
+
+
+def pause() -> None:
+    """Wait a moment for the head's own thread."""
+    threading.Event().wait(POLL_INTERVAL)

@@ -1,0 +1,106 @@
+"""What is tried out while a robot file is made: which way the head turns, how it sits, what the camera sees."""
+
+from collections.abc import Mapping
+from math import degrees, radians
+from typing import Any
+
+from config.robot import RobotConfig, Section
+from config.units import si_value
+from drivers.api import HeadPose
+from drivers.api.driver import DriverContext, resolve_name
+from drivers.api.secrets import without_secrets
+from drivers.clock import SystemClock
+from drivers.errors import DriverError
+from drivers.head.keys import TwoServoKeys
+from drivers.servos.declared import NeckKeys
+from missions.plugins.setup.head_connection import DEFAULT_HEAD, open_head
+from missions.plugins.setup.robot.dialogue import Dialogue
+from missions.plugins.setup.robot.parts import RobotPart
+
+STEP_ANGLE = radians(5)
+"""How far the head is moved to see which way it turns."""
+
+
+def try_head(
+    talk: Dialogue,
+    parts: Mapping[str, RobotPart],
+    config: RobotConfig,
+    ports: Mapping[str, str],
+    *,
+    name: str = DEFAULT_HEAD,
+    reachable: bool = False,
+) -> None:
+    """Move the head of this ``name`` by 5 degrees, where the user wants it, to find out which way is left and its trim.
+
+    It is moved where its ports were found, or where it is ``there`` without one, as on I2C.
+    """
+    if not isinstance(config.sections[name].keys, TwoServoKeys | NeckKeys):
+        return
+    if not talk.has_answer(f"{name} tried"):
+        talk.forget_answers("tried ")
+        question = f"may the {name} move by 5 degrees, to see which way is left? hands off"
+        if not (ports or reachable) or not talk.ask_consent(f"{name} moves", question):
+            return
+    answers = talk.measure_once(f"{name} tried", lambda: _try_axes(talk, config, ports, name))
+    for axis in ("pan", "tilt"):
+        _apply_corrections(parts, parts[name], axis, turned=answers[f"{axis} turned"], trim=answers[f"{axis} trim"])
+
+
+def _try_axes(talk: Dialogue, config: RobotConfig, ports: Mapping[str, str], name: str) -> dict[str, Any]:
+    """Move a head and ask; return for each axis whether it turned the other way, and by how much it is askew."""
+    found: dict[str, Any] = {}
+    with open_head(config, ports, head=name) as bench:
+        bench.look(HeadPose(0.0, 0.0))
+        for axis, way, pose in (
+            ("pan", "to ITS left", HeadPose(STEP_ANGLE, 0.0)),
+            ("tilt", "down", HeadPose(0.0, STEP_ANGLE)),
+        ):
+            bench.look(pose)
+            found[f"{axis} turned"] = not talk.ask_yes_no(f"tried {axis} way", f"did it turn {way}?", default=True)
+            bench.look(HeadPose(0.0, 0.0))
+        for axis in ("pan", "tilt"):
+            side = "left" if axis == "pan" else "down"
+            question = f"by how many degrees is it askew in {axis} now? positive is {side}"
+            askew = talk.ask_text(f"tried {axis} askew", question, "0", lambda said: si_value(f"{said} deg", "angle"))
+            found[f"{axis} trim"] = -si_value(f"{askew} deg", "angle")
+    return found
+
+
+def _apply_corrections(
+    parts: Mapping[str, RobotPart], head: RobotPart, axis: str, *, turned: bool, trim: float
+) -> None:
+    """Write into the section of the head, or of the arm's joint, what was found out."""
+    section = dict(head.section[axis])
+    if turned and "joint" in section:
+        joints = parts["arm"].section["joints"]
+        joint = dict(joints[section["joint"]])
+        joint["reverse"] = not joint.get("reverse", False)
+        parts["arm"].section["joints"] = {**joints, section["joint"]: joint}
+    elif turned:
+        section["flip"] = not section.get("flip", False)
+    if trim:
+        trim = -trim if section.get("flip", False) else trim  # it is told in the servo's own direction
+        before = si_value(section["trim"], "angle") if "trim" in section else 0.0
+        section["trim"] = f"{round(degrees(before + trim), 1) + 0.0:g} deg"
+    head.section[axis] = section
+
+
+def try_camera(talk: Dialogue, camera: Section) -> None:
+    """Look through the camera, where the user wants it, and say what is wrong with its pictures."""
+    number, question = 0, f"look through camera {without_secrets(str(camera.keys.source))}, to see whether it works?"
+    while not talk.yes and talk.ask_yes_no(f"picture {number}", question, default=number == 0):
+        told = talk.measure_once(f"picture {number} told", lambda: _camera_problems(camera))
+        talk.print(*(told or ["  its pictures are good"]))
+        if not told:
+            return
+        number, question = number + 1, "look again?"
+
+
+def _camera_problems(camera: Section) -> list[str]:
+    """Return what is wrong with its pictures, and what to try; nothing where they are good."""
+    try:
+        found = list(resolve_name(camera.driver.checkup)(camera.keys, DriverContext(SystemClock())))
+    except DriverError as error:
+        return [f"  {error}", f"    try: {error.hint}"]
+    bad = [each for each in found if each.verdict != "ok"]
+    return [line for each in bad for line in (f"  {each.what}", f"    try: {each.cure}")]

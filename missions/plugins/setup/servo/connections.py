@@ -1,0 +1,367 @@
+"""The bench: the open bus, or the open arm, that a command works on."""
+
+import re
+import sys
+import threading
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass
+from math import inf
+
+import click
+
+from behaviours.joint_motion import REPORT_TIMEOUT
+from behaviours.joint_ranges import JointRanges
+from config.diagnostics import suggest_from
+from config.library import find_file
+from config.world import load_world
+from drivers.api import DeviceStatus, Joints, ignore
+from drivers.clock import Clock, SystemClock
+from drivers.errors import BadRequest, DeviceFault, DriverError, NoReply, NotConnected
+from drivers.servos import wire
+from drivers.servos.bus import ServoAddress, ServoBus, ServoIdentity
+from drivers.servos.declared import DynamixelKeys
+from drivers.servos.identification import ping_only_error, require_unique_id
+from drivers.servos.joint import Joint
+from drivers.servos.make import VIRTUAL_REPLY_TIMEOUT
+from drivers.servos.make import joint_specs as specs
+from drivers.servos.models import MODELS, ServoModel, find_model
+from drivers.servos.units import Framing, Protocol, protocol_name
+from drivers.virtual.patient_clock import PatientClock
+from missions.assembly.assemble import assemble
+from missions.assembly.assembled_robot import CONNECT_TIMEOUT, REMARK_DELAY
+from missions.assembly.part_factory import Hooks, Overrides
+from missions.assembly.simulation import Simulation
+from missions.cli.keys import KeyReader, interruptible
+from missions.cli.printable import overwrite_line
+from missions.control.holders import hold_robot
+from missions.plugins.setup.servo.target import DEFAULT_ARM, ServoTarget
+
+REPLY_TIMEOUT = 0.004
+"""Seconds that a servo's reply may be late."""
+
+DEFAULT_BAUD = 1_000_000
+"""The rate of a bus of which no robot file tells."""
+
+POLL_INTERVAL = 0.02
+"""Seconds between two looks at what a driver's own thread has done."""
+
+
+_ID = re.compile("[0-9]{1,3}")
+"""The ID of a servo in figures."""
+
+
+@dataclass(frozen=True, slots=True)
+class OpenBus:
+    """A bus that is open, and the joints and groups that the robot file has on it; none where there is no file.
+
+    ``options`` name it for the next command, each with a space before it; ``simulated`` says that no arm can fall.
+    """
+
+    bus: ServoBus
+    joints: Mapping[str, Joint]
+    groups: Mapping[str, tuple[str, ...]]
+    clock: Clock
+    options: str
+    simulated: bool = False
+
+    def joint(self, name: str) -> Joint:
+        """Return a joint by name. Raises click.UsageError with what may be meant."""
+        if name not in self.joints:
+            known = suggest_from(name, [*self.joints, *self.groups]) or "name a robot's file with --robot"
+            raise click.UsageError(f"no joint '{name}'; {known}")
+        return self.joints[name]
+
+    def select_joints(self, names: Collection[str]) -> list[Joint]:
+        """Return the joints of these names, in which groups may be; or all.
+
+        Raises click.UsageError for an unknown one, or for none at all.
+        """
+        if not names and not self.joints:
+            raise click.UsageError("which joints? name a robot's file with --robot")
+        members = (joint for name in names or self.joints for joint in self.groups.get(name, (name,)))
+        return [self.joint(name) for name in dict.fromkeys(members)]
+
+    def servos(self, selector: str) -> list[tuple[ServoAddress, ServoModel]]:
+        """Return the servos that ``who`` means: an ID, a joint, a group, or ``all`` joints of the file.
+
+        What answers is asked for its model: it may be another than the file says. Raises NoReply, NotConnected,
+        DeviceFault for a model that we do not know, click.UsageError.
+        """
+        if _ID.fullmatch(selector):
+            return [self.servo(selector)]
+        return [self.identify(joint.spec.id) for joint in self.select_joints(() if selector == "all" else (selector,))]
+
+    def servo(self, selector: str) -> tuple[ServoAddress, ServoModel]:
+        """Return the one servo that ``who`` means: an ID, or a joint. Raises as ``servos``."""
+        return self.identify(int(selector) if _ID.fullmatch(selector) else self.joint(selector).spec.id)
+
+    def identify(self, servo: int) -> tuple[ServoAddress, ServoModel]:
+        """Return how to reach a servo by its ID, and its model. Raises as ``servos``.
+
+        An ID that servos of both protocols have is refused, unless a joint of the robot file has it.
+        """
+        found: list[ServoIdentity] = []
+        trouble: DriverError | None = None
+        for protocol in self._candidate_protocols(servo):
+            damaged = self.bus.statistics(servo).corrupt
+            try:
+                found.append(self.bus.identify(ServoAddress(servo, protocol), tries=2))
+            except NoReply as error:
+                if self.bus.statistics(servo).corrupt > damaged:
+                    trouble = error
+                elif self.bus.answers_ping(ServoAddress(servo, protocol), tries=1):
+                    trouble = ping_only_error(ServoAddress(servo, protocol), self.options)
+        if len(found) == 1 and trouble is None:
+            told = found[0]
+            if (model := find_model(told.number)) is None:
+                hint = f"mission servo scan{self.options}"
+                raise DeviceFault(f"servo {servo}: model number {told.number} is not known here", hint=hint)
+            return told.address, model
+        if trouble is not None:
+            raise trouble
+        if found:
+            numbers = " and ".join(f"model {told.number} ({protocol_name(told.address.protocol)})" for told in found)
+            raise DeviceFault(f"two servos have ID {servo}: {numbers}", hint="unplug one of them, then try again")
+        raise NoReply(
+            f"servo {servo} does not answer on {self.bus.port} at {self.bus.baud} baud, in any protocol",
+            hint=f"mission servo scan --all-bauds{self.options}  (and look at power and cable)",
+        )
+
+    def find_ping_only(self, selector: str) -> list[ServoAddress]:
+        """Return those of the servos that ``who`` means, as in ``servos``, which answer a ping, and no read."""
+        if _ID.fullmatch(selector):
+            meant = [ServoAddress(int(selector), protocol) for protocol in self._candidate_protocols(int(selector))]
+        else:
+            meant = [joint.address for joint in self.select_joints(() if selector == "all" else (selector,))]
+        return [at for at in meant if not self._answers_reads(at) and self.bus.answers_ping(at)]
+
+    def _candidate_protocols(self, servo: int) -> list[Protocol]:
+        """Return the protocols in which an ID is looked for: those of its joints in the robot file, else all."""
+        own = dict.fromkeys(joint.model.protocol for joint in self.joints.values() if joint.spec.id == servo)
+        return [each for each in own or (1, 2) if not (each == 2 and servo == wire.LAST_ID)]  # which 2.0 has not
+
+    def _answers_reads(self, at: ServoAddress) -> bool:
+        """Whether a read is answered, intact or damaged."""
+        corrupt, noise = self.bus.statistics(at.id).corrupt, self.bus.noise_bytes()
+        try:
+            self.bus.read_block(at, 0, 3, tries=2)
+        except (NoReply, BadRequest):
+            return self.bus.statistics(at.id).corrupt > corrupt or self.bus.noise_bytes() > noise
+        return True
+
+    def require_sole(self, joint: Joint) -> None:
+        """Raise DeviceFault unless one servo alone, of the file's model, has the joint's ID; NoReply, NotConnected."""
+        try:
+            require_unique_id(self.bus, joint.address, joint.model.number)
+        except DeviceFault as error:
+            raise DeviceFault(f"{joint.title}: {error}", hint=error.hint) from error
+        except NoReply as error:
+            if self.bus.answers_ping(joint.address, tries=1):
+                raise ping_only_error(joint.address, self.options) from error
+            raise
+
+
+@contextmanager
+def open_bus(
+    target: ServoTarget, *, reply_timeout: float = VIRTUAL_REPLY_TIMEOUT, framing: Framing | None = None
+) -> Iterator[OpenBus]:
+    """Open the bus; close it at the end, whatever comes. Nothing is written to a servo by that.
+
+    ``wait_for_end`` is how long (s) a virtual servo may take, ``framing`` whose packet code is used: else what the robot
+    file says. Raises NotConnected.
+    """
+    clock = PatientClock() if target.is_virtual else SystemClock()
+    with ExitStack() as closings:
+        closings.enter_context(interruptible())
+        joints: Mapping[str, Joint] = {}
+        groups: Mapping[str, tuple[str, ...]] = {}
+        if target.robot is None and not target.is_virtual:
+            baud = target.baud or DEFAULT_BAUD
+            bus = ServoBus(str(target.port), clock, baud=baud, reply_timeout=REPLY_TIMEOUT, framing=framing or "own")
+        else:
+            config = target.config()
+            arm: DynamixelKeys = config.sections[target.arm].keys
+            groups = arm.groups
+            joints = {name: Joint(name, spec, MODELS[spec.model]) for name, spec in specs(arm).items()}
+            port = arm.port
+            if target.is_virtual:
+                simulation = closings.enter_context(closing(Simulation(config, frozenset({target.arm}), clock)))
+                simulation.open()
+                port = simulation.ports[target.arm]
+            waits = reply_timeout if target.is_virtual else REPLY_TIMEOUT
+            bus = ServoBus(port, clock, baud=arm.baud, reply_timeout=waits, framing=framing or arm.framing)
+        closings.enter_context(closing(bus))
+        bus.open()
+        target.report_if_simulated()
+        yield OpenBus(bus, joints, groups, clock, target.options, target.is_virtual)
+
+
+@dataclass(frozen=True, slots=True)
+class OpenArm:
+    """An arm that is open and there, behind its driver."""
+
+    joints: Joints
+    reach: JointRanges
+    config: DynamixelKeys
+    clock: Clock
+    simulated: bool = False
+
+    def wait_for_reports(self, names: Collection[str]) -> None:
+        """Wait until joints report. Raises DeviceFault after ``REPORT_TIMEOUT`` s, with why they do not."""
+        begun = self.clock.read_value()
+        while silent := [name for name, it in self.joints.states().items() if name in names and not it.good]:
+            health = self.joints.health()
+            if self.clock.read_value() - begun > REPORT_TIMEOUT:
+                raise DeviceFault(f"{', '.join(silent)} cannot be moved: {health.detail}", hint=health.hint)
+            pause()
+
+    def confirm_limp(self, names: Collection[str], *, yes: bool) -> None:
+        """Wait until somebody holds the arm whose joints are to go limp; see ``confirm_limp``."""
+        states = self.joints.states()
+        limp = [name for name in names if (it := states[name].value) is not None and not it.torque]
+        confirm_limp(names, stiff=len(limp) < len(names), simulated=self.simulated, yes=yes)
+
+
+@contextmanager
+def open_arm(target: ServoTarget) -> Iterator[OpenArm]:
+    """Open the arm's driver and wait for its servos; bring it to rest and close it at the end, whatever comes.
+
+    What the servos tell meanwhile goes to stderr. Raises NotConnected, with what is missing, after ``CONNECT_TIMEOUT``.
+    """
+    with open_arms(target) as (arm,):
+        yield arm
+
+
+@contextmanager
+def open_arms(*targets: ServoTarget) -> Iterator[list[OpenArm]]:
+    """Open the arms of several robots as ``open_arm`` does; all are closed at the end, the last one first."""
+    for target in targets:
+        target.require_joints()
+    configs, virtual = [target.config() for target in targets], targets[-1].is_virtual
+    clock = PatientClock() if virtual else SystemClock()
+    arms = [config.sections[target.arm].keys for config, target in zip(configs, targets, strict=True)]
+    audience = Hooks(print_status, ignore, click.echo, ignore, ignore)
+    robots = []
+    for config, target in zip(configs, targets, strict=True):
+        wishes = Overrides(world=load_world(find_file("worlds", "empty")) if virtual else None)
+        robots.append(assemble(config, frozenset({target.arm}), clock, wishes, audience))
+    names = " and ".join(dict.fromkeys(config.name for config in configs))
+    with interruptible(), hold_robot(names, simulated=virtual), ExitStack() as closings:
+        for robot in robots:
+            closings.enter_context(closing(robot))
+            robot.open()
+        seen = [
+            robot.robot.with_named_parts({DEFAULT_ARM: target.arm})
+            for robot, target in zip(robots, targets, strict=True)
+        ]
+        for each in seen:
+            _wait_for_arm(each.arm, clock)
+        targets[-1].report_if_simulated()
+        yield [OpenArm(each.arm, each.joint_ranges, arm, clock, virtual) for each, arm in zip(seen, arms, strict=True)]
+
+
+def _wait_for_arm(joints: Joints, clock: Clock) -> None:
+    """Wait until an arm is there, and say so. Raises NotConnected, with what is missing, after ``CONNECT_TIMEOUT``."""
+    remark = clock.read_value() + REMARK_DELAY
+    while not (joints.health().online and any(reading.good for reading in joints.states().values())):
+        if clock.read_value() > CONNECT_TIMEOUT:
+            health = joints.health()
+            raise NotConnected(health.detail, hint=health.hint)
+        if clock.read_value() > remark:
+            remark = inf
+            click.echo(f"waiting for it: {joints.health().detail}", err=True)
+        pause()
+
+
+def print_status(notice: DeviceStatus) -> None:
+    """Show what a device tells, on stderr; that it is there is no news."""
+    if notice.kind != "online":
+        click.echo(notice.message + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)
+
+
+def pause(seconds: float = POLL_INTERVAL) -> None:
+    """Wait a moment for a driver's own thread."""
+    threading.Event().wait(seconds)
+
+
+# Waiting for a person at a terminal: until Enter is pressed, or for so many seconds where that was asked.
+#
+# Before torque goes off or gets less, the person is asked to hold the arm: ``confirm_limp``, ``confirm_weak``.
+
+
+def require_terminal(seconds: float | None) -> None:
+    """Raise click.UsageError where nobody could press Enter, and no time was given."""
+    if seconds is None and not sys.stdin.isatty():
+        raise click.UsageError("the Enter key needs a terminal; say how long with --seconds N")
+
+
+hold_option = click.option(
+    "--yes", is_flag=True, help="Somebody holds the arm already: do not wait for Enter before the torque goes off."
+)
+"""Adds ``--yes`` to a command that switches torque off."""
+
+
+def confirm_limp(names: Collection[str], *, stiff: bool, simulated: bool, yes: bool) -> None:
+    """Say which joints go limp, and wait until the person at the terminal holds the arm and presses Enter.
+
+    ``stiff`` says whether any of them has torque, or may have. Without a terminal nobody can answer: then joints go
+    limp that are limp already, are ``simulated``, or with ``yes``. Raises click.UsageError otherwise, and click.Abort
+    where the input ends.
+    """
+    if yes or simulated or not names:
+        return
+    _confirm_held(f"the torque of {', '.join(names)} goes off: hold the arm, it falls", stiff=stiff)
+
+
+def confirm_weak(names: Collection[str], *, simulated: bool, yes: bool) -> None:
+    """As ``confirm_limp``, for stiff joints that are about to hold with less force."""
+    if yes or simulated or not names:
+        return
+    _confirm_held(f"{', '.join(names)} will hold with less force: hold the arm, it may fall", stiff=True)
+
+
+def _confirm_held(warning: str, *, stiff: bool) -> None:
+    """Wait for Enter of a person who holds the arm. Raises click.UsageError without a terminal, and click.Abort."""
+    if not sys.stdin.isatty():
+        if stiff:
+            raise click.UsageError(f"{warning}; at a terminal Enter confirms that, without one --yes")
+        return
+    click.echo(f"{warning}\nEnter when you hold it; Ctrl-C changes nothing", err=True)
+    with KeyReader(sys.stdin.fileno()) as keys:
+        while (key := keys.read(POLL_INTERVAL)) != "enter":
+            if key == "end":
+                raise click.Abort
+
+
+@contextmanager
+def wait_for_end(
+    clock: Clock, seconds: float | None, wait: Callable[[], object] | None = None
+) -> Iterator[Callable[[], bool]]:
+    """Give out a question that waits a moment, then says whether it is over: Enter was pressed, or the time is up.
+
+    It waits for what ``wait`` waits for, if that is given.
+    """
+    if seconds is not None:
+        end = clock.read_value() + seconds
+
+        def timed() -> bool:
+            (wait or pause)()
+            return clock.read_value() >= end
+
+        yield timed
+        return
+    with KeyReader(sys.stdin.fileno()) as keys:
+
+        def pressed() -> bool:
+            if wait is not None:
+                wait()
+            return keys.read(POLL_INTERVAL if wait is None else 0.0) in ("enter", "end")
+
+        yield pressed
+
+
+def show_line(line: str) -> None:
+    """Show a line in the place of the one before, where there is a terminal."""
+    if sys.stderr.isatty():
+        overwrite_line(line, err=True)

@@ -1,0 +1,76 @@
+"""One leaf run as a mission of its own, so that all that makes missions safe holds for commands by hand too."""
+
+import sys
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import TextIO, TypeVar
+
+from behaviours.leaf import Leaf
+from behaviours.node import Node
+from config.diagnostics import SourceText
+from config.robot import RobotConfig
+from drivers.api import ignore
+from missions.cli.live import RunDisplay
+from missions.cli.running import EXIT_CODES, warn_unreachable
+from missions.control.control import ControlSocket
+from missions.executive.executive import Result
+from missions.language.check_context import Lookup
+from missions.language.document import check_plan
+from missions.language.plan import Plan
+from missions.library.target import target_of
+from missions.plugins.setup.servo.target import ServoTarget
+from missions.request import RunRequest
+from missions.runner import Runner
+from perception.api import Frame
+
+NO_LOOKUPS: Mapping[str, Lookup] = MappingProxyType({})
+
+L = TypeVar("L", bound=Leaf)
+
+
+def run_leaf(
+    target: ServoTarget,
+    config: RobotConfig,
+    kind: type[L],
+    arguments: Mapping[str, object],
+    *,
+    things: Mapping[str, Lookup] = NO_LOOKUPS,
+) -> tuple[int, L]:
+    """Run a leaf that takes ``on`` on the arm, and show what happens; return the exit code, and the leaf that has run.
+
+    ``arguments`` are its own as a mission has them; ``things`` find those among them that are kept in files. In the
+    end the arm comes to the rest that its file asks for. Raises InvalidFileError for what cannot be, and then nothing
+    was opened.
+    """
+    arguments = {**arguments, "on": target.arm}
+    told = ", ".join(f"{name}: {value}" for name, value in arguments.items())
+    source = SourceText(kind.tag, f"mission: {kind.tag}\ntree:\n  {kind.tag}: {{{told}}}\n")
+    plan = check_plan(source, {kind.tag: kind}, things, robot=target_of(config))
+    ports = {} if target.port is None else {target.arm: target.port}
+    order = RunRequest(kind.tag, robot=target.robot, simulate="wire" if target.is_virtual else None, ports=ports)
+    result, root = run_plan(plan, order, target.report_if_simulated)
+    return EXIT_CODES[result.result], next(node for node in root.iterate() if isinstance(node, kind))
+
+
+def run_plan(
+    plan: Plan,
+    request: RunRequest,
+    before: Callable[[], None] = ignore,
+    out: TextIO | None = None,
+    *,
+    on_frame: Callable[[Frame, object], None] = ignore,
+) -> tuple[Result, Node]:
+    """Run a plan that was made here, and show on ``out``, or stdout, what happens; return how it ended, and its tree.
+
+    ``before`` is called once nothing can be wrong with it any more, and nothing was opened yet; ``on_frame`` with each
+    picture of the camera that was searched, on its thread.
+    """
+    watcher = RunDisplay(out or sys.stdout)
+    runner = Runner(request, listeners=[watcher], plan=plan)
+    runner.observe(on_frame=on_frame)
+    watcher.show_tree(runner.root)
+    before()
+    control = ControlSocket(runner)
+    with watcher, control:
+        warn_unreachable(control)
+        return runner.run(), runner.root

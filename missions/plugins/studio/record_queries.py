@@ -1,0 +1,164 @@
+"""Records of runs, looked at piece by piece: none is read whole, but small ones to compare them or report of them."""
+
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Mapping
+from itertools import pairwise
+from math import inf
+from pathlib import Path
+from shlex import quote
+from typing import TYPE_CHECKING, Any
+
+from drivers.clock import SystemClock
+from missions.control.commands import BadMessage, ClientCommand
+from missions.control.state_feed import UNLOGGED_EVENTS
+from missions.plugins.records.comparison.output import as_json
+from missions.plugins.records.comparison.runs import IncomparableError, compare_runs
+from missions.plugins.records.recording.items import EVENT_TOPICS
+from missions.plugins.records.recording.record_list import ChunkedRecord, list_entry, result_facts, run_facts
+from missions.plugins.records.recording.run_record import RunRecord, open_record, start_time_ns
+from missions.plugins.records.recording.validation import MAX_SECONDS, parse_message, reject_malformed
+from missions.plugins.records.replay.frames import STAMP_TOLERANCE
+from missions.plugins.records.report.page import report_page
+from missions.plugins.records.report.summary import MAX_PICTURES, study_record
+from missions.plugins.records.retention import list_records, studio_records_folder
+from missions.plugins.studio import studio_commands
+from missions.trees.drawing import ACTIVE, to_json
+
+if TYPE_CHECKING:  # it needs mcap
+    from missions.plugins.records.recording.container import McapMessage
+
+Json = dict[str, object]
+
+PIECE_TIME_BUDGET = 0.25
+"""Seconds of work on one piece of a record; what comes behind it is in the next."""
+
+PIECE_TOPICS = frozenset({*EVENT_TOPICS.values(), "/feedback", "/state/base"})
+"""The topics that a piece of a record is told of."""
+
+MAX_TRAIL_POINTS = 2000
+"""Places of the base's way in one piece."""
+
+MAX_WHOLE_BYTES = 200_000_000
+"""Bytes of a record that is made a report of, or compared: that reads it whole."""
+
+
+def answer_records(command: ClientCommand) -> Json:
+    """Answer `records`."""
+    del command
+    return {
+        "folder": str(studio_records_folder()),
+        "records": [list_entry(path) for path in list_records(studio_records_folder())],
+    }
+
+
+def answer_record(command: ClientCommand) -> Json:
+    """Answer `answer_record`."""
+    if not isinstance(command, studio_commands.RecordQuery):
+        raise TypeError(command.word)
+    opened = ChunkedRecord(path_of(command.name))
+    first = bisect_left(opened.chunks, command.start, key=lambda chunk: chunk[0])
+    clock, last, gathered = SystemClock(), first, _RecordPieces()
+    for start, *_ in opened.chunks[first:]:
+        if start > max(command.start, opened.chunks[first][0]) and clock.read_value() >= PIECE_TIME_BUDGET:
+            break  # never between chunks that begin at once: the next piece would begin with the first of them again
+        gathered.add(opened.excerpt(last, last + 1))
+        last += 1
+    told = {**run_facts(opened.record), "until": opened.end_time, **gathered.as_json()}
+    if first == 0:
+        told |= {**result_facts(opened.run_end()), "drawing": to_json(opened.record.drawing())}
+    if last < len(opened.chunks):
+        told["more"] = opened.chunks[last][0]
+    return told
+
+
+def render_report(name: str) -> str:
+    """Return the report of a record, as a page. Raises BadMessage for one that is too large."""
+    return report_page(
+        study_record(_open_whole(name, f"mission record report {quote(str(path_of(name)))}"), max_pictures=MAX_PICTURES)
+    )
+
+
+def answer_compare(command: ClientCommand) -> Json:
+    """Answer `answer_compare`."""
+    if not isinstance(command, studio_commands.CompareRecords):
+        raise TypeError(command.word)
+    names = command.name, command.other
+    hint = f"mission record compare {' '.join(quote(str(path_of(name))) for name in names)}"
+    try:
+        return dict(as_json(compare_runs(*(_open_whole(name, hint) for name in names))))
+    except IncomparableError as error:
+        raise BadMessage("bad_record", str(error)) from error
+
+
+HANDLERS: Mapping[str, Callable[[ClientCommand], Json]] = {
+    "records": answer_records,
+    "record": answer_record,
+    "compare": answer_compare,
+}
+"""What does each command."""
+
+
+def messages(piece: RunRecord, topics: frozenset[str], time: float = inf) -> "Iterator[McapMessage]":
+    """Yield what was told on topics up to a time: nothing else of the piece is read."""
+    latest = start_time_ns(piece.header) + (time + STAMP_TOLERANCE) * 1e9
+    return (message for message in piece.container.messages(topics) if message.time <= latest)
+
+
+def _open_whole(name: str, hint: str) -> RunRecord:
+    """Return a record that is read whole. Raises BadMessage for one that is too large for that."""
+    path = path_of(name)
+    if (size := path.stat().st_size) > MAX_WHOLE_BYTES:
+        told = f"{path}: {size / 1e6:.0f} MB are too much for this in the studio (at most {MAX_WHOLE_BYTES / 1e6:.0f})"
+        raise BadMessage("bad_record", told, hint)
+    return open_record(path)
+
+
+def path_of(name: str) -> Path:
+    """Return the record of a name. Raises BadMessage for what is none of those that are listed."""
+    found = next((path for path in list_records(studio_records_folder()) if path.name == name), None)
+    if found is None:
+        raise BadMessage("no_such_record", f"there is no record '{name[:80]}' in {studio_records_folder()}")
+    return found
+
+
+class _RecordPieces:
+    """What pieces tell together."""
+
+    def __init__(self) -> None:
+        self._lanes: dict[str, list[list[object]]] = {}
+        self._log: list[object] = []
+        self._failures: list[float] = []
+        self._trail: list[list[float]] = []
+
+    def add(self, piece: RunRecord) -> None:
+        """Take in a piece, which comes behind the others."""
+        with reject_malformed(piece.path):
+            found = [(message.topic, parse_message(message.data)) for message in messages(piece, PIECE_TOPICS)]
+            for topic, told in sorted(found, key=lambda each: float(each[1]["t"])):
+                t = round(told["t"], 4)
+                if topic == "/nodes":
+                    self._lanes.setdefault(told["node"], []).append([t, told["status"], told["reason"]])
+                    self._failures += [t] if told["status"] == "failure" else []
+                elif topic == "/feedback":
+                    lane = self._lanes.setdefault(told["node"], [])
+                    if not lane or lane[-1][1] in ACTIVE:
+                        lane.append([t, lane[-1][1] if lane else "running", told["reason"]])
+                elif topic == "/state/base":
+                    self._trail += pose_in(told)
+                elif (event := piece.decode_event(topic, told)) is not None and not isinstance(event, UNLOGGED_EVENTS):
+                    self._log.append(event.as_dict())
+
+    def as_json(self) -> Json:
+        """Return it as an answer has it."""
+        places = [place for before, place in pairwise([[], *self._trail]) if place[1:] != before[1:]]
+        step = max(1, len(places) // MAX_TRAIL_POINTS)
+        return {"lanes": self._lanes, "log": self._log, "failures": self._failures, "trail": places[::step]}
+
+
+def pose_in(told: Mapping[str, Any]) -> list[list[float]]:
+    """Return when the base was where, if a message tells that."""
+    found = [told[name] for name in ("t", "x", "y", "heading")]
+    known = told["quality"] == "good" and all(
+        isinstance(each, int | float) and abs(each) < MAX_SECONDS for each in found
+    )
+    return [[round(each, 3) for each in found]] if known else []

@@ -1,0 +1,219 @@
+"""What a run has shown: a listener that keeps its events, and turns them into happenings that tests speak of."""
+
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from behaviours.leaf import RUNNING, Leaf
+from behaviours.node import Node
+from drivers.api import Pose2D, Velocity
+from missions.executive.events import (
+    CommandSent,
+    Event,
+    FaultRaised,
+    Logged,
+    NodeChanged,
+    Notified,
+    ReflexFired,
+    Ticked,
+)
+from missions.executive.executive import Result
+from missions.language.nodes import MODIFIERS
+from missions.language.outcomes import possible_ends
+from missions.language.plan import Step
+from missions.plugins.testing.event_specs import ObservedEvent
+from missions.trees.drawing import ACTIVE
+
+STANDSTILL_SPEED = 0.005
+"""Metres or radians a second below which a base stands still."""
+
+END_VERBS = {"success": "succeeds", "failure": "fails"}
+FIXED_ENDS = {"succeed": ("success",), "fail": ("failure",)}
+"""How leaves end that say so by their word; the checker does not hold that against the nodes behind them."""
+
+NOTICE_VERBS = {"offline": "disconnects", "online": "reconnects", "fault": "complains"}
+
+
+@dataclass(frozen=True, slots=True)
+class NodeRecord:
+    """What became of one node: where it stands, each status that it had and how often, and why it failed.
+
+    ``ends`` are the ways in which it can end.
+    """
+
+    file: str
+    line: int
+    key: str
+    kind: str
+    name: str
+    statuses: Mapping[str, int]
+    reasons: tuple[str, ...]
+    ends: tuple[str, ...] = ()
+
+
+@dataclass(slots=True)
+class CaseHistory:
+    """Listens to a run. ``listeners`` are called with each happening, at once.
+
+    ``claim_conflict`` names what two leaves drove at a time, ``is_moving`` says whether the base moved at the last tick, ``pose``
+    where it came to rest in the frame of the world, and ``joints`` how the arm did (radians). ``said`` is what the
+    robot said, ``heard_by`` which of that each person heard, ``showed`` and ``moods`` what was on its screen (an empty
+    text where the words were taken away), and ``notified`` what it told whoever had given the task, in order.
+    ``result`` and ``returns`` are the mission's, once it has ended.
+    """
+
+    events: list[Event] = field(default_factory=list)
+    observed_events: list[ObservedEvent] = field(default_factory=list)
+    said: list[str] = field(default_factory=list)
+    heard_by: Mapping[str, list[str]] = field(default_factory=dict)
+    showed: list[str] = field(default_factory=list)
+    moods: list[str] = field(default_factory=list)
+    notified: list[str] = field(default_factory=list)
+    claim_conflict: str = ""
+    listeners: list[Callable[[ObservedEvent], None]] = field(default_factory=list)
+    result: Result | None = None
+    returns: Mapping[str, object] = field(default_factory=dict)
+    is_moving: bool = False
+    pose: Pose2D | None = None
+    joints: Mapping[str, float] = field(default_factory=dict)
+    _velocity: Callable[[], Velocity] | None = None
+    _speaker: str = ""
+    _leaves: list[Leaf] = field(default_factory=list)
+    _offline_parts: set[str] = field(default_factory=set)
+    _running: set[str] = field(default_factory=set)
+    _statuses: dict[str, Counter[str]] = field(default_factory=lambda: defaultdict(Counter))
+    _reasons: dict[str, dict[str, None]] = field(default_factory=lambda: defaultdict(dict))
+
+    def attach(self, root: Node, velocity: Callable[[], Velocity] | None = None) -> None:
+        """Look at this tree at every tick, and at how fast the base truly moves, where there is one."""
+        self._leaves = [node for node in root.iterate() if isinstance(node, Leaf) and node.claims]
+        self._velocity = velocity
+
+    def __call__(self, event: Event) -> None:
+        """Take in one event."""
+        self.events.append(event)
+        match event:
+            case NodeChanged():
+                self._on_node_changed(event)
+            case Ticked():
+                self._on_tick(event.t)
+            case FaultRaised():
+                self._on_fault_raised(event)
+            case ReflexFired():
+                verb = "fires" if event.on else "clears"
+                self._add_event(ObservedEvent(event.t, (event.what,), verb, event.where))
+            case Logged(level="voice"):
+                self.said.append(event.text)
+                self._add_event(ObservedEvent(event.t, ("robot",), "says", event.text, self._speaker))
+            case Notified():
+                self.notified.append(event.text)
+            case CommandSent(to="voice"):
+                self._speaker = f"{event.source.rpartition('(')[2].rstrip(')')}."
+            case CommandSent(to="screen"):
+                self._on_screen_command(event.values)
+            case _:
+                pass
+
+    def starts(self, name: str) -> int:
+        """Return how often the nodes with this word or name began."""
+        return self._count(name, "starts")
+
+    def outcomes(self, name: str) -> dict[str, int]:
+        """Return how often the nodes with this word or name began, and how they ended."""
+        return {verb: count for verb in ("starts", "succeeds", "fails", "halts") if (count := self._count(name, verb))}
+
+    def nodes(self, root: Node, tree: Step) -> tuple[NodeRecord, ...]:
+        """Return what became of every node of the tree, in the order of the file; ``tree`` is its plan."""
+        return tuple(
+            NodeRecord(
+                step.source.name,
+                step.mark.line,
+                key,
+                step.kind,
+                step.name,
+                dict(self._statuses.get(key, {})),
+                tuple(self._reasons.get(key, {})),
+                FIXED_ENDS.get(step.kind) or tuple(sorted(possible_ends(step))),
+            )
+            for key, step in _steps_by_key(tree, root.key)  # by the plan: below a mock no node was built
+        )
+
+    def _on_node_changed(self, event: NodeChanged) -> None:
+        self._statuses[event.node][event.status] += 1
+        if event.status == "failure":
+            self._reasons[event.node][event.reason] = None
+        ran = event.node in self._running
+        if event.status in ACTIVE:
+            self._running.add(event.node)
+        else:
+            self._running.discard(event.node)
+        if event.kind in MODIFIERS:  # which go by the name of what they stand around
+            return
+        names = (event.kind, event.name)
+        if not ran and event.status != "idle":
+            self._add_event(ObservedEvent(event.t, names, "starts", key=event.node))
+        if event.status in END_VERBS:
+            reason = event.reason if event.status == "failure" else ""
+            self._add_event(ObservedEvent(event.t, names, END_VERBS[event.status], reason, event.node))
+        elif event.status == "idle" and ran:
+            self._add_event(ObservedEvent(event.t, names, "halts", key=event.node))
+
+    def _on_fault_raised(self, event: FaultRaised) -> None:
+        if event.what == "offline":
+            self._offline_parts.add(event.part)
+        elif event.what == "online":
+            if event.part not in self._offline_parts:  # it has just been switched on
+                return
+            self._offline_parts.discard(event.part)
+        self._add_event(ObservedEvent(event.t, (event.part,), NOTICE_VERBS[event.what], event.detail))
+
+    def _on_screen_command(self, values: Mapping[str, object]) -> None:
+        if "show" in values:
+            self.showed.append(str(values["show"]))
+        if "mood" in values:
+            self.moods.append(str(values["mood"]))
+
+    def _on_tick(self, time: float) -> None:
+        moves = self._velocity is not None and _is_moving(self._velocity())
+        if moves != self.is_moving:
+            self.is_moving = moves
+            self._add_event(ObservedEvent(time, ("base",), "moves" if moves else "stops"))
+        owners: dict[str, Leaf] = {}
+        for leaf in self._leaves:
+            if leaf.status is RUNNING and leaf.is_acting:
+                for part in sorted(leaf.claims):
+                    owner = owners.setdefault(part, leaf)
+                    if owner is not leaf and not self.claim_conflict:
+                        self.claim_conflict = f"at {time:.2f} s {owner.label} and {leaf.label} both drive the {part}"
+
+    def _add_event(self, happening: ObservedEvent) -> None:
+        self.observed_events.insert(self._insert_index(happening), happening)
+        for hear in list(self.listeners):  # which may be heard no more after that
+            hear(happening)
+
+    def _insert_index(self, happening: ObservedEvent) -> int:
+        """Return where among the happenings it belongs: a node tells of its start only after all that it does then."""
+        place = len(self.observed_events)
+        if happening.verb == "starts":
+            inside = f"{happening.key}."
+            for number in range(place - 1, -1, -1):
+                earlier = self.observed_events[number]
+                if earlier.time != happening.time:
+                    break
+                if earlier.key.startswith(inside):
+                    place = number
+        return place
+
+    def _count(self, name: str, verb: str) -> int:
+        return sum(1 for each in self.observed_events if each.verb == verb and name in each.names)
+
+
+def _is_moving(velocity: Velocity) -> bool:
+    return max(abs(velocity.linear), abs(velocity.angular)) > STANDSTILL_SPEED
+
+
+def _steps_by_key(step: Step, key: str) -> Iterator[tuple[str, Step]]:
+    """Yield each step, those above first, with the key that the builder gives its node."""
+    yield key, step
+    for place, child in enumerate(step.children, start=1):
+        yield from _steps_by_key(child, f"{key}.{place}")

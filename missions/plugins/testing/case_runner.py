@@ -1,0 +1,154 @@
+"""One case on stage: a mission on twins, with mocks and mishaps, from its beginning until the robot is at rest."""
+
+import math
+from collections.abc import Callable
+
+from drivers.api import HeadPose, Pose2D, Velocity
+from drivers.api.joints import qualified_joint_name
+from drivers.errors import DriverError, NotConnected
+from missions.assembly.twins import Twins
+from missions.executive.events import Ended, Event
+from missions.executive.executive import Result
+from missions.executive.watchdog import WatchdogLimits
+from missions.language.expressions import ExpressionError
+from missions.plugins.testing.case_history import CaseHistory
+from missions.plugins.testing.fault_injector import FaultInjector
+from missions.plugins.testing.mocks import MockSubstitution
+from missions.plugins.testing.suite import Case
+from missions.request import RunRequest
+from missions.runner import Runner
+
+REST_TIME = 1.0
+"""Seconds after its end by which a robot must be at rest."""
+
+REST_CHECK_TIME = 0.1
+"""Seconds over which nothing may move then."""
+
+MAX_SWAY = 0.01
+"""Metres, and radians, by which a body that stands in physics may sway meanwhile."""
+
+Posture = tuple[Pose2D, HeadPose | None, dict[str, float]]
+
+IN_PROCESS_LIMITS = WatchdogLimits(slow=math.inf, stall=math.inf, fail=10.0, lost=math.inf)
+"""For a run in a process that has more to do: a behaviour that hangs is waited for, instead of ending the process."""
+
+
+class CaseRunner:
+    """Runs one case, once. ``history`` is what has happened so far, ``violations`` what must never be, whatever is expected.
+
+    The watchdog keeps to ``limits``; its own ones end the process when a behaviour hangs for good.
+    """
+
+    def __init__(self, case: Case, limits: WatchdogLimits | None = None) -> None:
+        self.history = CaseHistory()
+        self.violations: list[str] = []
+        self._case = case
+        self._limits = limits
+
+    def run(self) -> Runner:
+        """Run the case to its end, and let the robot come to rest.
+
+        Raises InvalidFileError or UnknownNameError when its files are not what they were when it was read.
+        """
+        case, history = self._case, self.history
+        order = RunRequest(
+            case.mission,
+            case.params,
+            case.robot,
+            "fast",
+            case.world,
+            seed=case.seed,
+            behaviours=case.behaviours,
+            eyes=case.eyes,
+            physics=case.physics,
+        )
+        runner = Runner(order, listeners=[history], limits=self._limits, substitute=MockSubstitution(case.mocks))
+        twins = runner.twins
+        if twins is None:
+            raise TypeError("a run in simulated time has twins")
+        history.attach(runner.root, _velocity_getter(twins))
+        FaultInjector(runner, history).schedule(case.injected_faults)
+        twins.timeline.call_at(case.timeout, lambda: self._stop(runner))
+        try:
+            history.result = runner.run()
+        except DriverError:  # a robot that is not complete: told as the end of the run
+            history.result = _result_from_events(history.events)
+        if runner.stream.failed_listeners:  # whoever raises is told no more, and so knows only half of it
+            raise RuntimeError(f"not all events were heard: {', '.join(runner.stream.failed_listeners)}")
+        history.returns = _mission_returns(runner)
+        history.heard_by = _heard_by_person(twins)
+        self._come_to_rest(twins)
+        return runner
+
+    def _stop(self, runner: Runner) -> None:
+        late = f"still running after {self._case.timeout:g} s of simulated time"
+        self.violations.append(late)
+        runner.executive.stop(late)
+
+    def _come_to_rest(self, twins: Twins) -> None:
+        """Let the robot come to rest, and see whether it does."""
+        timeline, history = twins.timeline, self.history
+        timeline.run_until(timeline.clock.read_value() + REST_TIME)
+        history.pose = twins.pose() if "base" in twins.parts else None
+        history.joints = _joint_angles(twins)
+        before = _posture(twins)
+        timeline.run_until(timeline.clock.read_value() + REST_CHECK_TIME)
+        if not _is_still(before, _posture(twins), MAX_SWAY if twins.scene is not None else 0.0):
+            self.violations.append(f"the robot was not at rest {REST_TIME:g} s after the end")
+        if history.claim_conflict:
+            self.violations.append(history.claim_conflict)
+
+
+def _velocity_getter(twins: Twins) -> Callable[[], Velocity] | None:
+    base, legs = twins.base, twins.legs
+    if legs is not None:
+        return lambda: legs.true_velocity
+    return None if base is None else lambda: base.body.velocity
+
+
+def _posture(twins: Twins) -> Posture:
+    """Return where base, head and joints truly are now."""
+    head = None if twins.head is None else twins.head.true_pose(twins.timeline.clock.read_value())
+    return twins.pose(), head, _joint_angles(twins)
+
+
+def _is_still(before: Posture, after: Posture, max_sway: float) -> bool:
+    """Whether nothing moved farther than ``sway``, in metres and radians."""
+    if not max_sway:
+        return before == after
+    (there, looked, were), (here, looks, are) = before, after
+    moved = [abs(here.x - there.x), abs(here.y - there.y), *(abs(are[joint] - were[joint]) for joint in are)]
+    if looked is not None and looks is not None:
+        moved += [abs(looks.pan - looked.pan), abs(looks.tilt - looked.tilt)]
+    return max(moved) <= max_sway
+
+
+def _joint_angles(twins: Twins) -> dict[str, float]:
+    now, arms = twins.timeline.clock.read_value(), twins.arms.items()
+    return {qualified_joint_name(part, joint): arm.true_angle(joint, now) for part, arm in arms for joint in arm.limits}
+
+
+def _heard_by_person(twins: Twins) -> dict[str, list[str]]:
+    """Return what each person heard the robot say, in order."""
+    world = twins.world
+    return {
+        each.name: [heard.text for heard in world.utterances if each.name in heard.listeners] for each in world.people
+    }
+
+
+def _result_from_events(events: list[Event]) -> Result | None:
+    for event in reversed(events):
+        if isinstance(event, Ended):
+            return Result(event.mission, event.result, event.reason, event.seconds, event.ticks)
+    return None
+
+
+def _mission_returns(runner: Runner) -> dict[str, object]:
+    """Return the results of the mission, as far as they are known."""
+    found: dict[str, object] = {}
+    for name, value in runner.plan.returns.items():
+        try:
+            found[name] = value.resolve(runner.root.scope)
+        except (ExpressionError, ValueError, NotConnected):  # it reads what was never set
+            found[name] = None
+    return found

@@ -1,0 +1,376 @@
+"""One setting of the failsafe page, stepped through: arbiter, reflexes and guard as they are, on a base in any hand."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cache, partial
+from math import radians
+from typing import TYPE_CHECKING, Any, Protocol, cast
+
+from behaviours.run import RunState
+from config.library import find_file
+from drivers.api import Base, BaseState, Reflexes, Sides, Source, StatusCallback, SteeringCallback, Velocity, ignore
+from drivers.api.fast_dataclass import dataclass
+from drivers.api.sections import BaseKeys
+from drivers.base.arbitrated import settings_of
+from drivers.base.twin import BaseTwin
+from drivers.errors import DriverError, NotConnected
+from drivers.sim.timeline import Timeline
+from missions.executive.guard import BaseGuard
+from missions.executive.proxied_robot import StaleCommandGuard
+from missions.executive.stream import EventStream
+from missions.library.drivers import load_robot
+from missions.plugins.testing.failsafe.staged_ranger import StagedRanger
+
+if TYPE_CHECKING:
+    from behaviours.leaf import Leaf
+
+
+# What may be chosen on the failsafe page: who drives a base how, what befalls it, how full it is, and its reflexes.
+
+ROBOT = "turtlebot2"
+"""Whose base it is, with its limits and reflexes."""
+
+LEFT, CENTRE, RIGHT, NOTHING = Sides(left=True), Sides(centre=True), Sides(right=True), Sides()
+
+
+class BaseRig(Protocol):
+    """Whoever can do to a base what befalls it. ``base`` is what it does about that."""
+
+    @property
+    def base(self) -> Base:
+        """The driver, or the twin."""
+        ...
+
+    @property
+    def ranger(self) -> "StagedRanger":
+        """The range finder that guards it."""
+        ...
+
+    def press_sensors(
+        self, bumper: Sides = NOTHING, cliff: Sides = NOTHING, buttons: frozenset[int] = frozenset()
+    ) -> None:
+        """Press and uncover its sensors."""
+        ...
+
+    def lift(self, *, up: bool) -> None:
+        """Take it off the floor, or put it back."""
+        ...
+
+    def set_plugged(self, *, is_plugged: bool) -> None:
+        """Plug it in, or unplug it."""
+        ...
+
+    def set_battery(self, percent: float, *, charging: bool) -> None:
+        """Leave so much in its battery."""
+        ...
+
+
+TimedActions = Sequence[tuple[float, Callable[[BaseRig], object]]]
+"""What is done to it, and so many seconds after the first of it."""
+
+
+def _press_for(
+    bumper: Sides = NOTHING, cliff: Sides = NOTHING, buttons: frozenset[int] = frozenset(), seconds: float = 0.5
+) -> TimedActions:
+    return (0.0, lambda hand: hand.press_sensors(bumper, cliff, buttons)), (seconds, lambda hand: hand.press_sensors())
+
+
+def _unplug_for(seconds: float) -> TimedActions:
+    return (0.0, lambda hand: hand.set_plugged(is_plugged=False)), (
+        seconds,
+        lambda hand: hand.set_plugged(is_plugged=True),
+    )
+
+
+def _freeze(*, frozen: bool) -> Callable[[BaseRig], object]:
+    def do(hand: BaseRig) -> None:
+        hand.ranger.frozen = frozen
+
+    return do
+
+
+STOP_BUTTON, ENABLE_BUTTON = frozenset({0}), frozenset({2})
+
+WHO: Mapping[str, frozenset[Source]] = {
+    "a mission": frozenset({Source.MISSION}),
+    "a person": frozenset({Source.TELEOP}),
+    "both": frozenset({Source.MISSION, Source.TELEOP}),
+    "nobody": frozenset(),
+}
+"""Who commands: from the beginning on, and until something says no."""
+
+WISHES: Mapping[str, Velocity] = {
+    "ahead": Velocity(0.2, 0.0),
+    "ahead, gently": Velocity(0.05, 0.0),
+    "too fast": Velocity(0.6, 0.0),
+    "a curve": Velocity(0.2, radians(60)),
+    "back": Velocity(-0.2, 0.0),
+    "turn": Velocity(0.0, radians(60)),
+}
+"""What they want."""
+
+FAULTS: Mapping[str, TimedActions] = {
+    "nothing": (),
+    "bumper left": _press_for(bumper=LEFT),
+    "bumper centre": _press_for(bumper=CENTRE),
+    "bumper right": _press_for(bumper=RIGHT),
+    "cliff left": _press_for(cliff=LEFT),
+    "cliff centre": _press_for(cliff=CENTRE),
+    "lifted for 2 s": ((0.0, lambda hand: hand.lift(up=True)), (2.0, lambda hand: hand.lift(up=False))),
+    "stop button": _press_for(buttons=STOP_BUTTON),
+    "stop button, then enable": (
+        *_press_for(buttons=STOP_BUTTON),
+        *((at + 2.0, do) for at, do in _press_for(buttons=ENABLE_BUTTON)),
+    ),
+    "unplugged for 0.6 s": _unplug_for(0.6),
+    "unplugged for 2 s": _unplug_for(2.0),
+    "unplugged for 6 s": _unplug_for(6.0),
+    "something 2 cm ahead for 2 s": (
+        (0.0, lambda hand: hand.ranger.put(0.02)),
+        (2.0, lambda hand: hand.ranger.put(None)),
+    ),
+    "no scans for 4 s": ((0.0, _freeze(frozen=True)), (4.0, _freeze(frozen=False))),
+    "who drives falls silent": (),
+}
+"""What happens after ``FAULT_START``."""
+
+SILENT_FAULT = "who drives falls silent"
+
+BATTERIES: Mapping[str, tuple[float, bool]] = {
+    "full": (100.0, False),
+    "low": (20.0, False),
+    "critical": (5.0, False),
+    "critical, on the dock": (5.0, True),
+}
+"""How full its battery is, in percent, and whether it charges."""
+
+REFLEXES: Mapping[str, Mapping[str, Any]] = {
+    "as it ships": {},
+    "bumper: stop": {"bumper": "stop"},
+    "latch": {"bumper": "latch", "cliff": "latch", "wheel_drop": "latch"},
+}
+"""What its file says of reflexes."""
+
+
+@dataclass(frozen=True, slots=True)
+class FailsafeSetting:
+    """Words of ``WHO``, ``WISHES``, ``FAULTS``, ``BATTERIES`` and ``REFLEXES``. Raises KeyError for others."""
+
+    who: str = "a mission"
+    wish: str = "ahead"
+    fault: str = "nothing"
+    battery: str = "full"
+    reflexes: str = "as it ships"
+
+    def __post_init__(self) -> None:
+        for name, words in CHOICES.items():
+            if getattr(self, name) not in words:
+                raise KeyError(f"{name} is one of {', '.join(words)}, not {getattr(self, name)!r}")
+
+
+CHOICES: Mapping[str, Sequence[str]] = {
+    "who": tuple(WHO),
+    "wish": tuple(WISHES),
+    "fault": tuple(FAULTS),
+    "battery": tuple(BATTERIES),
+    "reflexes": tuple(REFLEXES),
+}
+"""What can be chosen, by the members of a ``FailsafeSetting``."""
+
+
+@cache
+def _shipped_keys() -> BaseKeys:
+    keys = load_robot(find_file("robots", ROBOT)).base
+    if keys is None:
+        raise LookupError(f"{ROBOT} has no base")
+    return keys
+
+
+def keys_for(setting: FailsafeSetting) -> BaseKeys:
+    """Return what the robot file says of its base, with the reflexes of a setting."""
+    keys = _shipped_keys()
+    reflexes: Reflexes = replace(keys.reflexes, **REFLEXES[setting.reflexes])
+    return replace(keys, reflexes=reflexes)
+
+
+FAULT_START, TIME_AFTER_FAULT = 1.01, 9.0
+"""Seconds after which something happens, and after that, when nobody looks any more."""
+
+TICK_INTERVAL, TICK_PHASE = 0.04, 0.015
+"""Seconds from one command to the next, of missions and of people, and from a report of the base to the next one."""
+
+LOOK_PHASE = 0.018
+"""Seconds from a report to a look at what has come of it: also over a wire it has arrived by then."""
+
+WAITING = "waits"
+"""What whoever commands a base does that is not there."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioMoment:
+    """What is so from ``t`` seconds after the fault began on (negative: before it): compared by all the rest.
+
+    ``source`` is who commands ("" for nobody), ``setpoint`` and ``limited`` are speeds (m/s, rad/s), ``reason`` is why
+    they differ and ``latched`` why it stands until it is enabled, as the driver tells it. ``mission`` and ``person``
+    are what these are told. ``ahead`` is how far the base is from where it was when the fault began, in metres.
+    """
+
+    t: float
+    source: str
+    setpoint: tuple[float, float]
+    limited: tuple[float, float]
+    reason: str
+    latched: str
+    mission: str
+    person: str
+    ahead: float
+
+    @property
+    def compared_fields(self) -> tuple[object, ...]:
+        """All but when and where."""
+        return self.source, self.setpoint, self.limited, self.reason, self.latched, self.mission, self.person
+
+
+class CommandSource:
+    """A mission that tries again whenever a behaviour has failed, or a person who holds a key: until ``end_reason``.
+
+    ``feedback`` is what it was told at its last command; empty where it was obeyed, or has to wait for its turn.
+    """
+
+    def __init__(self, source: Source, velocity: Velocity, base: Base, run: RunState) -> None:
+        self.feedback = self.end_reason = ""
+        self.since = run.clock.read_value()
+        self.place = "what drives"
+        self._source, self._velocity, self._base, self._run = source, velocity, base, run
+        self._permit = StaleCommandGuard(run, lambda: None)
+
+    def command(self) -> None:
+        """Ask for it once more."""
+        if self.end_reason:
+            return
+        mission = self._source is Source.MISSION
+        self._run.active_leaf = cast("Leaf", self) if mission else None
+        try:
+            self._permit(self._base)
+            self._base.drive(self._velocity, source=self._source)
+            self.feedback = ""
+        except NotConnected:
+            self.feedback = WAITING
+        except DriverError as error:
+            self.feedback = f"fails: {error}" if mission else str(error)
+            self.since = self._run.clock.read_value()
+
+    def end(self, why: str) -> None:
+        """Ask for nothing any more."""
+        self._base.stop(source=self._source)
+        self.feedback = self.end_reason = why
+
+
+class FailsafeScenario:
+    """One setting, on the base of a ``hand``, whose time is that of ``timeline``. ``moments`` is what came of it."""
+
+    def __init__(self, setting: FailsafeSetting, timeline: Timeline, rig: BaseRig) -> None:
+        self.moments: list[ScenarioMoment] = []
+        self._timeline, self._base = timeline, rig.base
+        self._run = RunState(timeline.clock)
+        self._guard = BaseGuard(rig.base, keys_for(setting).reflexes, self._run, EventStream())
+        wish = WISHES[setting.wish]
+        self._sources = {who: CommandSource(who, wish, rig.base, self._run) for who in WHO[setting.who]}
+        self._silent = setting.fault == SILENT_FAULT
+        self._origin = 0.0
+        percent, charging = BATTERIES[setting.battery]
+        rig.set_battery(percent, charging=charging)
+        for after, do in FAULTS[setting.fault]:
+            timeline.call_at(FAULT_START + after, partial(do, rig))
+
+    def play(self) -> Sequence[ScenarioMoment]:
+        """Let it happen."""
+        self._base.open()
+        self._timeline.call_every(TICK_INTERVAL, self._tick, start=TICK_INTERVAL + TICK_PHASE)
+        self._timeline.call_every(BaseTwin.PERIOD, self._look, start=LOOK_PHASE)
+        self._timeline.run_until(FAULT_START + TIME_AFTER_FAULT)
+        self._base.close()
+        return self.moments
+
+    def _tick(self) -> None:
+        """Do as the executive does: look at the base, then let whoever commands do so."""
+        why = self._guard.check()
+        mission = self._sources.get(Source.MISSION)
+        if why and mission is not None and not mission.end_reason:
+            mission.end(f"has ended: {why}")
+        if self._silent and self._timeline.clock.read_value() >= FAULT_START:
+            return
+        for each in self._sources.values():
+            each.command()
+
+    def _look(self) -> None:
+        """Keep what is new."""
+        now, steering = self._timeline.clock.read_value(), self._base.steering()
+        state: BaseState | None = self._base.state().value
+        x = 0.0 if state is None else state.pose.x
+        if now <= FAULT_START:
+            self._origin = x
+        told = {who: each.feedback for who, each in self._sources.items()}
+        moment = ScenarioMoment(
+            round(now - FAULT_START, 3),
+            steering.source or "",
+            _rounded(steering.requested),
+            _rounded(steering.allowed),
+            steering.reason,
+            self._base.latched,
+            told.get(Source.MISSION, ""),
+            told.get(Source.TELEOP, ""),
+            round(x - self._origin, 3),
+        )
+        if not self.moments or moment.compared_fields != self.moments[-1].compared_fields:
+            self.moments.append(moment)
+
+
+@dataclass(frozen=True, slots=True)
+class NullCallbacks:
+    """Whom a base tells that nobody watches: a ``drivers.base.arbitrated.BaseCallbacks``."""
+
+    report: StatusCallback = ignore
+    on_change: Callable[[], None] = ignore
+    on_steering: SteeringCallback = ignore
+
+
+class TwinRig:
+    """A ``BaseRig`` on a twin, which it makes."""
+
+    def __init__(self, setting: FailsafeSetting, timeline: Timeline) -> None:
+        self.base = BaseTwin(timeline.clock, **settings_of(keys_for(setting), NullCallbacks()))
+        self.ranger = StagedRanger(self.base, timeline.clock)
+        timeline.call_every(self.base.PERIOD, self.base.step)
+
+    def press_sensors(
+        self, bumper: Sides = NOTHING, cliff: Sides = NOTHING, buttons: frozenset[int] = frozenset()
+    ) -> None:
+        """See Hand."""
+        self.base.press(bumper, cliff=cliff, buttons=buttons)
+
+    def lift(self, *, up: bool) -> None:
+        """See Hand."""
+        self.base.lift(up=up)
+
+    def set_plugged(self, *, is_plugged: bool) -> None:
+        """See Hand."""
+        if is_plugged:
+            self.base.plug.plug_in()
+        else:
+            self.base.plug.unplug()
+
+    def set_battery(self, percent: float, *, charging: bool) -> None:
+        """See Hand."""
+        self.base.drain(percent)
+        self.base.set_power(on=charging)
+
+
+def run_scenario(setting: FailsafeSetting) -> Sequence[ScenarioMoment]:
+    """Return what comes of a setting, on the twin."""
+    timeline = Timeline()
+    return FailsafeScenario(setting, timeline, TwinRig(setting, timeline)).play()
+
+
+def _rounded(velocity: Velocity) -> tuple[float, float]:
+    return round(velocity.linear, 3), round(velocity.angular, 3)

@@ -1,0 +1,60 @@
+"""What comes of a setting of the failsafe page, in words."""
+
+from collections.abc import Sequence
+from math import degrees
+
+from drivers.api import Source
+from drivers.base.velocity_multiplexer import ONLY_LIMITED
+from missions.plugins.testing.failsafe.scenario import WAITING, ScenarioMoment
+
+SOURCE_NAMES = {Source.MISSION: "the mission", Source.TELEOP: "the person"}
+
+ROLE_NAMES = {"mission": "the mission", "person": "the person"}
+
+
+def describe_moment(moment: ScenarioMoment) -> str:
+    """Return what the base does, why, and what whoever commands is told: "stands until it is enabled: cliff left"."""
+    told = [f"{ROLE_NAMES[name]} {said}" for name in ROLE_NAMES if (said := getattr(moment, name))]
+    return "; ".join([_describe_base(moment), *told])
+
+
+def _describe_base(moment: ScenarioMoment) -> str:
+    if moment.latched:
+        return f"stands until it is enabled: {moment.latched}"
+    if WAITING in (moment.mission, moment.person):
+        return "is not heard, so its firmware lets it stand"
+    if not moment.source:
+        return "stands: nobody commands it"
+    if moment.source == Source.SAFETY:
+        return f"{moment.reason}, at {_velocity_text(moment.limited)}"
+    who = SOURCE_NAMES[Source(moment.source)]
+    if not any(moment.setpoint):
+        return f"stands: {who} has the wheels, and is silent"
+    if not any(moment.limited):
+        return f"stands, though {who} wants {_velocity_text(moment.setpoint)}: {moment.reason}"
+    if moment.reason == ONLY_LIMITED:
+        return (
+            f"{who} drives it at {_velocity_text(moment.limited)}, slowed down from {_velocity_text(moment.setpoint)}"
+        )
+    if moment.reason:
+        return (
+            f"{who} drives it at {_velocity_text(moment.limited)} of {_velocity_text(moment.setpoint)}: {moment.reason}"
+        )
+    return f"{who} drives it at {_velocity_text(moment.limited)}"
+
+
+def _velocity_text(velocity: tuple[float, float]) -> str:
+    linear, angular = velocity
+    parts = [f"{linear:g} m/s"] if linear else []
+    parts += [f"{degrees(angular):.0f} deg/s"] if angular else []
+    return " and ".join(parts) or "0 m/s"
+
+
+def distinct_moments(moments: Sequence[ScenarioMoment]) -> Sequence[tuple[ScenarioMoment, str]]:
+    """Return the moments that say something new, with their words."""
+    told: list[tuple[ScenarioMoment, str]] = []
+    for moment in moments:
+        words = describe_moment(moment)
+        if not told or told[-1][1] != words:
+            told.append((moment, words))
+    return told

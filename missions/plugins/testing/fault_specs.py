@@ -1,0 +1,170 @@
+"""What goes wrong with the robot during a test, as its file writes it: ``camera frozen from 5 s to 8 s``."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from drivers.api.kinds import KINDS
+from drivers.api.steering import BUTTON_COUNT
+from missions.plugins.testing.event_specs import EventSpec, NodeError, read_event
+from missions.plugins.testing.phrases import Phrase
+
+UNPLUGGED = ("unplugged",)
+
+DRIVE_STATES = (
+    "blocked", "slipping", "reversed", "uncounted", "drifting", "late", "e_stopped", "back_limited",
+)  # fmt: skip
+"""Faults of the drive and the odometry of a base."""
+
+FAULT_STATES: dict[str, tuple[str, ...]] = {
+    "base": ("unplugged", "bumped", "cliff", "lifted", "battery", "button", "docked", "driven", *DRIVE_STATES),
+    "arm": ("unplugged", "overloaded", "turned", "blocked", "frozen", "reversed", "silent", "pushed"),
+    "head": ("unplugged", "blocked", "frozen", "reversed"),
+    "camera": ("unplugged", "frozen", "covered", "slow"),
+    "microphone": ("unplugged", "deaf"),
+    "voice": ("unplugged", "hanging"),
+    "run": ("stalled", "paused", "stopped"),
+}
+"""What can happen to parts, and to the run itself; to a kind that is not here, only that it is ``UNPLUGGED``."""
+
+RUN = "run"
+"""What stands for the tick loop, which is no part of the robot."""
+
+SIDES = ("left", "centre", "right")
+PERMANENT_STATES = ("battery", "overloaded", "turned")
+"""States that do not end by themselves."""
+
+TEMPORARY_STATES = ("stalled", "paused", "stopped")
+"""States in which nothing of the mission goes on, and which must end for that."""
+
+JOINT_STATES = {
+    "overloaded": "elbow",
+    "turned": "elbow to 30 deg",
+    "blocked": "elbow",
+    "frozen": "elbow",
+    "reversed": "elbow",
+    "silent": "elbow",
+    "pushed": "elbow to 30 deg",
+}
+"""States of one joint of the arm, and how each is written. Who turns a joint that is stiff turns it in vain; who pushes
+it holds it there by force."""
+
+NO_OTHERS: Mapping[str, str] = MappingProxyType({})
+"""A robot without further parts of a kind."""
+
+AMOUNT_STATES = {"drifting": ("at", "turn rate"), "late": ("by", "duration")}
+"""States with an amount: the word before it, and its dimension."""
+
+TIME_WORDS = ("from", "at", "for", "when")
+
+
+@dataclass(frozen=True, slots=True)
+class FaultSpec:
+    """A ``part`` of the robot is in a ``state`` for ``seconds`` from ``start`` on, or from the first ``trigger`` on.
+
+    ``detail`` is where it bumps or feels a cliff, the name of a joint, or the number of a button; ``amount`` what is
+    left of a battery (0..1), the angle (radians) that somebody turns a joint to, the drift of a gyro (rad/s), or the
+    delay of odometry (s).
+    """
+
+    part: str
+    state: str
+    detail: str = ""
+    amount: float = 0.0
+    start: float = 0.0
+    seconds: float = math.inf
+    trigger: EventSpec | None = None
+
+    @property
+    def is_joint_fault(self) -> bool:
+        """Whether ``detail`` is the name of a joint."""
+        return self.state in JOINT_STATES and bool(self.detail)
+
+
+def read_fault(phrase: Phrase, node_error: NodeError, others: Mapping[str, str] = NO_OTHERS) -> FaultSpec:
+    """Read ``PART STATE [from T [to T] | at T [for T] | [for] T | when MOMENT [for T]]``.
+
+    ``others`` are the kinds of further parts of this robot, by names of their own.
+    """
+    part = phrase.take_if(*KINDS, RUN, *others)
+    if not part:
+        phrase.reject("what something happens to", (*KINDS, RUN, *others))
+        return FaultSpec("", "")
+    states = FAULT_STATES.get(others.get(part, part), UNPLUGGED)
+    state = phrase.take_if(*states)
+    if not state:
+        phrase.reject(f"what happens to the {part}", states)
+        return FaultSpec(part, "")
+    of_joint = state in JOINT_STATES and others.get(part, part) == "arm"
+    detail, amount = _read_joint(phrase, state) if of_joint else _read_detail(phrase, state)
+    start, seconds, moment = _read_time(phrase, node_error)
+    if state in PERMANENT_STATES and seconds < math.inf:
+        phrase.add_fault(f"'{state}' does not end by itself", "leave out when it ends")
+    if state in TEMPORARY_STATES and seconds == math.inf:
+        phrase.add_fault(f"'{part} {state}' has to end", f"such as '{part} {state} at 3 s for 2 s'")
+    phrase.expect_end()
+    return FaultSpec(part, state, detail, amount, start, seconds, moment)
+
+
+def _read_detail(phrase: Phrase, state: str) -> tuple[str, float]:
+    """Read what belongs to a state: where, which one, or how much."""
+    if state in ("bumped", "cliff"):
+        return phrase.take_if(*SIDES) or "centre", 0.0
+    if state == "button":
+        return _read_button(phrase), 0.0
+    if state in AMOUNT_STATES:
+        word, dimension = AMOUNT_STATES[state]
+        if not phrase.take_if(word):
+            phrase.reject(f"what follows '{state}'", (word,))
+        low = -math.inf if state == "drifting" else 0.0
+        return "", phrase.take_quantity(f"'{state}'", dimension, low=low, high=math.inf if state == "drifting" else 2.0)
+    if state == "battery" and not phrase.take_if("at"):
+        phrase.reject("what follows 'battery'", ("at",))
+    if state == "battery":
+        return "", phrase.take_quantity(f"'{state}'", "share", high=1.0)
+    return "", 0.0
+
+
+def _read_joint(phrase: Phrase, state: str) -> tuple[str, float]:
+    """Read which joint, and to which angle it is turned."""
+    if phrase.word in ("", "to", *TIME_WORDS):
+        phrase.add_fault(f"which joint is {state} is missing here", f"such as 'arm {state} {JOINT_STATES[state]}'")
+    joint = phrase.take()
+    if state not in ("turned", "pushed"):
+        return joint, 0.0
+    if not phrase.take_if("to"):
+        phrase.reject(f"what follows '{joint}'", ("to",))
+    return joint, phrase.take_quantity(f"'{state}'", "angle", low=-math.pi, high=math.pi)
+
+
+def _read_button(phrase: Phrase) -> str:
+    """Read ``0 pressed``."""
+    numbers = tuple(map(str, range(BUTTON_COUNT)))
+    number = phrase.take_if(*numbers)
+    if not number:
+        phrase.reject("the number of a button", numbers)
+    elif not phrase.take_if("pressed"):
+        phrase.reject(f"what becomes of button {number}", ("pressed",))
+    return number
+
+
+def _read_time(phrase: Phrase, node_error: NodeError) -> tuple[float, float, EventSpec | None]:
+    """Read when it happens, and for how long: from the beginning, and for good, where nothing is said."""
+    start, moment = 0.0, None
+    if phrase.take_if("from"):
+        start = phrase.take_quantity("'from'", "duration")
+        if phrase.take_if("to"):
+            end = phrase.take_quantity("'to'", "duration")
+            if end <= start:
+                phrase.add_fault("it ends before it begins")
+            return start, end - start, None
+        return start, math.inf, None
+    if phrase.take_if("at"):
+        start = phrase.take_quantity("'at'", "duration")
+    elif phrase.take_if("when"):
+        moment = read_event(phrase, node_error)
+    seconds = (
+        phrase.take_quantity("'for'", "duration") if phrase.take_if("for") or phrase.word[:1].isdigit() else math.inf
+    )
+    return start, seconds, moment

@@ -1,0 +1,103 @@
+"""Running a mission from a Python test, in simulated time, and looking at what it did."""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from config.cases import Eyes
+from config.diagnostics import SourceText
+from config.fields import Fields
+from config.yaml_nodes import compose
+from drivers.api import Pose2D
+from missions.executive.events import Event
+from missions.plugins.testing.case_history import CaseHistory, NodeRecord
+from missions.plugins.testing.case_runner import IN_PROCESS_LIMITS, CaseRunner
+from missions.plugins.testing.suite import read_suite
+
+GivenItem = str | Mapping[str, object]
+"""A mishap or a mock, as a test file has it: ``"arm unplugged at 3 s"``, ``{"gesture": "fails twice"}``."""
+
+
+@dataclass(frozen=True, slots=True)
+class MissionRun:
+    """A mission that was run: how it ended, after how many simulated ``seconds``, and all that happened.
+
+    ``said`` is what the robot said, ``pose`` where its base truly was in the end (in the frame of the world; None
+    without one), ``returns`` the mission's results, ``nodes`` what became of each node.
+    """
+
+    result: str
+    reason: str
+    seconds: float
+    events: Sequence[Event]
+    said: Sequence[str]
+    pose: Pose2D | None
+    returns: Mapping[str, object]
+    nodes: Sequence[NodeRecord]
+    history: CaseHistory
+
+    def starts(self, name: str) -> int:
+        """Return how often the nodes with this word or name began."""
+        return self.history.starts(name)
+
+    def ends(self, name: str) -> list[str]:
+        """Return how the nodes with this word or name ended, in order: success or failure."""
+        words = {"succeeds": "success", "fails": "failure"}
+        found = [each for each in self.history.observed_events if name in each.names]
+        return [words[each.verb] for each in found if each.verb in words]
+
+
+def run_mission(
+    mission: str | Path,
+    *,
+    params: Mapping[str, object] | None = None,
+    robot: str | Path | None = None,
+    world: str | Path | None = None,
+    seed: int = 0,
+    eyes: Eyes = "pixels",
+    physics: bool = False,
+    timeout: str = "120 s",
+    given: Iterable[GivenItem] = (),
+    behaviours: Iterable[str | Path] = (),
+) -> MissionRun:
+    """Run a mission on twins, as fast as the machine allows, and return what it did.
+
+    All is written as in a test file, relative to the working directory. A run that is not over after ``timeout`` of
+    simulated time is interrupted. Raises InvalidFileError with everything that is wrong with what was asked for.
+    """
+    case: dict[str, object] = {
+        "case": "run_mission",
+        "params": {name: _text(value) for name, value in (params or {}).items()},
+        "seed": seed,
+        "eyes": eyes,
+        "physics": physics,
+        "timeout": timeout,
+        "given": list(given),
+    }
+    case |= {key: str(value) for key, value in (("robot", robot), ("world", world)) if value is not None}
+    told = {"tests": str(mission), "behaviours": [str(file) for file in behaviours], "cases": [case]}
+    # JSON is YAML: so Python and files go one way, and have the same mistakes explained.
+    source = SourceText(f"run_mission('{mission}')", json.dumps(told, indent=1, ensure_ascii=False))
+    fields = Fields(source, compose(source), [], subject="run_mission")
+    (read,) = read_suite(fields, Path(), with_expectations=False)
+    stage = CaseRunner(read, IN_PROCESS_LIMITS)
+    runner = stage.run()
+    history = stage.history
+    result = history.result
+    return MissionRun(
+        "error" if result is None else result.result,
+        "" if result is None else result.reason,
+        0.0 if result is None else result.seconds,
+        history.events,
+        history.said,
+        history.pose,
+        history.returns,
+        history.nodes(runner.root, runner.plan.tree),
+        history,
+    )
+
+
+def _text(value: object) -> str:
+    """Return a param as it would stand in a file."""
+    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -1,0 +1,178 @@
+"""What a test file stands on: the mission that it tests, and the robot, the world and the params of each case."""
+
+from collections.abc import Callable, Sequence
+from collections.abc import Mapping as Named
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from behaviours.leaf import Leaf
+from config.cases import CommonKeys, SuiteKeys
+from config.defaults import DefaultsKeys, load_defaults
+from config.diagnostics import InvalidFileError, add_diagnostic, suggest_from
+from config.fields import Fields
+from config.library import DEFAULT_ROBOT, DEFAULT_WORLD, UnknownNameError, find_file
+from config.robot import RobotConfig
+from config.units import quoted_value
+from config.world import load_world
+from config.yaml_nodes import Listing, Mapping, Scalar
+from drivers.api.joints import qualified_joint_name
+from drivers.api.sections import ArmKeys
+from missions.assembly.part_factory import with_carriers
+from missions.language.nodes import MODIFIERS
+from missions.language.parallel_counts import source_text
+from missions.language.plan import Plan, Step
+from missions.library.drivers import load_robot
+from missions.library.shipped import MISSIONS_FOLDER, behaviour_files, find_mission, load_mission
+from missions.library.target import target_of
+from missions.library.vocabulary import load_leaves
+from missions.plugins.testing.expectations import CaseNames
+
+PARAM_SOURCE = "--param"
+"""How the checker of missions calls the place of a param that its caller gives."""
+
+
+@dataclass(frozen=True, slots=True)
+class CaseSetting:
+    """Where a case plays, and among which ``people``. ``plan`` is None where something is too wrong to have one."""
+
+    params: Named[str, str]
+    robot: str | None
+    world: str | None
+    config: RobotConfig
+    plan: Plan | None
+    people: tuple[str, ...] = ()
+
+    @property
+    def parts(self) -> frozenset[str]:
+        """The parts of the robot that the mission uses, which are all that there are in a run."""
+        if self.plan is None:
+            return self.config.parts
+        return with_carriers(self.config, self.plan.tree.parts)
+
+    @property
+    def names(self) -> CaseNames:
+        """What expectations may name."""
+        keys = {part: self.config.sections[part].keys for part in sorted(self.parts)}
+        arms = {part: its.limits for part, its in keys.items() if isinstance(its, ArmKeys)}
+        joints = tuple(qualified_joint_name(part, joint) for part, limits in arms.items() for joint in limits)
+        return CaseNames(
+            self.node_error, tuple(self.plan.returns) if self.plan is not None else (), joints, self.people
+        )
+
+    def steps(self, name: str) -> list[Step]:
+        """Return the steps with this word or name; modifiers have none of their own."""
+        tree = () if self.plan is None else self.plan.tree.walk()
+        return [step for step in tree if name in (step.kind, step.name) and step.kind not in MODIFIERS]
+
+    def node_error(self, name: str) -> str:
+        """Say what is wrong with the name of a node, nothing where there is one."""
+        if self.plan is None or self.steps(name):
+            return ""
+        known = {
+            word for step in self.plan.tree.walk() if step.kind not in MODIFIERS for word in (step.kind, step.name)
+        }
+        return f"mission '{self.plan.mission}' has no {quoted_value(name)}; {suggest_from(name, known)}"
+
+
+@dataclass(frozen=True, slots=True)
+class SuiteContext:
+    """What all cases of a file share: the ``mission`` (a path), the ``folder`` that names are relative to."""
+
+    folder: Path
+    mission: str
+    behaviours: Sequence[Path] = ()
+    leaves: Named[str, type[Leaf]] = field(default_factory=dict)
+    robot: str | None = None
+    """The robot, and the world, of a case that names none: those that `mission run` takes, but in tests that ship."""
+    world: str | None = None
+    plans: dict[tuple[str, frozenset[tuple[str, str]]], Plan] = field(default_factory=dict, compare=False)
+    """The missions that are right, by robot and params: most cases of a file share one."""
+
+    @classmethod
+    def read(cls, fields: Fields, keys: SuiteKeys, folder: Path, behaviours: Sequence[Path] = ()) -> "SuiteContext":
+        """Return what the keys at the top of a test file mean, with more ``behaviours`` than it names.
+
+        Raises InvalidFileError where the leaves cannot be read.
+        """
+        files, mission = [*behaviours, *(folder / file for file in keys.behaviours if file)], ""
+        try:
+            mission = str(find_mission(keys.tests, folder)) if keys.tests else ""
+        except UnknownNameError as error:
+            fields.add_error((fields.node_of("tests") or fields.node).mark, str(error))
+        found = behaviour_files(mission, files) if mission else files
+        own = DefaultsKeys() if folder.resolve().is_relative_to(MISSIONS_FOLDER) else load_defaults()
+        return cls(folder, mission, tuple(found), load_leaves(found, files), own.robot or None, own.world or None)
+
+    def read_setting(self, fields: Fields, keys: CommonKeys) -> CaseSetting:
+        """Return where a case plays, and check its mission with that robot and those params."""
+        robot = self._read_name(fields, "robot", keys.robot, load_robot) or self.robot
+        world = self._read_name(fields, "world", keys.world, load_world) or self.world
+        of = robot or DEFAULT_ROBOT
+        config = load_robot(find_file("robots", of))
+        params = self._read_params(fields)
+        given = of, frozenset((name, value.text) for name, (_, value) in params.items())
+        plan = self.plans.get(given) or self._check_mission(fields, params, config)
+        if plan is not None and not fields.diagnostics:
+            self.plans[given] = plan
+        return CaseSetting(
+            {name: value.text for name, (_, value) in params.items()},
+            robot,
+            world,
+            config,
+            plan,
+            tuple(person.name for person in load_world(find_file("worlds", world or DEFAULT_WORLD)).people),
+        )
+
+    def _read_name(self, fields: Fields, key: str, name: str | None, load: Callable[[Path], object]) -> str | None:
+        """Return the robot or the world that a case names, None for the usual one; a path is relative to the folder."""
+        node = fields.node_of(key)
+        if node is None or not name:
+            return None
+        beside = self.folder / name
+        if beside.is_file():
+            name = str(beside)
+        try:
+            load(find_file(f"{key}s", name))
+        except UnknownNameError as error:
+            fields.add_error(node.mark, str(error))
+            return None
+        except InvalidFileError as error:
+            for fault in error.diagnostics:
+                add_diagnostic(fields.diagnostics, fault)
+            return None
+        return name
+
+    def _read_params(self, fields: Fields) -> dict[str, tuple[Scalar, Scalar]]:
+        section, found = fields.node_of("params"), {}
+        for name, value in section.entries if isinstance(section, Mapping) else ():
+            if isinstance(value, Scalar):
+                found[name.text] = name, value
+            elif isinstance(value, Listing):
+                text = source_text(value)
+                found[name.text] = name, Scalar(value.mark, text, text)
+            else:
+                fields.add_error(value.mark, f"'{name.text}' needs one value, or a list")
+        return found
+
+    def _check_mission(
+        self, fields: Fields, params: Named[str, tuple[Scalar, Scalar]], robot: RobotConfig
+    ) -> Plan | None:
+        """Check the mission as a run would. What is wrong with a param is noted where the case gives it."""
+        if not self.mission:
+            return None
+        given = {name: value.text for name, (_, value) in params.items()}
+        try:
+            return load_mission(self.mission, params=given, complete=True, robot=target_of(robot), leaves=self.leaves)
+        except InvalidFileError as error:
+            own = [fault for fault in error.diagnostics if not fault.source.name.startswith(PARAM_SOURCE)]
+            for fault in error.diagnostics:
+                name = fault.source.name.removeprefix(PARAM_SOURCE).strip()
+                if fault in own:
+                    add_diagnostic(fields.diagnostics, fault)
+                elif name in params:
+                    key, value = params[name]
+                    fields.add_error((key if fault.mark.column == 1 else value).mark, fault.message, fault.suggestion)
+                else:
+                    fields.add_error(fields.node.mark, fault.message, "give it under 'params:'")
+            # Where only the params are wrong, the rest of the case can still be read.
+            return None if own else load_mission(self.mission, leaves=self.leaves)

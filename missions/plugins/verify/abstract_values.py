@@ -1,0 +1,248 @@
+"""Values that an exploration cannot know: what the robot senses, what leaves find out, and what follows from these.
+
+What follows from params and constants is calculated as in a run; the rest is a choice, an error among its options
+where the expression can raise one. So nothing that a run could do is left out, and some things may be added that no
+run does: two conditions on one unknown variable may contradict each other.
+"""
+
+import ast
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import field
+from functools import partial
+from typing import Any, Self
+
+from drivers.api.fast_dataclass import dataclass
+from drivers.errors import SensorSilent
+from missions.language import read_analysis
+from missions.language.expressions import Expression, ExpressionError, NameReference, Value
+from missions.language.for_each import ListMembers
+from missions.language.read_analysis import always_read_names
+from missions.language.robot_state import ROBOT_STATE, state_value
+from missions.plugins.verify.choices import Oracle
+
+PLAIN_TYPES = frozenset((bool, int, float, str))
+"""Types whose values hold no others: most of what is looked at."""
+
+MAX_COUNT = 3
+"""Whole numbers beyond this are not told apart: a mission that counts must not count for ever."""
+
+MIN_UNBOUNDED_ROUNDS = 2
+"""Rounds that a count beyond MAX_COUNT has at least; how many more is a choice."""
+
+MAX_TEXT_LENGTH = 20
+"""Characters of a text that is kept."""
+
+
+class Unknown:
+    """A value that some leaf has found out, or a caller will give."""
+
+    def __repr__(self) -> str:
+        return "unknown"
+
+
+UNKNOWN = Unknown()
+
+
+class UnboundedCount(int):
+    """A count beyond what is told apart: any run after ``min_rounds`` of them may be the last."""
+
+    oracle: Oracle
+    min_rounds: int
+
+    @classmethod
+    def of(cls, oracle: Oracle, min_rounds: int) -> Self:
+        """Return one that asks ``oracle``."""
+        made = cls(min_rounds)
+        made.oracle, made.min_rounds = oracle, min_rounds
+        return made
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, int) or isinstance(other, UnboundedCount):
+            return self is other
+        return other >= self.min_rounds and self.oracle.choose((False, True), lambda last: "that was the last" * last)
+
+    def __hash__(self) -> int:
+        return id(self)
+
+
+@dataclass(frozen=True, slots=True)
+class AbstractList(ListMembers):
+    """The members of a list of which nobody knows how many there are, or that are too many to be told apart."""
+
+    rounds: UnboundedCount
+
+    @property
+    def count(self) -> int:
+        """See Members."""
+        return self.rounds
+
+    def member(self, place: int) -> object:
+        """See Members."""
+        del place
+        return UNKNOWN
+
+    number = member
+
+
+class TopValue:
+    """An unknown value that may be the same as any other: whether it is, is a choice."""
+
+    def __init__(self, oracle: Oracle) -> None:
+        self._oracle = oracle
+
+    def __eq__(self, other: object) -> bool:
+        return self._oracle.choose((True, False), lambda same: "the value is the same" if same else "the value is new")
+
+    def __hash__(self) -> int:
+        return id(self)
+
+
+class NondetSensor:
+    """One part of the robot's state: its flags are choices each time that they are read."""
+
+    def __init__(self, oracle: Oracle, part: str) -> None:
+        self._oracle = oracle
+        self._part = part
+
+    def __getattr__(self, name: str) -> Any:
+        value = state_value(self._part, name)
+        if value is None or not value.options:
+            raise AttributeError(name)
+        return self._oracle.choose(value.options, partial(_describe_reading, f"{self._part}.{name}"))
+
+
+def reads_sensor(read: NameReference) -> bool:
+    """Say whether what an expression reads is something that a sensor reports."""
+    value = state_value(read.name, read.member)
+    return read.name in ROBOT_STATE and not (value is not None and value.is_always_known)
+
+
+def _describe_reading(name: str, value: object) -> str:
+    return f"{name} is {str(value).lower()}"
+
+
+@dataclass(frozen=True, slots=True)
+class NondetValue(Value):
+    """A value that is computed where all that it reads is known, and else one of ``options``.
+
+    ``never_computed`` ones are never computed. ``abstraction`` says what to make of a value that was. Of one that is ``only_checked`` alone
+    nothing matters but whether all that it reads is set.
+    """
+
+    oracle: Oracle = field(default_factory=Oracle)
+    options: Sequence[object] = (UNKNOWN,)
+    never_computed: bool = False
+    only_checked: bool = False
+    abstraction: Callable[[object], object] = lambda found: found
+    needed: frozenset[str] = field(init=False)
+    """What it surely reads. This and what follows is worked out once, and asked tens of thousands of times."""
+    sensed: bool = field(init=False)
+    sensors: Sequence[str] = field(init=False)
+    """Those that have to report: it is a choice whether they do."""
+    choices: Sequence[tuple[object, bool]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Work out what is the same each time."""
+        reads = self.template.reads if self.template is not None else ()
+        values = (state_value(read.name, read.member) for read in reads if read.name in ROBOT_STATE)
+        sensed = any(value is None or not value.options for value in values)
+        choices = [(found, False) for found in self.options] + [(None, True)] * may_fail(self)
+        sensors = tuple(dict.fromkeys(ROBOT_STATE[read.name].sensor for read in reads if reads_sensor(read)))
+        found = (("needed", always_read_names(self)), ("sensed", sensed), ("choices", choices), ("sensors", sensors))
+        for name, value in found:
+            object.__setattr__(self, name, value)
+
+    def resolve(self, scope: Mapping[str, object]) -> object:
+        """See missions.language.expressions.Value."""
+        if not self.never_computed:
+            self._check_set(scope)
+        for sensor in self.sensors:
+            if not self.oracle.sensor_reports(sensor):
+                raise SensorSilent(f"the {sensor} does not report")
+        if self.only_checked:
+            return UNKNOWN
+        if not self.never_computed and not self._reads_unknown(scope):
+            return self.abstraction(Value.resolve(self, scope))
+        found, failed = self.oracle.choose(self.choices, self._describe_choice)
+        if failed:
+            raise ExpressionError("cannot be calculated")
+        return found
+
+    def _check_set(self, scope: Mapping[str, object]) -> None:
+        """Raise ExpressionError for a variable that has to be there, and is not."""
+        for name in self.needed:
+            if name not in scope:
+                raise ExpressionError(f"'{name}' is not set")
+
+    def _reads_unknown(self, scope: Mapping[str, object]) -> bool:
+        """Say whether something that it reads is unknown here."""
+        reads = self.template.reads if self.template is not None else ()
+        return self.sensed or any(contains_unknown(scope.get(read.name)) for read in reads)
+
+    def _describe_choice(self, answer: tuple[object, bool]) -> str:
+        found, failed = answer
+        if failed:
+            return f"'{expression_text(self)}' cannot be calculated"
+        return "" if found is UNKNOWN else f"'{expression_text(self)}' is {str(found).lower()}"
+
+
+def expression_text(value: Value) -> str:
+    """Return an expression as it is written."""
+    formula = value.template
+    if formula is None:
+        return str(value.constant)
+    if isinstance(formula, Expression):
+        return formula.text
+    return "".join(part if isinstance(part, str) else f"${{{part.text}}}" for part in formula.parts)
+
+
+def contains_unknown(value: object) -> bool:
+    """Say whether a value, or something in it, is unknown."""
+    if value is UNKNOWN:
+        return True
+    if value is None or type(value) in PLAIN_TYPES:
+        return False
+    if isinstance(value, Mapping):
+        return any(map(contains_unknown, value.values()))
+    return isinstance(value, list | tuple) and any(map(contains_unknown, value))
+
+
+def widen(found: object) -> object:
+    """Return a value that was computed, or UNKNOWN where there could be too many of its kind."""
+    if found is None or isinstance(found, bool | UnboundedCount):
+        return found
+    if isinstance(found, int):
+        return found if abs(found) <= MAX_COUNT else UNKNOWN
+    if isinstance(found, Mapping):
+        return {name: widen(each) for name, each in found.items()}
+    return found if isinstance(found, str) and len(found) <= MAX_TEXT_LENGTH else UNKNOWN
+
+
+def may_fail(value: Value) -> bool:
+    """Say whether computing it can raise; a conversion can, except to true or false.
+
+    Of variables by the rule of ``check``. What is sensed may be missing, which ``==``, ``not``, ``and``, ``or`` take.
+    """
+    formula = value.template
+    if formula is None:
+        return value.convert not in (None, bool)
+    parts = (formula,) if isinstance(formula, Expression) else formula.parts
+    senses = any(read.name in ROBOT_STATE for read in formula.reads)
+    risky = senses and any(_may_raise(part.tree) for part in parts if isinstance(part, Expression))
+    return value.convert not in (None, bool) or risky or read_analysis.may_fail(value, (), ())
+
+
+def _may_raise(node: ast.expr) -> bool:
+    match node:
+        case ast.Constant() | ast.Name():
+            return False
+        case ast.Attribute(value=ast.Name(id=name)):
+            return name not in ROBOT_STATE
+        case ast.BoolOp(values=parts):
+            return any(map(_may_raise, parts))
+        case ast.UnaryOp(op=ast.Not(), operand=part):
+            return _may_raise(part)
+        case ast.Compare(left=left, ops=ops, comparators=others):
+            equal = all(isinstance(op, ast.Eq | ast.NotEq) for op in ops)
+            return not equal or any(map(_may_raise, (left, *others)))
+    return True

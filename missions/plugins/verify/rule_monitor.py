@@ -1,0 +1,265 @@
+"""What is seen during a step: leaves that start and end, and whatever breaks a rule or a property."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol
+
+from py_trees.common import Status
+
+from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS, Leaf
+from behaviours.node import Node
+from missions.executive.parent import Modifier
+from missions.language.plan import MissionProperty
+from missions.plugins.verify.choices import Oracle
+
+if TYPE_CHECKING:
+    from missions.plugins.verify.stand_ins import StandIn
+
+
+# Monitors: each follows one of a mission's properties along a run.
+
+
+@dataclass
+class PropertyMonitor:
+    """One property, with the leaves that its names stand for, and the nodes whose success counts.
+
+    A name stands for every node of that name, and so for all the leaves below it; an actuator for the leaves that
+    drive it. "Never A while B" and "without" ask which leaves run; "before" and "after" remember in ``happened`` that
+    B has succeeded, "always eventually" that A has started.
+    """
+
+    promise: MissionProperty
+    subject: frozenset[Leaf]
+    other: frozenset[Leaf]
+    counts: frozenset[Node]
+    happened: bool = False
+
+    @property
+    def rule(self) -> str:
+        """What it is called in verdicts: its text."""
+        return self.promise.text
+
+    def on_start(self, leaf: "StandIn", live_leaves: "Sequence[StandIn]") -> str:
+        """Hear of a leaf that starts while ``live_leaves`` ones run; return what is broken, or nothing."""
+        form = self.promise.form
+        if form == "while":
+            return self._overlap(leaf, live_leaves)
+        if leaf not in self.subject:
+            return ""
+        if form == "eventually":
+            self.happened = True
+        elif form == "before" and not self.happened:
+            return f"{leaf.label} starts, and {self.promise.other} has not succeeded"
+        elif form == "after" and self.happened:
+            return f"{leaf.label} starts, and {self.promise.other} has succeeded before"
+        return ""
+
+    def _overlap(self, leaf: "StandIn", live: "Sequence[StandIn]") -> str:
+        """Return who runs at the same time as ``leaf`` and must not."""
+        for mine, theirs in ((self.subject, self.other), (self.other, self.subject)):
+            clash = next((other for other in live if other in theirs), None)
+            if leaf in mine and clash is not None:
+                return f"{leaf.label} starts while {clash.label} runs"
+        return ""
+
+    def on_success(self, node: Node) -> None:
+        """Hear of a node that has succeeded."""
+        self.happened = self.happened or node in self.counts
+
+    def check_tick(self, live_leaves: "Sequence[StandIn]") -> str:
+        """Hear which leaves run after a tick; return what is broken, or nothing."""
+        if self.promise.form != "without" or any(leaf in self.other for leaf in live_leaves):
+            return ""
+        alone = next((leaf for leaf in live_leaves if leaf in self.subject), None)
+        return "" if alone is None else f"{alone.label} runs, and nothing of {self.promise.other} does"
+
+    def is_stopped(self, live: Iterable[Leaf]) -> bool:
+        """Say whether nothing of the subject runs."""
+        return not any(leaf in self.subject for leaf in live)
+
+
+def make_monitor(promise: MissionProperty, nodes: Sequence[Node]) -> PropertyMonitor:
+    """Return the monitor of a property of the tree that ``nodes`` are."""
+    remembers = promise.form in ("before", "after")
+    return PropertyMonitor(
+        promise,
+        _leaves_named(promise.subject, nodes),
+        _leaves_named(promise.other, nodes),
+        frozenset(_nodes_named(promise.other, nodes)) if remembers else frozenset(),
+    )
+
+
+def _nodes_named(name: str, nodes: Sequence[Node]) -> list[Node]:
+    """Return the nodes that a name stands for: the behaviours themselves, not the modifiers that share their names."""
+    nodes = [node for node in nodes if not isinstance(node, Modifier)]
+    return [node for node in nodes if node.name == name or (isinstance(node, Leaf) and node.kind == name)]
+
+
+def _leaves_named(name: str, nodes: Sequence[Node]) -> frozenset[Leaf]:
+    """Return the leaves that a name stands for."""
+    named = _nodes_named(name, nodes)
+    return frozenset(
+        leaf
+        for leaf in nodes
+        if isinstance(leaf, Leaf)
+        and (name in leaf.drives or any(leaf.key == node.key or leaf.key.startswith(f"{node.key}.") for node in named))
+    )
+
+
+EXCLUSIVE_ACTUATORS, REST_AFTER_END, VARIABLES_SET = "alone", "clean", "set"
+"""The rules that hold for every mission: one to an actuator, all at rest after a halt, what is read has been set."""
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """A rule or property that was broken: which, in what words, and by which node."""
+
+    rule: str
+    message: str
+    node: Node
+
+
+class Monitor(Protocol):
+    """Follows one property along a run; ``happened`` is all that it needs to remember."""
+
+    happened: bool
+
+    @property
+    def rule(self) -> str:
+        """What it is called in verdicts."""
+        ...
+
+    def on_start(self, leaf: "StandIn", live_leaves: "Sequence[StandIn]") -> str:
+        """Hear of a leaf that starts while ``live_leaves`` ones run; return what is broken, or nothing."""
+        ...
+
+    def on_success(self, node: Node) -> None:
+        """Hear of a node that has succeeded."""
+        ...
+
+    def check_tick(self, live_leaves: "Sequence[StandIn]") -> str:
+        """Hear which leaves run after a tick; return what is broken, or nothing."""
+        ...
+
+
+@dataclass
+class RuleMonitor:
+    """Follows one step, from the past that it is given: what monitors remember, and what was left moving.
+
+    ``rounds`` are the nodes under a ``repeat: forever``: when one succeeds, ``completed_round`` says so. ``timed_nodes`` are the
+    nodes that wait for a time, each with the status that shows that it is over; ``expired`` those of which it ever was.
+    ``reached`` are the nodes that some run comes to while all sensors report.
+    ``reads`` has the variables that nodes read when they start, and without which they fail. ``stand_ins`` are the
+    classes of the leaves, by what these have in common.
+    """
+
+    oracle: Oracle = field(default_factory=Oracle)
+    leaves: "list[StandIn]" = field(default_factory=list)
+    monitors: Sequence[Monitor] = ()
+    rounds: frozenset[Node] = frozenset()
+    timed_nodes: Mapping[Node, Status] = field(default_factory=dict)
+    moving: frozenset[str] = frozenset()
+    violations: list[Violation] = field(default_factory=list)
+    changes: list[tuple[Node, Status]] = field(default_factory=list)
+    reached: set[Node] = field(default_factory=set)
+    reads: Mapping[Node, frozenset[str]] = field(default_factory=dict)
+    expired: set[Node] = field(default_factory=set)
+    completed_round: bool = False
+    stand_ins: "dict[object, type[StandIn]]" = field(default_factory=dict)
+    _acting: "dict[StandIn, None]" = field(default_factory=dict)
+
+    def set_leaves(self, leaves: "Sequence[StandIn]") -> None:
+        """Take the leaves that are to be followed."""
+        self.leaves = list(leaves)
+        self._acting.clear()
+
+    def begin(self, happened: Sequence[bool], moving: frozenset[str]) -> None:
+        """Begin a step."""
+        self.moving = moving
+        self.violations, self.changes, self.completed_round = [], [], False
+        self._acting = dict.fromkeys(leaf for leaf in self.live_leaves if leaf.drives)
+        for monitor, remembered in zip(self.monitors, happened, strict=True):
+            monitor.happened = remembered
+
+    @property
+    def happened(self) -> tuple[bool, ...]:
+        """What the monitors remember."""
+        return tuple(monitor.happened for monitor in self.monitors)
+
+    @property
+    def live_leaves(self) -> "list[StandIn]":
+        """The leaves that have started, and have neither ended nor come to rest."""
+        return [leaf for leaf in self.leaves if leaf.is_acting]
+
+    # --- called by the stand-ins and the nodes ------------------------------------------------------------------------
+
+    def on_status_change(self, node: Node) -> None:
+        """Hear of a node whose status has changed; the observer of the run."""
+        self.changes.append((node, node.status))
+        if node.status is not IDLE and self.oracle.all_sensors_report:
+            self.reached.add(node)
+        if self.timed_nodes.get(node) is node.status and all(child.status is not FAILURE for child in node.children):
+            self.expired.add(node)  # of a timeout: it is not the child that has failed
+        if node.status is FAILURE:
+            for name in sorted(self.reads.get(node, frozenset()) - node.scope.keys()):
+                if f"'{name}' is not set" in node.feedback_message:
+                    self.violations.append(
+                        Violation(VARIABLES_SET, f"'{name}' is read here, but nothing has set it", node)
+                    )
+        if node.status is SUCCESS:
+            self.completed_round = self.completed_round or node in self.rounds
+            for monitor in self.monitors:
+                monitor.on_success(node)
+
+    def on_start(self, leaf: "StandIn") -> None:
+        """Hear of a leaf that starts."""
+        if self.oracle.all_sensors_report:
+            self.reached.add(leaf)
+        self.moving -= leaf.drives
+        for other in [other for other in self._acting if other is not leaf]:
+            if not other.is_acting:
+                del self._acting[other]
+                continue
+            for part in sorted(leaf.drives & other.drives):
+                self.violations.append(
+                    Violation(EXCLUSIVE_ACTUATORS, f"{other.label} and {leaf.label} both drive the {part}", leaf)
+                )
+        if leaf.drives:
+            self._acting[leaf] = None
+        live = [other for other in self.live_leaves if other is not leaf] if self.monitors else []
+        for monitor in self.monitors:
+            self._add_broken(monitor, monitor.on_start(leaf, live), leaf)
+
+    def on_left_moving(self, leaf: "StandIn") -> None:
+        """Hear of a leaf that was halted and stops nothing."""
+        self.moving |= leaf.drives
+
+    def add_violation(self, leaf: "StandIn", message: str) -> None:
+        """Hear of a leaf that was not started and ended once each."""
+        self.violations.append(Violation(REST_AFTER_END, f"{leaf.label} {message}", leaf))
+
+    # --- after the step -----------------------------------------------------------------------------------------------
+
+    def check_tick(self) -> None:
+        """Look at what runs after a tick."""
+        for leaf in self.leaves:
+            if leaf.status is not RUNNING and (leaf.live or leaf.is_acting):
+                self.add_violation(leaf, "was not told to stop when it ended")
+        live = self.live_leaves if self.monitors else []
+        for monitor in self.monitors:
+            broken = monitor.check_tick(live)
+            self._add_broken(monitor, broken, next(iter(live), self.leaves[0]))
+
+    def check_rest(self) -> None:
+        """Look at what is left once the tree has ended, or has come to rest after a halt."""
+        for leaf in self.live_leaves:
+            self.violations.append(Violation(REST_AFTER_END, f"{leaf.label} still runs", leaf))
+        for part in sorted(self.moving):
+            claimant = next(leaf for leaf in self.leaves if part in leaf.drives and not leaf.stops)
+            self.violations.append(
+                Violation(REST_AFTER_END, f"the {part} still moves: {claimant.label} leaves it to itself", claimant)
+            )
+
+    def _add_broken(self, monitor: Monitor, broken: str, node: Node) -> None:
+        if broken:
+            self.violations.append(Violation(monitor.rule, broken, node))

@@ -1,0 +1,229 @@
+"""Stand-ins for leaves: what each may do at a tick is a choice, within what the real one says of itself."""
+
+import ast
+import inspect
+import textwrap
+from types import FunctionType
+from typing import ClassVar, NamedTuple
+
+from py_trees.common import Status
+
+from behaviours.basics import Fail, Log, Pretend, Set, Succeed, Wait
+from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS, Leaf
+from missions.language.plan import Step
+from missions.plugins.verify.abstract_values import UNKNOWN
+from missions.plugins.verify.choices import Oracle
+from missions.plugins.verify.rule_monitor import RuleMonitor
+
+
+class TickOutcome(NamedTuple):
+    """What a leaf does at a tick: its status, and whether there is something for its ``as`` to keep."""
+
+    status: Status
+    has_result: bool
+
+
+EARLY_RESULT = TickOutcome(RUNNING, has_result=True)
+"""A leaf that has found something, and goes on."""
+
+STATUS_VERBS = {RUNNING: "runs", SUCCESS: "succeeds", FAILURE: "fails"}
+
+SENSOR_NAMES = {"range": "range finder", "ros2": "topic"}
+"""How the sensors of conditions are called, where that is not the name of the part."""
+
+FIXED_STATUSES = {Succeed: SUCCESS, Log: SUCCESS, Fail: FAILURE}
+"""The leaves that always do the same at once."""
+
+
+class StandIn(Leaf):
+    """A leaf that may run, succeed or fail; ``outcomes`` holds which of these. It keeps the claims of the real one.
+
+    Where its failure ``merges_ends`` its success, it never fails; one with a ``leader`` goes on as long as that does
+    (see missions.plugins.verify.model).
+    """
+
+    run_state: ClassVar[tuple[str, ...]] = ("live",)
+    lasting_state: ClassVar[tuple[str, ...]] = ("_silent_since",)
+    oracle: ClassVar[Oracle]
+    watch: ClassVar[RuleMonitor]
+    outcomes: ClassVar[tuple[TickOutcome, ...]]
+    sensor: ClassVar[str]
+    lingers: ClassVar[bool]
+    never_rests: ClassVar[bool]
+    stops: ClassVar[bool]
+    live = False
+    merges_ends = False
+    leader: "StandIn | None" = None
+
+    def initialise(self) -> None:
+        """Tell that it starts."""
+        if self.live:
+            self.watch.add_violation(self, "was started again before it was told to stop")
+        self.live = True
+        self.watch.on_start(self)
+
+    def update(self) -> Status:
+        """Do one of the things that it may do; suspended while the sensor that it asks does not report."""
+        if self.sensor and not self.oracle.sensor_reports(self.sensor):
+            return self.suspend(self.sensor)
+        known = self.output_variable is not None and self.scope.get(self.output_variable) is UNKNOWN
+        possible = [outcome for outcome in self.outcomes if not known or outcome != EARLY_RESULT]
+        if self.leader is not None:
+            goes_on = self.leader.status is RUNNING
+            possible = [outcome for outcome in possible if (outcome.status is RUNNING) == goes_on]
+        if self.merges_ends and any(outcome.status is SUCCESS for outcome in possible):
+            possible = [outcome for outcome in possible if outcome.status is not FAILURE]
+        status, found = self.oracle.choose(possible, self._describe_outcome)
+        self.result = UNKNOWN if found and self.output_variable is not None else None
+        return status
+
+    def terminate(self, new_status: Status) -> None:
+        """Tell that it has stopped, as far as the real one stops anything."""
+        if not self.live:
+            self.watch.add_violation(self, "was told to stop twice")
+        self.live = False
+        if new_status is IDLE and not self.stops:
+            self.watch.on_left_moving(self)
+
+    def halting(self) -> bool:
+        """Take more time to stop, or not, where the real one may."""
+        return self.lingers and self.oracle.choose((False, True), self._describe_halting)
+
+    def _count_unticked_time(self) -> None:
+        """Do nothing: a pause decides nothing in a tree, and its clock would add states and choices."""
+
+    @property
+    def can_end(self) -> bool:
+        """Say whether it may ever succeed or fail."""
+        return any(outcome.status is not RUNNING for outcome in self.outcomes)
+
+    def _describe_outcome(self, outcome: TickOutcome) -> str:
+        return f"{self.label} {STATUS_VERBS[outcome.status]}"
+
+    def _describe_halting(self, still: bool) -> str:
+        return f"{self.label} still stops" if still else ""
+
+
+class SetStandIn(StandIn):
+    """The leaf that sets variables, which it does as in a run."""
+
+    def update(self) -> Status:
+        """Set the variables."""
+        self.scope.update(self.values)
+        return SUCCESS
+
+
+class WaitStandIn(StandIn):
+    """The leaf that waits: it is over after its ``seconds``, and neither sooner nor later than the next tick."""
+
+    run_state = ("_until",)
+    seconds: ClassVar[float]
+    _until = 0.0
+
+    def initialise(self) -> None:
+        """Begin to wait."""
+        super().initialise()
+        self._until = self.run.read_value() + self.seconds
+
+    def update(self) -> Status:
+        """Wait."""
+        return SUCCESS if self.run.read_value() >= self._until else RUNNING
+
+
+def wait_seconds(step: Step) -> float | None:
+    """Return how long the leaf of a step takes, in seconds; None for one of which that is not known."""
+    if step.leaf is None or not issubclass(step.leaf, Wait) or step.arguments["duration"].template is not None:
+        return None
+    known = step.arguments["duration"].constant
+    return known if isinstance(known, float) else None
+
+
+def stand_in_class(step: Step, oracle: Oracle, watch: RuleMonitor) -> type[StandIn]:
+    """Return the class of a stand-in for the leaf of a step: the same one for steps that are alike.
+
+    A class for each step would make ``isinstance`` slow, which asks all subclasses of an abstract class.
+    """
+    alike = step.leaf, wait_seconds(step), outcomes(step)
+    if alike not in watch.stand_ins:
+        watch.stand_ins[alike] = _make_stand_in_class(step, oracle, watch)
+    return watch.stand_ins[alike]
+
+
+def _make_stand_in_class(step: Step, oracle: Oracle, watch: RuleMonitor) -> type[StandIn]:
+    real = step.leaf or Leaf
+    declared = {
+        name: getattr(real, name)
+        for name in ("word", "needs", "drives", "stores", "ends", "instant", "open_ended", "halt_limit", "arguments")
+    }
+    seconds = wait_seconds(step)
+    kind = SetStandIn if issubclass(real, Set) else StandIn if seconds is None else WaitStandIn
+    return type(
+        f"{real.__name__}StandIn",
+        (kind,),
+        declared
+        | {
+            "seconds": seconds,
+            "__module__": __name__,
+            "oracle": oracle,
+            "watch": watch,
+            "outcomes": outcomes(step),
+            "sensor": sensor_of(real),
+            "never_rests": always_returns_true(real.halting),
+            "lingers": real.halting is not Leaf.halting,
+            "stops": not real.drives or real.terminate is Leaf.terminate or not does_nothing(real.terminate),
+        },
+    )
+
+
+def outcomes(step: Step) -> tuple[TickOutcome, ...]:
+    """Return all that the leaf of a step may do at a tick."""
+    real = step.leaf or Leaf
+    if real in FIXED_STATUSES:
+        return (TickOutcome(FIXED_STATUSES[real], False),)
+    if issubclass(real, Pretend) and step.arguments["outcomes"].template is None:
+        statuses = list(dict.fromkeys(_statuses_in(step.arguments["outcomes"].constant)))
+    else:
+        ways = {"success": SUCCESS, "failure": FAILURE}
+        statuses = [ways[end] for end in ("success", "failure") if end in real.ends]
+        statuses += [] if real.instant else [RUNNING]
+    found = [TickOutcome(status, status is SUCCESS) for status in statuses]
+    early = step.output_variable is not None and RUNNING in statuses
+    return (*found, EARLY_RESULT) if early else tuple(found)
+
+
+def sensor_of(leaf: type[Leaf]) -> str:
+    """Return the sensor that a condition asks, as messages call it; empty for any other leaf."""
+    part = min(leaf.needs, default="") if leaf.instant and not leaf.drives else ""
+    return SENSOR_NAMES.get(part, part)
+
+
+def _statuses_in(value: object) -> list[Status]:
+    return [each for each in value if isinstance(each, Status)] if isinstance(value, tuple) else []
+
+
+def always_returns_true(function: object) -> bool:
+    """Say whether all that a method ever returns is a plain true, as far as its source shows that."""
+    body = _function_tree(function)
+    returns = [node.value for node in ast.walk(body) if isinstance(node, ast.Return)] if body else []
+    ends = body is not None and isinstance(body.body[-1], ast.Return)
+    return ends and all(isinstance(value, ast.Constant) and value.value is True for value in returns)
+
+
+def does_nothing(function: object) -> bool:
+    """Say whether a method plainly does nothing, as far as its source shows that."""
+    body = _function_tree(function)
+    idle = (ast.Pass, ast.Delete)
+    return body is not None and all(
+        isinstance(each, idle) or (isinstance(each, ast.Expr) and isinstance(each.value, ast.Constant))
+        for each in body.body
+    )
+
+
+def _function_tree(function: object) -> ast.FunctionDef | None:
+    if not isinstance(function, FunctionType):
+        return None
+    try:
+        (body,) = ast.parse(textwrap.dedent(inspect.getsource(function))).body
+    except (OSError, SyntaxError):
+        return None
+    return body if isinstance(body, ast.FunctionDef) else None

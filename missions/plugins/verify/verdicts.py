@@ -1,0 +1,302 @@
+"""The judge: what an exploration proves and refutes, rule by rule, and where a run is lost for good."""
+
+from collections.abc import Callable, Iterable
+from math import inf
+
+from behaviours.leaf import RUNNING
+from behaviours.node import Node
+from behaviours.run import SENSOR_TIMEOUT
+from config.diagnostics import Diagnostic, Mark, SourceText
+from config.units import quantity_text
+from drivers.clock import Clock
+from missions.executive.modifiers import RepeatModifier, RetryModifier
+from missions.language.nodes import NODES
+from missions.language.plan import Plan, Step
+from missions.plugins.verify.explore import (
+    GOING,
+    HALTING,
+    PROVED,
+    REFUTED,
+    RESTED,
+    UNDECIDED,
+    RuleFinding,
+    RuleVerdict,
+    StateSpace,
+    VerificationReport,
+    trace_to,
+    trace_to_violation,
+)
+from missions.plugins.verify.model import MissionModel
+from missions.plugins.verify.rule_monitor import EXCLUSIVE_ACTUATORS, REST_AFTER_END, VARIABLES_SET, PropertyMonitor
+from missions.plugins.verify.stand_ins import StandIn
+
+ENDS = ("success", "failure")
+
+
+class RuleChecker:
+    """Reads verdicts from an exploration that is done."""
+
+    def __init__(self, space: StateSpace, plan: Plan) -> None:
+        self._space = space
+        self._plan = plan
+        self._steps = dict(_steps_by_key(plan.tree, "1"))
+        self._unproved = PROVED if space.is_complete else UNDECIDED
+        ticks = "1 tick" if space.explored_depth == 1 else f"{space.explored_depth} ticks"
+        self._shallow = f"true of all runs of up to {ticks}" if space.open and space.explored_depth else ""
+
+    def verdicts(self) -> list[RuleVerdict]:
+        """Return all verdicts: the rules for every mission first, then its own properties."""
+        nodes = len(self._space.model.nodes)
+        return [
+            self._check_termination(),
+            self._check_reachability(
+                "its node can be reached" if nodes == 1 else f"each of its {nodes} nodes can be reached"
+            ),
+            *self._check_timeouts(),
+            self._check_safety(EXCLUSIVE_ACTUATORS, "no two behaviours drive one actuator at the same time"),
+            self._check_rest(),
+            *(
+                [self._check_safety(VARIABLES_SET, "every variable is set when it is read")]
+                if self._space.model.watch.reads
+                else []
+            ),
+            *(self._check_property(place, each) for place, each in enumerate(self._space.model.monitors)),
+        ]
+
+    # --- the rules ----------------------------------------------------------------------------------------------------
+
+    def _check_termination(self) -> RuleVerdict:
+        places = self._space.places
+        ends = [number for number, place in enumerate(places) if place.kind in ENDS]
+        rounds = [number for number, place in enumerate(places) if place.completes_round]
+        rule = "it can end from every state"
+        if rounds:
+            rule = f"{rule}, or goes on with its 'repeat: forever'" if ends else "it runs until it is stopped"
+        trap = self._first_state_without((*ends, *rounds), lambda kind: kind == GOING)
+        if trap is None:
+            known = self._space.can_reach((*ends, *rounds))
+            so_far = f"true of {len(known)} of {len(places)} states" if self._space.open else ""
+            return RuleVerdict(rule, self._unproved, so_far=so_far)
+        holder = self._node_without_end(self._bottom_component(trap))
+        step = self._steps[holder.key]
+        message = f"no end can be reached {'at all' if trap == 0 else 'any more'}: '{step.kind}' goes on for ever"
+        fault = Diagnostic(step.source, step.mark, message)
+        return RuleVerdict(rule, REFUTED, (RuleFinding(fault, trace_to(self._space, trap)),))
+
+    def _check_reachability(self, rule: str) -> RuleVerdict:
+        reached = self._space.model.watch.reached
+        missed = [
+            node
+            for node in self._space.model.nodes
+            if node not in reached and (node.parent is None or node.parent in reached)
+        ]
+        if not missed or not self._space.is_complete:
+            return self._partial_verdict(rule, len(self._space.model.nodes), len(missed))
+        return RuleVerdict(rule, REFUTED, tuple(RuleFinding(self._unreached_diagnostic(node)) for node in missed))
+
+    def _partial_verdict(self, rule: str, count: int, missed: int) -> RuleVerdict:
+        """Return the verdict on a rule that asks each of ``count`` nodes for something that some run shows."""
+        return (
+            RuleVerdict(rule, UNDECIDED, so_far=f"true of {count - missed} so far")
+            if missed
+            else RuleVerdict(rule, PROVED)
+        )
+
+    def _unreached_diagnostic(self, node: Node) -> Diagnostic:
+        step = _unwrap_modifiers(self._steps[node.key])
+        parent = self._steps[node.key.rpartition(".")[0] or node.key]
+        return Diagnostic(
+            step.source,
+            step.mark,
+            f"'{step.name}' is never reached",
+            f"'{parent.kind}' (line {parent.mark.line}): {NODES[parent.kind].unreached_reason or 'it never comes to it'}",
+        )
+
+    def _check_timeouts(self) -> list[RuleVerdict]:
+        watch = self._space.model.watch
+        if not watch.timed_nodes:
+            return []
+        one = next(iter(watch.timed_nodes))
+        rule = f"its {len(watch.timed_nodes)} waits and timeouts" if len(watch.timed_nodes) > 1 else f"its '{one.kind}'"
+        rule = f"{rule} can be over"
+        missed = [node for node in watch.timed_nodes if node in watch.reached and node not in watch.expired]
+        if not missed or not self._space.is_complete:
+            return [self._partial_verdict(rule, len(watch.timed_nodes), len(missed))]
+        return [RuleVerdict(rule, REFUTED, tuple(RuleFinding(self._never_over_diagnostic(node)) for node in missed))]
+
+    def _never_over_diagnostic(self, node: Node) -> Diagnostic:
+        step = self._steps[node.key]
+        own = _seconds(step)
+        around = [self._steps[node.key[:end]] for end, sign in enumerate(node.key) if sign == "."][::-1]
+        limits = [each for each in around if each.kind == "timeout"]
+        sooner = [each for each in limits if own is not None and (_seconds(each) or inf) <= own]
+        if sooner:
+            why = f"the 'timeout' of {sooner[0].text} around it (line {sooner[0].mark.line}) is over first"
+        elif step.kind == "timeout":
+            why = f"'{_unwrap_modifiers(step).name}' has always ended before"
+        else:
+            why = f"the 'timeout' around it (line {limits[0].mark.line}) leaves it no time" if limits else "see above"
+        return Diagnostic(step.source, step.mark, f"'{step.kind}' of {step.text} is never over", why)
+
+    def _check_rest(self) -> RuleVerdict:
+        rule = "after every halt and every end all is at rest"
+        found = self._check_safety(REST_AFTER_END, rule)
+        stuck = self._first_state_without(
+            (number for number, place in enumerate(self._space.places) if place.kind not in (GOING, HALTING)),
+            lambda kind: kind == HALTING,
+        )
+        restless = tuple(
+            RuleFinding(self._restless_diagnostic(leaf)) for leaf in self._space.model.watch.leaves if leaf.never_rests
+        )
+        if restless:
+            return RuleVerdict(rule, REFUTED, (*found.findings, *restless))
+        if found.outcome == REFUTED or stuck is None:
+            return found
+        fault = Diagnostic(self._plan.source, self._plan.tree.mark, "told to stop, it never comes to rest")
+        return RuleVerdict(rule, REFUTED, (RuleFinding(fault, trace_to(self._space, stuck)),))
+
+    def _restless_diagnostic(self, leaf: StandIn) -> Diagnostic:
+        step = self._steps[leaf.key]
+        message = f"told to stop, '{step.kind}' never comes to rest: its 'halting' always says that it still stops"
+        return Diagnostic(
+            step.source, step.mark, message, f"its actuators are stopped for it after {leaf.halt_limit:g} s"
+        )
+
+    # --- the mission's own properties ---------------------------------------------------------------------------------
+
+    def _check_property(self, place: int, monitor: PropertyMonitor) -> RuleVerdict:
+        promise = monitor.promise
+        if promise.form == "can":
+            return self._check_can_end(monitor)
+        if promise.form == "stopped":
+            return self._check_eventually(
+                monitor, [monitor.is_stopped(each.live_leaves) for each in self._space.places]
+            )
+        if promise.form == "eventually":
+            return self._check_eventually(monitor, [each.happened[place] for each in self._space.places])
+        return self._check_safety(monitor.rule, monitor.rule, promise.mark)
+
+    def _check_can_end(self, monitor: PropertyMonitor) -> RuleVerdict:
+        end = {"succeed": "success", "fail": "failure"}[monitor.promise.subject]
+        if any(place.kind == end for place in self._space.places):
+            return RuleVerdict(monitor.rule, PROVED)
+        if not self._space.is_complete:
+            return RuleVerdict(monitor.rule, UNDECIDED)
+        fault = Diagnostic(self._plan.source, monitor.promise.mark, f"no run ends with {end}")
+        return RuleVerdict(monitor.rule, REFUTED, (RuleFinding(fault),))
+
+    def _check_eventually(self, monitor: PropertyMonitor, good: list[bool]) -> RuleVerdict:
+        places = self._space.places  # a halt from outside is no way for a mission to keep its promise
+        goals = (n for n, is_good in enumerate(good) if is_good and places[n].kind not in (HALTING, RESTED))
+        lost = self._first_state_without(goals, lambda kind: kind == GOING or kind in ENDS)
+        if lost is None:
+            return RuleVerdict(monitor.rule, self._unproved)
+        what = (
+            f"{monitor.promise.subject} does not run" if monitor.promise.form == "eventually" else "it goes on moving"
+        )
+        fault = Diagnostic(self._plan.source, monitor.promise.mark, f"{monitor.rule}: from here on {what}")
+        return RuleVerdict(monitor.rule, REFUTED, (RuleFinding(fault, trace_to(self._space, lost)),))
+
+    def _check_safety(self, key: str, rule: str, mark: Mark | None = None) -> RuleVerdict:
+        """Return the verdict on a rule that a single step can break."""
+        found = self._space.violations.get(key)
+        if found is None:
+            return RuleVerdict(rule, self._unproved, so_far=self._shallow)
+        step = self._steps[found.violation.node.key]
+        place: tuple[SourceText, Mark] = (step.source, step.mark) if mark is None else (self._plan.source, mark)
+        fault = Diagnostic(*place, found.violation.message)
+        return RuleVerdict(rule, REFUTED, (RuleFinding(fault, trace_to_violation(self._space, found)),))
+
+    # --- where a run is lost ------------------------------------------------------------------------------------------
+
+    def _first_state_without(self, goals: Iterable[int], matters: Callable[[str], bool]) -> int | None:
+        """Return the place nearest to the start from which none of ``goals`` can be reached, whatever was left out."""
+        if self._space.model.shuffler.is_sampled:
+            return None  # an order that was not tried could lead there
+        can = self._space.can_reach((*goals, *self._space.open))
+        places = enumerate(self._space.places)
+        return next((number for number, place in places if matters(place.kind) and number not in can), None)
+
+    def _bottom_component(self, place: int) -> int:
+        """Return a place, reachable from this one, to which every run from it comes back again and again."""
+        while True:
+            back = self._space.can_reach((place,))
+            onward = [n for n in self._space.reachable_from(place) if self._space.places[n].kind == GOING]
+            left = [number for number in onward if number not in back]
+            if not left:
+                return max(onward)
+            place = min(left)
+
+    def _node_without_end(self, place: int) -> Node:
+        """Return the node that keeps a run going: a leaf that has no end, else the innermost endless loop that runs."""
+        state = self._space.places[place].state
+        if state is not None:
+            self._space.model.restore(state)
+        running = [node for node in self._space.model.nodes if node.status is RUNNING] or [self._space.model.root]
+        endless = [node for node in running if isinstance(node, StandIn) and not node.can_end]
+        loops = [node for node in running if isinstance(node, RetryModifier | RepeatModifier) and node.setting is None]
+        return max(endless or loops or running, key=lambda node: node.key.count("."))
+
+
+def _seconds(step: Step) -> float | None:
+    """Return the time that a step waits for, where that is known."""
+    value = step.arguments.get("value") or step.arguments.get("duration")
+    return value.constant if value is not None and isinstance(value.constant, float) else None
+
+
+def _steps_by_key(step: Step, key: str) -> Iterable[tuple[str, Step]]:
+    """Return the steps by the keys of their nodes."""
+    yield key, step
+    for place, child in enumerate(step.children, start=1):
+        yield from _steps_by_key(child, f"{key}.{place}")
+
+
+def _unwrap_modifiers(step: Step) -> Step:
+    """Return the behaviour itself inside its modifiers: where a person looks for it."""
+    while "value" in step.arguments and step.leaf is None and len(step.children) == 1:
+        step = step.children[0]
+    return step
+
+
+# From a checked mission to a report on it.
+
+MAX_STATES = 10_000
+"""States after which an exploration gives up; the shipped missions have a few hundred at most."""
+
+TIME_LIMIT = 60.0
+"""Seconds after which it gives up."""
+
+
+def verify(
+    plan: Plan,
+    clock: Clock,
+    *,
+    bound: int = MAX_STATES,
+    limit: float = TIME_LIMIT,
+    sensor_timeout: float = SENSOR_TIMEOUT,
+) -> VerificationReport:
+    """Explore a mission and return what that proves and refutes.
+
+    It goes on to ``bound`` states and for ``limit`` seconds at most, by ``clock``. The robot waits for its sensors for
+    ``sensor_timeout`` seconds.
+    """
+    began = clock.read_value()
+    space = StateSpace(MissionModel(plan, sensor_timeout), bound, lambda: clock.read_value() - began >= limit)
+    space.explore()
+    verdicts = tuple(RuleChecker(space, plan).verdicts())
+    seconds = clock.read_value() - began
+    figures = len(space.places), space.transitions, space.depth
+    return VerificationReport(
+        plan.source.name, plan.mission, verdicts, *figures, seconds, _describe_omissions(space, limit)
+    )
+
+
+def _describe_omissions(space: StateSpace, limit: float) -> str:
+    """Say what was not explored, and what to do about it."""
+    if space.open:
+        more = (
+            f"--limit '{quantity_text(10 * limit, 'duration')}'" if space.out_of_time else f"--bound {10 * space.bound}"
+        )
+        when = f"after {quantity_text(limit, 'duration')} " if space.out_of_time else ""
+        return f"{when}{len(space.open)} of {len(space.places)} states were not followed to the end; try {more}"
+    return "" if space.is_complete else "not every order of a random composite with many children was tried"

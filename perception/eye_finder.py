@@ -1,0 +1,61 @@
+"""Finding the eyes in a face, with the Haar cascade for eyes that comes with OpenCV."""
+
+from functools import cached_property
+from pathlib import Path
+
+import cv2
+import cv2.data
+
+from perception.api import Box, Image
+from perception.image_preparation import GreyImage, check_image, equalise, resize, to_grey, window_slices
+
+CASCADE = "haarcascade_eye.xml"
+FACE_PIXELS = 120
+"""Pixels to which a face is scaled first: an eye of it is then as large as the cascade was trained for, and more."""
+
+EYE_BAND = (0.15, 0.6)
+"""Where eyes are, from the top of a face's box to its bottom."""
+
+EYE_WIDTHS = (0.17, 0.4)
+"""Width of an eye's box, as shares of the face's."""
+
+
+class EyeFinder:
+    """Finds up to two open eyes in a face's box. For one thread at a time."""
+
+    def find(self, image: Image | GreyImage, face: Box) -> tuple[Box, ...]:
+        """Return the boxes of the eyes in a face, the left one in the picture first.
+
+        At most one in each half of the face; of several, the one that the cascade is surest of.
+        Raises ValueError for what is not a picture.
+        """
+        check_image(image)
+        band = Box(face.x, face.y + EYE_BAND[0] * face.height, face.width, (EYE_BAND[1] - EYE_BAND[0]) * face.height)
+        rows, columns = window_slices(image.shape, band, 1.0)
+        if face.width <= 0 or image[rows, columns].size == 0:
+            return ()
+        scale = FACE_PIXELS / face.width
+        boxes, _, weights = self._cascade.detectMultiScale3(
+            equalise(resize(to_grey(image[rows, columns]), scale), tiles=2),
+            scaleFactor=1.15,
+            minNeighbors=1,
+            minSize=(round(FACE_PIXELS * EYE_WIDTHS[0]), round(FACE_PIXELS * EYE_WIDTHS[0])),
+            maxSize=(round(FACE_PIXELS * EYE_WIDTHS[1]), round(FACE_PIXELS * EYE_WIDTHS[1])),
+            outputRejectLevels=True,
+        )
+        best: dict[bool, tuple[float, Box]] = {}
+        for box, weight in zip(boxes, weights, strict=True):
+            x, y, width, height = (float(value) / scale for value in box)
+            eye = Box(columns.start + x, rows.start + y, width, height)
+            right = eye.centre[0] > face.centre[0]
+            if right not in best or weight > best[right][0]:
+                best[right] = (float(weight), eye)
+        return tuple(best[right][1] for right in (False, True) if right in best)
+
+    @cached_property
+    def _cascade(self) -> cv2.CascadeClassifier:
+        """The trained cascade, read from OpenCV's own folder when the first face comes."""
+        path = Path(cv2.data.haarcascades) / CASCADE
+        if not path.is_file():
+            raise FileNotFoundError(f"eyes: {path} is missing\n  try: pip install 'opencv-python-headless<5'")
+        return cv2.CascadeClassifier(str(path))

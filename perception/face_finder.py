@@ -1,0 +1,524 @@
+"""Finding faces in frame after frame, for a small part of what a full search of each would cost.
+
+The whole picture is searched until there is a face: in one frame for all but small ones, in the next for those, then
+for heads that lean, as the detector says. From then on optical flow carries its box from frame to frame, and now and
+then a search of the region around it confirms that it still is one: the more seldom, the better both agree. Now and
+then the whole picture is searched again, for newcomers; where nobody is, every second frame for near ones at first,
+then every eighth, and less often while all stays as it was. What was found counts as a face as long as more searches
+that are independent of the first agreed than not.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from math import hypot, inf, log2
+from typing import Protocol, cast, runtime_checkable
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from drivers.api.fast_dataclass import dataclass
+from perception.api import Box, Detection, Image
+from perception.face_search import ANY_FACE, FaceSearch, StillPictureDetector
+from perception.image_preparation import GreyImage, check_image, resize, to_grey, window_slices
+from perception.tracks import FaceSighting
+
+# Following a patch of the picture from one frame to the next by sparse optical flow.
+
+Floats = npt.NDArray[np.float32]
+Points = Floats
+"""Places in a picture: shape (n, 1, 2), dtype float32, x then y in pixels."""
+
+FLOW_REACH = (
+    2.4  # how much of the picture is looked at, in widths of the box: it may move by 0.7 of one from frame to frame
+)
+MIN_FLOW_REACH = (
+    40  # or by these, where that is more: a head that pans at 60 degrees/s moves the picture by 32 in 50 ms
+)
+MAX_PATCH_PIXELS = 32  # pixels to which a larger box is shrunk: what it costs does not grow with the face
+MAX_CORNERS = 20
+INNER_SHARE = 0.8  # of the box is looked at for corners
+FLOW_WINDOW = (9, 9)  # pixels around a corner that are compared
+MIN_POINTS = 6  # points that must be followed for the result to count
+MAX_RETURN_ERROR = 1.0  # pixels by which a point may miss its start when it is followed back
+
+
+def track_box(before: Image | GreyImage, after: Image | GreyImage, box: Box) -> Box | None:
+    """Return where the patch in ``box`` of ``before`` is in ``after``; None when it can't be followed.
+
+    Corners on the inner part of the box are followed with pyramidal Lucas-Kanade, forth and back; those that do not
+    return to their start are dropped, the median of the rest moves the box, the change of their spread scales it.
+    """
+    if before.shape != after.shape or box.width <= 0:
+        return None
+    rows, columns = window_slices(before.shape, box, max(FLOW_REACH, 1.0 + 2 * MIN_FLOW_REACH / box.width))
+    if before[rows, columns].size == 0:
+        return None
+    scale = min(1.0, MAX_PATCH_PIXELS / box.width)
+    old, new = (_shrink(to_grey(picture[rows, columns]), scale) for picture in (before, after))
+    inner = Box((box.x - columns.start) * scale, (box.y - rows.start) * scale, box.width * scale, box.height * scale)
+    start = _find_corners(old, inner)
+    if start is None:
+        return None
+    pairs = _follow_points(old, new, start)
+    if pairs is None:
+        return None
+    return _move_box(box, *pairs, scale, before.shape)
+
+
+def _shrink(picture: GreyImage, scale: float) -> GreyImage:
+    """Return a picture ``scale`` times as large: halved first, as other averages take five times as long.
+
+    Up to a pixel of the result is missing at the right and the bottom.
+    """
+    part = 2 ** int(-log2(scale))
+    height, width = (side // part for side in picture.shape[:2])
+    if part > 1 and min(height, width) > 0:
+        even = picture[: height * part, : width * part]
+        picture, scale = cast(GreyImage, cv2.resize(even, (width, height), interpolation=cv2.INTER_AREA)), scale * part
+    return resize(picture, scale)
+
+
+def _find_corners(picture: GreyImage, box: Box) -> Points | None:
+    """Points worth following on the inner part of the box, away from the background at its edges."""
+    rows, columns = window_slices(picture.shape, box, INNER_SHARE)
+    if picture[rows, columns].size == 0:
+        return None
+    # OpenCV says None for no corner at all, which its type stubs leave out.
+    found = cast(Points | None, cv2.goodFeaturesToTrack(picture[rows, columns], MAX_CORNERS, 0.02, 3))
+    return None if found is None else found + np.array((columns.start, rows.start), np.float32)
+
+
+def _follow_points(old: GreyImage, new: GreyImage, start: Points) -> tuple[Points, Points] | None:
+    """The points that were followed forth and back, before and after, each of shape (n, 2)."""
+    there, seen, _ = cv2.calcOpticalFlowPyrLK(old, new, start, start.copy(), winSize=FLOW_WINDOW, maxLevel=3)
+    back, seen_back, _ = cv2.calcOpticalFlowPyrLK(new, old, there, there.copy(), winSize=FLOW_WINDOW, maxLevel=3)
+    missed_by = np.hypot(*(back - start).reshape(-1, 2).T)
+    good = (seen.ravel() == 1) & (seen_back.ravel() == 1) & (missed_by < MAX_RETURN_ERROR)
+    if np.count_nonzero(good) < MIN_POINTS:
+        return None
+    return cast(Points, start.reshape(-1, 2)[good]), cast(Points, there.reshape(-1, 2)[good])
+
+
+def _move_box(box: Box, start: Points, there: Points, scale: float, shape: tuple[int, ...]) -> Box | None:
+    """Move and scale the box as the points did; None when it has left the picture."""
+    middle, middle_there = _median(start), _median(there)
+    spread = float(_median(np.hypot(*(start - middle).T)))
+    spread_there = float(_median(np.hypot(*(there - middle_there).T)))
+    growth = min(max(spread_there / max(spread, 1.0), 0.9), 1.1)
+    shift_x, shift_y = _median(there - start) / scale
+    x, y = box.centre[0] + float(shift_x), box.centre[1] + float(shift_y)
+    if not (0 <= x < shape[1] and 0 <= y < shape[0]):
+        return None
+    width, height = box.width * growth, box.height * growth
+    return Box(x - width / 2, y - height / 2, width, height)
+
+
+def _median(values: Floats) -> Floats:
+    """Return the (upper) median along the first axis; numpy's own takes ten times as long for so few."""
+    return cast(Floats, np.sort(values, axis=0)[len(values) // 2])
+
+
+# One face that is followed: how often it was found and borne out, and when it is looked for again.
+
+SAME_FACE_OVERLAP = 0.3
+"""Overlap from which on two boxes are one face."""
+
+AGREEMENT_OVERLAP = 0.6
+"""Overlap from which on the detector agrees with the flow: a Haar box jitters by a tenth of its width."""
+
+MAX_RESTED_FRAMES = 2
+"""Frames in a row in which flow may leave out a face of many."""
+
+RETRY_INTERVAL = 5
+"""Frames from a search that missed a face to the next."""
+
+MAX_TRUST = 3
+"""What a face can earn at most: one for each search whose witnesses agree, less one for each that fails."""
+
+
+@dataclass(slots=True)
+class FollowedFace:
+    """A face that is followed: ``found_count`` it was found, ``misses`` since, frames until its search is ``frames_to_search``.
+
+    ``search_interval`` is from one search to the next, in frames; ``trust`` the searches that agreed less those that did not.
+    ``last_measurement`` is the newest picture in which its place was found, and that place; ``rested_frames`` the frames since, and
+    ``drift`` how far it moved from frame to frame before, in pixels. It ``is_resting`` where no flow carries it now.
+    """
+
+    detection: Detection
+    found: bool = True
+    found_count: int = 1
+    misses: int = 0
+    frames_to_search: int = 1
+    search_interval: int = 1
+    trust: int = 0
+    is_believed: bool = False
+    aside_searches: int = 0
+    last_measurement: tuple[Image | GreyImage, Box] | None = None
+    drift: tuple[float, float] = (0.0, 0.0)
+    is_resting: bool = False
+    rested_frames: int = 0
+
+    def update_trust(self, confirmed: bool) -> None:
+        """Others were asked whether it is a face: while that is open, they are asked in each frame."""
+        self.trust = min(max(self.trust + (1 if confirmed else -1), -MAX_TRUST), MAX_TRUST)
+        self.is_believed |= self.trust > 0
+        if -MAX_TRUST < self.trust <= 0:
+            self.search_interval = self.frames_to_search = 1
+
+    def track(self, before: Image | GreyImage, image: Image | GreyImage) -> bool:
+        """Bring it to the next frame by optical flow, from ``before`` at least; False where that fails."""
+        shown, box = self.last_measurement or (before, self.detection.box)
+        frames, self.rested_frames = self.rested_frames + 1, 0
+        carried = track_box(shown, image, box)
+        if carried is None:
+            return False
+        (x, y), (was_x, was_y) = carried.centre, box.centre
+        self.drift = (x - was_x) / frames, (y - was_y) / frames
+        self.detection = replace(self.detection, box=carried)
+        return True
+
+    def extrapolate(self) -> bool:
+        """Let it move on as before, without a look at the frame; False where one is due, or the last had none."""
+        if (
+            self.trust <= 0
+            or self.frames_to_search <= 1
+            or self.rested_frames >= MAX_RESTED_FRAMES
+            or self.last_measurement is None
+        ):
+            return False
+        box, (x, y) = self.detection.box, self.drift
+        self.detection = replace(self.detection, box=replace(box, x=box.x + x, y=box.y + y))
+        self.rested_frames += 1
+        return True
+
+    def end_frame(self, image: Image | GreyImage) -> None:
+        """End a frame: its place was found in it, unless it rests."""
+        if not self.is_resting:
+            self.last_measurement, self.rested_frames = (image, self.detection.box), 0
+        self.is_resting = False
+
+    def on_found(self, detection: Detection, max_interval: int) -> None:
+        """The detector has found it again."""
+        agrees = self.detection.box.overlap(detection.box) > AGREEMENT_OVERLAP
+        self.search_interval = min(2 * self.search_interval, max_interval) if agrees else 1
+        self.detection, self.found = detection, True
+        self.found_count, self.misses, self.aside_searches, self.frames_to_search = (
+            self.found_count + 1,
+            0,
+            0,
+            self.search_interval,
+        )
+
+    def on_turned_aside(self) -> None:
+        """It looks to one side, where flow has carried it."""
+        self.aside_searches += 1
+        self.search_interval, self.frames_to_search = 1, RETRY_INTERVAL
+
+    def on_missed(self) -> None:
+        """The detector has not found it where the flow has carried it."""
+        self.misses += 1
+        self.update_trust(False)
+        self.search_interval, self.frames_to_search = 1, RETRY_INTERVAL
+
+
+def drop_duplicates(followed: Iterable[FollowedFace]) -> list[FollowedFace]:
+    """Return the faces; where two boxes have come to lie on one, that which is known for longer."""
+    kept: list[FollowedFace] = []
+    for known in followed:
+        if all(known.detection.box.overlap(other.detection.box) <= SAME_FACE_OVERLAP for other in kept):
+            kept.append(known)
+    return kept
+
+
+LOST_FACE_FRAMES = 25
+"""Frames for which the whole picture is searched that often too, after a face was lost."""
+
+NEWCOMER_INTERVAL = 40
+"""Frames from one search of the whole picture to the next while a face is known, where the detector does not say."""
+
+FIRST_NEWCOMER_INTERVAL = 1
+"""Frames to the first search for others after somebody was found, as they may have come together; then 4 times that."""
+
+EMPTY_SEARCH_INTERVAL = 2
+"""The same where one of each kind has found no face, for the first ``LONG_EMPTY_SEARCH_INTERVAL`` frames: a head may be turned away."""
+
+LONG_EMPTY_SEARCH_INTERVAL = 8
+"""The same after that, and twice that where searches are dear; see Still for what stays as it was."""
+
+MAX_ASIDE_SEARCHES = 6
+"""Searches in a row for which a face that looks to one side may be carried on."""
+
+MIN_CROWD = 3
+"""Known faces from which on flow carries all but the largest in every third frame only."""
+
+MAX_STEADY_SHIFT = 0.02
+"""How far a face may have moved from one frame to the next that stays in one place, in widths of it: 0.1 m/s."""
+
+
+class FaceDetector(Protocol):
+    """What the finder needs: a search of a whole picture, and one around a known face."""
+
+    def detect(
+        self, image: Image | GreyImage, *, smallest: float = 0.0, largest: float = inf, roll: float = 0.0
+    ) -> Sequence[Detection]:
+        """Return the faces anywhere in the picture, those at least whose width is ``smallest``..``largest`` pixels.
+
+        ``roll`` is by how much they lean to the right, in radians.
+        """
+        ...
+
+    def detect_near(self, image: Image | GreyImage, box: Box, *, roll: float = 0.0) -> Detection | None:
+        """Return the face about where ``box`` is, None when there is none."""
+        ...
+
+
+@runtime_checkable
+class ThoroughDetector(Protocol):
+    """What a detector may offer besides: a second opinion, other sights of a head, and what it looks for how often."""
+
+    newcomer_interval: int
+    """Frames from one search of the whole picture to the next while a face is known."""
+
+    search_plan: Sequence[FaceSearch]
+    """What it searches a whole picture for, the most frequent first; the others take turns between."""
+
+    quick_search: FaceSearch
+    """What it searches a whole picture for where there is little time."""
+
+    def is_expensive(self, image: Image | GreyImage) -> bool:
+        """Whether to search such a picture costs far more than its size tells."""
+        ...
+
+    def is_confirmed(self, image: Image | GreyImage, box: Box, *, roll: float = 0.0) -> bool:
+        """Whether searches that are independent of the first see a face at ``box`` too."""
+        ...
+
+    def detect_leaning(self, image: Image | GreyImage, known: Detection) -> Iterable[Detection]:
+        """Yield where the face that was ``known`` may be, should it lean otherwise by now."""
+        ...
+
+    def is_turned_aside(self, image: Image | GreyImage, box: Box) -> bool:
+        """Whether a face that was at ``box`` is there, but looks to one side."""
+        ...
+
+
+class FaceFinder:
+    """Finds and follows faces through the frames of one camera or film. For one thread at a time.
+
+    ``every``: frames from one search of a face's region to the next, once it is sure. ``patience``: searches in a row
+    that may miss before a face is given up while flow still carries it (it has turned aside; or it never was one).
+    ``newcomer_interval``: frames from one search of the whole picture to the next while a face is known; else as the detector
+    says, which is more often for a network than for a cascade. A sighting counts as ``found`` where its detector found
+    it and, if that is ``ThoroughDetector``, is borne out; what is not is carried by flow until the next miss at most.
+    A new face is searched for again in the very next frame, and given up at the first miss: most false ones flicker.
+    """
+
+    def __init__(
+        self,
+        detector: FaceDetector,
+        *,
+        confirm_interval: int = 10,
+        max_misses: int = 3,
+        newcomer_interval: int | None = None,
+    ) -> None:
+        self._detector = detector
+        self._confirm_interval = confirm_interval
+        self._max_misses = max_misses
+        self._thorough = detector if isinstance(detector, ThoroughDetector) else None
+        self._newcomer_interval = newcomer_interval or (
+            self._thorough.newcomer_interval if self._thorough else NEWCOMER_INTERVAL
+        )
+        self._faces: list[FollowedFace] = []
+        self._previous: Image | GreyImage | None = None
+        self._frames_since_search = 0
+        self._search_plan = tuple(self._thorough.search_plan) if self._thorough else (ANY_FACE,)
+        self._search_count = 0  # how many of them were made
+        self._lost_face_frames = 0  # frames for which a face that was lost is still looked for
+        self._lost_face_search = self._search_plan[0]  # the search that would find it
+        self._newcomer_wait = FIRST_NEWCOMER_INTERVAL  # frames to the next search for newcomers
+        self._empty_frames = 0  # frames in a row without a face
+        self._is_expensive = False  # whether the newest search was
+        self._still_detector = StillPictureDetector()
+        self._last_centres: list[tuple[float, float]] = []  # of known faces, as it was last asked what can be spared
+
+    def find(self, image: Image | GreyImage) -> list[FaceSighting]:
+        """Return the faces in the next frame, largest first. Raises ValueError for what is not a picture."""
+        check_image(image)
+        before, self._previous = self._previous, image
+        followed = self._faces
+        whole = self._frames_since_search + 1 >= self._search_interval()
+        if before is not None:
+            largest = max(followed, key=lambda known: known.detection.box.width, default=None)
+            for known in followed if len(followed) >= MIN_CROWD and not whole else ():
+                known.is_resting = known is not largest and known.extrapolate()
+            self._faces = [known for known in followed if self._track(known, before, image, wait=whole)]
+        believed = [known for known in followed if known.is_believed]
+        if believed and not self._faces:
+            self._expect_return(believed[0], image)
+        self._frames_since_search += 1
+        if self._frames_since_search >= (pause := self._search_interval()):
+            empty = pause > 1 and not any(known.trust > 0 for known in self._faces)
+            self._search_picture(image, unless_still=empty)
+        self._faces = [
+            known
+            for known in self._faces
+            if known.frames_to_search > 0 or self._search_near(known, image, carried=True)
+        ]
+        self._faces = drop_duplicates(self._faces)
+        self._empty_frames = 0 if any(known.trust > 0 for known in self._faces) else self._empty_frames + 1
+        self._lost_face_frames -= 1
+        for known in believed:
+            if known.found_count > 2 and all(known is not other for other in self._faces):
+                self._expect_return(known, image)
+        found = [
+            FaceSighting(known.detection, known.found and known.trust > 0, is_believed=known.is_believed)
+            for known in self._faces
+        ]
+        for known in self._faces:
+            known.end_frame(image)
+        return sorted(found, key=lambda sighting: -sighting.detection.box.width)
+
+    def skip_frames(self, limit: int) -> int:
+        """Return how many of the next frames, up to ``most``, it need not be shown, and count them as if it had been.
+
+        It would search none of them, and either nobody is there, or a third as many are spared since all known faces
+        have stayed in one place from the frame before to this one.
+        """
+        before, self._last_centres = self._last_centres, [known.detection.box.centre for known in self._faces]
+        pause = self._search_interval()
+        if self._faces:
+            limit = limit // 3 if self._lost_face_frames <= 0 and self._is_steady(before) else 0
+        elif pause < LONG_EMPTY_SEARCH_INTERVAL:
+            return 0
+        spared = max(
+            0, min(limit, pause - 1 - self._frames_since_search, *(known.frames_to_search - 1 for known in self._faces))
+        )
+        for known in self._faces:
+            known.frames_to_search -= spared
+        self._frames_since_search += spared
+        return spared
+
+    def _is_steady(self, before: Sequence[tuple[float, float]]) -> bool:
+        """Whether all known faces are beyond doubt, and where they were."""
+        return len(before) == len(self._faces) and all(
+            known.trust > 0 and hypot(x - was_x, y - was_y) <= MAX_STEADY_SHIFT * known.detection.box.width
+            for known, (x, y), (was_x, was_y) in zip(self._faces, self._last_centres, before, strict=True)
+        )
+
+    def reset(self) -> None:
+        """Forget everything: another film begins."""
+        self._faces.clear()
+        self._previous = None
+        self._frames_since_search, self._search_count, self._lost_face_frames = 0, 0, 0
+        self._empty_frames, self._newcomer_wait, self._is_expensive = 0, FIRST_NEWCOMER_INTERVAL, False
+        self._still_detector = StillPictureDetector()
+
+    def _search_interval(self) -> int:
+        """Return how many frames after a search of the whole picture the next one is due."""
+        lost = self._lost_face_frames > 0
+        if any(known.trust > 0 for known in self._faces):
+            return RETRY_INTERVAL if lost else self._newcomer_wait
+        if lost or self._empty_frames < len(self._search_plan):
+            return 1
+        if self._is_expensive:
+            return 2 * LONG_EMPTY_SEARCH_INTERVAL
+        return EMPTY_SEARCH_INTERVAL if self._empty_frames < LONG_EMPTY_SEARCH_INTERVAL else LONG_EMPTY_SEARCH_INTERVAL
+
+    def _next_search(self, image: Image | GreyImage) -> FaceSearch:
+        """Return what the whole picture is searched for next."""
+        sure = [known for known in self._faces if known.trust > 0]
+        if self._lost_face_frames > 0 and (sure or self._lost_face_frames % 2):
+            return self._lost_face_search
+        if self._thorough and not sure and len(self._search_plan) <= self._empty_frames < LONG_EMPTY_SEARCH_INTERVAL:
+            return self._thorough.quick_search
+        turn, self._search_count = self._search_count, self._search_count + 1
+        main, *others = self._search_plan
+        if sure:  # who is with whom they know
+            return main if turn % 2 else self._search_for_face(sure[0].detection, image)
+        if turn < len(self._search_plan):
+            return self._search_plan[turn]
+        return others[turn // 2 % len(others)] if turn % 2 and others else main
+
+    def _search_for_face(self, face: Detection, image: Image | GreyImage) -> FaceSearch:
+        """Return the first search that would find such a face."""
+        return next((each for each in self._search_plan if each.fits(face, max(image.shape))), self._search_plan[0])
+
+    def _on_found(self, known: FollowedFace, detection: Detection, image: Image | GreyImage) -> None:
+        """A search has found it again; others are asked as long as it is not beyond doubt."""
+        known.on_found(detection, self._confirm_interval)
+        self._confirm(known, image)
+
+    def _confirm(self, known: FollowedFace, image: Image | GreyImage) -> None:
+        if known.trust < MAX_TRUST:
+            known.update_trust(self._thorough is None or self._is_confirmed(self._thorough, known.detection, image))
+
+    def _is_confirmed(self, thorough: ThoroughDetector, found: Detection, image: Image | GreyImage) -> bool:
+        return thorough.is_confirmed(image, found.box, roll=found.roll)
+
+    def _expect_return(self, lost: FollowedFace, image: Image | GreyImage) -> None:
+        """Look for a lost face again soon, among those of its size: somebody may just have walked past it."""
+        self._lost_face_frames = LOST_FACE_FRAMES
+        self._lost_face_search = self._search_for_face(lost.detection, image)
+
+    def _track(self, known: FollowedFace, before: Image | GreyImage, image: Image | GreyImage, *, wait: bool) -> bool:
+        """Bring a face to the new frame; False when it is gone. Where it can ``wait``, its own search may follow."""
+        known.found = False
+        known.frames_to_search -= 1
+        if known.is_resting:
+            return True
+        carried = known.track(before, image)
+        if carried and (known.frames_to_search > 0 or wait):
+            return True
+        return self._search_near(known, image, carried=carried)
+
+    def _search_near(self, known: FollowedFace, image: Image | GreyImage, *, carried: bool) -> bool:
+        """Search for a known face where it should be; False when it is gone."""
+        again = self._find_again(known, image)
+        if again is not None:
+            self._on_found(known, again, image)
+            return True
+        if carried and self._is_turned_aside(known, image):
+            known.on_turned_aside()
+            return True
+        known.on_missed()
+        return carried and known.trust > 0 and known.misses < self._max_misses
+
+    def _find_again(self, known: FollowedFace, image: Image | GreyImage) -> Detection | None:
+        """Return a known face where it is now, upright or leaning as before; or as one that others see lean."""
+        at, thorough = known.detection, self._thorough
+        again = self._detector.detect_near(image, at.box, roll=at.roll)
+        if again is not None or thorough is None or known.trust <= 0:
+            return again
+        return next(
+            (found for found in thorough.detect_leaning(image, at) if self._is_confirmed(thorough, found, image)), None
+        )
+
+    def _is_turned_aside(self, known: FollowedFace, image: Image | GreyImage) -> bool:
+        """Whether a face that was beyond doubt has turned to one side: it is carried on for a while."""
+        sure = self._thorough is not None and known.trust == MAX_TRUST and known.aside_searches < MAX_ASIDE_SEARCHES
+        return sure and self._thorough is not None and self._thorough.is_turned_aside(image, known.detection.box)
+
+    def _search_picture(self, image: Image | GreyImage, *, unless_still: bool) -> None:
+        """Look for newcomers, of one kind after the other; meet those already known."""
+        self._frames_since_search = 0
+        self._newcomer_wait = min(4 * self._newcomer_wait, self._newcomer_interval)
+        due = self._next_search(image)
+        self._is_expensive = self._thorough is not None and self._thorough.is_expensive(image)
+        if unless_still and self._still_detector.can_skip(image, due):
+            return
+        side = max(image.shape)
+        found = self._detector.detect(image, smallest=due.smallest * side, largest=due.largest * side, roll=due.roll)
+        for detection in found:
+            known = max(self._faces, key=lambda k: k.detection.box.overlap(detection.box), default=None)
+            if known is not None and known.detection.box.overlap(detection.box) > SAME_FACE_OVERLAP:
+                if not known.found or known.trust <= 0:
+                    self._on_found(known, detection, image)
+            else:
+                newcomer = FollowedFace(detection)
+                self._confirm(newcomer, image)
+                self._faces.append(newcomer)
+                self._lost_face_frames = 0
+                if newcomer.trust > 0:
+                    self._newcomer_wait = FIRST_NEWCOMER_INTERVAL

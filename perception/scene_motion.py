@@ -1,0 +1,122 @@
+"""A picture as a whole: its edges and brightness; and the sense for motion, how much of it has changed.
+
+A covered lens and a blank wall have no edges, a room has. Motion is what has changed whatever the robot's head does.
+"""
+
+from dataclasses import replace
+from typing import cast
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from perception.api import Frame, Image, Scene
+from perception.image_preparation import GreyImage, cell_means, shrink_to, to_grey
+
+COMPARE_WIDTH = 160
+"""Pixels of the width to which pictures are shrunk to be compared: little noise is left, and a hand still shows."""
+
+MAX_SHIFT = 0.25
+"""The share of the picture by which it may have shifted: beyond, too little of it can be compared."""
+
+MIN_CORRELATION_PEAK = 0.2
+"""The least peak (0..1) of the correlation from which on a shift is one. A cut to another scene has about 0.05."""
+
+MIN_DIFFERENCE = 14.0
+"""Grey levels (of 255) by which a spot must differ to have changed."""
+
+_NEIGHBOURHOOD = np.ones((3, 3), np.uint8)
+
+
+class MotionSense:
+    """Measures a scene, and what moves in it: a ``perception.senses.SceneSense``.
+
+    A camera that turns shifts the whole picture. The shift is found by phase correlation, the picture before is moved
+    along, and only what both show is compared. A spot has changed when it is brighter or darker than all that was
+    about there before, so that most of what the shift does not explain (the sides of a picture shift more than its
+    middle) is no motion: 0.2 % is left of a head that turns at 10 degrees/s, 1 % at 60, as of somebody who walks by.
+    Where the two have no shift in common, nothing is said to move: a robot that whirls about sees no motion.
+    """
+
+    def __init__(self) -> None:
+        self._previous: GreyImage | None = None
+
+    def measure(self, frame: Frame) -> Scene:
+        """Return what the next frame shows as a whole, ``motion`` with it: 0 for the first one."""
+        picture = shrink(frame.image)
+        before, self._previous = self._previous, picture
+        same_size = before is not None and before.shape == picture.shape
+        motion = changed_share(before, picture) if before is not None and same_size else 0.0
+        return replace(measure_scene(frame.image, stamp=frame.stamp), motion=motion)
+
+
+def changed_share(before: GreyImage, after: GreyImage) -> float:
+    """Return the share 0..1 of ``after`` that differs from ``before``, apart from a shift of the whole, and its light.
+
+    Both are of the same shape (height, width).
+    """
+    moved = find_shift(before, after)
+    return 0.0 if moved is None else _differing_share(before, after, moved)
+
+
+def find_shift(before: GreyImage, after: GreyImage) -> tuple[float, float] | None:
+    """Return by how many spots the picture has moved to the right and down; None where that cannot be told."""
+    height, width = after.shape
+    window = cv2.createHanningWindow((width, height), cv2.CV_32F)
+    (right, down), peak = cv2.phaseCorrelate(before.astype(np.float32), after.astype(np.float32), window)
+    if peak < MIN_CORRELATION_PEAK or abs(right) > MAX_SHIFT * width or abs(down) > MAX_SHIFT * height:
+        return None
+    return right, down
+
+
+def _translate(picture: GreyImage, shift: tuple[float, float]) -> GreyImage:
+    """Return a picture moved to the right and down; what was not in it is black."""
+    right, down = shift
+    height, width = picture.shape
+    move = np.array([[1.0, 0.0, right], [0.0, 1.0, down]])
+    return cast(GreyImage, cv2.warpAffine(picture, move, (width, height)))
+
+
+def _differing_share(before: GreyImage, after: GreyImage, shift: tuple[float, float]) -> float:
+    """Return the share of what both show, ``before`` being moved, that differs."""
+    height, width = after.shape
+    margin_x, margin_y = int(abs(shift[0])) + 2, int(abs(shift[1])) + 2
+    both = (slice(margin_y, height - margin_y), slice(margin_x, width - margin_x))
+    then, now = np.asarray(_translate(before, shift)[both], np.float32), np.asarray(after[both], np.float32)
+    if now.size == 0:
+        return 0.0
+    then = np.clip(then * _exposure_ratio(then, now), 0, 255)
+    lowest, highest = cv2.erode(then, _NEIGHBOURHOOD), cv2.dilate(then, _NEIGHBOURHOOD)
+    return float(np.mean((now < lowest - MIN_DIFFERENCE) | (now > highest + MIN_DIFFERENCE)))
+
+
+def _exposure_ratio(then: npt.NDArray[np.float32], now: npt.NDArray[np.float32]) -> float:
+    """Return by how much the light, or the camera's exposure, has grown: what most spots agree on."""
+    return float(np.median((now + 1.0) / (then + 1.0)))
+
+
+def shrink(image: Image) -> GreyImage:
+    """Return a picture shrunk to ``COMPARE_WIDTH`` pixels across, in grey levels."""
+    height, width = image.shape[:2]
+    if width <= COMPARE_WIDTH:
+        return to_grey(image)
+    return shrink_to(image, COMPARE_WIDTH, max(1, round(height * COMPARE_WIDTH / width)))
+
+
+EDGE_SHARE = 0.01
+"""The share of neighbouring cells that may differ by more than the contrast: a few hot pixels are no scene."""
+
+
+def measure_scene(image: Image | GreyImage, *, stamp: float) -> Scene:
+    """Return what a picture of shape (height, width, 3) or (height, width) shows as a whole.
+
+    The contrast is the 99th percentile of the differences between cells side by side. A smooth shade makes a large
+    spread of brightness but no such steps, so a wall that is lit from one side is as uniform as it looks.
+    Raises ValueError for what is not a picture.
+    """
+    means = cell_means(image).astype(np.int16)
+    steps = np.concatenate([np.abs(np.diff(means, axis=axis)).ravel() for axis in (0, 1)])
+    if steps.size == 0:
+        return Scene(stamp, float(means.mean()), 0.0)
+    at = int((1.0 - EDGE_SHARE) * (steps.size - 1))
+    return Scene(stamp, float(means.mean()), float(np.partition(steps, at)[at]))
