@@ -122,10 +122,10 @@ class Leaf(HaltableNode):
         That one it needs and claims, and sees as its robot's only one; or needs and claims as well, ``beside`` the one
         that it means already.
         """
-        words, first = ("needs", "drives", "uses"), cls.named_parts.get(kind, kind)
+        words, first = ("needs", "drives", "optional_parts"), cls.named_parts.get(kind, kind)
         if additional:
             own: dict[str, Any] = {word: getattr(cls, word) | {name} for word in words if first in getattr(cls, word)}
-            own["parts_beside"] = {**cls.additional_parts, name: kind}
+            own["additional_parts"] = {**cls.additional_parts, name: kind}
         elif name == kind:
             return cls
         else:

@@ -149,7 +149,7 @@ def leaf_of(cls: type[Behaviour]) -> type[Leaf]:
     body = {
         "__doc__": inspect.getdoc(cls) or f"{cls.__name__}, a behaviour of py_trees.",
         "__module__": cls.__module__,
-        "word": tag_of(cls),
+        "tag": tag_of(cls),
         "make": staticmethod(cls),
         "takes_name": "name" in parameters,
     }

@@ -19,11 +19,11 @@ KeyPath = tuple[str | int, ...]
 def read_keys(fields: Fields, cls: type[K]) -> K:
     """Read a section whose keys ``cls`` declares, and note every mistake; harmless values stand where one is.
 
-    What ``cls`` finds beyond each key (its ``mistakes``) is noted where the keys that it is about are right.
+    What ``cls`` finds beyond each key (its ``diagnostics``) is noted where the keys that it is about are right.
     """
     found = _read(fields, cls)
     fields.report_unknown_keys(getattr(cls, "unknown", ""))
-    add_mistakes(fields, getattr(found, "mistakes", tuple)())
+    add_mistakes(fields, getattr(found, "diagnostics", tuple)())
     return found
 
 

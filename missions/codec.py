@@ -130,7 +130,7 @@ def _message_field(field: "Field[Any]", hint: Any) -> MessageField:
         bound = Bound(max(bound.low, low), min(bound.high, high))
     required = field.default is MISSING and field.default_factory is MISSING
     default = None if required or field.default is MISSING else field.default
-    word = found.get(JsonName, JsonName(field.name)).word
+    word = found.get(JsonName, JsonName(field.name)).name
     return MessageField(field.name, word, get_args(hint)[0] if marks else hint, about, bound, required, default)
 
 

@@ -50,7 +50,7 @@ class RangerTwin:
             raise ValueError(f"{self.name}: {least=}, {most=}, {rate=}, {dropouts=}, {noise=}: out of range")
         self.plug = SimulatedPlug(self.name, report, on_online=self._begin)
         self._least, self._most = least, most
-        self.PERIOD = 0.5 / rate
+        self.STEP_INTERVAL = 0.5 / rate
         """Seconds between two steps: half a turn."""
         self._mounting = Mounting(place, tuple(blind))
         self._bearings = bearings()

@@ -252,7 +252,7 @@ class BaseTwin(ArbitratedBase):
     are those of the drivers. For one thread. Raises ValueError for values out of range.
     """
 
-    PERIOD = STEP_INTERVAL
+    STEP_INTERVAL = STEP_INTERVAL
 
     def __init__(
         self,

@@ -88,7 +88,7 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
     Raises BadRequest for a joint that is not there, ValueError for other values that make no sense.
     """
 
-    PERIOD = STEP_INTERVAL
+    STEP_INTERVAL = STEP_INTERVAL
 
     def __init__(
         self,

@@ -25,7 +25,7 @@ from drivers.transport.reconnect import LatchingPart, ReconnectTracker
 
 
 class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
-    """A ``drivers.api.Head`` made of arithmetic. ``step`` is to be called every ``PERIOD``; for one thread.
+    """A ``drivers.api.Head`` made of arithmetic. ``step`` is to be called every ``STEP_INTERVAL``; for one thread.
 
     ``pan``, ``tilt``, ``speed`` (rad/s), ``acceleration`` (rad/s^2) and ``start`` as for ``ArduinoHead``: from where
     the sketch puts its servos it goes to ``start`` once opened. Its pose is what the servos were sent, in whole
@@ -35,7 +35,7 @@ class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
     Raises ValueError for values that make no sense.
     """
 
-    PERIOD = 0.02
+    STEP_INTERVAL = 0.02
     LAG = SERVO_LAG
 
     def __init__(

@@ -54,12 +54,12 @@ READING_TIMEOUT = 0.3
 class LegsBase(ArbitratedBase):
     """A ``drivers.api.Base`` of the legs of ``joints``, which somebody else opens and closes.
 
-    ``step`` is to be called every ``PERIOD``. ``felt`` is asked for the trunk's attitude, where something measures it.
+    ``step`` is to be called every ``STEP_INTERVAL``. ``felt`` is asked for the trunk's attitude, where something measures it.
     When it falls, the legs are latched, and ``at_fall`` says whether they go limp; arms of legs that
     were led go to ``tucked`` (radians).
     """
 
-    PERIOD = CONTROL_INTERVAL
+    STEP_INTERVAL = CONTROL_INTERVAL
     has_witnesses = False  # steps slip, and the trunk sways: joints, falls and the clock of a walk remain
 
     def __init__(

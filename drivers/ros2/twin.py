@@ -46,7 +46,7 @@ class Ros2Twin:
     """
 
     name = "ros2"
-    PERIOD = 0.05
+    STEP_INTERVAL = 0.05
     """Seconds between two steps."""
 
     def __init__(

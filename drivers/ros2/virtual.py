@@ -330,7 +330,7 @@ def head(keys: Ros2HeadKeys, stage: SimContext) -> VirtualDevice:
 
 
 def _terminal(stage: SimContext) -> Ros2Terminal:
-    terminal: Ros2Terminal = stage.parts["ros2"].terminal
+    terminal: Ros2Terminal = stage.parts["ros2"].port
     return terminal
 
 

@@ -84,7 +84,7 @@ class RigidServo(ServoTwin):
 class RigidJoints(JointsTwin):
     """A ``drivers.api.Joints`` whose servos carry the body of a ``scene``; see ``JointsTwin``."""
 
-    PERIOD = 0.01
+    STEP_INTERVAL = 0.01
     """How often it is stepped: at the rate of those who walk."""
 
     def __init__(

@@ -158,7 +158,7 @@ class ServoTwin:
 
 
 class JointsTwin(ServoJoints):
-    """A ``drivers.api.Joints`` made of arithmetic. ``step`` is to be called every ``PERIOD``; for one thread.
+    """A ``drivers.api.Joints`` made of arithmetic. ``step`` is to be called every ``STEP_INTERVAL``; for one thread.
 
     ``joints``, ``at_rest`` and ``away`` as for ``DynamixelJoints``. All joints stand at 0, limp, until somebody moves
     or holds them. Unplugged, the servos end the leg of their way that they were sent; plugged in again, those that are
@@ -166,7 +166,7 @@ class JointsTwin(ServoJoints):
     Raises BadRequest for joints that cannot be, all faults in one message.
     """
 
-    PERIOD = 0.025
+    STEP_INTERVAL = 0.025
     """Longer than a round of the real driver's, which costs nothing: readings are of the moment when they are asked."""
 
     always_stiff: ClassVar[bool] = False
@@ -454,7 +454,7 @@ class JointsTwin(ServoJoints):
 
 
 class NeckTwin(JointsHead[JointsTwin]):
-    """A ``JointsHead`` over an arm's twin, with which it shares the plug. ``step`` is to be called every ``PERIOD``."""
+    """A ``JointsHead`` over an arm's twin, with which it shares the plug. ``step`` is to be called every ``STEP_INTERVAL``."""
 
     @property
     def plug(self) -> SimulatedPlug:

@@ -35,8 +35,8 @@ class WaypointPath:
         stops = (*self.waypoints, self.waypoints[0]) if self.loop else self.waypoints
         stops = tuple(stop for stop, _ in groupby(stops))  # so that no leg is without length
         lengths = (dist(a, b) for a, b in pairwise(stops))
-        object.__setattr__(self, "stops", stops)  # the way to fill in a field of a frozen class
-        object.__setattr__(self, "_ends", tuple(accumulate(lengths, initial=0.0)))
+        object.__setattr__(self, "waypoints", stops)  # the way to fill in a field of a frozen class
+        object.__setattr__(self, "_leg_ends", tuple(accumulate(lengths, initial=0.0)))
 
     def position_at(self, time: float) -> FloorPosition:
         """Return (x, y) in metres at ``time`` seconds."""

@@ -107,12 +107,12 @@ class SimulatedWorld:
         light = self.light if isinstance(self.light, Light) else Light(self.light)
         still = (thing.solid() for thing in chain(self.walls, self.furniture, self.things))
         object.__setattr__(self, "_light", light)  # the way to fill in a field of a frozen class
-        object.__setattr__(self, "_solids", tuple(still))
-        object.__setattr__(self, "_cues", tuple(ActionSchedule(person.name, person.acts) for person in self.people))
+        object.__setattr__(self, "_object_solids", tuple(still))
+        object.__setattr__(self, "_schedules", tuple(ActionSchedule(person.name, person.acts) for person in self.people))
         stands = (person.presence_at(0.0, (), self.room) for person in self.people if person.is_static)
         bodies = (presence.body_solid() for presence in stands if presence is not None)
-        object.__setattr__(self, "_still", (*self._object_solids, *bodies))
-        object.__setattr__(self, "_walls", self.room.extent())
+        object.__setattr__(self, "_static_solids", (*self._object_solids, *bodies))
+        object.__setattr__(self, "_room_extent", self.room.extent())
         twice = [name for name, count in Counter(person.name for person in self.people).items() if count > 1]
         if twice:
             raise BadRequest(f"world: more than one person is called {', '.join(twice)}")

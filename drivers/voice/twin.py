@@ -10,9 +10,9 @@ from drivers.sound.printed_voice import PrintedVoice
 
 
 class VoiceTwin(PrintedVoice):
-    """A printed voice that can be unplugged, which silences it. ``step``, every ``PERIOD``, tells what has ended."""
+    """A printed voice that can be unplugged, which silences it. ``step``, every ``STEP_INTERVAL``, tells what has ended."""
 
-    PERIOD = 0.05
+    STEP_INTERVAL = 0.05
 
     def __init__(
         self,

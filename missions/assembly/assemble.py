@@ -74,7 +74,7 @@ class RealPartFactory:
                 resolve_maker(self.config.sections[part].driver.virtual, self.config.sections[part], "virtual device")
             wired = chosen.difference(PART_MAKERS)
             self.simulation = found = resolve_name("missions.assembly.simulation:Simulation")(
-                self.config, wired, self.clock, world=wishes.world, answered=self.hooks.on_answer, seed=wishes.seed
+                self.config, wired, self.clock, world=wishes.world, on_answer=self.hooks.on_answer, seed=wishes.seed
             )
             self._ports = {**found.ports, **wishes.ports}
 

@@ -76,10 +76,10 @@ class Simulation:
             self.parts[kind] = plugged = resolve_name(section.driver.virtual)(
                 section.keys, replace(stage, part_name=kind)
             )
-            if plugged.terminal is not None:
-                self.terminals[kind] = plugged.terminal
+            if plugged.port is not None:
+                self.terminals[kind] = plugged.port
             elif plugged.device is not None:
-                self.terminals[kind] = PseudoTerminal(plugged.wire, plugged.device, clock)
+                self.terminals[kind] = PseudoTerminal(plugged.port_name, plugged.device, clock)
 
     @property
     def ports(self) -> dict[str, str]:

@@ -160,7 +160,7 @@ def twin_robot(
     steps = {part: step for part in twins.parts if (step := config.kind_of(part).step_order) is not None}
     for part in sorted(steps, key=lambda it: steps[it]):
         twin = twins.parts[part]
-        timeline.call_every(twin.PERIOD, twin.step)
+        timeline.call_every(twin.STEP_INTERVAL, twin.step)
     return twins, AssembledRobot(config.name, robot, devices, place.run_eyes)
 
 

@@ -255,8 +255,8 @@ class Broadcaster:
             events, lost = self._feed.take_events()
             for client in self.clients:
                 client.add_events(events, lost)
-        if self._pictures.is_watched and (ask := getattr(self._runner.assembled_robot.eyes, "ask", None)) is not None:
-            ask()  # eyes that nobody asks rest
+        if self._pictures.is_watched and (wake := getattr(self._runner.assembled_robot.eyes, "wake", None)) is not None:
+            wake()  # eyes rest while nobody queries them
 
     def send_pictures(self, now: float) -> None:
         """Send the newest picture to those who look and have seen the last."""

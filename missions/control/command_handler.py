@@ -139,11 +139,11 @@ def _set_trim(device: Trimmable, axis: str, value: float) -> None:
 
 
 def _set_joint_limit(device: Any, joint: str, end: str, value: float) -> None:
-    device.curb({joint: replace(device.limits[joint], **{end: value})})
+    device.restrict_limits({joint: replace(device.limits[joint], **{end: value})})
 
 
 def _set_limit(device: Any, field: str, value: float) -> None:
-    device.curb(replace(device.limits, **{field: value}))
+    device.restrict_limits(replace(device.limits, **{field: value}))
 
 
 WORLD_INTERVAL = 0.02

@@ -122,11 +122,11 @@ def make_proxy(part: str, protocol: type, device: T, cache: TickCache, permit: P
     """
     known = members(protocol).values()
     questions = {each.name: _query_of(device, each) for each in known if each.kind in {"reading", "property"}}
-    unasked = getattr(device, "unasked", device)  # of what rests while nobody asks: a sample is for the record only
+    passive = getattr(device, "passive_view", device)  # of what rests while nobody asks: a sample is for the record only
     memo = cache.add_part(
         part,
         questions,
-        sampled={each.name: _query_of(unasked, each) for each in known if each.is_sampled},
+        sampled={each.name: _query_of(passive, each) for each in known if each.is_sampled},
         fixed=[each.name for each in known if each.is_fixed],
     )
     proxy: T = proxy_class(protocol)(device, memo, permit)
@@ -202,7 +202,7 @@ class _ProxySourceWriter:
                 case "question":
                     yield self._signature(member)
                     yield f"        ask = self._device.{member.name}"
-                    yield f"        return self._memo.ask({member.name!r}, ask, {_parameter_names(member)})"
+                    yield f"        return self._memo.query({member.name!r}, ask, {_parameter_names(member)})"
                 case "direct method":
                     yield self._signature(member)
                     yield f"        return self._device.{member.name}({_call_arguments(member)})"
@@ -230,8 +230,8 @@ class _ProxySourceWriter:
             yield from self._report_lines(member, command, arguments, "None")
         yield "memo, answers = self._memo, self._answers"
         yield "memo.clear()"
-        yield "if answers.refused:"
-        yield "    answers.forget(memo.part)"
+        yield "if answers.errors:"
+        yield "    answers.clear_errors(memo.part)"
         yield "try:"
         if command.moves is True:
             yield "    self._permit(self._device)"
@@ -240,10 +240,10 @@ class _ProxySourceWriter:
             yield "        self._permit(self._device)"
         yield f"    result = self._device.{name}({_call_arguments(member)})"
         yield "except DriverError as error:"
-        yield f"    memo.say({name!r}, {arguments}, error)"
+        yield f"    memo.record({name!r}, {arguments}, error)"
         yield "    raise"
-        yield "if answers.kept and answers.open:"
-        yield f"    answers.said.append((memo.part, {name!r}, {arguments}, result))"
+        yield "if answers.is_recording and answers.is_open:"
+        yield f"    answers.answers.append((memo.part, {name!r}, {arguments}, result))"
         if command.report == "after":
             yield from self._report_lines(member, command, arguments, "result")
         yield "return result"

@@ -223,7 +223,7 @@ def _leaves_of_module(module: ModuleType, source: SourceText) -> OfferedLeaves:
                 and not name.startswith("_")
                 and issubclass(cls, Behaviour)
                 and not inspect.isabstract(cls)
-                and (cls.word if issubclass(cls, Leaf) else not issubclass(cls, Node))
+                and (cls.tag if issubclass(cls, Leaf) else not issubclass(cls, Node))
             ):
                 found.append(cls)
     if not found:

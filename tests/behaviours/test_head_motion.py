@@ -34,7 +34,7 @@ class Stage:
         self.bench = LeafTestBench(self.timeline.clock)
         self.bench.robot = Robot(head_part=self.head)
         self.leaf = self.bench.put(leaf, **arguments)
-        self.timeline.call_every(self.head.PERIOD, self.head.step)
+        self.timeline.call_every(self.head.STEP_INTERVAL, self.head.step)
         self.head.open()
         self.timeline.run_until(1.5)
         self.seen: list[tuple[float, float, float]] = []

@@ -36,7 +36,7 @@ def test_joint_at_is_so_within_the_tolerance() -> None:
 @pytest.mark.parametrize(
     "leaf",
     [JointAt("joint_at"), JointHot("joint_hot"), JointLoaded("joint_loaded"), JointMoving("joint_moving")],
-    ids=lambda leaf: leaf.word,
+    ids=lambda leaf: leaf.tag,
 )
 def test_a_joint_that_does_not_report_is_told_as_such(quality: Quality, leaf: Leaf) -> None:
     bench = LeafTestBench()

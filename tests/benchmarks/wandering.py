@@ -93,7 +93,7 @@ def wander(seed: int, *, minutes: float, world: str = "living_room", robot: str 
     if runner.twins is None or runner.twins.base is None:
         raise TypeError(f"{robot} has no base in simulated time")
     watch = Watch(runner.twins.base, floor)
-    runner.twins.timeline.call_every(BaseTwin.PERIOD, watch.look)
+    runner.twins.timeline.call_every(BaseTwin.STEP_INTERVAL, watch.look)
     result = runner.run()
     return Walk(result.result, floor.share(start), tuple(watch.bumps), watch.fell)
 

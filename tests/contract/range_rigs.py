@@ -121,7 +121,7 @@ class TwinRange(InSimulatedTime, RangeRig):
             seed=4,
         )
         self.device = self.twin
-        self.timeline.call_every(self.twin.PERIOD, self.twin.step)
+        self.timeline.call_every(self.twin.STEP_INTERVAL, self.twin.step)
 
     def unplug(self) -> None:
         self.twin.plug.unplug()

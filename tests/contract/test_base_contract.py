@@ -143,7 +143,7 @@ class TwinBase(InSimulatedTime, BaseRig):
             seed=3,
         )
         self.device = self.twin
-        self.timeline.call_every(self.twin.PERIOD, self.twin.step)
+        self.timeline.call_every(self.twin.STEP_INTERVAL, self.twin.step)
 
     def truth(self) -> Pose2D:
         return self.twin.true_pose(self.clock.read_value())

@@ -148,7 +148,7 @@ class TwinHead(InSimulatedTime, HeadRig):
             changed=self.changed,
         )
         self.device = self.twin
-        self.timeline.call_every(self.twin.PERIOD, self.twin.step)
+        self.timeline.call_every(self.twin.STEP_INTERVAL, self.twin.step)
 
     def truth(self) -> HeadPose:
         return self.twin.true_pose(self.clock.read_value())
@@ -218,7 +218,7 @@ class TwinNeck(InSimulatedTime, HeadRig):
             changed=self.changed,
         )
         self.device = self.twin
-        self.timeline.call_every(self.twin.PERIOD, self.twin.step)
+        self.timeline.call_every(self.twin.STEP_INTERVAL, self.twin.step)
 
     def truth(self) -> HeadPose:
         now = self.clock.read_value()
@@ -301,7 +301,7 @@ class TwinTopicHead(InSimulatedTime, HeadRig):
             changed=self.changed,
         )
         self.device = self.twin
-        self.timeline.call_every(self.twin.PERIOD, self.twin.step)
+        self.timeline.call_every(self.twin.STEP_INTERVAL, self.twin.step)
 
     def truth(self) -> HeadPose:
         return self.twin.true_pose(self.clock.read_value())

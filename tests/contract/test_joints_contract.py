@@ -155,7 +155,7 @@ class TwinJoints(InSimulatedTime, JointsRig):
             SPECS, self.clock, at_rest=at_rest, away=away, report=self.notices.append, changed=self.changed
         )
         self.twin = self.device
-        self.timeline.call_every(self.twin.PERIOD, self.twin.step)
+        self.timeline.call_every(self.twin.STEP_INTERVAL, self.twin.step)
 
     def make(self, specs: Mapping[str, JointSpec]) -> JointsTwin:
         return JointsTwin(specs, self.clock)

@@ -136,7 +136,7 @@ class Twin(InSimulatedTime, PlainRig):
             body=BaseBody(ground=Room()),
         )
         self.device = self.twin
-        self.timeline.call_every(self.twin.PERIOD, self.twin.step)
+        self.timeline.call_every(self.twin.STEP_INTERVAL, self.twin.step)
 
     def truth(self) -> Pose2D:
         return self.twin.true_pose(self.clock.read_value())

@@ -108,7 +108,7 @@ class TwinArm(InSimulatedTime, ArmRig):
     def __init__(self) -> None:
         super().__init__()
         self.device = StiffJoints(JOINTS, self.clock, away=AWAY, report=self.notices.append)
-        self.timeline.call_every(self.device.PERIOD, self.device.step)
+        self.timeline.call_every(self.device.STEP_INTERVAL, self.device.step)
 
     def truth(self, joint: str) -> float:
         return self.device.true_angle(joint, self.clock.read_value())

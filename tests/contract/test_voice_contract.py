@@ -65,7 +65,7 @@ class TwinVoice(InSimulatedTime, VoiceRig):
         super().__init__()
         twin = VoiceTwin(self.clock, print, report=self.notices.append, changed=self.changed)
         self.device = twin
-        self.timeline.call_every(twin.PERIOD, twin.step)
+        self.timeline.call_every(twin.STEP_INTERVAL, twin.step)
 
 
 @pytest.fixture(

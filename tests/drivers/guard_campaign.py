@@ -105,8 +105,8 @@ def play(seed: int) -> Played:
     )
     base.guard_by(ranger)
     watch = TouchWatch(world, base, PLACE, acceleration=case.acceleration)
-    timeline.call_every(base.PERIOD, base.step)
-    timeline.call_every(ranger.PERIOD, ranger.step)
+    timeline.call_every(base.STEP_INTERVAL, base.step)
+    timeline.call_every(ranger.STEP_INTERVAL, ranger.step)
     base.open()
     ranger.open()
     command = HANDS[case.hand](base, ranger, timeline, chance)
@@ -155,7 +155,7 @@ def run_errand(seed: int, *, guarded: bool) -> Errand:
     if guarded:
         base.guard_by(ranger)
     for part in (base, ranger):
-        timeline.call_every(part.PERIOD, part.step)
+        timeline.call_every(part.STEP_INTERVAL, part.step)
         part.open()
     timeline.run_until(0.6)
     run, robot = RunState(clock), Robot(base_part=base, ranger_part=ranger)

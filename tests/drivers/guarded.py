@@ -78,13 +78,13 @@ class GuardedBase:
         stage = SimContext(self.timeline.clock, world, lambda _: self.pose, report=self.notices.append)
         body = BaseBody(wheels=SimulatedWheels(pose=start, dead_time=lag), ground=world)
         self.base = BaseTwin(self.timeline.clock, body=body, **settings_of(section, stage))
-        self.timeline.call_every(self.base.PERIOD, self.base.step)
+        self.timeline.call_every(self.base.STEP_INTERVAL, self.base.step)
         self.ranger = ranger
         if ranger is None:
             twin = RangerTwin(
                 make_range_function(world, (0.0, 0.0, 0.0), lambda _: self.pose), stage.clock, noise=noise, seed=seed
             )
-            self.timeline.call_every(twin.PERIOD, twin.step)
+            self.timeline.call_every(twin.STEP_INTERVAL, twin.step)
             twin.open()
             self.base.guard_by(twin)
         else:

@@ -75,8 +75,8 @@ def test_who_does_not_keep_asking_takes_a_reading_at_rest_for_fresh_and_who_does
     [
         (joint(state=replace(STILL, moving=True)), HAND_TURNED_INTERVAL),
         (joint(state=replace(STILL, velocity=radians(-5))), HAND_TURNED_INTERVAL),
-        (joint(torque=True, goal=1.0, sent=600, sent_at=4.0), MOVING_INTERVAL),
-        (joint(torque=True, goal=0.0, sent=512, sent_at=5.0), MOVING_INTERVAL),
+        (joint(torque=True, goal=1.0, setpoint=600, setpoint_sent_at=4.0), MOVING_INTERVAL),
+        (joint(torque=True, goal=0.0, setpoint=512, setpoint_sent_at=5.0), MOVING_INTERVAL),
     ],
     ids=["it says that it moves", "turned by hand", "part of its way was sent", "sent since it was read"],
 )

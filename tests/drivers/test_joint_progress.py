@@ -70,7 +70,7 @@ class Twin:
     def run(self, seconds: float) -> None:
         end = self.clock.read_value() + seconds
         while self.clock.read_value() < end - 1e-9:
-            self.clock.advance(self.joints.PERIOD)
+            self.clock.advance(self.joints.STEP_INTERVAL)
             self.joints.step()
 
     def read_value(self) -> float:

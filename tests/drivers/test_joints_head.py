@@ -28,7 +28,7 @@ class Bench:
         self.arm = JointsTwin(SPECS, self.clock)
         pan, tilt = JointAxis("neck_pan", -pi, pi, trim=trim), JointAxis("neck_tilt", -0.4, pi)
         self.neck = NeckTwin(self.arm, self.clock, pan=pan, tilt=tilt, speed=speed, report=self.notices.append)
-        self.timeline.call_every(self.neck.PERIOD, self.neck.step)
+        self.timeline.call_every(self.neck.STEP_INTERVAL, self.neck.step)
 
     def open(self) -> None:
         self.arm.open()

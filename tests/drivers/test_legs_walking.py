@@ -230,7 +230,7 @@ class Legs:
         self.jumps = 0.0
         for each in (self.arm, self.base):
             each.open()
-            self.line.call_every(each.PERIOD, each.step)
+            self.line.call_every(each.STEP_INTERVAL, each.step)
         self.line.call_every(CONTROL_INTERVAL, self._look)
         self._before = self.angles()
         self.pass_(0.1)

@@ -208,7 +208,7 @@ class BaseBench:
         self.notices: list[DeviceStatus] = []
         self.base = BaseTwin(self.clock, report=self.notices.append, **options)
         self.base.open()
-        self.timeline.call_every(self.base.PERIOD, self.base.step)
+        self.timeline.call_every(self.base.STEP_INTERVAL, self.base.step)
 
     def run(self, seconds: float, velocity: Velocity | None = None) -> None:
         """Let time pass, asking for ``velocity`` every 0.1 s."""
@@ -365,7 +365,7 @@ def test_an_unplugged_heads_servos_finish_their_last_degree_and_hold() -> None:
     timeline = Timeline()
     head = ServoHeadTwin(timeline.clock, pan=PAN, tilt=TILT, speed=6.0)
     head.open()
-    timeline.call_every(head.PERIOD, head.step)
+    timeline.call_every(head.STEP_INTERVAL, head.step)
     timeline.run_until(1.0)
     head.look(HeadPose(1.0, 0.0))
     timeline.run_until(1.1)
@@ -536,7 +536,7 @@ arm = JointsTwin({name: JointSpec(number) for number, name in enumerate("abcdef"
                  report=lambda notice: told.append((clock.now(), notice)))
 for twin in (base, arm):
     twin.open()
-    timeline.every(twin.PERIOD, twin.step)
+    timeline.every(twin.STEP_INTERVAL, twin.step)
 for step in range(200):
     base.drive(Velocity(0.3, 0.5 - step / 200))
     arm.move({"f": step / 100, "a": -step / 100})

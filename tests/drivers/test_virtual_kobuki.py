@@ -285,10 +285,10 @@ class TwinBench:
         self.twin.open()
 
     def run(self, seconds: float, velocity: Velocity | None = None) -> None:
-        for _ in range(round(seconds / BaseTwin.PERIOD)):
+        for _ in range(round(seconds / BaseTwin.STEP_INTERVAL)):
             if velocity is not None:
                 self.twin.drive(velocity)
-            self.clock.advance(BaseTwin.PERIOD)
+            self.clock.advance(BaseTwin.STEP_INTERVAL)
             self.twin.step()
 
 

@@ -130,7 +130,7 @@ def test_a_simulated_robot_is_open_within_the_context_and_at_rest_after_it(file:
 
 def test_a_ctrl_c_while_ticking_by_hand_is_the_users_and_goes_through(file: Path) -> None:
     (file.parent / "leaf.py").write_text(
-        "from behaviours.leaf import Leaf\nclass Stop(Leaf):\n    word = 'stop_it'\n"
+        "from behaviours.leaf import Leaf\nclass Stop(Leaf):\n    tag = 'stop_it'\n"
         "    def update(self): raise KeyboardInterrupt\n"
     )
     file.write_text("mission: m\ntree: stop_it\n")

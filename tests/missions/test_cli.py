@@ -360,7 +360,7 @@ from behaviours.leaf import FAILURE, SUCCESS, Leaf
 
 class Rubbish(Leaf):
     """Fails where what the run was built of is searched for rubbish."""
-    word = "rubbish"
+    tag = "rubbish"
 
     def update(self):
         return SUCCESS if gc.isenabled() and gc.get_freeze_count() > 10 * len(gc.get_objects()) else FAILURE

@@ -60,7 +60,7 @@ def test_phrases_may_be_params_and_stand_in_leaves_of_ones_own(wav: Path, tmp_pa
     own = tmp_path / "own.py"
     own.write_text(
         "from behaviours.hearing import Listen\n\n\n"
-        'class Await(Listen):\n    """Wait for a phrase."""\n\n    word = "await"\n',
+        'class Await(Listen):\n    """Wait for a phrase."""\n\n    tag = "await"\n',
         encoding="utf-8",
     )
     mission = tmp_path / "ask.yaml"

@@ -21,7 +21,7 @@ class Told:
     def __init__(self) -> None:
         self.timeline = Timeline()
         self.twin = JointsTwin(SPECS, self.timeline.clock)
-        self.timeline.call_every(self.twin.PERIOD, self.twin.step)
+        self.timeline.call_every(self.twin.STEP_INTERVAL, self.twin.step)
         self.commands: list[Mapping[str, object]] = []
         self.permits = 0
         self.twin.open()

@@ -82,7 +82,7 @@ def looked(*things: tuple[float, float]) -> tuple[Any, ManualClock]:
     twin = RangerTwin(look, clock, noise=0.0)
     twin.open()
     for _ in range(2):
-        clock.advance(twin.PERIOD)
+        clock.advance(twin.STEP_INTERVAL)
         twin.step()
     return state_of(Robot(ranger_part=twin), clock)["range"], clock
 

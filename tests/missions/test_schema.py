@@ -437,7 +437,7 @@ def test_the_command_writes_the_schema_to_a_file_or_prints_it(run: Callable[...,
 
 def test_the_command_takes_behaviours_of_ones_own(run: Callable[..., Outcome]) -> None:
     Path("blink.py").write_text(
-        "from behaviours.leaf import Leaf\n\n\nclass Blink(Leaf):\n    'Blink.'\n\n    word = 'blink'\n",
+        "from behaviours.leaf import Leaf\n\n\nclass Blink(Leaf):\n    'Blink.'\n\n    tag = 'blink'\n",
         encoding="utf-8",
     )
     outcome = run("schema", "--behaviours", "blink.py")

@@ -35,7 +35,7 @@ from drivers.api import Velocity
 class Blindly(Leaf):
     """Drive on whatever happens, and turn at times."""
 
-    word = "blindly"
+    tag = "blindly"
     needs = drives = frozenset({"base"})
     after: float = argument("duration", "when it begins to turn", principal=True)
 
@@ -101,7 +101,7 @@ def ride(mission: Path, robot: str, world: WorldConfig, look: Callable[[BaseTwin
     assert runner.twins is not None
     assert runner.twins.base is not None
     base, timeline = runner.twins.base, runner.twins.timeline
-    timeline.call_every(BaseTwin.PERIOD, lambda: look(base, timeline.clock.read_value()))
+    timeline.call_every(BaseTwin.STEP_INTERVAL, lambda: look(base, timeline.clock.read_value()))
     runner.run()
     return base
 
@@ -206,7 +206,7 @@ def test_what_it_bumps_into_is_not_pushed(blindly: Path, lag: float) -> None:
         ride(blindly, LONE_ROBOT, world_of("empty", start, lag), pushing.look)
         assert pushing.touches >= 1, f"{seed}: {start}"
         # One report, the dead time, and the motors that brake at 2 m/s^2.
-        assert pushing.longest <= BaseTwin.PERIOD + lag + 0.25 / 2.0 + BaseTwin.PERIOD, f"{seed}: {start}"
+        assert pushing.longest <= BaseTwin.STEP_INTERVAL + lag + 0.25 / 2.0 + BaseTwin.STEP_INTERVAL, f"{seed}: {start}"
         touches += pushing.touches
     assert touches > STARTS / len(LAGS)  # for it backs off, and this behaviour comes again
 
@@ -220,7 +220,7 @@ def test_a_base_that_is_lifted_turns_no_wheel(blindly: Path, lag: float) -> None
         def look(base: BaseTwin, now: float, lifted_at: float = lifted_at, rolls: dict[str, float] = rolls) -> None:
             base.lift(up=now >= lifted_at)
             # The report, the dead time, and half a metre per second (in a turn) that brakes at 2 m/s^2.
-            if now >= lifted_at + 2 * BaseTwin.PERIOD + lag + 0.25:
+            if now >= lifted_at + 2 * BaseTwin.STEP_INTERVAL + lag + 0.25:
                 rolls["moved"] = max(rolls["moved"], *map(abs, base.body.wheels.speeds))
 
         ride(blindly, "turtlebot2", world_of("empty", Pose2D(0.0, 0.0, 0.0), lag), look)

@@ -248,14 +248,14 @@ class _Driver(Leaf):
 
 class Sleepy(_Driver):
     """Fall asleep at the wheel."""
-    word = "sleepy"
+    tag = "sleepy"
     def hang(self):
         threading.Event().wait(3.0)
         return SUCCESS
 
 class Stubborn(_Driver):
     """Drive on and on, within one tick."""
-    word = "stubborn"
+    tag = "stubborn"
     def hang(self):
         while True:
             try:
@@ -266,7 +266,7 @@ class Stubborn(_Driver):
 
 class Petrified(_Driver):
     """Lock, in C, what it has locked already: no Python runs on this thread any more, no signal handler either."""
-    word = "petrified"
+    tag = "petrified"
     def hang(self):
         mutex, lock = ctypes.create_string_buffer(64), ctypes.CDLL(None).pthread_mutex_lock
         lock(mutex)
@@ -274,7 +274,7 @@ class Petrified(_Driver):
 
 class Rude(Leaf):
     """Raise whatever there is, or worse."""
-    word = "rude"
+    tag = "rude"
     how: str = argument("text", "how", principal=True)
     def update(self):
         return getattr(self, self.how)()
@@ -311,7 +311,7 @@ class Rude(Leaf):
 
 class Deaf(_Driver):
     """Ignore the signals that end a run, and drive on."""
-    word = "deaf"
+    tag = "deaf"
     def hang(self):
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
@@ -320,7 +320,7 @@ class Deaf(_Driver):
 
 class Twofold(_Driver):
     """Become two, both of which drive on."""
-    word = "twofold"
+    tag = "twofold"
     _child = None
     def hang(self):
         if self._child is None:
@@ -331,7 +331,7 @@ class Twofold(_Driver):
 
 class Heir(Twofold):
     """Become two, of which one drives on by itself."""
-    word = "heir"
+    tag = "heir"
     def hang(self):
         super().hang()
         while self._child == 0:

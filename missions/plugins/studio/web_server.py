@@ -148,7 +148,7 @@ def _record(request: Request) -> Path:
 def _log_download(request: Request, word: str, outcome: str) -> None:
     """Write into the log which record has left the studio."""
     role, name = request.scope["role"], request.path_params["name"]
-    request.app.state.studio.audit.tell(role, role, {"do": word, "name": name}, outcome)
+    request.app.state.studio.audit.write(role, role, {"do": word, "name": name}, outcome)
 
 
 def _revalidate_header() -> dict[str, str]:

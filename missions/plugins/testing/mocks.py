@@ -211,7 +211,7 @@ class MockSubstitution:
 def _mock_leaf(leaf: Leaf, turns: TurnSequence, result: Mapping[str, object] | str | None) -> Mock:
     """Return a mock in the place of ``leaf``."""
     # A class of its own, since what a leaf claims belongs to its class.
-    own = {"word": leaf.tag, "drives": leaf.drives, "open_ended": leaf.open_ended, "stores": leaf.output_doc,
+    own = {"tag": leaf.tag, "drives": leaf.drives, "open_ended": leaf.open_ended, "output_doc": leaf.output_doc,
            "arguments": leaf.arguments}  # fmt: skip
     made: Any = type(f"Mock{type(leaf).__name__}", (Mock,), own)
     mock: Mock = made(leaf.name)
@@ -221,7 +221,7 @@ def _mock_leaf(leaf: Leaf, turns: TurnSequence, result: Mapping[str, object] | s
 
 def _mock_step(step: Step, turns: TurnSequence, result: Mapping[str, object] | str | None) -> Mock:
     """Return a mock in the place of a mission or a composite, with all that is below it."""
-    made: Any = type("MockTree", (Mock,), {"word": step.kind, "drives": step.claims})
+    made: Any = type("MockTree", (Mock,), {"tag": step.kind, "drives": step.claims})
     mock: Mock = made(step.name)
     returned = result if isinstance(result, Mapping) else {}
 

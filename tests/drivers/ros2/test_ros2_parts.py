@@ -154,7 +154,7 @@ def test_joints_that_turn_all_the_way_round_have_twins() -> None:
     joints = Ros2ArmKeys(joints={"a": Ros2JointKeys(), "b": Ros2JointKeys()})
     for twin in (twin_arm(joints, stage), twin_head(turning, stage)):
         twin.open()
-        timeline.call_every(twin.PERIOD, twin.step)
+        timeline.call_every(twin.STEP_INTERVAL, twin.step)
         timeline.run_until(timeline.clock.read_value() + 0.1)
         assert twin.health().online
         twin.close()

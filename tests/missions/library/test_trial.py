@@ -11,7 +11,7 @@ from drivers.api.driver import BrokenDriver
 from missions.library import drivers, import_trial, vocabulary
 from tests.missions.command import command
 
-GOOD = "from behaviours.leaf import Leaf\n\n\nclass Hop(Leaf):\n    word = 'hop'\n"
+GOOD = "from behaviours.leaf import Leaf\n\n\nclass Hop(Leaf):\n    tag = 'hop'\n"
 MISSION = "mission: m\ntree:\n  log: hello\n"
 
 DOINGS = {

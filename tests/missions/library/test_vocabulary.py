@@ -51,7 +51,7 @@ class _Light(Leaf):
 
 class Blink(_Light):
     """Blink."""
-    word = "blink"
+    tag = "blink"
     def update(self):
         return SUCCESS
 '''
@@ -172,7 +172,7 @@ def test_what_a_mission_cannot_give_is_refused() -> None:
         ("import nowhere_to_be_found\n", "wrong.py:1:1: cannot be imported: ModuleNotFoundError: No module named"),
         ("class X(:\n", "wrong.py:1:9: cannot be imported: SyntaxError: invalid syntax"),
         ("x = 1\n", "wrong.py:1:1: there is no behaviour in it"),
-        (BLINK.replace('word = "blink"', ""), "wrong.py:1:1: there is no behaviour in it"),
+        (BLINK.replace('tag = "blink"', ""), "wrong.py:1:1: there is no behaviour in it"),
         (
             BLINK.replace('"blink"', '"drive"'),
             "wrong.py:7:7: Blink: the word 'drive' is taken by Drive of behaviours.driving.motion",

@@ -199,7 +199,7 @@ def test_mission_stop_without_a_run_says_so(capsys: pytest.CaptureFixture[str]) 
 def test_a_run_that_hangs_is_stopped_all_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "hang.py").write_text(
         "import time\nfrom behaviours.leaf import Leaf\nfrom py_trees.common import Status\n"
-        "class Hang(Leaf):\n    '''Hang.'''\n    word = 'hang'\n"
+        "class Hang(Leaf):\n    '''Hang.'''\n    tag = 'hang'\n"
         "    def update(self):\n        time.sleep(60)\n        return Status.SUCCESS\n",
         encoding="utf-8",
     )

@@ -71,7 +71,7 @@ class RemoteDrive:
         self.wheels = WheelArbiter(self.base, None, self.timeline.clock)
         self.wheels.take("Ada", "Ada")
         ways = Way(self.timeline, self.down), Way(self.timeline, self.up)
-        self.timeline.call_every(BaseTwin.PERIOD, self._step)
+        self.timeline.call_every(BaseTwin.STEP_INTERVAL, self._step)
         self.timeline.call_every(MOVING_STATE_INTERVAL, partial(self._tell, ways[0]))
         self.timeline.call_every(SENT_EVERY, partial(self._push, ways[1]))
 

@@ -88,7 +88,7 @@ def test_behaviours_are_taken_from_the_option_and_from_the_folder_beside_the_mis
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    blink = "from behaviours.basics import Succeed\n\n\nclass Blink(Succeed):\n    'Blink.'\n\n    word = 'blink'\n"
+    blink = "from behaviours.basics import Succeed\n\n\nclass Blink(Succeed):\n    'Blink.'\n\n    tag = 'blink'\n"
     write(tmp_path, {"eyes.py": blink, "eye.yaml": "mission: eye\ntree: blink\n"})
     write(tmp_path, {"eye.test.yaml": "tests: eye\ncases: [{case: it blinks, expect: {result: success}}]\n"})
     outcome = command(capsys, "test", "eye.test.yaml")
@@ -189,7 +189,7 @@ def test_a_process_that_ends_itself_is_found_out_and_the_others_are_played(tmp_p
         tmp_path,
         {
             "own.py": "import os\nfrom behaviours.leaf import Leaf\n\n\nclass Quit(Leaf):\n    'Quit.'\n"
-            "    word = 'quit'\n\n    def update(self):\n        os._exit(3)\n",
+            "    tag = 'quit'\n\n    def update(self):\n        os._exit(3)\n",
             "m.yaml": "mission: m\ntree: {sequence: [{wait: 1 s}, quit]}\n",
             "m.test.yaml": "tests: m\nbehaviours: [own.py]\ncases:\n"
             "  - {case: ends the process, expect: {result: success}}\n"
@@ -207,7 +207,7 @@ def test_ctrl_c_ends_all_processes_at_once(tmp_path: Path) -> None:
         tmp_path,
         {
             "own.py": "from behaviours.leaf import RUNNING, Leaf\n\n\nclass Stay(Leaf):\n    'Stay.'\n"
-            "    word = 'stay'\n\n    def initialise(self):\n        print('begun', flush=True)\n\n"
+            "    tag = 'stay'\n\n    def initialise(self):\n        print('begun', flush=True)\n\n"
             "    def update(self):\n        return RUNNING\n",
             "m.yaml": "mission: m\ntree: stay\n",
             "m.test.yaml": "tests: m\nbehaviours: [own.py]\nwith: {timeout: 5 h}\n"

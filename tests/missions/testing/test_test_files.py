@@ -193,7 +193,7 @@ def test_the_mistakes_of_the_mission_itself_are_told_once(tmp_path: Path) -> Non
 
 def test_leaves_of_the_users_own_can_be_named(tmp_path: Path) -> None:
     (tmp_path / "own.py").write_text(
-        "from behaviours.leaf import Leaf, SUCCESS\n\n\nclass Hop(Leaf):\n    'Hop.'\n    word = 'hop'\n"
+        "from behaviours.leaf import Leaf, SUCCESS\n\n\nclass Hop(Leaf):\n    'Hop.'\n    tag = 'hop'\n"
         "    def update(self):\n        return SUCCESS\n",
         encoding="utf-8",
     )

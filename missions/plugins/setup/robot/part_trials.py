@@ -103,4 +103,4 @@ def _camera_problems(camera: Section) -> list[str]:
     except DriverError as error:
         return [f"  {error}", f"    try: {error.hint}"]
     bad = [each for each in found if each.verdict != "ok"]
-    return [line for each in bad for line in (f"  {each.what}", f"    try: {each.cure}")]
+    return [line for each in bad for line in (f"  {each.message}", f"    try: {each.fix}")]

@@ -406,7 +406,7 @@ class TrackingTrial:
         twins = [twin for twin in (self._base, self._head) if twin is not None]
         for twin in twins:
             twin.open()
-            timeline.call_every(twin.PERIOD, twin.step)
+            timeline.call_every(twin.STEP_INTERVAL, twin.step)
         timeline.run_until(WARM_UP_TIME)
         timeline.call_every(FRAME_INTERVAL, self._tick)
         timeline.call_every(FRAME_INTERVAL, self._expose, start=WARM_UP_TIME + FRAME_PHASE)

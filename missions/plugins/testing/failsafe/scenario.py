@@ -239,7 +239,7 @@ class CommandSource:
 
     def __init__(self, source: Source, velocity: Velocity, base: Base, run: RunState) -> None:
         self.feedback = self.end_reason = ""
-        self.since = run.clock.read_value()
+        self.started_at = run.clock.read_value()
         self.place = "what drives"
         self._source, self._velocity, self._base, self._run = source, velocity, base, run
         self._permit = StaleCommandGuard(run, lambda: None)
@@ -258,7 +258,7 @@ class CommandSource:
             self.feedback = WAITING
         except DriverError as error:
             self.feedback = f"fails: {error}" if mission else str(error)
-            self.since = self._run.clock.read_value()
+            self.started_at = self._run.clock.read_value()
 
     def end(self, why: str) -> None:
         """Ask for nothing any more."""
@@ -287,7 +287,7 @@ class FailsafeScenario:
         """Let it happen."""
         self._base.open()
         self._timeline.call_every(TICK_INTERVAL, self._tick, start=TICK_INTERVAL + TICK_PHASE)
-        self._timeline.call_every(BaseTwin.PERIOD, self._look, start=LOOK_PHASE)
+        self._timeline.call_every(BaseTwin.STEP_INTERVAL, self._look, start=LOOK_PHASE)
         self._timeline.run_until(FAULT_START + TIME_AFTER_FAULT)
         self._base.close()
         return self.moments
@@ -341,7 +341,7 @@ class TwinRig:
     def __init__(self, setting: FailsafeSetting, timeline: Timeline) -> None:
         self.base = BaseTwin(timeline.clock, **settings_of(keys_for(setting), NullCallbacks()))
         self.ranger = StagedRanger(self.base, timeline.clock)
-        timeline.call_every(self.base.PERIOD, self.base.step)
+        timeline.call_every(self.base.STEP_INTERVAL, self.base.step)
 
     def press_sensors(
         self, bumper: Sides = NOTHING, cliff: Sides = NOTHING, buttons: frozenset[int] = frozenset()

@@ -52,7 +52,7 @@ class FarTerminal:
         self.moved: list[float] = []
         self.words: list[str] = []
         self.line = LineDelay(self.show, self.clock, lambda: (80, 24))
-        self.timeline.call_every(BaseTwin.PERIOD, self._step)
+        self.timeline.call_every(BaseTwin.STEP_INTERVAL, self._step)
         self.timeline.call_every(HELD_EVERY, self._hold, start=1.0)
         self.timeline.call_at(until + 12.0, partial(self.came.append, "escape"))
 

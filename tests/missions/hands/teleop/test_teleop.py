@@ -41,7 +41,7 @@ class Drive:
         self.clock = self.timeline.clock
         self.base = BaseTwin(self.clock, max_linear=FULL, max_angular=TURNING, linear_acceleration=5.0)
         self.base.open()
-        self.timeline.call_every(BaseTwin.PERIOD, self._step)
+        self.timeline.call_every(BaseTwin.STEP_INTERVAL, self._step)
         self.keys = [*sorted(keys, key=lambda key: key[0]), (seconds, "escape")]
         self.held_up, self.away = held_up, away
         self.speeds: list[tuple[float, float, float]] = []

@@ -20,7 +20,7 @@ from py_trees.common import Status
 
 class Idle(Leaf):
     """SUCCESS at once."""
-    word = "idle_about"
+    tag = "idle_about"
     def work(self) -> Status:
         return Status.SUCCESS
 '''

@@ -74,7 +74,7 @@ def test_a_file_that_has_changed_since_is_named_first_and_the_recorded_one_can_b
 
 def test_python_of_a_record_is_listed_and_not_run_until_it_is_trusted(tmp_path: Path) -> None:
     mark, leaf, mission = tmp_path / "RUN", tmp_path / "mine.py", tmp_path / "mine.yaml"
-    plain = "from behaviours.leaf import SUCCESS, Leaf\n\nclass Mine(Leaf):\n    word = 'mine'\n"
+    plain = "from behaviours.leaf import SUCCESS, Leaf\n\nclass Mine(Leaf):\n    tag = 'mine'\n"
     leaf.write_text(f"{plain}    def update(self):\n        return SUCCESS\n")
     mission.write_text("mission: mine\ntree: {sequence: [mine, wait: 1 s]}\n")
     order = RunRequest(str(mission), simulate="fast", eyes="truth", behaviours=[leaf])

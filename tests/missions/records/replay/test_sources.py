@@ -44,7 +44,7 @@ from behaviours.leaf import RUNNING, SUCCESS, Leaf, argument
 class CountTicks(Leaf):
     """Count."""
 
-    word = "count_ticks"
+    tag = "count_ticks"
     most: float = argument("number", "how many", principal=True)
     _count = 0
 
