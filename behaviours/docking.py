@@ -303,7 +303,7 @@ class DockLeaf(DelegatedMotion):
 
     def go(self, state: BaseState, start: Pose2D) -> Status:
         del start
-        now = self.run.read_value()
+        now = self.run.now()
         if state.docked:
             return self._settle_on_contacts(state, now)
         self._docked_since, self._stopping = None, False

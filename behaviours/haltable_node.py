@@ -61,7 +61,7 @@ class HaltableNode(Node):
 
     def _count_unticked_time(self) -> None:
         """Count the time without a tick, and pause once it is over."""
-        now, tick = self.run.read_value(), self.run.tick
+        now, tick = self.run.now(), self.run.tick
         if tick - self._unticked > 1:  # it was ticked in between
             self._unticked_since, self._paused = now if self.run.last_tick_at is None else self.run.last_tick_at, False
         self._unticked = tick
@@ -106,7 +106,7 @@ class HaltableNode(Node):
         self._leaf_stage, self._halt_by = AT_REST, None
 
     def _has_stopped(self) -> bool:
-        now = self.run.read_value()
+        now = self.run.now()
         if self._halt_by is None:
             self._leaf_stage, self._halt_by = HALTING, now + self.halt_limit
             self._terminate(IDLE)

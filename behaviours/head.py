@@ -44,7 +44,7 @@ class PerceptLeaf(Leaf, Generic[P]):
 
     def fresh_percepts(self, *, since: float = -math.inf) -> list[P]:
         """Return those wanted that were seen lately enough to count, and not before ``since``, largest first."""
-        oldest = max(since, self.run.read_value() - self.age_limit)
+        oldest = max(since, self.run.now() - self.age_limit)
         return [percept for percept in self.percepts() if percept.stamp >= oldest and self.matches(percept)]
 
     def largest_fresh(self, *, since: float = -math.inf) -> P | None:
@@ -54,13 +54,13 @@ class PerceptLeaf(Leaf, Generic[P]):
     def absence_reason(self, so_far: str = "") -> str:
         """Say that none is seen; or that nothing is, which is another trouble."""
         looked = self.robot.sight.looked()
-        blind = looked is None or self.run.read_value() - looked > PICTURE_TIMEOUT
+        blind = looked is None or self.run.now() - looked > PICTURE_TIMEOUT
         return "no pictures from the camera" if blind else so_far or f"no {self.noun} in view"
 
     def fail_absent(self, reason: str = "") -> Status:
         """Fail because none is in view; suspended instead where no picture is new enough to tell."""
         looked = self.robot.sight.looked()
-        if looked is None or self.run.read_value() - looked > max(self.age_limit, DEFAULT_MAX_AGE):
+        if looked is None or self.run.now() - looked > max(self.age_limit, DEFAULT_MAX_AGE):
             return self.suspend("camera")
         return self.fail(reason or self.absence_reason())
 
@@ -137,7 +137,7 @@ class _HeadTurnLeaf(Leaf):
         # Said at every tick: a head that was gone for a moment has forgotten where to look.
         goal = self.robot.head.look(target)
         reading = self.robot.head.pose()
-        there = self._arrival(reading, goal, self.run.read_value())
+        there = self._arrival(reading, goal, self.run.now())
         clamped = pose_difference(goal, target) > ARRIVAL_TOLERANCE
         wanted = f"{pose_text(goal)}, the limit for {pose_text(target)}" if clamped else pose_text(goal)
         if self._arrival.stuck and reading.value is not None:

@@ -29,16 +29,16 @@ class _HeadSwing(Leaf):
     def start_pose(self) -> HeadPose | None:
         """Return where the head looked when it began; None as long as that is not known."""
         if self._home is None:
-            self._home, self._since_home = self.robot.head.pose().value, self.run.read_value()
+            self._home, self._since_home = self.robot.head.pose().value, self.run.now()
         elif self._paused_at is not None:
-            self._since_home += self.run.read_value() - self._paused_at
+            self._since_home += self.run.now() - self._paused_at
         self._paused_at = None
         return self._home
 
     @property
     def swing_time(self) -> float:
         """Seconds since it knows where it swings about."""
-        return self.run.read_value() - self._since_home
+        return self.run.now() - self._since_home
 
     def swing_range(self, home: HeadPose, axis: str) -> tuple[float, float]:
         """Return the middle and the amplitude of the swing, in radians: moved, then cut, to keep within the limits."""
@@ -54,7 +54,7 @@ class _HeadSwing(Leaf):
 
     def on_pause(self) -> None:
         super().on_pause()
-        self._paused_at = self.run.read_value()
+        self._paused_at = self.run.now()
 
     def terminate(self, new_status: Status) -> None:
         if new_status is not SUCCESS:
@@ -96,7 +96,7 @@ class _HeadGesture(_HeadSwing):
             self.turn(home, self.axis, middle + (amplitude if turns % 2 == 0 else -amplitude))
             return self.wait(f"{turns // 2 + 1} of {self.times}")
         goal, reading = self.robot.head.look(home), self.robot.head.pose()
-        if self._arrival(reading, goal, self.run.read_value()):
+        if self._arrival(reading, goal, self.run.now()):
             if self.robot.head.limits.measured and self._swing_angle < amplitude / 2:
                 far = f"{math.degrees(self._swing_angle):.1f} of {math.degrees(amplitude):.1f} deg"
                 return self.fail(f"the head turned by {far} only: blocked?")

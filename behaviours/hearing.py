@@ -40,7 +40,7 @@ class HearingLeaf(Leaf):
     def deafness_reason(self) -> str:
         """Say that the robot does not hear anything at all, whatever is missing; nothing where it does."""
         listened = self.robot.hearing.listened()
-        there = listened is not None and self.run.read_value() - listened <= MAX_LISTENING_DELAY
+        there = listened is not None and self.run.now() - listened <= MAX_LISTENING_DELAY
         return "" if there else "no sound from the microphone, or no recogniser: see the notices"
 
 
@@ -90,7 +90,7 @@ class HeardLeaf(HearingLeaf):
     within: float = argument("duration", "how long ago still counts", default=DEFAULT_MAX_AGE, low=0.01, high=MAX_AGE)
 
     def update(self) -> Status:
-        now = self.run.read_value()
+        now = self.run.now()
         words = self.newest_phrase(-math.inf)
         if words is not None and words.stamp >= now - self.within:
             return self.accept(words)

@@ -218,17 +218,17 @@ class JointMotion(Leaf):
                 return self.fail("; ".join(joint_violations))
             start, joints = positions(self.robot.arm), self.moved_joints()
             if silent := [joint for joint in joints if joint not in start]:
-                if trouble := self._wait.timeout_reason(self.robot.arm, silent, self.run.read_value()):
+                if trouble := self._wait.timeout_reason(self.robot.arm, silent, self.run.now()):
                     return self.fail(trouble)
                 return self.wait(f"waiting for {', '.join(sorted(silent))} to report")
             self._path = self.path({joint: start[joint] for joint in joints})
-            self._time, self._moved_at = 0.0, self.run.read_value()
+            self._time, self._moved_at = 0.0, self.run.now()
             self._even_since = self._moved_at
         return self._send_goals(self._path)
 
     def _send_goals(self, path: JointPath) -> Status:
         """Order where to be at the next tick."""
-        now = self.run.read_value()
+        now = self.run.now()
         passed = now - self._moved_at
         if passed > MAX_STEP_TIME:
             self._even_since = now

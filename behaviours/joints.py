@@ -193,14 +193,14 @@ class MoveJoints(Leaf):
                 return self.fail("; ".join(joint_violations))
             start = positions(self.robot.arm)
             if silent := [joint for joint in self.to if joint not in start]:
-                if trouble := self._wait.timeout_reason(self.robot.arm, silent, self.run.read_value()):
+                if trouble := self._wait.timeout_reason(self.robot.arm, silent, self.run.now()):
                     return self.fail(trouble)
                 return self.wait(f"waiting for {', '.join(sorted(silent))} to report")
             ways = (abs(goal - start[joint]) / self._speed(joint) for joint, goal in self.to.items())
             self._limit = self.patience + max(ways, default=0.0)
-            self._begun_at = self._seen_at = self.run.read_value()
+            self._begun_at = self._seen_at = self.run.now()
             self._time = 0.0
-        now = self.run.read_value()
+        now = self.run.now()
         self._time += min(now - self._seen_at, MAX_STEP_TIME)
         self._seen_at = now
         # Said at every tick: a joint that was gone for a moment has forgotten where to go.
@@ -258,7 +258,7 @@ class Torque(Leaf):
         self._names, self._begun_at = self.robot.joint_ranges.resolve(self.joints), None
 
     def update(self) -> Status:
-        arm, now = self.robot.arm, self.run.read_value()
+        arm, now = self.robot.arm, self.run.now()
         health = arm.health()
         if not health.online:
             self._begun_at = None

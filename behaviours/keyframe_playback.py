@@ -313,7 +313,7 @@ class RecordMove(Leaf):
 
     def update(self) -> Status:
         recording = self._recording
-        recording.add(self.robot.arm.states(), self.run.read_value())
+        recording.add(self.robot.arm.states(), self.run.now())
         # A duration that is a whole number of ticks is over with the last of them, in spite of rounding.
         if self.duration is None or recording.seconds < self.duration - 1e-6:
             return self.wait(f"recording for {recording.seconds:.1f} s")

@@ -145,14 +145,14 @@ class Leaf(HaltableNode):
         So a leaf that ends in the tick in which it starts, as most do, need not read the clock.
         """
         if self._started_at is None:
-            self._started_at = self.run.read_value()
+            self._started_at = self.run.now()
         return self._started_at
 
     @property
     def elapsed(self) -> float:
         """Seconds since it started."""
         since = self.started_at  # which may not have been read before
-        return self.run.read_value() - since
+        return self.run.now() - since
 
     def joint_violations(self, _reach: JointRanges, /) -> list[str]:
         """Say what joints that reach so far cannot do of what it asks; the checker asks, where all that is known."""
@@ -237,10 +237,10 @@ class Leaf(HaltableNode):
         if unknown or type(self.feedback_message) is not str:
             status = self._checked_status(status)
         if run.overrun is not None and run.overrun[:2] == (self, run.tick):
-            status = self._overrun_failure(run.wall.read_value() - run.overrun[2])
+            status = self._overrun_failure(run.wall.now() - run.overrun[2])
         if status is RUNNING:
             if self._started_at is None:
-                self._started_at = run.read_value()
+                self._started_at = run.now()
         elif self._leaf_stage != AT_REST:
             self._finish(status)
         if self.output_variable is not None:

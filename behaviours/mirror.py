@@ -92,7 +92,7 @@ class _LeaderFollowerLeaf(Leaf):
             self._couplings, self._stiff = couplings, stiff
             if self.other_leader_arm is not None:
                 self._mirroring = JointMirror(self._leading_arm, self.robot.arm, couplings, time=GOAL_TIME)
-        now = self.run.read_value()
+        now = self.run.now()
         held = self._seen_at is None or now - self._seen_at > MAX_STEP_TIME
         self._seen_at = now
         limp = [each.follower for each in couplings if not led[each.follower].torque]
@@ -111,7 +111,7 @@ class _LeaderFollowerLeaf(Leaf):
         led = [name for name in silent if not mark or not name.startswith(mark)]
         leading = [name for name in silent if name not in led]
         for arm, wait, names in zip((self.robot.arm, self._leading_arm), self._waits, (led, leading), strict=True):
-            if names and (trouble := wait.timeout_reason(arm, names, self.run.read_value())):
+            if names and (trouble := wait.timeout_reason(arm, names, self.run.now())):
                 return trouble
         return ""
 

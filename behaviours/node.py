@@ -120,7 +120,7 @@ class Node(Behaviour):
 
     def suspension_for(self, reason: str) -> Suspension:
         """Return the suspension of this tick; it is lost once the node was suspended for the sensor timeout."""
-        now = self.run.read_value()
+        now = self.run.now()
         if self._silent_since is None:
             self._silent_since = now
         return Suspension(reason, timed_out=now - self._silent_since >= self.run.sensor_timeout)
@@ -143,7 +143,7 @@ class Node(Behaviour):
                 self.suspension = None
         run = self.run
         if run.observer is not None:
-            run.observer.on_status(run.clock.read_value(), run.tick, self, status, self.feedback_message)
+            run.observer.on_status(run.clock.now(), run.tick, self, status, self.feedback_message)
 
     @abstractmethod
     def halt(self) -> bool:
@@ -190,4 +190,4 @@ def reset_all(nodes: Iterable[Node]) -> None:
     if forgotten:
         run = forgotten[0].run
         if run.observer is not None:
-            run.observer.on_reset(run.clock.read_value(), run.tick, forgotten)
+            run.observer.on_reset(run.clock.now(), run.tick, forgotten)

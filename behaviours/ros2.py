@@ -34,7 +34,7 @@ class _DrivingRequestLeaf(Ros2RequestLeaf):
         if latched := self._latch_reason():
             return self.fail(latched)
         if self._request_number is not None and self._cancelled_at is not None:
-            if not has_ended(self.robot.ros2, self._request_number, self.run.read_value() - self._cancelled_at):
+            if not has_ended(self.robot.ros2, self._request_number, self.run.now() - self._cancelled_at):
                 return self.wait("waiting for the cancelled action to end")
             if self.robot.ros2.progress(self._request_number).state in CANCELLED_STATES:
                 if not self.repeatable:
@@ -46,7 +46,7 @@ class _DrivingRequestLeaf(Ros2RequestLeaf):
 
     def on_pause(self) -> None:
         if self._request_number is not None and not self.robot.ros2.progress(self._request_number).is_final:
-            self._cancelled_at = self.run.read_value()
+            self._cancelled_at = self.run.now()
             self.robot.ros2.cancel(self._request_number)
 
     def _latch_reason(self) -> str:
@@ -204,7 +204,7 @@ class TopicLeaf(Leaf):
 
     def update(self) -> Status:
         reading = self.robot.ros2.latest(self.topic)
-        if reading.value is None or self.run.read_value() - reading.stamp > self.within:
+        if reading.value is None or self.run.now() - reading.stamp > self.within:
             return self.suspend(f"topic {self.topic}")
         try:
             value = field_value(parse_json(reading.value), self.field)

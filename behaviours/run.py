@@ -66,7 +66,7 @@ class RunState:
     ``wake_event`` is set by whatever should not wait for the next scheduled tick. ``interruptible`` is true while a Ctrl-C
     comes as a KeyboardInterrupt.
 
-    While the executive ticks, time stands still: ``read_value`` is what it is ``tick_time`` at then; ``last_tick_at`` is when it
+    While the executive ticks, time stands still: ``now`` is what it is ``tick_time`` at then; ``last_tick_at`` is when it
     ticked before, None in the first tick. ``variables_changed`` says that variables
     may have changed; who tells of that sets it back. ``dead_reckoned`` says that a motion has succeeded by dead reckoning.
 
@@ -89,7 +89,7 @@ class RunState:
         self.wake_event = Event()
         self.wait: Callable[[float], bool] = self._wait
         self.interruptible = True
-        self.heartbeat_at = self.wall.read_value()
+        self.heartbeat_at = self.wall.now()
         self.active_leaf: Leaf | None = None
         self.overrun: tuple[Leaf, int, float] | None = None
         self.overrun_failure: tuple[str, float] | None = None
@@ -99,14 +99,14 @@ class RunState:
         self.last_tick_at: float | None = None
         self.sensor_timeout = SENSOR_TIMEOUT
 
-    def read_value(self) -> float:
+    def now(self) -> float:
         """The time in seconds on the run's clock, for the thread that ticks; others ask the ``clock``."""
         held = self.tick_time
-        return self.clock.read_value() if held is None else held
+        return self.clock.now() if held is None else held
 
     def record_heartbeat(self) -> None:
         """Show that the loop goes on."""
-        self.heartbeat_at = self.wall.read_value()
+        self.heartbeat_at = self.wall.now()
 
     def wake(self) -> None:
         """Tick at once: something has happened that a behaviour may wait for. From any thread."""

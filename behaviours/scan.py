@@ -55,12 +55,12 @@ class Scan(Leaf):
         self._targets = self._serpentine()
         rounds = itertools.repeat(0, self.scans) if self.scans else itertools.repeat(0)
         self._route = (place for _ in rounds for place in enumerate(self._targets, 1))
-        self._arrival, self._setpoint, self._ticked_at = ArrivalDetector(), None, self.run.read_value()
+        self._arrival, self._setpoint, self._ticked_at = ArrivalDetector(), None, self.run.now()
         self._next_target = next(self._route, (0, None))
         self._advance()
 
     def update(self) -> Status:
-        head, now, place = self.robot.head, self.run.read_value(), self._target
+        head, now, place = self.robot.head, self.run.now(), self._target
         reading = head.pose()
         aim = self._setpoint or reading.value
         if place is None:

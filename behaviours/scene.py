@@ -18,7 +18,7 @@ class _PictureCondition(Leaf):
 
     def update(self) -> Status:
         scene = self.robot.sight.scene()
-        oldest = self.run.read_value() - max(self.within, self.elapsed)
+        oldest = self.run.now() - max(self.within, self.elapsed)
         if scene is None or scene.stamp < oldest:
             return self.suspend("camera")
         return self.judge(scene)

@@ -64,7 +64,7 @@ class HeadSearch(PerceptLeaf[P]):
         if not has_arrived(self.robot.head.pose(), accepted):
             self.arrived_at = None
         elif self.arrived_at is None:
-            self.arrived_at = self.run.read_value()
+            self.arrived_at = self.run.now()
         return self.wait(self.absence_reason(f"no {self.noun} found"))
 
     def terminate(self, new_status: Status) -> None:

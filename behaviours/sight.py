@@ -206,7 +206,7 @@ class FindFace(FacePerceptLeaf, HeadSearch[Face]):
         return super().accept(percept)
 
     def keeps_looking(self) -> bool:
-        if not self.person_name or self.arrived_at is None or self.run.read_value() - self.arrived_at > NAME_TIMEOUT:
+        if not self.person_name or self.arrived_at is None or self.run.now() - self.arrived_at > NAME_TIMEOUT:
             return False
         return any(not face.name and face.stamp >= self.arrived_at for face in self.percepts())
 
@@ -267,11 +267,11 @@ class Identify(PerceptLeaf[Face]):
         return only is None or is_same_person(percept, only)
 
     def initialise(self) -> None:
-        self._seen_at = self.run.read_value()
+        self._seen_at = self.run.now()
 
     def update(self) -> Status:
         face = self.largest_fresh()
-        now = self.run.read_value()
+        now = self.run.now()
         if face is None:
             gone = now - self._seen_at > FACE_TIMEOUT
             return self.fail(self.absence_reason()) if gone else self.wait(self.absence_reason())

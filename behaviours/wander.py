@@ -110,15 +110,15 @@ class Wander(BaseMotion):
     def go(self, state: BaseState, start: Pose2D) -> Status:
         del start
         self._visited.visit(state.pose)
-        seen = self._lookout.points_around(state, self.run.read_value())
+        seen = self._lookout.points_around(state, self.run.now())
         if seen is None and self.robot.ranger_part is not None:
             return self.steer(ZERO_VELOCITY, "waiting for the range finder")
         things = self._obstacles(state.pose, seen)
         if self._last_hit is not None and self._must_back_off(state.pose, *self._last_hit, things):
             return self.steer(Velocity(-BACK_OFF_SPEED, 0.0), "backing off")
         self._last_hit = None
-        if self._course is None or self.run.read_value() - self._chosen_at >= CHOICE_INTERVAL:
-            self._course, self._chosen_at = self._choose(state.pose, things), self.run.read_value()
+        if self._course is None or self.run.now() - self._chosen_at >= CHOICE_INTERVAL:
+            self._course, self._chosen_at = self._choose(state.pose, things), self.run.now()
         course = self._course
         if course is None:
             return self._wait_shut_in()
@@ -128,7 +128,7 @@ class Wander(BaseMotion):
             Velocity(self._speed(off, free_distance(things), blind=seen is None), turn), self._activity(off)
         )
         if status is FAILURE:  # an edge that is not far enough behind it
-            self._last_hit = state.pose, self.run.read_value()
+            self._last_hit = state.pose, self.run.now()
             return self._wait_shut_in()
         if self._refused_since is None:
             self._shut_in_since = None
@@ -175,16 +175,16 @@ class Wander(BaseMotion):
             for angle in sides:
                 place = pose.heading + angle
                 self._hits.append((pose.x + BASE_RADIUS * math.cos(place), pose.y + BASE_RADIUS * math.sin(place)))
-        self._last_hit, self._course = (self._last_hit or (pose, self.run.read_value())), None
+        self._last_hit, self._course = (self._last_hit or (pose, self.run.now())), None
 
     def _must_back_off(self, pose: Pose2D, origin: Pose2D, since: float, things: Points) -> bool:
         """Say whether it has to drive farther back, and can."""
         gone = math.hypot(pose.x - origin.x, pose.y - origin.y)
         room = free_distance(things, math.pi)
-        return gone < BACK_OFF_DISTANCE and room > 0.0 and self.run.read_value() - since < BACK_OFF_TIMEOUT
+        return gone < BACK_OFF_DISTANCE and room > 0.0 and self.run.now() - since < BACK_OFF_TIMEOUT
 
     def _wait_shut_in(self) -> Status:
-        now = self.run.read_value()
+        now = self.run.now()
         if self._shut_in_since is None:
             self._shut_in_since = now
         if now - self._shut_in_since >= SHUT_IN_TIMEOUT:

@@ -8,7 +8,7 @@ from typing import Protocol
 class Clock(Protocol):
     """Seconds that never run backwards, from an arbitrary zero."""
 
-    def read_value(self) -> float:
+    def now(self) -> float:
         """Return the time in seconds."""
         ...
 
@@ -19,7 +19,7 @@ class SystemClock:
     def __init__(self) -> None:
         self._zero = time.monotonic()
 
-    def read_value(self) -> float:
+    def now(self) -> float:
         """Return the seconds since it was made: every stamp of a run in real time is on this scale."""
         return time.monotonic() - self._zero
 
@@ -30,7 +30,7 @@ class ManualClock:
     def __init__(self, start: float = 0.0) -> None:
         self._now = start
 
-    def read_value(self) -> float:
+    def now(self) -> float:
         """Return the time that ``advance`` has brought it to."""
         return self._now
 

@@ -48,7 +48,7 @@ class Vision(NewestView):
 
     ``gaze(stamp)`` tells where the camera looked at a past time, None when that is not known. ``field_of_view``
     (or what tells it by width and height of a picture), ``centre`` and ``distortion`` are the camera's, as
-    ``perception.geometry.Pinhole`` has them. ``read_value`` tells the time,
+    ``perception.geometry.Pinhole`` has them. ``now`` tells the time,
     to measure the effort. ``delay`` is how late pictures are stamped, and learns it; None where stamps are exact.
     ``on_resume`` is called before the first frame after a rest, which shows something else than the one before it.
     From whichever thread hands in the frames, and to return at once: ``on_view(view)`` after each frame, then
@@ -71,7 +71,7 @@ class Vision(NewestView):
         on_trouble: Callable[[Exception], None] = ignore,
         on_resume: Callable[[], object] = ignore,
     ) -> None:
-        self.read_value = now
+        self.now = now
         self.on_resume = on_resume
         self._gaze = gaze
         self._angle = field_of_view
@@ -121,7 +121,7 @@ class Vision(NewestView):
         return True
 
     def _search(self, frame: Frame) -> None:
-        began = self.read_value()
+        began = self.now()
         height, width = frame.image.shape[:2]
         angle = self._angle(width, height) if callable(self._angle) else self._angle
         camera, senses = Pinhole(width, height, angle, *self._lens), self._senses
@@ -137,7 +137,7 @@ class Vision(NewestView):
             markers=() if senses.markers is None else senses.markers.sense(frame, camera, gaze),
             scene=self._scene(frame) if self._measures_scene else None,
         )
-        spent = self.read_value() - began
+        spent = self.now() - began
         self._effort = VisionEffort(self._effort.frames + 1, self._effort.failed, self._effort.seconds + spent)
         self._newest, self._view = frame, (view := replace(view, spent=spent))
         self._on_view(view)
@@ -200,7 +200,7 @@ class Eyes:
         """Start looking; returns at once. Safe more than once."""
         if self._thread is None:
             self._closing.clear()
-            self._last_query_at = self.vision.read_value()
+            self._last_query_at = self.vision.now()
             self._thread = Thread(target=self._run, name="eyes", daemon=True)
             self._thread.start()
 
@@ -218,7 +218,7 @@ class Eyes:
 
     def wake(self) -> bool:
         """Somebody asks what they see, which ends a rest; say whether that is known. From any thread, at once."""
-        before, self._last_query_at = self._last_query_at, self.vision.read_value()
+        before, self._last_query_at = self._last_query_at, self.vision.now()
         self._wake_up.set()
         if self._warm_pictures >= WARM_UP_PICTURES:
             return True
@@ -240,7 +240,7 @@ class Eyes:
 
     @property
     def _is_idle(self) -> bool:
-        return self.may_rest and self.vision.read_value() - self._last_query_at > REST_AFTER
+        return self.may_rest and self.vision.now() - self._last_query_at > REST_AFTER
 
     def _run(self) -> None:
         while not self._closing.is_set():

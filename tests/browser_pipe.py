@@ -32,7 +32,7 @@ class Pipe:
         left = json.dumps(question).encode() + b"\0"
         while left:
             left = left[os.write(self._write, left) :]
-        deadline = self._clock.read_value() + REPLY_TIMEOUT
+        deadline = self._clock.now() + REPLY_TIMEOUT
         while (message := self._next(deadline)).get("id") != self._asked:
             self.unasked.append(message)
         if "error" in message:
@@ -42,7 +42,7 @@ class Pipe:
 
     def wait_for(self, method: str, **params: object) -> None:
         """Wait until the browser says ``method`` with these ``params``, unless it did already."""
-        deadline = self._clock.read_value() + REPLY_TIMEOUT
+        deadline = self._clock.now() + REPLY_TIMEOUT
         while not any(said["method"] == method and params.items() <= said["params"].items() for said in self.unasked):
             self.unasked.append(self._next(deadline))
 
@@ -50,7 +50,7 @@ class Pipe:
         seen = 0
         while (end := self._rest.find(0, seen)) < 0:
             seen = len(self._rest)
-            if not select.select([self._read], [], [], max(0.0, deadline - self._clock.read_value()))[0]:
+            if not select.select([self._read], [], [], max(0.0, deadline - self._clock.now()))[0]:
                 raise TimeoutError(f"the browser did not answer within {REPLY_TIMEOUT:g} s")
             if not (piece := os.read(self._read, 1 << 16)):
                 raise EOFError("the browser has gone")

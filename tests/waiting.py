@@ -17,6 +17,6 @@ def wait_until(holds: Callable[[], object], seconds: float = 60.0, *, pause: flo
     """
     clock, event = SystemClock(), Event()
     while not holds():
-        waited = clock.read_value()
+        waited = clock.now()
         assert waited < seconds, f"it did not come true within {seconds:g} s"
         event.wait(min(pause, max(0.002, SHARE * waited)))

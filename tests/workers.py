@@ -181,7 +181,7 @@ class Crew:
             for each in list(self.workers):
                 if os.waitpid(each.pid, os.WNOHANG)[0]:
                     self.workers.remove(each)
-                elif clock.read_value() > END_TIMEOUT:
+                elif clock.now() > END_TIMEOUT:
                     os.kill(each.pid, signal.SIGKILL)
             pause.wait(0.05)
 

@@ -68,7 +68,7 @@ class DelegatedMotion(BaseMotion):
         if self._goal is None:
             return super().update()
         if self._cancelled_at is not None:
-            if not has_ended(self.robot.ros2, self._goal, self.run.read_value() - self._cancelled_at):
+            if not has_ended(self.robot.ros2, self._goal, self.run.now() - self._cancelled_at):
                 return self.wait("waiting for the cancelled action to end")
             if self.robot.ros2.progress(self._goal).state in CANCELLED_STATES:
                 return self._delegate_again()
@@ -92,7 +92,7 @@ class DelegatedMotion(BaseMotion):
     def on_pause(self) -> None:
         if self._goal is None or self.robot.ros2.progress(self._goal).is_final:
             return
-        self._cancelled_at = self.run.read_value()
+        self._cancelled_at = self.run.now()
         self.robot.ros2.cancel(self._goal)
         self.robot.base.stop()
 
@@ -106,7 +106,7 @@ class DelegatedMotion(BaseMotion):
         if before is None or away > MIN_PROGRESS_DISTANCE or abs(here.heading - before.heading) > MIN_PROGRESS_ANGLE:
             self._seen_at = here
             self._clock.restart()
-        return self._clock.run(self.run.read_value(), self.robot.base.steering()) > NO_PROGRESS_TIMEOUT
+        return self._clock.run(self.run.now(), self.robot.base.steering()) > NO_PROGRESS_TIMEOUT
 
     def terminate(self, new_status: Status) -> None:
         if self._goal is not None and new_status is not SUCCESS:

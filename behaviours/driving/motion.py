@@ -200,7 +200,7 @@ class BaseMotion(Leaf):
 
     def _may_settle(self) -> bool:
         """Return whether there is time left to wait for the drift of the gyro."""
-        now = self.run.read_value()
+        now = self.run.now()
         if self._settling_since is None:
             self._settling_since = now
         return now - self._settling_since <= SETTLING_TIMEOUT
@@ -221,7 +221,7 @@ class BaseMotion(Leaf):
             self._limits, before = limits, self._limit
             self._limit = self._time_limit(self._last_state, self._start)
             self._clock.scale(before, self._limit)
-        if self._clock.run(self.run.read_value(), steering) <= self._limit:
+        if self._clock.run(self.run.now(), steering) <= self._limit:
             return ""
         return f"not done within its time limit of {self._limit:.0f} s"
 
@@ -265,7 +265,7 @@ class BaseMotion(Leaf):
         if given != ZERO_VELOCITY or velocity == ZERO_VELOCITY:
             self._refused_since = None
             return self.wait(activity)
-        now, steering = self.run.read_value(), self.robot.base.steering()
+        now, steering = self.run.now(), self.robot.base.steering()
         if self._refused_since is None:
             self._refused_since = now
         guarded = is_guarded(steering)
@@ -382,7 +382,7 @@ class Spin(BaseMotion):
 
         Succeeds once it stands still.
         """
-        left, now = heading - state.pose.heading, self.run.read_value()
+        left, now = heading - state.pose.heading, self.run.now()
         if self._nudge is not None:
             rate, ends = self._nudge
             if now < ends:

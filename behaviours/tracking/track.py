@@ -56,7 +56,7 @@ class TrackLeaf(Leaf):
 
     def initialise(self) -> None:
         self._target = self.first_target()
-        self._seen_at = self.run.read_value()
+        self._seen_at = self.run.now()
         limits = None if self.robot.head_part is None else self.robot.head.limits
         base, lag, max_turn = self.robot.base_part, self.robot.lag, 0.0
         if base is not None:
@@ -69,7 +69,7 @@ class TrackLeaf(Leaf):
         trouble = self._motion_fault_reason() or self.stop_reason()
         if trouble:
             return self.fail(trouble)
-        now = self.run.read_value()
+        now = self.run.now()
         target = self._choose([percept for percept in self.percepts() if now - percept.stamp <= self.patience])
         if target is not None:
             if self._target is None or target.stamp > self._target.stamp:
@@ -241,7 +241,7 @@ class FollowPerson(TrackFace):
         if not is_guarded(steering) or steering.allowed != ZERO_VELOCITY:
             self._guarded_since = None
             return ""
-        now = self.run.read_value()
+        now = self.run.now()
         if self._guarded_since is None:
             self._guarded_since = now
         return steering.reason if now - self._guarded_since > RANGE_GUARD_TIMEOUT else ""
@@ -261,7 +261,7 @@ class FollowPerson(TrackFace):
         """Return how fast it may drive straight ahead, as far as the range finder sees: not while it is silent."""
         if self._lookout is None or self.robot.ranger_part is None:
             return math.inf
-        seen = self._lookout.points_around(state, self.run.read_value())
+        seen = self._lookout.points_around(state, self.run.now())
         if seen is None:
             return 0.0
         braking = BRAKING_SHARE * self.robot.base.limits.acceleration

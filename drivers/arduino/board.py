@@ -168,9 +168,7 @@ class ArduinoBoard:
     def can_send(self) -> bool:
         """Whether angles may be sent now: it is sure that the board has not begun anew."""
         session = self._session
-        return (
-            session is not None and session.boot_state is None and session.detector.is_fresh(self._clock.read_value())
-        )
+        return session is not None and session.boot_state is None and session.detector.is_fresh(self._clock.now())
 
     def require_ready(self) -> None:
         """Raise NotConnected, with what is missing and what to try, unless the board takes angles.
@@ -199,7 +197,7 @@ class ArduinoBoard:
 
     def wheels(self) -> Reading[WheelRates]:
         """How fast the wheels turn, by the encoders of the later sketches; none with a sketch that has none."""
-        session, now = self._session, self._clock.read_value()
+        session, now = self._session, self._clock.now()
         tacho = None if session is None else session.tacho
         if tacho is None or tacho.value is None:
             return Reading(None, now, Quality.NONE)
@@ -243,7 +241,7 @@ class ArduinoBoard:
             self._drop_goals()
             return None
         with self._lock:
-            now, boot_state, session.boot_state = self._clock.read_value(), session.boot_state, None
+            now, boot_state, session.boot_state = self._clock.now(), session.boot_state, None
             was_reset = boot_state is BootState.RESET
             if self._reconnect.on_report(now, restarted=was_reset) and not was_reset:
                 self._drop_goals()
@@ -309,7 +307,7 @@ class ArduinoBoard:
 
         Say whether it rests: nothing is to be sent, and nothing was a moment ago.
         """
-        now = self._clock.read_value()
+        now = self._clock.now()
         if self._knowledge is ServoKnowledge.NONE:
             return False
         if not session.detector.is_fresh(now):

@@ -84,7 +84,7 @@ class ArduinoHead(ProfiledHead[ServoAxis]):
         """Where the servos were sent last; stale while the board is not there, and none before it first was."""
         newest = self._last_pose
         if newest is None:
-            return Reading(None, self._clock.read_value(), Quality.NONE)
+            return Reading(None, self._clock.now(), Quality.NONE)
         return newest if self.board.is_ready else replace(newest, quality=Quality.STALE)
 
     @property
@@ -120,7 +120,7 @@ class ArduinoHead(ProfiledHead[ServoAxis]):
 
     def set_angles(self, degrees: Mapping[int, int], *, has_encoders: bool, known: bool) -> Mapping[int, int]:
         """Go on from where the servos stand; stay there, but for the first time that it is known where that is."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         axes = self._motion.axes
         self._sent = tuple(
             degrees.get(axis.index, axis.start_degrees_of_sketch(has_encoders=has_encoders)) for axis in axes
@@ -171,11 +171,11 @@ class ArduinoHead(ProfiledHead[ServoAxis]):
         """Give up the goal: the servos stay at the degrees sent last, of which the profile may be a little short."""
         if self._last_pose is not None and self._last_pose.value is not None:
             sent = self._last_pose.value
-            self._motion.drop_goal(pan=sent.pan, tilt=sent.tilt, now=self._clock.read_value())
+            self._motion.drop_goal(pan=sent.pan, tilt=sent.tilt, now=self._clock.now())
 
     def _sync_time(self) -> float:
         """Return the time, until which nothing has moved if nothing may be sent."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         if not self.board.can_send:
             self._motion.pause_until(now, 0.0)
         return now

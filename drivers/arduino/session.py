@@ -288,13 +288,13 @@ class RosserialSession:
 
     def on_data(self, data: bytes) -> None:
         """Take bytes of the board, and answer what it asks. Raises NotConnected when the port has gone."""
-        self._received_at = now = self._clock.read_value()
+        self._received_at = now = self._clock.now()
         self.detector.on_poll(now)
         self._handle_frames(self._finder.feed(data))
 
     def poll(self) -> None:
         """Do what is due: ask for the topics, notice silence. Raises NotConnected when the port has gone."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         self.detector.on_poll(now)
         if self._booted_at is None:
             self._booted_at = now + self._boot_delay
@@ -324,19 +324,19 @@ class RosserialSession:
 
     def probe_if_needed(self) -> None:
         """Ask the board whether it has begun anew, unless it is about to tell. Raises NotConnected."""
-        now, detector = self._clock.read_value(), self.detector
+        now, detector = self._clock.now(), self.detector
         tells = detector.expects_ack(now) or (self.has_encoders and now - self._tacho_at <= TACHO_TIMEOUT)
         if detector.state is DetectorState.SUSPECT or not tells:
             self._probe_unless_pending()
 
     def _probe_unless_pending(self) -> None:
         if not self.detector.probe_pending:
-            self._probe(self._clock.read_value())
+            self._probe(self._clock.now())
 
     def offline_reason(self) -> tuple[str, str]:
         """Say what is still missing before the board takes angles, and what to try."""
         look = f"python3 -m serial.tools.miniterm {self._link.port} {self._link.baud}"
-        if self._booted_at is None or self._clock.read_value() < self._booted_at:
+        if self._booted_at is None or self._clock.now() < self._booted_at:
             return "waiting for the board to boot", ""
         if any(self._trouble):
             return self._trouble
@@ -371,7 +371,7 @@ class RosserialSession:
     def _handle_frame(self, frame: wire.RosserialFrame) -> None:
         match frame.topic:
             case wire.TIME:
-                self._time_requested_at = self._clock.read_value()
+                self._time_requested_at = self._clock.now()
                 self._counters["times"] += 1
                 again = self.detector.on_time_request(self._time_requested_at)
                 self._link.write(
@@ -389,11 +389,11 @@ class RosserialSession:
                 self._log(wire.RosserialLog.unpack(frame.data))
             case number if number not in wire.RESERVED_TOPICS and number not in self._topics:
                 self._counters["unknown topics"] += 1
-                self._request_topics(self._clock.read_value())
+                self._request_topics(self._clock.now())
             case number if self._topics.get(number) == wire.TACHO_TOPIC:
                 self.detector.on_encoder_message()
-                self._tacho_at = self._clock.read_value()
-                self.tacho = Reading(wire.Tacho.unpack(frame.data), self._clock.read_value(), Quality.GOOD)
+                self._tacho_at = self._clock.now()
+                self.tacho = Reading(wire.Tacho.unpack(frame.data), self._clock.now(), Quality.GOOD)
                 self._counters["tachos"] += 1
 
     def _on_subscriber(self, info: wire.TopicInfo) -> None:
@@ -402,7 +402,7 @@ class RosserialSession:
         if info.topic.name != self._expected_topic.name:
             return
         if info.topic == self._expected_topic:
-            now, asked = self._clock.read_value(), self.detector.probe_pending
+            now, asked = self._clock.now(), self.detector.probe_pending
             self.boot_state = self.detector.on_answer(now)
             if self.topic is not None and not asked and now - self._probed_at > TOPIC_REQUEST_INTERVAL:
                 self.boot_state = BootState.RESET  # nobody had asked: it is telling a newcomer, as after a reset

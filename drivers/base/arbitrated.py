@@ -181,7 +181,7 @@ class ArbitratedBase(ABC):
         reports is stopped.
         """
         check(self.name, velocity, source)
-        now = self._clock.read_value()
+        now = self._clock.now()
         if (error := self._offline_error(now)) is not None:
             self.stop()
             raise error

@@ -234,7 +234,7 @@ class DiffDriveBase(ArbitratedBase):
 
     def state(self) -> Reading[BaseState]:
         """Return the last reported state."""
-        latest, now, timing = self._latest, self._clock.read_value(), self.protocol.timing
+        latest, now, timing = self._latest, self._clock.now(), self.protocol.timing
         if latest.value is None:
             return replace(latest, stamp=now)
         fresh = now - latest.stamp <= timing.stale_after + timing.idle_poll_interval * self._dozing
@@ -267,7 +267,7 @@ class DiffDriveBase(ArbitratedBase):
         link = self._link.health()
         counters = {**link.counters, **self.protocol.counters(), **self._mux.command_delays.counters("command")}
         returned = self._mux.absence.reconnected_at
-        if (error := self._offline_error(self._clock.read_value())) is None:
+        if (error := self._offline_error(self._clock.now())) is None:
             return Health(True, counters=counters, reconnected_at=returned)
         return Health(False, str(error), error.hint, counters, returned)
 
@@ -275,7 +275,7 @@ class DiffDriveBase(ArbitratedBase):
 
     def on_connected(self) -> None:
         """Greet the base on a port that was just opened. Commands from before are dropped."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         with self._lock:
             self._mux.stop()
             self.protocol.restart()
@@ -285,7 +285,7 @@ class DiffDriveBase(ArbitratedBase):
 
     def on_data(self, data: bytes) -> None:
         """Parse reports, and respond to them at once."""
-        now = self._bytes_at = self._clock.read_value()
+        now = self._bytes_at = self._clock.now()
         with self._lock, self._stopping_on_error():
             parsed = self.protocol.parse(data, now - self.protocol.timing.report_delay)
             if parsed.restarted is not None:
@@ -300,7 +300,7 @@ class DiffDriveBase(ArbitratedBase):
 
     def on_poll(self) -> float | None:
         """Renew the command, send questions that are due, and detect silence. Return how long reports may gather."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         if now - self._renewed_at >= RENEWAL_INTERVAL:
             self._renew(now)
         if now - max(self._greeted_at, self._heard_at) >= GREETING_INTERVAL:
@@ -369,7 +369,7 @@ class DiffDriveBase(ArbitratedBase):
         self._report_steering(steering)
 
     def _send(self, command: bytes) -> None:
-        self._sent_at = self._clock.read_value()
+        self._sent_at = self._clock.now()
         if command:
             self._link.write(command)
 
@@ -400,12 +400,12 @@ class DiffDriveBase(ArbitratedBase):
 
     def _send_extra(self, make: Callable[[], bytes]) -> None:
         """Send a command that does not move the base. Raises NotConnected."""
-        if (error := self._offline_error(self._clock.read_value())) is not None:
+        if (error := self._offline_error(self._clock.now())) is not None:
             raise error
         self._write(make)
 
     def _send_stop(self) -> None:
-        now = self._clock.read_value()
+        now = self._clock.now()
         self._moved_at = now  # so that renewals repeat it: one may be lost
         with suppress(NotConnected):
             self._send(self.protocol.stop(now))

@@ -72,7 +72,7 @@ class RangerTwin:
 
     def scan(self) -> Reading[RangeScan]:
         """The newest whole turn; stale when the last came longer ago than the real driver's limit."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         if self._latest is None:
             return Reading(None, now, Quality.NONE)
         fresh = now - self._turned_at <= STALE_AFTER
@@ -100,7 +100,7 @@ class RangerTwin:
         """Go on by half a turn: measure in the middle of one, give it out at its end."""
         if not self.plug.online:
             return
-        now = self._clock.read_value()
+        now = self._clock.now()
         if self._measured is None:
             self._measured = RangeScan(self._ranges(now), START, STEP, now, self._number, self._least, self._most)
             return

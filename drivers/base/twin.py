@@ -296,7 +296,7 @@ class BaseTwin(ArbitratedBase):
 
     def state(self) -> Reading[BaseState]:
         """The newest report; stale when it is older than the real driver's limit."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         if self._felt is None:
             return Reading(None, now, Quality.NONE)
         if self._latest is None:
@@ -319,14 +319,14 @@ class BaseTwin(ArbitratedBase):
     def health(self) -> Health:
         """Say whether reports arrive."""
         health = replace(self.plug.health({"frames": self._frames}), reconnected_at=self._mux.absence.reconnected_at)
-        if health.online and not self._is_reporting(self._clock.read_value()):
+        if health.online and not self._is_reporting(self._clock.now()):
             detail, hint = self._offline_reason()
             return replace(health, online=False, detail=detail, hint=hint)
         return health
 
     def step(self) -> None:
         """Let the body roll on to now, report, and renew the command, as the real one does 50 times a second."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         self.body.advance(now)
         if not self.plug.online:
             return
@@ -380,7 +380,7 @@ class BaseTwin(ArbitratedBase):
         self._mux.stop()
         self._odometry.pause()
         self._silent = False
-        now = self._clock.read_value()
+        now = self._clock.now()
         self.body.advance(now)
         self._on_report(now)
 
@@ -472,7 +472,7 @@ class BaseTwin(ArbitratedBase):
 
     def _send_stop(self) -> None:
         if self.plug.online:
-            self._move_body(ZERO_VELOCITY, self._clock.read_value())
+            self._move_body(ZERO_VELOCITY, self._clock.now())
 
     def _is_reporting(self, now: float) -> bool:
         return self.plug.online and now - self._heard_at <= OFFLINE_AFTER

@@ -38,11 +38,11 @@ def checkup(keys: CameraKeys, site: DriverContext) -> Iterator[Finding]:
         return
     with closing(make(keys, site)) as camera:
         camera.open()
-        end = site.clock.read_value() + FIRST_PICTURE_TIMEOUT
-        while (left := end - site.clock.read_value()) > 0:
+        end = site.clock.now() + FIRST_PICTURE_TIMEOUT
+        while (left := end - site.clock.now()) > 0:
             frame = camera.read(min(left, 0.5))
             if frame is not None:
-                end = end if frames else site.clock.read_value() + RATE_WINDOW
+                end = end if frames else site.clock.now() + RATE_WINDOW
                 frames.append(frame)
             elif (
                 not frames

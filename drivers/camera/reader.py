@@ -92,7 +92,7 @@ class ReaderProcess:
     def next_reply(self, timeout: float) -> Mapping[str, Any] | None:
         """Return the next reply; None if there is none after ``patience`` seconds. Raises EOFError at its end."""
         out, clock = self._pipes[1].fileno(), SystemClock()
-        while (left := timeout - clock.read_value()) >= 0:
+        while (left := timeout - clock.now()) >= 0:
             for pipe, _ in self._poll.poll(1000 * left):
                 data = os.read(pipe, 65536)
                 if pipe == out:
@@ -187,7 +187,7 @@ class ReaderFeed:
         self._count = self._first_needed = 0
         self._results.clear()
         process.send(bytes([SKIP_TO, *NUMBER.pack(0), START]))
-        self._pending_since = self._clock.read_value()
+        self._pending_since = self._clock.now()
         reply = self._wait_for_reply(OPEN_TIMEOUT)
         if reply is None:
             trouble = NotConnected(
@@ -208,10 +208,10 @@ class ReaderFeed:
             self.skip_next(skip_count())
             if self._pending_since is None:
                 process.send(bytes([GRAB]))
-                self._pending_since = self._clock.read_value()
+                self._pending_since = self._clock.now()
             reply = self._next_reply(process, GRAB_TIMEOUT)
             if reply is None:
-                return NO_PICTURE if self._clock.read_value() - self._pending_since < STALL_TIMEOUT else None
+                return NO_PICTURE if self._clock.now() - self._pending_since < STALL_TIMEOUT else None
             self._pending_since = None
             if "error" in reply:
                 raise NotConnected(reply["error"], hint=reply["hint"])
@@ -261,8 +261,8 @@ class ReaderFeed:
 
     def _wait_for_reply(self, timeout: float) -> Mapping[str, Any] | None:
         """Return the next reply; None if there is none in time, or when the camera is closed meanwhile."""
-        begin = self._clock.read_value()
-        while self._process is not None and not self._closing.is_set() and self._clock.read_value() - begin < timeout:
+        begin = self._clock.now()
+        while self._process is not None and not self._closing.is_set() and self._clock.now() - begin < timeout:
             reply = self._next_reply(self._process, GRAB_TIMEOUT)
             if reply is not None:
                 return reply

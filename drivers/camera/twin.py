@@ -58,7 +58,7 @@ class CameraTwin:
     def open(self) -> None:
         """Be there at once, unless it is unplugged; the first picture is due at once. Does nothing while open."""
         if self._opened_at is None:
-            self._opened_at = self._clock.read_value()
+            self._opened_at = self._clock.now()
             self._number, self._frames = -1, 0
             self.plug.open()
 
@@ -92,7 +92,7 @@ class CameraTwin:
         It does not wait for the ``timeout``: simulated time stands still while somebody reads.
         """
         del timeout
-        now = self._clock.read_value()
+        now = self._clock.now()
         if self._opened_at is None or not self.plug.online:
             return None
         due = int((now - self._opened_at) / self.period + 1e-6)  # a clock moved on in such steps is a hair early

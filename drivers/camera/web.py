@@ -88,7 +88,7 @@ class WebFeed:
 
     def start(self) -> float | None:
         """Ask for pictures. Raises NotConnected with the reason when there are none."""
-        self._poll_at = self._last_picture_at = self._clock.read_value()
+        self._poll_at = self._last_picture_at = self._clock.now()
         self._is_polled = False
         self._send_request()
         return None if self._video_feed is None else self._video_feed.start()
@@ -98,7 +98,7 @@ class WebFeed:
         if self._video_feed is not None:
             return self._video_feed.grab(is_needed)
         while (data := self._next_picture()) is not None:
-            self._last_picture_at = self._clock.read_value()
+            self._last_picture_at = self._clock.now()
             if not is_needed():
                 return SKIPPED_PICTURE
             image = decode_picture(data)
@@ -121,11 +121,9 @@ class WebFeed:
             try:
                 found = self._read_pictures()
             except NotConnected:
-                if not self._is_polled or self._clock.read_value() - self._last_picture_at > OFFLINE_TIMEOUT:
+                if not self._is_polled or self._clock.now() - self._last_picture_at > OFFLINE_TIMEOUT:
                     raise
-                self._poll_at = (
-                    self._clock.read_value() + RETRY_INTERVAL
-                )  # one question that goes wrong is no camera lost
+                self._poll_at = self._clock.now() + RETRY_INTERVAL  # one question that goes wrong is no camera lost
                 found = []
             if found:
                 return found[-1]
@@ -135,8 +133,8 @@ class WebFeed:
     def _read_pictures(self) -> list[bytes]:
         """Return the pictures that come next, oldest first; none where there is no whole one yet."""
         if self._response is None:
-            Event().wait(max(0.0, self._poll_at - self._clock.read_value()))
-            self._poll_at = self._clock.read_value() + SNAPSHOT_INTERVAL
+            Event().wait(max(0.0, self._poll_at - self._clock.now()))
+            self._poll_at = self._clock.now() + SNAPSHOT_INTERVAL
             self._send_request()
         response = self._response
         if response is None:

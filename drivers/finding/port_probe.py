@@ -66,8 +66,8 @@ class ExclusivePort:
         try:
             port = self._open_at(request.baud)
             port.write(request.send)
-            heard, echo, end = b"", b"", self._clock.read_value() + request.timeout + self._total_extra_timeout
-            while not request.is_complete(heard) and (left := end - self._clock.read_value()) > 0:
+            heard, echo, end = b"", b"", self._clock.now() + request.timeout + self._total_extra_timeout
+            while not request.is_complete(heard) and (left := end - self._clock.now()) > 0:
                 heard += port.read_available(left)
                 if request.send and not echo and heard.startswith(request.send):
                     heard, echo = heard.removeprefix(request.send), request.send

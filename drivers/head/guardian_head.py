@@ -136,7 +136,7 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
         """Where the servos were sent last; stale while no keeper answers, and none before one did."""
         newest = self._last_pose
         if newest is None:
-            return Reading(None, self._clock.read_value(), Quality.NONE)
+            return Reading(None, self._clock.now(), Quality.NONE)
         return newest if self._is_online else replace(newest, quality=Quality.STALE)
 
     # --- life --------------------------------------------------------------------------------------------------------
@@ -171,7 +171,7 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
         self._hold()
         self._lines = LineFinder()
         self._handle(GuardianEvent.CONNECT)
-        self._connected_at = self._clock.read_value()
+        self._connected_at = self._clock.now()
         self._send_request(self._connected_at)
 
     def on_data(self, data: bytes) -> None:
@@ -187,7 +187,7 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
 
     def on_poll(self) -> None:
         """Ask again, lead the servos on, and notice silence."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         if now - self._requested_at >= REQUEST_INTERVAL:
             self._send_request(now)
         self._step()
@@ -210,7 +210,7 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
 
     def _on_report(self, found: guardian_wire.GuardianReport) -> None:
         """Take one answer."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         self._counters["reports"] += 1
         with self._lock:
             before, was_met = self._state, self._has_report
@@ -262,7 +262,7 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
     def _step(self) -> None:
         """Lead both servos on, while it is sure that somebody hears it. Raises NotConnected."""
         with self._lock:
-            now, boot, sent = self._clock.read_value(), self._boot, self._sent
+            now, boot, sent = self._clock.now(), self._boot, self._sent
             if boot is None or sent is None or not self._has_report:
                 return
             if not self._is_fresh(now):
@@ -296,11 +296,11 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
         """Give up the goal: the servos stay at the degrees sent last."""
         if self._last_pose is not None and self._last_pose.value is not None:
             sent = self._last_pose.value
-            self._motion.drop_goal(pan=sent.pan, tilt=sent.tilt, now=self._clock.read_value())
+            self._motion.drop_goal(pan=sent.pan, tilt=sent.tilt, now=self._clock.now())
 
     def _sync_time(self) -> float:
         """Return the time, until which nothing has moved if nobody is there to hear it."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         if not self._is_fresh(now):
             self._motion.pause_until(now, 0.0)
         return now
@@ -318,7 +318,7 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
 
     @property
     def _is_online(self) -> bool:
-        now = self._clock.read_value()
+        now = self._clock.now()
         return self._link.online and self._has_report and now - self._reported_at <= OFFLINE_TIMEOUT
 
     def _offline_text(self) -> str:

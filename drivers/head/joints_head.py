@@ -136,7 +136,7 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
             raise NotConnected(health.detail or f"{self.name}: not there yet", hint=health.hint)
         self._joints.move({})  # may they be moved at all?
         self._retry_blocked(target)
-        return self._motion.look(target, self._clock.read_value())
+        return self._motion.look(target, self._clock.now())
 
     def stop(self) -> None:
         """Brake, within its acceleration, and hold; a joint that somebody has kept back stays where it is."""
@@ -188,7 +188,7 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
         """Move on: take in where the joints are, and tell them where to be."""
         if not self._is_open:
             return
-        now, states = self._clock.read_value(), self._joints.states()
+        now, states = self._clock.now(), self._joints.states()
         pan, tilt = (states[axis.joint] for axis in self._motion.axes)
         if not (pan.good and tilt.good) or pan.value is None or tilt.value is None:
             self._go_offline()

@@ -394,4 +394,4 @@ class ProfiledHead(Generic[A]):
 
     def _sync_time(self) -> float:
         """Return the time, until which it has moved as far as it could."""
-        return self._clock.read_value()
+        return self._clock.now()

@@ -80,7 +80,7 @@ class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
         accepted = self.limits.clamp(target)
         pan, tilt = self._motion.axes  # as the real one: its way ends where the servos will stand
         self._motion.look(
-            HeadPose(pan.nearest_angle(accepted.pan), tilt.nearest_angle(accepted.tilt)), self._clock.read_value()
+            HeadPose(pan.nearest_angle(accepted.pan), tilt.nearest_angle(accepted.tilt)), self._clock.now()
         )
         self.step()
         return accepted
@@ -88,7 +88,7 @@ class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
     def pose(self) -> Reading[HeadPose]:
         """Where the servos were sent last; stale while it is not there, and none before it first was."""
         if self._sent is None:
-            return Reading(None, self._clock.read_value(), Quality.NONE)
+            return Reading(None, self._clock.now(), Quality.NONE)
         return Reading(self._pose, self._stamp, Quality.GOOD if self.plug.online else Quality.STALE)
 
     # --- life ---------------------------------------------------------------------------------------------------------
@@ -111,7 +111,7 @@ class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
         """Move on: send each axis the next whole degree, where it is not that already."""
         if not self.plug.online:
             return
-        now = self._clock.read_value()
+        now = self._clock.now()
         self._reconnect.on_report(now)
         still = self._motion.is_still
         if still and self._is_settled:
@@ -145,14 +145,14 @@ class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
         """Let its servos be "blocked" or "reversed", or as they should be; nobody measures where they stand."""
         self._reversed = fault == "reversed"
         for shaft in self._shafts:
-            shaft.advance(self._clock.read_value())
+            shaft.advance(self._clock.now())
             shaft.motion_factor = 0.0 if fault == "blocked" else 1.0
         self._sent = None
         self._is_settled = False
 
     def _on_plugged(self) -> None:
         """Go on from where a sketch that has just started has put its servos; stay there, but for the first time."""
-        now, axes = self._clock.read_value(), self._motion.axes
+        now, axes = self._clock.now(), self._motion.axes
         self._reconnect.on_report(now, restarted=True)
         pan, tilt = (axis.to_radians(axis.start_degrees) for axis in axes)
         if self._has_start:
@@ -165,7 +165,7 @@ class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
     def _on_unplugged(self) -> None:
         """Give up the goal: the servos stay at the degrees sent last."""
         if self._sent is not None:
-            self._motion.drop_goal(pan=self._pose.pan, tilt=self._pose.tilt, now=self._clock.read_value())
+            self._motion.drop_goal(pan=self._pose.pan, tilt=self._pose.tilt, now=self._clock.now())
 
 
 def make_head_twin(keys: TwoServoKeys, away: ReconnectPolicy, stage: SimContext) -> ServoHeadTwin:

@@ -109,7 +109,7 @@ class LegsBase(ArbitratedBase):
             require(self.name, self._mux.latched)
             if self._is_fallen:
                 raise DeviceFault(f"{self.name}: {FALLEN_REASON}", hint="put it up by hand, or by `get_up`")
-            return self._actions.request(act, gait, self._clock.read_value())
+            return self._actions.request(act, gait, self._clock.now())
 
     def stop(self, *, source: Source | None = None) -> None:
         """Come to a stand; see ``ArbitratedBase``. Legs that move to a stand or a sit stay where they are."""
@@ -165,7 +165,7 @@ class LegsBase(ArbitratedBase):
             raise
 
     def _step(self) -> None:
-        now, states = self._clock.read_value(), self._joints.states()
+        now, states = self._clock.now(), self._joints.states()
         heard = all(now - (each := states[name]).stamp <= READING_TIMEOUT and each.value for name in self._leg_joints)
         if not (heard and self._joints.health().online):
             self._on_joints_lost()
@@ -318,7 +318,7 @@ class LegsBase(ArbitratedBase):
         return NotConnected(health.detail, hint=health.hint)
 
     def _require(self) -> None:
-        if (absent := self._offline_error(self._clock.read_value())) is not None:
+        if (absent := self._offline_error(self._clock.now())) is not None:
             raise absent
 
     def _send_stop(self) -> None:

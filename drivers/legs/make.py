@@ -50,16 +50,14 @@ class WalkingBase(LegsBase):
         super().close()
 
     def _run_step(self) -> float:
-        began = self._clock.read_value()
+        began = self._clock.now()
         try:
             self.step()
         except BaseException as error:  # SystemExit too: without this thread the walk would stop in mid-step
             if (fault := f"{type(error).__name__}: {error}") != self._last_step_error:
                 self._last_step_error = fault
                 self._report(DeviceStatus(self.name, "fault", fault))
-        return max(
-            0.0, (CONTROL_INTERVAL if self.is_walking else STANDING_INTERVAL) - (self._clock.read_value() - began)
-        )
+        return max(0.0, (CONTROL_INTERVAL if self.is_walking else STANDING_INTERVAL) - (self._clock.now() - began))
 
 
 def make(keys: LegsKeys, site: DriverContext) -> WalkingBase:

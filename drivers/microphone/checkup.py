@@ -27,10 +27,10 @@ def checkup(keys: MicrophoneKeys, site: DriverContext) -> Iterator[Finding]:
 
 def check_microphone(microphone: Microphone, site: DriverContext) -> Iterator[Finding]:
     """Listen by a microphone, which is closed then."""
-    pause, end = Event(), site.clock.read_value() + LISTEN_TIMEOUT
+    pause, end = Event(), site.clock.now() + LISTEN_TIMEOUT
     with closing(microphone):
         microphone.open()
-        while site.clock.read_value() < end:
+        while site.clock.now() < end:
             heard = microphone.read(-1)
             if heard and heard[-1].end - heard[0].stamp >= MIN_SOUND_SECONDS:
                 break

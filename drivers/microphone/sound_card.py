@@ -79,14 +79,14 @@ class SoundCardMicrophone:
             newest = self._buffer[-1].end if self._buffer else None
         if not state.online:
             return Health(False, state.detail, state.hint, counters)
-        if newest is None or self._clock.read_value() - newest > OFFLINE_TIMEOUT:
+        if newest is None or self._clock.now() - newest > OFFLINE_TIMEOUT:
             return Health(False, f"{self.name}: no sound arrives", self._hint, counters)
         return Health(True, counters=counters)
 
     def read(self, after: int) -> list[Sound]:
         """Return the pieces with a larger number than ``after``, oldest first; at most the last 5 s are kept."""
         with self._lock:
-            hangs = self._last_sign_at is not None and self._clock.read_value() - self._last_sign_at > HANG_TIMEOUT
+            hangs = self._last_sign_at is not None and self._clock.now() - self._last_sign_at > HANG_TIMEOUT
             heard = [sound for sound in self._buffer if sound.number > after]
         if hangs:
             self._worker.kill()
@@ -97,7 +97,7 @@ class SoundCardMicrophone:
     def on_started(self) -> None:
         """Begin to wait for sound: it records at once."""
         with self._lock:
-            self._last_sign_at = self._clock.read_value()
+            self._last_sign_at = self._clock.now()
 
     def on_exit(self, reason: str) -> None:  # noqa: ARG002 - the worker reports it
         """Note that the next sound does not follow the last."""
@@ -113,7 +113,7 @@ class SoundCardMicrophone:
 
     def _append(self, samples: "np.ndarray[tuple[int], np.dtype[np.int16]]") -> None:
         length = len(samples) / SOUND_RATE
-        now = self._clock.read_value()
+        now = self._clock.now()
         arrived = now - length
         with self._lock:
             self._last_sign_at = now

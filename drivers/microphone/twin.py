@@ -158,7 +158,7 @@ class HearingTwin(Generic[W]):
         """Listen up to now."""
         if not self.plug.online:
             return
-        now = self._clock.read_value()
+        now = self._clock.now()
         deaf = self._is_deaf(max(0.0, now - self.STEP_INTERVAL), now)
         self._listened_until = now
         ended = []
@@ -195,7 +195,7 @@ class HearingTwin(Generic[W]):
         return self._random.choice(others)
 
     def _recent_words(self, kept: deque[tuple[float, W]]) -> tuple[W, ...]:
-        while kept and kept[-1][0] < self._clock.read_value() - MAX_WORD_AGE:
+        while kept and kept[-1][0] < self._clock.now() - MAX_WORD_AGE:
             kept.pop()
         return tuple(words for _, words in kept)
 

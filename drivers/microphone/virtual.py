@@ -61,7 +61,7 @@ class VoicedMicrophone:
         if self._thread is None:
             self._closing.clear()
             self._engine.open()
-            self._opened_at = self._clock.read_value()
+            self._opened_at = self._clock.now()
             self._thread = Thread(target=self._run, name="people", daemon=True)
             self._thread.start()
 
@@ -99,7 +99,7 @@ class VoicedMicrophone:
 
     def _elapsed_samples(self) -> int:
         """Return how many samples have sounded by now."""
-        return int((self._clock.read_value() - (self._opened_at or 0.0)) * SOUND_RATE + 1e-6)
+        return int((self._clock.now() - (self._opened_at or 0.0)) * SOUND_RATE + 1e-6)
 
     def _piece(self, number: int) -> Samples:
         """Return a piece: the noise of its number, and whatever is spoken over it."""
@@ -129,9 +129,9 @@ class VoicedMicrophone:
         if spoken is None:
             return
         sound = resample(np.frombuffer(spoken.samples, "<i2").astype(np.float64), spoken.rate)
-        while self._is_deaf(
-            self._clock.read_value(), self._clock.read_value() + SPEECH_LEAD_TIME
-        ) and not self._closing.wait(SPEECH_LEAD_TIME):
+        while self._is_deaf(self._clock.now(), self._clock.now() + SPEECH_LEAD_TIME) and not self._closing.wait(
+            SPEECH_LEAD_TIME
+        ):
             pass
         start = self._elapsed_samples() + round(SPEECH_LEAD_TIME * SOUND_RATE)
         with self._lock:

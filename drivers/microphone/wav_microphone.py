@@ -59,7 +59,7 @@ class WavMicrophone:
             self._error = error
             self._report(DeviceStatus(self.name, "offline", str(error), error.hint))
         else:
-            self._opened_at = self._clock.read_value()
+            self._opened_at = self._clock.now()
             self._report(DeviceStatus(self.name, "online", f"{self._path} plays"))
 
     def rest(self) -> None:
@@ -88,7 +88,7 @@ class WavMicrophone:
         ]
 
     def _played_pieces(self) -> int:
-        return int((self._clock.read_value() - self._opened_at) * SOUND_RATE / PIECE_SAMPLES + 1e-6)
+        return int((self._clock.now() - self._opened_at) * SOUND_RATE / PIECE_SAMPLES + 1e-6)
 
     def _piece(self, sound: Samples, number: int) -> Samples:
         begin = number * PIECE_SAMPLES

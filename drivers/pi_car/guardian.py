@@ -221,7 +221,7 @@ def main(config: str) -> int:
     try:
         with notification_folder():
             held = make_actuators(json.loads(config))
-        keeper = ActuatorGuardian(held, 1 + int.from_bytes(os.urandom(2)) % 32000, clock.read_value())
+        keeper = ActuatorGuardian(held, 1 + int.from_bytes(os.urandom(2)) % 32000, clock.now())
     except Exception as error:
         return print_error(error)
     why: Exception | None = None
@@ -263,7 +263,7 @@ def _rest_actuators(guardian: ActuatorGuardian, clock: SystemClock) -> Exception
     errors = list[Exception]()
     for _ in range(REST_TRIES):
         try:
-            guardian.rest(clock.read_value())
+            guardian.rest(clock.now())
         except Exception as error:
             errors.append(error)
     return errors[-1] if len(errors) == REST_TRIES else None
@@ -281,7 +281,7 @@ def serve(guardian: ActuatorGuardian, clock: SystemClock) -> None:
                 data = os.read(0, 4096)
                 if not data:
                     return
-        now = clock.read_value()
+        now = clock.now()
         said = guardian.feed(data, now)
         if said:
             with suppress(BlockingIOError):  # nobody reads: it is lost, as on a wire

@@ -237,7 +237,7 @@ class CaptureThread:
 
     def start(self) -> None:
         """Start the thread."""
-        self._due = self._clock.read_value()
+        self._due = self._clock.now()
         self._thread.start()
 
     def stop(self) -> None:
@@ -255,7 +255,7 @@ class CaptureThread:
             if slept:
                 self._update_skip_count()
             self._condition.wait_for(lambda: self._closing.is_set() or self._next_frame() is not None, timeout)
-            self._read_at = self._clock.read_value()
+            self._read_at = self._clock.now()
             frame = None if self._closing.is_set() else self._next_frame()
             if frame is not None:
                 self._dropped += frame.number - self._last_read_number - 1
@@ -286,7 +286,7 @@ class CaptureThread:
         """Return what to say of a camera that counts as online, and yet gives nothing; None while it gives pictures."""
         if not self._online:
             return None
-        silent = self._clock.read_value() - self._last_picture_at
+        silent = self._clock.now() - self._last_picture_at
         if silent <= self._offline_timeout:
             return None
         return NotConnected(
@@ -336,7 +336,7 @@ class CaptureThread:
             image = turn_image(image, self._turn) if self._turn else image
             self._publish(image)
             if period is None:  # a recording may well hold still
-                self._freshness.check(image, self._clock.read_value())
+                self._freshness.check(image, self._clock.now())
         who, shown = f"{self._name}: {self._feed.source_name}", self._frames - before
         if shown == 0:
             return NotConnected(f"{who}: gives no picture that can be decoded", hint=self._feed.hint)
@@ -359,11 +359,11 @@ class CaptureThread:
             self._counting_feed.skip_next(self._skip_count())
 
     def _was_read_recently(self) -> bool:
-        return self._clock.read_value() - self._read_at <= _UNREAD_TIMEOUT
+        return self._clock.now() - self._read_at <= _UNREAD_TIMEOUT
 
     def _on_skipped(self, *, live: bool) -> None:
         """Take note of a picture that was not decoded. Where nobody reads, what is read next is none of before."""
-        now, read = self._clock.read_value(), self._was_read_recently()
+        now, read = self._clock.now(), self._was_read_recently()
         if not read:
             self._freshness.restart()
         elif live:
@@ -378,15 +378,15 @@ class CaptureThread:
 
     def _wait_until_due(self, period: float) -> bool:
         """Wait until the next picture of a recording is due on the clock; False when the camera is closed first."""
-        while (left := self._due - self._clock.read_value()) > 1e-6:
+        while (left := self._due - self._clock.now()) > 1e-6:
             if self._closing.wait(min(left, _POLL_INTERVAL)):
                 return False
-        self._due = max(self._due + period, self._clock.read_value())
+        self._due = max(self._due + period, self._clock.now())
         return True
 
     def _publish(self, image: Image) -> None:
         with self._condition:
-            self._last_picture_at = self._clock.read_value()
+            self._last_picture_at = self._clock.now()
             self._frame = CameraFrame(image, self._last_picture_at, self._frames)
             self._frames += 1
             self._condition.notify_all()

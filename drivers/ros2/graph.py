@@ -138,7 +138,7 @@ class Ros2Graph:
 
         Of a latched topic that is what was sent last, whenever that was; it holds as long as its sender is there.
         """
-        now, name = self._clock.read_value(), self.full_name(topic)
+        now, name = self._clock.now(), self.full_name(topic)
         node = self._node
         if node is not None and self._subscriptions.get(name) is not node:
             self._subscribe(name, node)
@@ -280,7 +280,7 @@ class Ros2Graph:
         self._subscriptions[name] = node
 
         def heard(kind: str, payload: bytes) -> None:
-            self._latest_messages[name] = kind, payload, self._clock.read_value()
+            self._latest_messages[name] = kind, payload, self._clock.now()
             self._changed()
 
         node.subscribe(name, kinds, heard)

@@ -108,7 +108,7 @@ class TopicJoints(LatchingPart):
         check_move(self.name, goals, speeds or {}, self._joints)
         with self._lock:
             self._require_ready()
-            now = self._clock.read_value()
+            now = self._clock.now()
             for joint, goal in goals.items():
                 self._progress[joint].permit(goal, now)
             accepted = self._bounds.clamp_goals(goals, now)
@@ -120,7 +120,7 @@ class TopicJoints(LatchingPart):
 
     def states(self) -> Mapping[str, Reading[JointState]]:
         """The newest state of each joint; effort and temperature are not known, and told as 0."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         there = self._is_online and self._link.online
         return {
             name: self._feedback.reading(
@@ -140,7 +140,7 @@ class TopicJoints(LatchingPart):
                     self._progress[name].hold(None)
                 self._report_unheld(names)
                 return
-            now = self._clock.read_value()
+            now = self._clock.now()
             for name in names:
                 self._hold_joint(name, now)
             if names:
@@ -200,7 +200,7 @@ class TopicJoints(LatchingPart):
             return Health(False, link.detail, link.hint, counters, returned)
         if self._is_online:
             return Health(True, counters=counters, reconnected_at=returned)
-        detail, hint = self._offline_reason(self._clock.read_value())
+        detail, hint = self._offline_reason(self._clock.now())
         return Health(False, detail, hint, counters, returned)
 
     # --- the link's thread: see drivers.transport.link.LinkHandler --------------------------------------------------------
@@ -224,9 +224,7 @@ class TopicJoints(LatchingPart):
                     self._remote_types[number] = next(iter(kinds), "")
                 elif channel == wire.MISMATCH_CHANNEL:
                     self._faults.mismatch(payload)
-                elif channel == 0 and self._feedback.update(
-                    types().decode(JOINT_STATE, payload), self._clock.read_value()
-                ):
+                elif channel == 0 and self._feedback.update(types().decode(JOINT_STATE, payload), self._clock.now()):
                     self._counters["reports"] += 1
             except (MalformedMessage, ValueError, LookupError) as error:
                 self._faults.add(channel, error)
@@ -234,7 +232,7 @@ class TopicJoints(LatchingPart):
 
     def on_poll(self) -> None:
         """Lead the joints on, and notice silence."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         with self._lock:
             hears = self._is_connected(now)
             if hears is not self._is_online:

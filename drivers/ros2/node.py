@@ -60,7 +60,7 @@ class TopicFaults:
         """Take note of a malformed message of a topic, a service or an action by its name."""
         with self._lock:
             if len(self._malformed) < MAX_TOPICS or topic in self._malformed:
-                self._malformed[topic] = (f"{topic}: malformed message: {error}", self._clock.read_value())
+                self._malformed[topic] = (f"{topic}: malformed message: {error}", self._clock.now())
         self._report_fault(topic)
 
     def mismatch(self, payload: bytes) -> None:
@@ -83,12 +83,10 @@ class TopicFaults:
     def _current_fault(self, topic: str) -> str:
         with self._lock:
             said, at = self._malformed.get(topic, ("", -inf))
-            return self._mismatches.get(topic, "") or (
-                said if self._clock.read_value() - at <= MALFORMED_LIFETIME else ""
-            )
+            return self._mismatches.get(topic, "") or (said if self._clock.now() - at <= MALFORMED_LIFETIME else "")
 
     def _report_fault(self, topic: str) -> None:
-        why, now = self._current_fault(topic), self._clock.read_value()
+        why, now = self._current_fault(topic), self._clock.now()
         with self._lock:
             if not why or now - self._reported_at.get(topic, -inf) < REPORT_INTERVAL:
                 return
@@ -144,9 +142,9 @@ class Ros2Node:
         for tokens in (f"{wire.LIVELINESS_PREFIX}/{domain}/**", bridge.TOKENS):
             self._add_declaration(session.liveliness().declare_subscriber(tokens, self._on_token, history=True))
 
-    def read_value(self) -> float:
+    def now(self) -> float:
         """Return the time of its clock."""
-        return self._clock.read_value()
+        return self._clock.now()
 
     def entities(self, role: str = "", name: str = "") -> list[Entity]:
         """Return who is there, of a role, and for a topic or service of this name; ours are not among them.
@@ -359,7 +357,7 @@ class Ros2Node:
             known = [each.kind for each in senders if each.is_bridged and each.kind in kinds]
             if not senders and len(kinds) == 1:  # a message may overtake the token
                 known = [kinds[0]]
-            payload, now = bytes(sample.payload), self._clock.read_value()
+            payload, now = bytes(sample.payload), self._clock.now()
             if known and sieve.accepts(
                 Attachment(sieve.count + 1, self._send_time(sample, known[0], payload), b""), now
             ):
@@ -380,7 +378,7 @@ class Ros2Node:
             told = self._parse_attachment(sample.attachment)
             if told is None:
                 self.faults.add_for_topic(name, NO_ATTACHMENT)
-            elif sieve.accepts(told, self._clock.read_value()):
+            elif sieve.accepts(told, self._clock.now()):
                 heard(kind, bytes(sample.payload))
 
         return take

@@ -66,7 +66,7 @@ class Ros2Ranger:
 
     def scan(self) -> Reading[RangeScan]:
         """Return the newest scan; stale once ``STALE_AFTER`` has passed without another."""
-        latest, now = self._latest, self._clock.read_value()
+        latest, now = self._latest, self._clock.now()
         if latest.value is None:
             return replace(latest, stamp=now)
         return latest if now - latest.stamp <= STALE_AFTER else replace(latest, quality=Quality.STALE)
@@ -88,7 +88,7 @@ class Ros2Ranger:
         counters = {**link.counters, "scans": self._number, "malformed": self._faults.count}
         if not link.online:
             return Health(False, link.detail, link.hint, counters)
-        if self._clock.read_value() - self._latest.stamp <= OFFLINE_TIMEOUT:
+        if self._clock.now() - self._latest.stamp <= OFFLINE_TIMEOUT:
             return Health(True, counters=counters)
         if not self._kind:
             error = absent_error(self.name, self._channel, self._faults.fault(0))
@@ -126,7 +126,7 @@ class Ros2Ranger:
 
     def _handle_scan(self, message: Any) -> None:
         """Take a scan. Raises ValueError for one whose figures make no sense."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         start, step = scan_angles(message)
         least, most = range_limits(message)
         ranges = measured_ranges(message, least, most)

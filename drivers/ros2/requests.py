@@ -160,7 +160,7 @@ class RequestTracker:
 
         Called now and then, with the node that there is.
         """
-        now = self._clock.read_value()
+        now = self._clock.now()
         for request in list(self._requests.values()):
             self._cancel_again(request, node, now)
             if request.progress.is_final:
@@ -274,7 +274,7 @@ class RequestTracker:
     def _send_cancel(self, request: _Request) -> None:
         with self._lock:
             request.handle(GoalEvent.CANCEL_SENT)
-            request.cancel_sent_at = self._clock.read_value()
+            request.cancel_sent_at = self._clock.now()
         asked = types().encode(f"{CANCEL_KIND}_Request", {"goal_info": {"goal_id": {"uuid": request.uuid}}})
         self._call_part(request, CANCEL, CANCEL_KIND, asked, partial(self._on_cancel_response, request), REPLY_TIMEOUT)
 

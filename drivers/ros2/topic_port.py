@@ -129,7 +129,7 @@ class TopicPort:
             self._version = self._node.version
             for number, channel in enumerate(self._channels):
                 self._find_remotes(number, channel)
-        now = self._node.read_value()
+        now = self._node.now()
         for number, sieves in self._filters.items():
             with self._changed:
                 if there := self._remote_types.get(number):

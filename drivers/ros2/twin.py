@@ -93,7 +93,7 @@ class Ros2Twin:
     def latest(self, topic: str) -> Reading[str]:
         """Return the newest message that was published here on a topic."""
         values = next((each[2] for each in reversed(self.published) if each[0] == topic), None)
-        now = self._clock.read_value()
+        now = self._clock.now()
         return Reading(values, now, Quality.NONE if values is None else Quality.GOOD)
 
     def progress(self, number: int) -> Progress:
@@ -154,7 +154,7 @@ class Ros2Twin:
 
     def _advance_goal(self, goal: _NavigationGoal, base: BaseTwin) -> None:
         state = base.state().value
-        now, navigator = self._clock.read_value(), goal.navigator
+        now, navigator = self._clock.now(), goal.navigator
         if state is None:
             return
         pose: Pose2D = state.pose if goal.frame in {START_FRAME, "odom"} else base.true_pose(now)

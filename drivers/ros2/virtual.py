@@ -231,7 +231,7 @@ class Ros2Terminal:
         def heard(kind: str, payload: bytes) -> None:
             del kind
             with self._lock:
-                device.feed(wire.frame(number, payload), self._clock.read_value())
+                device.feed(wire.frame(number, payload), self._clock.now())
 
         return heard
 
@@ -239,7 +239,7 @@ class Ros2Terminal:
         finder = wire.TopicFrameFinder()
         while not self._end_requested.wait(POLL_INTERVAL):
             with self._lock:
-                now = self._clock.read_value()
+                now = self._clock.now()
                 for place, device in enumerate(self.devices):
                     for number, payload in finder.feed(device.poll(now)):
                         if (

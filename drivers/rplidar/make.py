@@ -183,7 +183,7 @@ class RPLidar:
 
     def scan(self) -> Reading[RangeScan]:
         """Return the newest whole turn; stale once ``STALE_AFTER`` has passed without another."""
-        latest, turned_at, now = self._latest, self._scanned_at, self._clock.read_value()
+        latest, turned_at, now = self._latest, self._scanned_at, self._clock.now()
         if latest.value is None:
             return replace(latest, stamp=now)
         return latest if now - turned_at <= STALE_AFTER else replace(latest, quality=Quality.STALE)
@@ -254,7 +254,7 @@ class RPLidar:
         self._session.stop()
 
     def _handle_nodes(self, data: bytes) -> None:
-        now = self._clock.read_value()
+        now = self._clock.now()
         scan = self._assembler.add(self._finder.feed(data), now - self._finder.delay)
         if scan is None:
             return
@@ -271,7 +271,7 @@ class RPLidar:
 
         A lost byte costs a capsule or two, and else one node: express scans that come in pieces are given up.
         """
-        without = self._clock.read_value() - max(self._session.scanning_since, self._scanned_at)
+        without = self._clock.now() - max(self._session.scanning_since, self._scanned_at)
         if self._session.is_express and without > EXPRESS_TIMEOUT and self._finder.resyncs > self._resyncs:
             self._session.avoids_express = True
             self._session.restart(0.0)

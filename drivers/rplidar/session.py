@@ -70,7 +70,7 @@ class RPLidarSession:
 
     def on_data(self, data: bytes) -> None:
         """Take bytes."""
-        self._received_at = self._clock.read_value()
+        self._received_at = self._clock.now()
         self._buffer += data
 
     def poll(self) -> bytes:
@@ -104,7 +104,7 @@ class RPLidarSession:
         self.is_express = yield from self._start_express()
         if not self.is_express:
             yield from self._request(wire.request(wire.RPLidarCommand.SCAN), wire.SCAN_REPLY, 0)
-        self.scanning_since = self._clock.read_value()
+        self.scanning_since = self._clock.now()
 
     def _start_express(self) -> Generator[None, None, bool]:
         """Ask for an express scan, once; return whether it has begun."""
@@ -121,10 +121,10 @@ class RPLidarSession:
         """Stop what it is sending since whoever talked to it last, and let the rest of it go by."""
         while True:
             self._link.write(wire.request(wire.RPLidarCommand.STOP))
-            began = self._clock.read_value()
+            began = self._clock.now()
             yield from self._wait(STOP_PAUSE)
-            while self._clock.read_value() - began < STOP_TIMEOUT:
-                if self._clock.read_value() - self._received_at >= QUIET_TIME:
+            while self._clock.now() - began < STOP_TIMEOUT:
+                if self._clock.now() - self._received_at >= QUIET_TIME:
                     self._buffer.clear()
                     return
                 yield
@@ -162,8 +162,8 @@ class RPLidarSession:
             self._link.write(wire.motor_request(MOTOR_PWM))
 
     def _wait(self, seconds: float) -> SessionStep:
-        end = self._clock.read_value() + seconds
-        while self._clock.read_value() < end:
+        end = self._clock.now() + seconds
+        while self._clock.now() < end:
             yield
 
     def _request(
@@ -172,8 +172,8 @@ class RPLidarSession:
         """Send a request; return the ``size`` bytes behind the descriptor of its answer. Raises NoReply."""
         for _ in range(tries):
             self._link.write(request)
-            end = self._clock.read_value() + REPLY_TIMEOUT
-            while self._clock.read_value() < end:
+            end = self._clock.now() + REPLY_TIMEOUT
+            while self._clock.now() < end:
                 start = self._buffer.find(descriptor)
                 stop = start + len(descriptor) + size
                 if start >= 0 and len(self._buffer) >= stop:

@@ -53,11 +53,11 @@ class BaseScreen:
         kept = 0.0 if isnan(opening) else min(max(opening, 0.0), 1.0)
         with self._lock:
             self._state = replace(self._state, mouth=kept)
-            self._mouth_moved_at = self._clock.read_value()
+            self._mouth_moved_at = self._clock.now()
 
     def content(self) -> ScreenContent:
         """Return what is to be seen now, or would be if it were there."""
         with self._lock:
-            if self._state.mouth and self._clock.read_value() - self._mouth_moved_at > MOUTH_TIMEOUT:
+            if self._state.mouth and self._clock.now() - self._mouth_moved_at > MOUTH_TIMEOUT:
                 self._state = replace(self._state, mouth=0.0)
             return self._state

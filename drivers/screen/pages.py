@@ -151,12 +151,12 @@ class PageScreen(BaseScreen):
         self._ports = (port,) if port else (*range(DEFAULT_PORT, DEFAULT_PORT + PORT_ATTEMPTS), 0)
         self._report = guard_callback(report)
         site = {
-            "/": lambda: Document("text/html", page(self.content(), clock.read_value())),
+            "/": lambda: Document("text/html", page(self.content(), clock.now())),
             "/page.js": lambda: Document("text/javascript", asset("page.js")),
             "/page.css": lambda: Document("text/css", asset("page.css")),
-            "/face.svg": lambda: Document("image/svg+xml", picture(self.content(), clock.read_value())),
+            "/face.svg": lambda: Document("image/svg+xml", picture(self.content(), clock.now())),
         }
-        self._server = PageServer(site, lambda: state_line(self.content(), clock.read_value()))
+        self._server = PageServer(site, lambda: state_line(self.content(), clock.now()))
         self._error = ""
         self._end_requested = Event()
         self._port_thread: Thread | None = None

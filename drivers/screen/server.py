@@ -161,7 +161,7 @@ class PageTcpServer(ThreadingTCPServer):
 
     def service_actions(self) -> None:
         """Hang up on those whose time is over; asked ten times a second."""
-        now = self.clock.read_value()
+        now = self.clock.now()
         with self.connections.lock:
             for request in [each for each, due in self.connections.deadlines.items() if due < now]:
                 del self.connections.deadlines[request]
@@ -174,7 +174,7 @@ class PageTcpServer(ThreadingTCPServer):
         )
         with self.connections.lock:
             self.connections.sockets[request] = thread
-            self.connections.deadlines[request] = self.clock.read_value() + REQUEST_TIMEOUT
+            self.connections.deadlines[request] = self.clock.now() + REQUEST_TIMEOUT
         thread.start()
 
     def finish_request(self, request: Any, client_address: Any) -> None:
@@ -202,7 +202,7 @@ class PageTcpServer(ThreadingTCPServer):
             talks = dict(self.connections.sockets)
         clock = SystemClock()
         for thread in talks.values():
-            thread.join(max(0.0, CLOSE_TIMEOUT - clock.read_value()))
+            thread.join(max(0.0, CLOSE_TIMEOUT - clock.now()))
         for request in talks:
             _shut_down(request)
         for thread in talks.values():

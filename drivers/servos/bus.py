@@ -92,7 +92,7 @@ class ServoBus(ServoTransport):
     def read_block(self, at: ServoAddress, address: int, count: int, *, tries: int = MAX_READ_ATTEMPTS) -> bytes:
         """Return ``count`` bytes of the control table from ``address``. Raises as ``read``."""
         block = RegisterBlock(address, count)
-        question = _PendingRead(block, block, self._clock.read_value())
+        question = _PendingRead(block, block, self._clock.now())
         return self._transact_with_retries(at, question, lambda: self._read_once(at, question), tries)
 
     def write(self, at: ServoAddress, register: Register, value: int) -> None:
@@ -136,7 +136,7 @@ class ServoBus(ServoTransport):
         if mode == "sync" and len(set(blocks.values())) > 1:
             raise BadRequest(f"{self.name}: a sync read reads the same of all servos", hint="use a bulk read")
         with self._lock:
-            now, question = self._clock.read_value(), object()
+            now, question = self._clock.now(), object()
             asked = {servo: ExpectedReply(question, block.size, now) for servo, block in blocks.items()}
             for servo, want in asked.items():
                 if not self._late_replies.is_clear(servo, want, now):  # it is left to be read by itself
@@ -184,7 +184,7 @@ class ServoBus(ServoTransport):
         if protocol == 2:
             codec = self._codecs[protocol]
             request = codec.ping(BROADCAST)
-            wanted = {at.id: ExpectedReply(request, 3, self._clock.read_value()) for at in sought}
+            wanted = {at.id: ExpectedReply(request, 3, self._clock.now()) for at in sought}
             slots = (codec.last_id + 1) * BROADCAST_PING_SLOT
             for servo, reply in self._transact(codec, request, wanted, extra_time=slots).items():
                 if reply.data:
@@ -232,7 +232,7 @@ class ServoBus(ServoTransport):
 
     def _send_once(self, at: ServoAddress, request: Packet, size: int) -> ServoReply | None:
         """Send anything else once."""
-        wanted = ExpectedReply(request, size, self._clock.read_value())
+        wanted = ExpectedReply(request, size, self._clock.now())
         return self._transact(self._codec_for(at), request, {at.id: wanted}).get(at.id)
 
     def _send_command(self, at: ServoAddress, operation: str, request: Packet) -> None:

@@ -195,11 +195,11 @@ class DynamixelJoints(ServoJoints):
         for an unknown joint or a value that is not finite, NotConnected when the bus is gone or has just come back,
         DeviceFault while it is latched, or a joint is blocked.
         """
-        asked, speeds = self._clock.read_value(), speeds or {}
+        asked, speeds = self._clock.now(), speeds or {}
         check_move(self.name, goals, speeds, self._joints)
         with self._lock:
             self._require_ready(asked)
-            now = self._clock.read_value()
+            now = self._clock.now()
             self._refuse_blocked(goals, now)
             accepted = self._goal_limiter.clamp_goals(goals, now)
             self._couplings.release(goals)
@@ -215,7 +215,7 @@ class DynamixelJoints(ServoJoints):
         the followers are brought over anew. Raises BadRequest for couplings that cannot be, and NotConnected, but not
         in order to end them.
         """
-        asked = self._clock.read_value()
+        asked = self._clock.now()
         check_couplings(self.name, couplings, self._joints)
         with self._lock:
             if couplings:
@@ -239,7 +239,7 @@ class DynamixelJoints(ServoJoints):
         with self._lock:
             self._reconnect.enable()
             return tuple(
-                joint.name for joint in recover_joints(self._bus, self._joints.values(), now=self._clock.read_value())
+                joint.name for joint in recover_joints(self._bus, self._joints.values(), now=self._clock.now())
             )
 
     def states(self) -> Mapping[str, Reading[JointState]]:
@@ -247,7 +247,7 @@ class DynamixelJoints(ServoJoints):
 
         Joints at rest are read more seldom while nobody keeps asking.
         """
-        now = self._clock.read_value()
+        now = self._clock.now()
         fresh = STALE_AFTER if self._poll_schedule.note_request(now) else STALE_AFTER + RESTING_INTERVAL
         return current_readings(self._joints, since=now - fresh)
 
@@ -260,7 +260,7 @@ class DynamixelJoints(ServoJoints):
     def _require_ready(self, requested_at: float) -> None:
         """Raise NotConnected unless what is told to a servo now lasts, and was ``asked`` since the arm was back."""
         self._bus.require_open()
-        absent = self._reconnect.is_silent(self._clock.read_value()) or self._reconnect.is_from_before(requested_at)
+        absent = self._reconnect.is_silent(self._clock.now()) or self._reconnect.is_from_before(requested_at)
         if absent or not self._monitor.connected:
             raise NotConnected(f"{self.name}: {self._bus.port}: looking for the servos", hint="try again")
         self._reconnect.require_unlatched(self.name)
@@ -273,7 +273,7 @@ class DynamixelJoints(ServoJoints):
                 for joint in self._hold_or_relax(names, stiff=stiff):
                     joint.checked_at = -inf
                 self._reporter.report_unconfirmed(
-                    since=self._clock.read_value() - CONFIRMATION_TIMEOUT if self._bus.is_open else inf
+                    since=self._clock.now() - CONFIRMATION_TIMEOUT if self._bus.is_open else inf
                 )
         finally:
             self._no_command_pending.set()
@@ -287,7 +287,7 @@ class DynamixelJoints(ServoJoints):
             joints = [self._joints[name] for name in names]
             for joint in joints:
                 joint.torque_request = stiff
-            unsettled = hold_or_relax(self._bus, joints, stiff=stiff, now=self._clock.read_value())
+            unsettled = hold_or_relax(self._bus, joints, stiff=stiff, now=self._clock.now())
             for joint in joints:
                 joint.progress.hold(joint.goal if stiff else None)
             return unsettled
@@ -298,7 +298,7 @@ class DynamixelJoints(ServoJoints):
         pause = RETRY_INTERVAL
         try:
             self._poll_round()
-            pause = self._round_schedule.end_round(self._clock.read_value(), self._bus.busy_time(), self._next_due())
+            pause = self._round_schedule.end_round(self._clock.now(), self._bus.busy_time(), self._next_due())
         except NotConnected as error:
             self._monitor.on_port_lost(error)
         except BaseException as error:  # SystemExit too: without this thread nobody would see the arm any more
@@ -309,7 +309,7 @@ class DynamixelJoints(ServoJoints):
 
     def _next_due(self) -> float:
         """Return when there is something to be done next."""
-        joints, now = self._joints.values(), self._clock.read_value()
+        joints, now = self._joints.values(), self._clock.now()
         return min(
             self._poll_schedule.next_due(joints, self._couplings.coupled_joints | self._fast_joints, now),
             self._monitor.next_confirmation_at(),
@@ -322,9 +322,9 @@ class DynamixelJoints(ServoJoints):
             with self._lock:
                 self._couplings.pause()
             self._reporter.report_slow_bus(self._rate, self._bus.baud)
-            self._round_schedule.restart(self._clock.read_value(), self._bus.busy_time())
+            self._round_schedule.restart(self._clock.now(), self._bus.busy_time())
             return
-        began = self._clock.read_value()
+        began = self._clock.now()
         if self._reconnect.on_report(began):
             for joint in self._joints.values():
                 joint.approaches_slowly = True
@@ -335,7 +335,7 @@ class DynamixelJoints(ServoJoints):
         self._monitor.read(wanted, after_each=self._send_setpoints)
         self._stop_blocked_joints(wanted)
         with self._lock:
-            self._couplings.update_followers(since=began, now=self._clock.read_value())
+            self._couplings.update_followers(since=began, now=self._clock.now())
         self._send_setpoints()
         if self._monitor.run_checks():
             self._hold_all()
@@ -346,7 +346,7 @@ class DynamixelJoints(ServoJoints):
             for joint in self._check_progress(polled):
                 self._couplings.release([joint.name])
                 joint.torque_request = not joint.progress.runs_away
-                hold_or_relax(self._bus, [joint], stiff=joint.torque_request, now=self._clock.read_value())
+                hold_or_relax(self._bus, [joint], stiff=joint.torque_request, now=self._clock.now())
 
     def _hold_all(self) -> None:
         """Let what is stiff stand where it is, and nothing follow: what was decided before goes on no more."""
@@ -362,7 +362,7 @@ class DynamixelJoints(ServoJoints):
         Who holds or relaxes joints meanwhile has the wire first: a lock is not given to who has waited for longest.
         """
         self._no_command_pending.wait(COMMAND_PRIORITY_TIMEOUT)
-        now = self._clock.read_value()
+        now = self._clock.now()
         if now - self._setpoints_sent_at >= SETPOINT_INTERVAL:
             self._setpoints_sent_at = now
             with self._lock:

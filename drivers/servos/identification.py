@@ -234,13 +234,13 @@ class _UniqueIdTest:
             begin = start - look % 3
             size, sent, noise, corrupt = (
                 model.table.size - begin,
-                bus.read_value(),
+                bus.now(),
                 bus.noise_bytes(),
                 bus.statistics(at.id).corrupt,
             )
             self._read_count += 1
             try:
-                self._readings.add(begin, bus.read_block(at, begin, size, tries=1), sent, bus.read_value())
+                self._readings.add(begin, bus.read_block(at, begin, size, tries=1), sent, bus.now())
             except BadRequest:
                 self._missed_count += 1
                 self._refused_count += 1

@@ -115,7 +115,7 @@ class JointMonitor:
 
         Say if one is back after which nothing of before goes on. Raises NotConnected.
         """
-        now, returned = self._clock.read_value(), False
+        now, returned = self._clock.now(), False
         if missing := [joint for joint in self._joints if not joint.is_driven and now >= joint.next_read_at]:
             returned = self._find_missing(min(missing, key=lambda joint: joint.next_read_at))
         waiting = [
@@ -136,7 +136,7 @@ class JointMonitor:
         before, seen = joint.undriven_reason, joint.reading
         with self._lock:  # nobody moves it before it is known how long it was away
             self.identify(joint)
-            now = self._clock.read_value()
+            now = self._clock.now()
             back = joint.is_driven and seen.value is not None
             returned = back and self._absence.on_return(now, now - seen.stamp, name=joint.title)
             joint.approaches_slowly = joint.approaches_slowly or returned
@@ -156,14 +156,14 @@ class JointMonitor:
                 joint.is_answering = True
                 if not complaint:
                     self._check_displacement(joint)
-                    restore_settings(self._bus, joint, now=self._clock.read_value())
+                    restore_settings(self._bus, joint, now=self._clock.now())
             except NoReply:
                 complaint, joint.is_answering = diagnose_no_reply(self._bus, joint, corrupt), False
             except BadRequest as error:
                 complaint = f"refuses its settings ({error})"
                 joint.hint = f"mission servo info {joint.spec.id} --robot FILE"
             joint.undriven_reason = complaint
-        joint.checked_at = self._clock.read_value()
+        joint.checked_at = self._clock.now()
         joint.next_read_at = 0.0 if joint.is_driven else joint.checked_at + CHECK_INTERVAL
         joint.missed_reads = 0 if joint.is_driven else MAX_MISSED_READS
         if joint.is_driven:
@@ -183,7 +183,7 @@ class JointMonitor:
     def _update_reading(self, joint: Joint) -> None:
         """Take in what a servo felt."""
         joint.missed_reads, joint.next_read_at = 0, 0.0
-        joint.reading = Reading(joint.state(), self._clock.read_value(), Quality.GOOD)
+        joint.reading = Reading(joint.state(), self._clock.now(), Quality.GOOD)
         told = self._bus.faults(joint.spec.id)
         if told != joint.reply_faults:
             if told & ~joint.reply_faults & (LASTING_FAULTS if joint.address.protocol == "STS" else ServoFault.ALERT):
@@ -201,7 +201,7 @@ class JointMonitor:
     def _on_missed_read(self, joint: Joint) -> None:
         """Ask again in the next round, then once more after a while; then count the servo as missing."""
         joint.missed_reads += 1
-        now = self._clock.read_value()
+        now = self._clock.now()
         joint.next_read_at = now + MISSED_READ_PAUSE if joint.missed_reads > 1 else now
         if joint.missed_reads >= MAX_MISSED_READS:
             joint.undriven_reason, joint.is_answering, joint.next_read_at = (
@@ -213,7 +213,7 @@ class JointMonitor:
 
     def _check(self, joint: Joint) -> None:
         """Look whether the servo has shut down, has lost its settings in a dip of the supply, or has missed a word."""
-        joint.checked_at = self._clock.read_value()
+        joint.checked_at = self._clock.now()
         lost = False
         try:
             with self._lock:
@@ -233,7 +233,7 @@ class JointMonitor:
                 elif joint.is_unconfirmed:
                     self._repeat_hold_or_relax(joint)
                 elif lost := self._has_lost_settings(joint):
-                    restore_settings(self._bus, joint, now=self._clock.read_value())
+                    restore_settings(self._bus, joint, now=self._clock.now())
                 elif joint.has_lost_setpoint:
                     joint.setpoint = None  # it did not hear it: it is sent there anew
         except (NoReply, BadRequest):
@@ -247,7 +247,7 @@ class JointMonitor:
 
     def _repeat_hold_or_relax(self, joint: Joint) -> None:
         """Hold or relax a servo once more that has not confirmed it."""
-        hold_or_relax(self._bus, [joint], stiff=bool(joint.torque_request), now=self._clock.read_value())
+        hold_or_relax(self._bus, [joint], stiff=bool(joint.torque_request), now=self._clock.now())
 
     def _has_lost_settings(self, joint: Joint) -> bool:
         """Whether a servo that has not shut down is without its torque or its torque limit."""

@@ -107,5 +107,5 @@ class RigidJoints(JointsTwin):
 
     def step(self) -> None:
         """Let physics go on to now; lead the followers, and tell that there are new readings."""
-        self.scene.advance(self._clock.read_value())
+        self.scene.advance(self._clock.now())
         super().step()

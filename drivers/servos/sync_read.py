@@ -68,7 +68,7 @@ class GroupReader:
         if heard:
             self._failing_since.pop(mode, None)
         elif answered:
-            now = self._clock.read_value()
+            now = self._clock.now()
             if now - self._failing_since.setdefault(mode, now) > GROUP_READ_TIMEOUT:
                 self._disabled_modes.add(mode)
 

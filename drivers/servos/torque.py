@@ -234,10 +234,10 @@ def _hold_or_relax_one(bus: ServoBus, joint: Joint, position: int | None, *, sti
 
 def release_attempts(bus: ServoBus, failed: Collection[Joint], clock: Clock) -> Iterator[None]:
     """Count out the tries in which those that have ``failed`` to confirm their rest yet may, as long as some can."""
-    until = clock.read_value() + RELEASE_TIMEOUT
+    until = clock.now() + RELEASE_TIMEOUT
     for _ in range(MAX_RELEASE_ATTEMPTS):
         able = any(joint.is_driven or not joint.is_answering for joint in failed)
-        if not (able and bus.is_open and clock.read_value() < until):
+        if not (able and bus.is_open and clock.now() < until):
             return
         yield
 

@@ -123,9 +123,9 @@ class ServoTransport:
                     self._release(error)
                     raise
 
-    def read_value(self) -> float:
+    def now(self) -> float:
         """Return the time of its clock, in seconds."""
-        return self._clock.read_value()
+        return self._clock.now()
 
     def busy_time(self) -> float:
         """Return for how many seconds the line was in use, by requests, replies and the wait for them, since open."""
@@ -153,9 +153,9 @@ class ServoTransport:
         with self._lock:
             line = self._require_line()
             reply = (codec.overhead + size) * 10 / self._baud
-            until = self._clock.read_value() + reply + MAX_RETURN_DELAY + extra_time + self.latency
+            until = self._clock.now() + reply + MAX_RETURN_DELAY + extra_time + self.latency
             try:
-                while self._clock.read_value() < until:
+                while self._clock.now() < until:
                     self._receive_unrequested(line, codec, until)
             except NotConnected as error:
                 self._release(error)
@@ -179,11 +179,11 @@ class ServoTransport:
             line = self._require_line()
             try:
                 self._drain(line, codec, expected)
-                sent = self._clock.read_value()
+                sent = self._clock.now()
                 line.send(frame)
                 self._recent_requests.append(request)
                 # Only now: who was held up before the request had left would take the reply for late.
-                leaving = max(self._clock.read_value(), self._busy_until) + len(frame) * 10 / self._baud
+                leaving = max(self._clock.now(), self._busy_until) + len(frame) * 10 / self._baud
                 if not expected:
                     self._add_busy_time(sent, leaving)
                     return {}
@@ -192,7 +192,7 @@ class ServoTransport:
             except NotConnected as error:
                 self._release(error)
                 raise
-            self._count(exchange, expected, sent, self._clock.read_value())
+            self._count(exchange, expected, sent, self._clock.now())
             return exchange.replies
 
     def _receive_replies(self, line: BusTransport, exchange: Exchange, begin: float) -> None:
@@ -205,11 +205,11 @@ class ServoTransport:
             for packet in parser.feed(heard):
                 exchange.receive(packet)
             if exchange.missing and len(exchange.missing) < waiting:
-                deadline, over = max(deadline, self._clock.read_value() + self._reply_time(exchange)), False
+                deadline, over = max(deadline, self._clock.now() + self._reply_time(exchange)), False
             elif over or not heard:
                 return
             elif exchange.missing:
-                over = self._clock.read_value() >= deadline
+                over = self._clock.now() >= deadline
 
     def _reply_time(self, exchange: Exchange) -> float:
         """Return the seconds that the next reply may take: ten bits a byte, the servo's delay, and our patience."""
@@ -220,7 +220,7 @@ class ServoTransport:
         """Take what has come since without being waited for; wait for what could be mistaken for what is ``wanted``."""
         self._receive_unrequested(line, codec, 0.0)
         for servo, want in expected.items():
-            while (until := self._late_replies.blocked_until(servo, want)) > self._clock.read_value():
+            while (until := self._late_replies.blocked_until(servo, want)) > self._clock.now():
                 self._receive_unrequested(line, codec, until)
         self._parsers[codec.protocol].reset()
 

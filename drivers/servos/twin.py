@@ -203,7 +203,7 @@ class JointsTwin(ServoJoints):
         speeds = speeds or {}
         check_move(self.name, goals, speeds, self._servos)
         self._require_ready()
-        now = self._clock.read_value()
+        now = self._clock.now()
         self._refuse_blocked(goals, now)
         accepted = self._goal_limiter.clamp_goals(goals, now)
         self._following.release(goals)
@@ -226,7 +226,7 @@ class JointsTwin(ServoJoints):
 
     def states(self) -> Mapping[str, Reading[JointState]]:
         """The state of each joint now; as last seen, and soon stale, while the arm is unplugged."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         if self.plug.online:
             if self._read_at != now:
                 self._read(now)
@@ -246,7 +246,7 @@ class JointsTwin(ServoJoints):
         shut = [servo for servo in self._servos.values() if servo.joint.is_shut_down]
         for servo in shut:
             servo.joint.is_shut_down, servo.joint.torque_request = False, True
-            servo.hold(self._clock.read_value())
+            servo.hold(self._clock.now())
         self._read_at = -inf
         return tuple(servo.joint.name for servo in shut)
 
@@ -282,10 +282,10 @@ class JointsTwin(ServoJoints):
     def step(self) -> None:
         """Lead the followers, and tell that there are new readings; these are worked out when somebody asks."""
         if self.plug.online:
-            self._reconnect.on_report(self._clock.read_value())
+            self._reconnect.on_report(self._clock.now())
             if self._following:
-                self._update_followers(self._clock.read_value())
-            self._stop_blocked_joints(self._clock.read_value())
+                self._update_followers(self._clock.now())
+            self._stop_blocked_joints(self._clock.now())
             self._changed()
 
     # --- the hand of whoever tests a mission --------------------------------------------------------------------------
@@ -297,7 +297,7 @@ class JointsTwin(ServoJoints):
     def overload(self, joint: str) -> None:
         """Let the servo of ``joint`` shut itself down for an overload. Raises BadRequest for an unknown joint."""
         check_names(self.name, {joint}, self._servos)
-        servo, now = self._servos[joint], self._clock.read_value()
+        servo, now = self._servos[joint], self._clock.now()
         if servo.joint.is_shut_down:
             return
         servo.shut_down(now)
@@ -310,24 +310,24 @@ class JointsTwin(ServoJoints):
     def fail(self, joint: str, fault: str = "") -> None:
         """Give the servo of ``joint`` one of ``TWIN_FAULTS``, or none. Raises BadRequest for an unknown joint."""
         check_names(self.name, {joint}, self._servos)
-        self._servos[joint].fail(fault, self._clock.read_value())
+        self._servos[joint].fail(fault, self._clock.now())
         self._read_at = -inf
 
     def push(self, joint: str, angle: float) -> None:
         """Hold a ``joint`` at ``angle`` (radians), stiff or not, until ``fail`` ends that."""
         check_move(self.name, {joint: angle}, {}, self._servos)
-        self._servos[joint].push(angle, self._clock.read_value())
+        self._servos[joint].push(angle, self._clock.now())
         self._read_at = -inf
 
     def replace_servo(self, joint: str, angle: float) -> None:
         """Put another servo in the place of that of ``joint``, which stands at ``angle`` (radians), while unplugged."""
         check_move(self.name, {joint: angle}, {}, self._servos)
-        self._servos[joint].replace_servo(angle, self._clock.read_value())
+        self._servos[joint].replace_servo(angle, self._clock.now())
 
     def turn_by_hand(self, joint: str, angle: float) -> None:
         """Turn a limp ``joint`` to ``angle`` (radians); a stiff one stays. Raises BadRequest for an unknown joint."""
         check_move(self.name, {joint: angle}, {}, self._servos)
-        self._servos[joint].turn_by_hand(angle, self._clock.read_value())
+        self._servos[joint].turn_by_hand(angle, self._clock.now())
         self._read_at = -inf
 
     # --- the inside ---------------------------------------------------------------------------------------------------
@@ -338,7 +338,7 @@ class JointsTwin(ServoJoints):
 
     def _on_plugged_in(self) -> None:
         """Give every servo the torque that was last asked for, where it stands; as found if nobody asked."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         for servo in self._servos.values():
             self._check_displacement(servo.joint, servo.position(now))
             if servo.joint.is_shut_down:
@@ -369,7 +369,7 @@ class JointsTwin(ServoJoints):
 
     def _on_unplugged(self) -> None:
         """Keep what is seen last; nobody sends the servos any farther."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         self._read(now)
         for servo in self._servos.values():
             servo.stop_at_setpoint(now)
@@ -434,7 +434,7 @@ class JointsTwin(ServoJoints):
     def _hold_or_relax(self, names: Collection[str], *, stiff: bool) -> list[Joint]:
         """Hold or relax; return the joints that did not hear it. What was never there was never moved."""
         check_names(self.name, set(names), self._servos)
-        now = self._clock.read_value()
+        now = self._clock.now()
         self._following.release(names)
         unheard_by = []
         for name in names:

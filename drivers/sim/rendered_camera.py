@@ -51,7 +51,7 @@ class RenderedCamera:
             self._closed.clear()
             self._number = -1
             self._frames = 0
-            self._opened_at = self._clock.read_value()
+            self._opened_at = self._clock.now()
 
     def rest(self) -> None:
         """Do nothing: a camera moves nothing."""
@@ -71,7 +71,7 @@ class RenderedCamera:
         """Return the next frame when it is due; None after ``timeout`` seconds of waiting, or when closed."""
         waited = 0.0
         while (opened := self._opened_at) is not None:
-            now = self._clock.read_value()
+            now = self._clock.now()
             number = int((now - opened) * self._rate + 1e-6)  # a clock moved on in steps of 1/rate is a hair early
             if number > self._number:
                 return self._expose(number, now)

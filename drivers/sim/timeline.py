@@ -32,7 +32,7 @@ class Timeline:
 
     def call_every(self, period: float, action: TimedAction, *, start: float | None = None) -> None:
         """Do ``action`` every ``period`` seconds for ever, from ``start`` or now on, on an absolute schedule."""
-        begin = self.clock.read_value() if start is None else start
+        begin = self.clock.now() if start is None else start
         times = count()
 
         def again() -> None:

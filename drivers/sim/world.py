@@ -108,7 +108,9 @@ class SimulatedWorld:
         still = (thing.solid() for thing in chain(self.walls, self.furniture, self.things))
         object.__setattr__(self, "_light", light)  # the way to fill in a field of a frozen class
         object.__setattr__(self, "_object_solids", tuple(still))
-        object.__setattr__(self, "_schedules", tuple(ActionSchedule(person.name, person.acts) for person in self.people))
+        object.__setattr__(
+            self, "_schedules", tuple(ActionSchedule(person.name, person.acts) for person in self.people)
+        )
         stands = (person.presence_at(0.0, (), self.room) for person in self.people if person.is_static)
         bodies = (presence.body_solid() for presence in stands if presence is not None)
         object.__setattr__(self, "_static_solids", (*self._object_solids, *bodies))

@@ -124,7 +124,7 @@ class SoundPlayer(WorkerClient):
         ):
             return self._stop_sound(token)
         self._report_start(seconds)
-        left = self._sound_started_at + seconds + PLAY_TIMEOUT_MARGIN - self._clock.read_value()
+        left = self._sound_started_at + seconds + PLAY_TIMEOUT_MARGIN - self._clock.now()
         return self._wait_until(lambda: self._sound_state is SoundState.ENDED, token, left) or self._stop_sound(token)
 
     def _stop_sound(self, token: CancelToken) -> bool:
@@ -132,13 +132,13 @@ class SoundPlayer(WorkerClient):
         if not token.is_cancelled:
             self._worker.kill()
             raise NoReply(f"{self._worker.name}: the loudspeaker hangs", hint=self._hint)
-        until = self._clock.read_value() + STOP_TIMEOUT
+        until = self._clock.now() + STOP_TIMEOUT
         try:
             self._worker.send({"stop": self._number}, timeout=STOP_TIMEOUT / 2)
             with self._condition:  # what has not begun will not be heard: the stop comes right behind it
                 quiet = self._sound_state is not SoundState.PLAYING or self._condition.wait_for(
                     lambda: self._sound_state is SoundState.ENDED or not self._is_ready,
-                    until - self._clock.read_value(),
+                    until - self._clock.now(),
                 )
         except (NoReply, ConnectionError):
             quiet = False
@@ -159,7 +159,7 @@ class SoundPlayer(WorkerClient):
             case {"taken": self._number}:
                 self._acknowledged_pieces += 1
             case {"started": self._number, "seconds": seconds}:
-                self._sound_started_at, self._seconds = self._clock.read_value(), float(seconds)
+                self._sound_started_at, self._seconds = self._clock.now(), float(seconds)
                 self._handle_sound(SoundEvent.START)
             case {"ended": self._number}:
                 self._handle_sound(SoundEvent.END)

@@ -83,14 +83,14 @@ class PrintedVoice:
             self.update()
             self._queue.insert(words)
             self._utterance_count += 1
-            self._start_first(self._clock.read_value())
+            self._start_first(self._clock.now())
         return words
 
     def update(self) -> None:
         """Take out of the queue what has ended by now; what follows has had its turn from then on."""
         with self._lock:
             changed = False
-            while (first := self._queue.first) is not None and self._clock.read_value() >= first.end:
+            while (first := self._queue.first) is not None and self._clock.now() >= first.end:
                 self._queue.remove(first)
                 first.ended = changed = True
                 self._start_first(first.end)
@@ -104,7 +104,7 @@ class PrintedVoice:
             utterance.cancelled = utterance.cancelled or not utterance.ended
             utterance.ended = True
             self._queue.remove(utterance)
-            self._start_first(self._clock.read_value())
+            self._start_first(self._clock.now())
 
     def _start_first(self, now: float) -> None:
         """Print the first of the queue, if it has not begun; what it breaks off begins anew afterwards."""

@@ -169,7 +169,7 @@ def run_program(
     except OSError as error:
         raise DeviceFault(f"{name}: {command[0]}: {error}", hint=hint) from error
     with token.on_cancel(lambda: _kill_group(process)):
-        ran = _read_output(process, text.encode("utf-8", "replace"), clock, clock.read_value() + timeout)
+        ran = _read_output(process, text.encode("utf-8", "replace"), clock, clock.now() + timeout)
     if token.is_cancelled:
         return None
     if ran is None:
@@ -194,7 +194,7 @@ def _read_output(process: "Popen[bytes]", text: bytes, clock: Clock, until: floa
         if ended:  # and was given the time to say its last
             break
         ended = process.poll() is not None
-        if not ended and clock.read_value() > until:
+        if not ended and clock.now() > until:
             _kill_group(process)
             ended = killed = True
     process.poll()
@@ -237,10 +237,10 @@ class ProgramEngine:
 
         Without a sound card espeak-ng complains, ends at once, and with 0.
         """
-        command, began = self._synthesiser.command(manner), self._clock.read_value()
+        command, began = self._synthesiser.command(manner), self._clock.now()
         ran = run_program(self._name, command, text, token, self._clock, timeout=speaking_timeout(text, manner))
         seconds = MIN_DURATION_SHARE * speaking_time(text, manner.speed or WORDS_PER_MINUTE)
-        if ran is not None and ran.last_error_line and self._clock.read_value() - began < seconds:
+        if ran is not None and ran.last_error_line and self._clock.now() - began < seconds:
             program = self._synthesiser.program
             hint = "`aplay -l` lists sound cards; `driver: print` speaks without"
             raise DeviceFault(f"{self._name}: {program}: ended before it had spoken: {ran.last_error_line}", hint=hint)

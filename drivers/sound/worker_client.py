@@ -100,7 +100,7 @@ class WorkerClient(ABC):
             )
             if self._is_ready or token.is_cancelled:
                 return not token.is_cancelled
-            stuck = self._worker.health().online and self._clock.read_value() - self._started_at > HANG_TIMEOUT
+            stuck = self._worker.health().online and self._clock.now() - self._started_at > HANG_TIMEOUT
         if stuck and not self.failure_reason:
             self._worker.kill()
             raise NoReply(f"{self._worker.name}: its program hangs while it starts", hint=self._hint)
@@ -131,7 +131,7 @@ class WorkerClient(ABC):
 
     def on_started(self) -> None:
         """Note that it runs; that it is ready, it says itself."""
-        self._started_at = self._clock.read_value()
+        self._started_at = self._clock.now()
         self._handle_program(ProgramEvent.START)
 
     def on_message(self, message: Message, body: bytes) -> None:

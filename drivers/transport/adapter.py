@@ -82,8 +82,8 @@ class SerialTransport:
         The line is looked at once more when that is over: it may be we who are late, not the servo.
         """
         try:
-            while not select.select([self._number], [], [], max(0.0, until - self._clock.read_value()))[0]:
-                if self._clock.read_value() >= until:  # else the clock waits, for a virtual servo that is held up
+            while not select.select([self._number], [], [], max(0.0, until - self._clock.now()))[0]:
+                if self._clock.now() >= until:  # else the clock waits, for a virtual servo that is held up
                     return b""
             if data := os.read(self._number, _READ_SIZE):
                 return data

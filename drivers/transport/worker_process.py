@@ -192,11 +192,11 @@ class WorkerProcess:
 
     def _run(self, handler: WorkerHandler) -> None:
         while not self._ending.is_set():
-            began = self._clock.read_value()
+            began = self._clock.now()
             why = self._run_process(handler)
             if self._ending.is_set():
                 return
-            self._exits_in_a_row = 1 if self._clock.read_value() - began > MAX_RETRY_DELAY else self._exits_in_a_row + 1
+            self._exits_in_a_row = 1 if self._clock.now() - began > MAX_RETRY_DELAY else self._exits_in_a_row + 1
             trouble = f"{self.name}: {self._program_name}: {why}"
             if self._exits_in_a_row == 1 or trouble != self._offline_reason:
                 self._report(DeviceStatus(self.name, "fault", trouble, self._hint))

@@ -23,7 +23,7 @@ class PatientClock:
         self._last = 0.0
         self._heartbeats: dict[object, float] = {}  # when each whom it waits for was last there
 
-    def read_value(self) -> float:
+    def now(self) -> float:
         """Return the time in seconds: at most ``MAX_DEVICE_DELAY`` after everybody whom it waits for was last there."""
         with self._lock:
             return self._now()
@@ -39,7 +39,7 @@ class PatientClock:
             self._heartbeats.pop(device, None)
 
     def _now(self) -> float:
-        now = self._machine.read_value() - self._stopped_time
+        now = self._machine.now() - self._stopped_time
         if self._heartbeats and (late := now - min(self._heartbeats.values()) - MAX_DEVICE_DELAY) > 0:
             self._stopped_time += late
             now -= late

@@ -156,7 +156,7 @@ class PseudoTerminal:
             tty.setraw(self._slave)
             os.set_blocking(self._master, False)
             if isinstance(self.device, PoweredDevice):
-                self.device.power_on(self._clock.read_value())
+                self.device.power_on(self._clock.now())
             Path(self.path).symlink_to(os.ttyname(self._slave))
 
     def call_paused(self, question: Callable[[], T]) -> T:
@@ -186,10 +186,10 @@ class PseudoTerminal:
         """Wait until something has come, or is due, and pass it on."""
         with self._lock:
             master, due = self._master, self._timed_device.next_poll_time() if self._timed_device else None
-        rest = self._poll_interval if due is None else min(self._poll_interval, due - self._clock.read_value())
+        rest = self._poll_interval if due is None else min(self._poll_interval, due - self._clock.now())
         if master < 0:
             self._ending.wait(self._poll_interval)
-        elif self._clock.read_value() >= self._busy_until:
+        elif self._clock.now() >= self._busy_until:
             with contextlib.suppress(OSError, ValueError):  # unplugged while we waited
                 select.select([master], [], [], max(0.0, rest - SPIN_TIME))
             self._spin(due)
@@ -198,12 +198,12 @@ class PseudoTerminal:
 
     def _spin(self, due: float | None) -> None:
         """Wait for ``due`` on the moment if it is near; not if bytes have come long before it."""
-        while due is not None and 0 < due - self._clock.read_value() <= SPIN_TIME and not self._ending.is_set():
+        while due is not None and 0 < due - self._clock.now() <= SPIN_TIME and not self._ending.is_set():
             pass
 
     def _exchange(self) -> None:
         """Pass on what has arrived, and what the device has to say."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         data = b""
         if self._master >= 0:
             with contextlib.suppress(OSError):

@@ -204,7 +204,7 @@ class SpeechVoice:
             return self._player.play_file(words.path, cut, begun)
         words.seconds = speaking_time(words.text, words.manner.speed)
         if self._engine.plays_sound:
-            words.on_start(self._clock.read_value(), words.seconds)
+            words.on_start(self._clock.now(), words.seconds)
         speech = self._engine.speak(words.text, words.manner, cut)
         if speech is None:
             return not cut.is_cancelled
@@ -226,8 +226,8 @@ class SpeechVoice:
         if words.started is None or not self._player.mute_reason:
             self._out(words.text)
         if words.started is None:
-            words.on_start(self._clock.read_value(), words.seconds)
-        return not cut.wait(words.end - self._clock.read_value())
+            words.on_start(self._clock.now(), words.seconds)
+        return not cut.wait(words.end - self._clock.now())
 
 
 # From the keys of a robot file to a voice; one that cannot speak here prints its words.

@@ -27,7 +27,7 @@ class WitMotionImu:
 
     def attitude(self) -> Reading[Attitude]:
         """Return the newest attitude; stale once ``STALE_AFTER`` has passed without another."""
-        latest, now = self._latest, self._clock.read_value()
+        latest, now = self._latest, self._clock.now()
         if latest.value is None:
             return Reading(None, now, Quality.NONE)
         fresh = self._link.online and now - latest.stamp <= STALE_AFTER
@@ -69,7 +69,7 @@ class WitMotionImu:
             roll, pitch, yaw = report.angles
             level = self._level
             attitude = Attitude(roll - level[0], pitch - level[1], yaw, report.rates, report.forces)
-            self._latest = Reading(attitude, self._clock.read_value(), Quality.GOOD)
+            self._latest = Reading(attitude, self._clock.now(), Quality.GOOD)
             self._reports += 1
 
     def on_poll(self) -> None:

@@ -20,7 +20,7 @@ class ImuTwin:
 
     def attitude(self) -> Reading[Attitude]:
         """Return how the robot leans now; as felt last, and stale, while it is unplugged."""
-        now = self._stage.clock.read_value()
+        now = self._stage.clock.now()
         if self.plug.online:
             self._latest = Reading(self._measure(now), now, Quality.GOOD)
         elif self._latest.value is not None:

@@ -95,10 +95,10 @@ class AssembledRobot:
 
         Raises NotConnected with all that are not there after ``CONNECT_TIMEOUT``.
         """
-        begun = run.read_value()
+        begun = run.now()
         mentioned: set[str] = set()
         while (missing := self.missing()) and not stopping():
-            waited = run.read_value() - begun
+            waited = run.now() - begun
             for part, (detail, hint) in missing.items():
                 if waited > REMARK_DELAY and part not in mentioned:
                     mentioned.add(part)

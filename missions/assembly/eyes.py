@@ -175,7 +175,7 @@ def vision(
         centre=(0.5, 0.5) if lens is None else lens.centre,
         distortion=() if lens is None else lens.distortion_coefficients,
         senses=senses,
-        now=clock.read_value,
+        now=clock.now,
         delay=delay,
         on_resume=finder.reset,
         on_view=seen,

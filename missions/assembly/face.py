@@ -79,7 +79,7 @@ class MouthAnimation:
         started = None if said is None else said.started
         if said is None or started is None:
             return 0.0
-        spoken = self._clock.read_value() - started
+        spoken = self._clock.now() - started
         shapes = said.mouth
         if not shapes:
             return 0.3 * (1 - cos(2 * pi * SYLLABLE_RATE * spoken))

@@ -34,4 +34,4 @@ class HalfDuplex:
                 self._from = begun
             self._speaks, self._until = True, inf
         elif self._speaks:
-            self._speaks, self._until = False, self._clock.read_value() + ECHO_TIME
+            self._speaks, self._until = False, self._clock.now() + ECHO_TIME

@@ -66,7 +66,7 @@ class SteppedEyes(Generic[T]):
             return
         taken = self._take()
         if taken is not None:
-            self._timeline.call_at(self._timeline.clock.read_value() + self._delay, lambda: self._see(taken))
+            self._timeline.call_at(self._timeline.clock.now() + self._delay, lambda: self._see(taken))
 
 
 @dataclass(frozen=True, slots=True)

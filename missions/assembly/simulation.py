@@ -137,7 +137,7 @@ class Simulation:
 
     def state(self) -> dict[str, object]:
         """Return what the devices truly do: the base in SI units, servos of the head in degrees, joints in radians."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         found = {}
         for kind, plugged in self.parts.items():
             if plugged.state is not None:
@@ -147,18 +147,18 @@ class Simulation:
     def hear(self, text: str) -> None:
         """Let the people hear what the robot says; what they answer is told in their own time."""
         if self._world is not None:
-            now = self._clock.read_value()
+            now = self._clock.now()
             self._expect(self._world.deliver_speech(text, now, self._robot_position(now)))
 
     def _expect(self, replies: Iterable[PersonReply]) -> None:
         for reply in replies:
-            timer = Timer(max(0.0, reply.time - self._clock.read_value()), self._on_spoken, (reply,))
+            timer = Timer(max(0.0, reply.time - self._clock.now()), self._on_spoken, (reply,))
             timer.daemon = True
             timer.start()
             self._answers.append(timer)
 
     def _on_spoken(self, reply: PersonReply) -> None:
-        now = self._clock.read_value()
+        now = self._clock.now()
         self._on_answer(reply.speaker, reply.text)
         if self._world is not None and self._world.is_audible(reply.speaker, now, self._robot_position(now)):
             self.on_reply(reply)

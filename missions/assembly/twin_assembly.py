@@ -98,7 +98,7 @@ class Conversation:
         """Say something aloud."""
         twins = self._twins
         self._hooks.print_line(text)
-        self._expect(twins.world.deliver_speech(text, twins.timeline.clock.read_value(), self._robot_position()))
+        self._expect(twins.world.deliver_speech(text, twins.timeline.clock.now(), self._robot_position()))
 
     def _expect(self, replies: Iterable[PersonReply]) -> None:
         """Have what people say told, and heard, when they say it."""
@@ -109,7 +109,7 @@ class Conversation:
         twins = self._twins
         self._hooks.on_answer(reply.speaker, reply.text)
         if twins.microphone is not None and twins.world.is_audible(
-            reply.speaker, twins.timeline.clock.read_value(), self._robot_position()
+            reply.speaker, twins.timeline.clock.now(), self._robot_position()
         ):
             twins.microphone.on_reply(reply)
 
@@ -258,7 +258,7 @@ class _TwinPartFactory:
         )
 
         def take() -> CameraFrame | None:
-            return camera.expose(self._clock.read_value())
+            return camera.expose(self._clock.now())
 
         return sight, SteppedEyes(
             twins.timeline, take, sight.see, sight.looked, period=PICTURE_INTERVAL, delay=DETECTION_DELAY
@@ -289,7 +289,7 @@ class _TwinPartFactory:
         camera = self.camera(draw, black=lambda _: BLACK)
 
         def take() -> Glimpse | None:
-            frame = camera.expose(self._clock.read_value())
+            frame = camera.expose(self._clock.now())
             if frame is None:
                 return None
             if frame.image is not WHITE:

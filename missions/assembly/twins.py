@@ -95,16 +95,16 @@ class Twins:
     def pose(self) -> Pose2D:
         """Return where the base truly is now, in the world's frame; in physics, the trunk."""
         if self.scene is not None:
-            self.scene.advance(self.timeline.clock.read_value())
+            self.scene.advance(self.timeline.clock.now())
             return self.scene.pose()
         base: TrueBase | None = self.parts.get("base")
-        return self.world.start if base is None else base.true_pose(self.timeline.clock.read_value())
+        return self.world.start if base is None else base.true_pose(self.timeline.clock.now())
 
     def viewpoint(self) -> Viewpoint:
         """Return where the camera truly is and looks now."""
         pan = tilt = 0.0
         if self.head is not None:
-            looks = self.head.true_pose(self.timeline.clock.read_value())
+            looks = self.head.true_pose(self.timeline.clock.now())
             pan, tilt = looks.pan, looks.tilt
         if self.scene is not None:
             tilt += self.scene.lean()[1]

@@ -215,7 +215,7 @@ class Broadcaster:
     def schedule_state(self) -> None:
         """Something has happened: it is told soon, but not more often than ``MIN_STATE_INTERVAL``."""
         if self._feed.is_watched:
-            self.due = min(self.due, max(self._clock.read_value(), self._sent_at + MIN_STATE_INTERVAL))
+            self.due = min(self.due, max(self._clock.now(), self._sent_at + MIN_STATE_INTERVAL))
 
     def watch(self, client: ControlClient, command: WatchCommand) -> None:
         """Let a client watch so from now on, beginning with all that is so far."""
@@ -240,11 +240,11 @@ class Broadcaster:
         if not (self._feed.is_watched or self._feed.has_event_listeners or self._pictures.is_watched):
             self.due = float("inf")
         elif self.due == float("inf"):
-            self.due = self._clock.read_value() + MIN_STATE_INTERVAL
+            self.due = self._clock.now() + MIN_STATE_INTERVAL
 
     def send_state(self) -> None:
         """Send what is new to those who watch."""
-        now = self._sent_at = self._clock.read_value()
+        now = self._sent_at = self._clock.now()
         self.due = now + IDLE_STATE_INTERVAL
         state: Json = {"say": "state", "run": self._name, **self._feed.take_changes(self._handler.status())}
         if state.get("driver") or not state.keys().isdisjoint(MOTION_KEYS):

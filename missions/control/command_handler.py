@@ -231,7 +231,7 @@ class CommandHandler:
                     executive.step()
             case HaltCommand():
                 executive.stop(f"halted by {command.by or UNKNOWN_USER}")
-                self.kill_at = self._clock.read_value() + HALT_TIMEOUT
+                self.kill_at = self._clock.now() + HALT_TIMEOUT
             case _:
                 raise BadMessage("unknown_command", f"a run does not know '{command.word}'")
 

@@ -292,7 +292,7 @@ class ControlSocket:
         for end in (self._waker, self._wake_end):
             end.setblocking(False)
         self._endpoint.run_due_checks(
-            self._clock.read_value()
+            self._clock.now()
         )  # without a listener too: it may get one later, and a signal ends it
         self._selector.register(self._waker, selectors.EVENT_READ)
         self.feed.wake = self._pictures.wake = self._wake
@@ -342,17 +342,17 @@ class ControlSocket:
     def _serve(self) -> None:
         while not self._is_ending:
             due = min(self._broadcaster.due, self._handler.kill_at, self._wheels.ends_at, self._endpoint.due)
-            self._run_guarded(partial(self._serve_once, max(0.0, due - self._clock.read_value())))
+            self._run_guarded(partial(self._serve_once, max(0.0, due - self._clock.now())))
         self._wheels.stop()
         self._run_guarded(self._broadcaster.send_state)
         end = self.feed.end
         result, reason, seconds = ("", "", 0.0) if end is None else (end.result, end.reason, end.seconds)
         for client in self._clients:
             client.send_message(RunOverMessage(run=self._name, result=result, reason=reason, seconds=seconds))
-        until = self._clock.read_value() + FAREWELL_TIMEOUT
+        until = self._clock.now() + FAREWELL_TIMEOUT
         while (
             any(client.has_unsent and not client.is_disconnected for client in self._clients)
-            and self._clock.read_value() < until
+            and self._clock.now() < until
         ):
             self._run_guarded(lambda: self._serve_once(0.05))
         for client in list(self._clients):
@@ -363,7 +363,7 @@ class ControlSocket:
         try:
             work()
         except Exception:
-            self._broadcaster.due = self._clock.read_value() + IDLE_STATE_INTERVAL
+            self._broadcaster.due = self._clock.now() + IDLE_STATE_INTERVAL
             log.exception("the control socket stumbled")
 
     def _serve_once(self, seconds: float) -> None:
@@ -377,7 +377,7 @@ class ControlSocket:
                 key.data.flush()
             if mask & selectors.EVENT_READ and isinstance(key.data, ControlClient):
                 self._read_client(key.data)
-        now = self._clock.read_value()
+        now = self._clock.now()
         self._wheels.check(now)
         self._endpoint.run_due_checks(now)
         if now >= self._broadcaster.due:
@@ -408,7 +408,7 @@ class ControlSocket:
             connection, address = listener.accept()
         except OSError as error:
             if error.errno in (errno.EMFILE, errno.ENFILE) and not self._drop_idle_client():
-                self._endpoint.pause_accepting(listener, self._clock.read_value())  # it would be ready again and again
+                self._endpoint.pause_accepting(listener, self._clock.now())  # it would be ready again and again
             return
         if self._endpoint.is_probe(address) or sockets.peer_credentials(connection)[1] not in (0, os.geteuid()):
             connection.close()
@@ -472,7 +472,7 @@ class ControlSocket:
             case DriveCommand() | LookCommand():
                 self._handler.execute(client, command)
             case _:
-                self._broadcaster.due = self._clock.read_value()  # what comes of it is told at once
+                self._broadcaster.due = self._clock.now()  # what comes of it is told at once
                 result = self._handler.execute(client, command)
                 if isinstance(command, StopCommand | ReleaseCommand):
                     for each in self._clients:

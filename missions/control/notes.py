@@ -166,7 +166,7 @@ class RobotHolder:
         self.terminate()
         clock, pause = SystemClock(), Event()
         while self.is_alive():
-            if clock.read_value() > END_TIMEOUT:
+            if clock.now() > END_TIMEOUT:
                 return False
             pause.wait(POLL_INTERVAL)
         return True

@@ -63,7 +63,7 @@ class ProcessIdentity:
         """Wait until it has ended, ``seconds`` at most, and return whether it has. Raises OSError as ``is_alive`` does."""
         clock, pause = SystemClock(), Event()
         while self.is_alive():
-            if clock.read_value() > seconds:
+            if clock.now() > seconds:
                 return False
             pause.wait(POLL_INTERVAL)
         return True

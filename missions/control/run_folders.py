@@ -87,12 +87,12 @@ def call_all_with_timeout(
             calls[folder] = _FolderCall(work)
             calls[folder].begin()
     clock = SystemClock()
-    until = clock.read_value() + seconds
+    until = clock.now() + seconds
     found: dict[Path, Result | OSError] = {}
     for folder in works:
         call = calls.get(folder)
         if call is not None and call.thread.ident is not None:
-            call.thread.join(max(0.0, until - clock.read_value()))
+            call.thread.join(max(0.0, until - clock.now()))
         if call is None or not (call.results or call.error):
             if call is not None:
                 with _lock:

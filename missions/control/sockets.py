@@ -225,9 +225,9 @@ class RunConnection:
     def request(self, command: Mapping[str, object], *, clock: Clock | None = None) -> Mapping[str, Any]:
         """Send a command and return its answer. Raises OSError; TimeoutError after ``REPLY_TIMEOUT``."""
         clock = SystemClock() if clock is None else clock
-        until = clock.read_value() + REPLY_TIMEOUT
+        until = clock.now() + REPLY_TIMEOUT
         self.connection.sendall(json.dumps({**command, "id": 1}).encode() + b"\n")
-        while clock.read_value() < until:
+        while clock.now() < until:
             told = self.receive()
             if told.get("say") == "answer" and told.get("id") == 1:
                 return told

@@ -152,8 +152,8 @@ class StateFeed:
         self._update_pose()
 
     def _update_pose(self) -> None:
-        if self._in_tick and self.is_watched and self._wall.read_value() - self._pose_at >= POSE_INTERVAL:
-            self._pose_at = self._wall.read_value()
+        if self._in_tick and self.is_watched and self._wall.now() - self._pose_at >= POSE_INTERVAL:
+            self._pose_at = self._wall.now()
             self._pose_state = self._read_pose_state()
         if self.is_watched:
             self.wake()

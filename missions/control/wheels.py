@@ -36,7 +36,7 @@ class StateStamps:
 
     def issue(self) -> int:
         """Return the stamp of a state that is sent now."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         while self._issued and (len(self._issued) >= MAX_KEPT_STAMPS or now - self._oldest > STAMP_LIFETIME):
             self._issued.popitem(last=False)
         stamp = self._draw()
@@ -184,7 +184,7 @@ class WheelArbiter:
 
     def _require_control(self, client: object, command: DriveCommand | LookCommand) -> tuple[Pilot, Base, float]:
         """Return with what and when to do a command, if it counts; at one that does not the base stops."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         if self._pilot is None or self._base is None:
             raise BadMessage("no_base", "this run has no base to drive")
         if self._driver is not client:

@@ -27,9 +27,7 @@ class EventReporter:
 
     def on_notice(self, notice: DeviceStatus) -> None:
         """Tell what a device says of itself."""
-        self._stream.emit(
-            FaultRaised(self._run.clock.read_value(), notice.device, notice.kind, notice.message, notice.hint)
-        )
+        self._stream.emit(FaultRaised(self._run.clock.now(), notice.device, notice.kind, notice.message, notice.hint))
         self._run.wake()
 
     def on_log(self, record: logging.LogRecord) -> None:
@@ -37,19 +35,19 @@ class EventReporter:
         text = record.getMessage()
         if record.exc_info is not None:
             text += "\n" + "".join(traceback.format_exception(record.exc_info[1])).rstrip()
-        self._stream.emit(Logged(self._run.clock.read_value(), record.levelname.lower(), text))
+        self._stream.emit(Logged(self._run.clock.now(), record.levelname.lower(), text))
 
     def on_speech(self, text: str) -> None:
         """Tell what the robot says aloud."""
-        self._stream.emit(Logged(self._run.clock.read_value(), "voice", text))
+        self._stream.emit(Logged(self._run.clock.now(), "voice", text))
 
     def on_person_speech(self, who: str, text: str) -> None:
         """Tell what somebody in a simulated world says."""
-        self._stream.emit(Logged(self._run.clock.read_value(), "person", f"{who}: {text}"))
+        self._stream.emit(Logged(self._run.clock.now(), "person", f"{who}: {text}"))
 
     def on_view(self, view: View) -> None:
         """Tell what was found in a picture."""
-        self._stream.emit(percept_event(view, self._run.clock.read_value()))
+        self._stream.emit(percept_event(view, self._run.clock.now()))
         self._run.wake()
 
     def on_command(self, to: str, source: str, values: Mapping[str, object]) -> None:
@@ -57,7 +55,7 @@ class EventReporter:
         if to != "voice" and self._commands.get(to) == (source, values):
             return
         self._commands[to] = source, values
-        self._stream.emit(CommandSent(self._run.clock.read_value(), self._run.tick, to, source, values))
+        self._stream.emit(CommandSent(self._run.clock.now(), self._run.tick, to, source, values))
 
     def on_steering(self, steering: Steering) -> None:
         """Tell what somebody else than a mission commands the base; a mission's behaviours tell that themselves.

@@ -57,7 +57,7 @@ class VariableChanges:
         """Tell all that is new, if anybody wants to know."""
         if not self._stream.has_listeners:
             return
-        time, tick = self._run.clock.read_value(), self._run.tick
+        time, tick = self._run.clock.now(), self._run.tick
         for scope, variables, told in self._scopes:
             for name, value in _take_changes(variables, told):
                 dimension = value.dimension if isinstance(value, Quantity) else None
@@ -121,9 +121,9 @@ class TickSnapshot:
     def begin(self) -> None:
         """Let time stand still."""
         if self._observers:
-            self._began_at = self._run.wall.read_value()
+            self._began_at = self._run.wall.now()
         self._cache.is_open = True
-        self._run.tick_time = self._run.clock.read_value()
+        self._run.tick_time = self._run.clock.now()
 
     def end(self, kind: TickKind, late: float = 0.0) -> None:
         """Let time go on, and hand over what the tick has brought."""
@@ -139,7 +139,7 @@ class TickSnapshot:
         looked = run.tick % SAMPLE_INTERVAL_TICKS == 1
         if looked or (self._is_moving and run.tick % MOVING_SAMPLE_INTERVAL_TICKS == 1):
             self._cache.sample("" if looked else JOINTS_QUERY)
-        answers, spent = self._cache.take_answers(), run.wall.read_value() - self._began_at
+        answers, spent = self._cache.take_answers(), run.wall.now() - self._began_at
         if looked:
             self._is_moving = is_moving(answers)
         overheld, run.overrun_failure = run.overrun_failure, None
@@ -310,7 +310,7 @@ class Executive:
 
     def loop(self) -> Result:
         """Tick until the tree succeeds or fails, or ``stop`` is called; then halt what runs. Does not raise."""
-        due = self.run.read_value()
+        due = self.run.now()
         held = False
         while self._stop_reason is None:
             mode = self._mode
@@ -324,7 +324,7 @@ class Executive:
                     held = True
                 self.idle(STOP_POLL_INTERVAL)
                 self._woken.clear()
-                due = self.run.read_value()
+                due = self.run.now()
                 self.run.record_heartbeat()
                 self._guard_paused(due)
                 if self._alarm:
@@ -332,7 +332,7 @@ class Executive:
                 continue
             held = False
             self._woken.clear()
-            if self.tick(late=max(0.0, self.run.read_value() - due)) is not Status.RUNNING:
+            if self.tick(late=max(0.0, self.run.now() - due)) is not Status.RUNNING:
                 break
             due = self._wait(due)
         return self._make_result()
@@ -343,12 +343,12 @@ class Executive:
         The schedule is absolute: a tick that came early because it was woken moves nothing, and ticks that were missed
         are counted, not made up for.
         """
-        now = self.run.read_value()
+        now = self.run.now()
         if now >= due:
             missed = int((now - due) / self._period)
             self.overruns += missed
             due += (missed + 1) * self._period
-        while self._stop_reason is None and (left := due - self.run.read_value()) > 0:
+        while self._stop_reason is None and (left := due - self.run.now()) > 0:
             woken = self.run.wait(min(left, STOP_POLL_INTERVAL))
             self.run.record_heartbeat()
             if woken:
@@ -406,7 +406,7 @@ class Executive:
             self._tick_snapshot.end("halt")
 
     def _halt_tree(self) -> bool:
-        now = self.run.read_value()
+        now = self.run.now()
         if self._halt_deadline is None:
             self._halt_deadline = now + HALT_TIMEOUT
         if not self.root.halt():
@@ -425,9 +425,7 @@ class Executive:
         if record.overheld is not None:
             key, seconds = record.overheld
             leaves = (node for node in self.root.iterate() if isinstance(node, Leaf) and node.key == key)
-            self.run.overrun = next(
-                ((leaf, record.tick, self.run.wall.read_value() - seconds) for leaf in leaves), None
-            )
+            self.run.overrun = next(((leaf, record.tick, self.run.wall.now() - seconds) for leaf in leaves), None)
         match record.kind:
             case "tick":
                 self.run.tick -= 1
@@ -439,17 +437,17 @@ class Executive:
 
     def wait_period(self) -> None:
         """Let the time from one tick to the next pass, whatever wakes: for ticks by hand in simulated time."""
-        due = self.run.read_value() + self._period
-        while (left := due - self.run.read_value()) > 0:
+        due = self.run.now() + self._period
+        while (left := due - self.run.now()) > 0:
             self._woken.clear()
             self.run.wait(left)
 
     def time(self) -> float:
         """Seconds since the start of the run; from any thread."""
-        return self.run.clock.read_value()
+        return self.run.clock.now()
 
     def _notify(self, text: str) -> None:
-        self.stream.emit(Notified(self.run.read_value(), self.run.tick, text))
+        self.stream.emit(Notified(self.run.now(), self.run.tick, text))
 
     def _make_result(self) -> Result:
         status = self.root.status

@@ -144,7 +144,7 @@ class BaseGuard:
         """Take in how full the battery is; return why the mission must end."""
         battery, percent = self.battery, state.battery_percent
         before = self._battery_state
-        if not battery.update(percent, self._run.read_value(), charging=state.charging):
+        if not battery.update(percent, self._run.now(), charging=state.charging):
             return ""
         self._battery_state = after = battery.low, battery.critical
         if after != before:
@@ -154,7 +154,7 @@ class BaseGuard:
         return f"battery critical: {percent:.0f} %" if battery.critical else ""
 
     def _emit(self, what: str, where: str, *, on: bool) -> None:
-        self._stream.emit(ReflexFired(self._run.clock.read_value(), self._run.tick, what, where, on))
+        self._stream.emit(ReflexFired(self._run.clock.now(), self._run.tick, what, where, on))
 
 
 def _feedback_of(state: BaseState) -> _Feedback:

@@ -43,19 +43,19 @@ class TimeoutModifier(Modifier):
         self._waits = status is RUNNING and self.suspension is not None
         if self.gave_up is not None:
             gave_up, self.gave_up = self.gave_up, None
-            if self._waits and self.run.read_value() - gave_up < MAX_RETICK_INTERVAL:
+            if self._waits and self.run.now() - gave_up < MAX_RETICK_INTERVAL:
                 return self._fail()
         return status
 
     def _is_over(self) -> bool:
-        over: bool = self.run.read_value() - self.since >= self.setting
+        over: bool = self.run.now() - self.since >= self.setting
         return over
 
     def _fail(self) -> Status:
         waited = f"timed out after {quantity_text(self.setting, 'duration')}"
         why = _running_tip(self.child).feedback_message
         self.feedback_message = f"{why} ({waited})" if why else f"{self.child.name} {waited}"
-        self.gave_up = self.run.read_value() if self._waits else None
+        self.gave_up = self.run.now() if self._waits else None
         self.suspension = None
         return self.end(FAILURE)
 
@@ -80,7 +80,7 @@ class HoldModifier(Modifier):
         if status is not SUCCESS:
             self._succeeding_since = None
             return FAILURE if status is FAILURE and self.suspension is not None else RUNNING
-        now = self.run.read_value()
+        now = self.run.now()
         if self._succeeding_since is None:
             self._succeeding_since = now
         return SUCCESS if now - self._succeeding_since >= self.setting else RUNNING
@@ -92,7 +92,7 @@ class DelayModifier(Modifier):
     run_state = ("setting", "since")
 
     def on_running(self) -> Status:
-        if self.child.status is RUNNING or self.run.read_value() - self.since >= self.setting:
+        if self.child.status is RUNNING or self.run.now() - self.since >= self.setting:
             return self.tick_child()
         return RUNNING
 
@@ -105,7 +105,7 @@ class CooldownModifier(Modifier):
     _succeeded_at: float | None = None
 
     def on_running(self) -> Status:
-        now = self.run.read_value()
+        now = self.run.now()
         if self._succeeded_at is not None:
             left = self._succeeded_at + self.setting - now
             if left > 0:
@@ -115,7 +115,7 @@ class CooldownModifier(Modifier):
 
     def conclude(self, status: Status) -> Status:
         if status is SUCCESS:
-            self._succeeded_at = self.run.read_value()
+            self._succeeded_at = self.run.now()
         return status
 
 

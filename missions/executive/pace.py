@@ -47,15 +47,15 @@ class SimulationPacer:
         """Let so much simulated time pass, or less when woken; say whether it was."""
         clock = self._timeline.clock
         if self._start is None:
-            self._start = self._wall.read_value(), clock.read_value()
-        self._timeline.run_until(clock.read_value() + seconds, self._woken.is_set)
+            self._start = self._wall.now(), clock.now()
+        self._timeline.run_until(clock.now() + seconds, self._woken.is_set)
         if self._speed < inf:
             wall, simulated = self._start
-            ahead = (clock.read_value() - simulated) / self._speed - (self._wall.read_value() - wall)
+            ahead = (clock.now() - simulated) / self._speed - (self._wall.now() - wall)
             if ahead > 0:
                 self._wait(ahead)
             elif ahead < -MAX_LAG:
-                self._start = self._wall.read_value(), clock.read_value()
+                self._start = self._wall.now(), clock.now()
         return self._woken.is_set()
 
 

@@ -208,7 +208,7 @@ class Modifier(Parent, Decorator):
         return cls(step.name, children[0], step.arguments["value"])
 
     def on_start(self) -> str:
-        self.since = self.run.read_value()
+        self.since = self.run.now()
         try:
             self.setting = self.value.resolve(self.scope)
         except (ExpressionError, ValueError) as error:

@@ -122,7 +122,9 @@ def make_proxy(part: str, protocol: type, device: T, cache: TickCache, permit: P
     """
     known = members(protocol).values()
     questions = {each.name: _query_of(device, each) for each in known if each.kind in {"reading", "property"}}
-    passive = getattr(device, "passive_view", device)  # of what rests while nobody asks: a sample is for the record only
+    passive = getattr(
+        device, "passive_view", device
+    )  # of what rests while nobody asks: a sample is for the record only
     memo = cache.add_part(
         part,
         questions,

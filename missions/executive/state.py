@@ -98,7 +98,7 @@ def _fresh_faces(robot: Robot, clock: Clock) -> list[Face]:
     sight = robot.sight_part
     if sight is None:
         return []
-    faces, looked, oldest = sight.faces(), sight.looked(), clock.read_value() - MAX_FACE_AGE
+    faces, looked, oldest = sight.faces(), sight.looked(), clock.now() - MAX_FACE_AGE
     if looked is None or looked < oldest:
         raise SensorSilent("the camera does not report")
     return [face for face in faces if face.stamp >= oldest]

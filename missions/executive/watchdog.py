@@ -97,7 +97,7 @@ class Watchdog:
         self._process: int | None = None
         self._done = Event()
         self._stop_threads: dict[str, Thread] = {}
-        self._checked_at = self._awake_since = run.wall.read_value()
+        self._checked_at = self._awake_since = run.wall.now()
         self._signalled_at: float | None = None  # when the first signal was heard
         self._watched: tuple[Leaf | None, int] = (None, 0)
         self._watched_since = 0.0
@@ -144,7 +144,7 @@ class Watchdog:
 
     def check(self) -> None:
         """Look once, and do what is due."""
-        now = self._run.wall.read_value()
+        now = self._run.wall.now()
         if now - self._checked_at > SUSPEND_THRESHOLD:
             self._awake_since = now
         self._checked_at = now
@@ -215,7 +215,7 @@ class Watchdog:
         self._abandon(result, reason)
 
     def _emit_fault(self, detail: str, hint: str = "") -> None:
-        self._stream.emit(FaultRaised(self._run.clock.read_value(), "executive", "fault", detail, hint))
+        self._stream.emit(FaultRaised(self._run.clock.now(), "executive", "fault", detail, hint))
 
     @staticmethod
     def _culprit(leaf: Leaf | None) -> str:
@@ -229,7 +229,7 @@ def attempt_all(steps: Mapping[str, Callable[[], object]], seconds: float = 0.0)
         thread.start()
     clock = SystemClock()
     for thread in threads.values() if seconds else ():
-        thread.join(max(0.0, seconds - clock.read_value()))
+        thread.join(max(0.0, seconds - clock.now()))
     return threads
 
 

@@ -105,7 +105,7 @@ class ViewFeed:
 
     def poll_parts(self) -> None:
         """Look at the parts of the robot, if that is due."""
-        now = self._wall.read_value()
+        now = self._wall.now()
         if self._over or self._executive.stopping or now - self._looked < POLL_INTERVAL:
             return
         self._looked = now

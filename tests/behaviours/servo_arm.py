@@ -23,7 +23,7 @@ class ServoArm(RecordedJoints):
     def __init__(self, clock: ManualClock, limits: Mapping[str, JointLimits] | None = None) -> None:
         super().__init__(clock)
         self.limits = dict(self.limits if limits is None else limits)
-        self.shafts = {joint: Shaft(0.0, 0.0, limit.speed, clock.read_value()) for joint, limit in self.limits.items()}
+        self.shafts = {joint: Shaft(0.0, 0.0, limit.speed, clock.now()) for joint, limit in self.limits.items()}
         self.short = SHORT
         self.stuck: set[str] = set()
         self.silent: set[str] = set()
@@ -36,7 +36,7 @@ class ServoArm(RecordedJoints):
             self.limp.discard(joint)
             if joint not in self.stuck:
                 shaft = self.shafts[joint]
-                shaft.advance(self.clock.read_value())
+                shaft.advance(self.clock.now())
                 shaft.goal = goal - self.short
                 shaft.speed = min((speeds or {}).get(joint, self.limits[joint].speed), self.limits[joint].speed)
         return accepted
@@ -53,7 +53,7 @@ class ServoArm(RecordedJoints):
 
     def _stop(self, joints: Collection[str] | None, *, limp: bool) -> None:
         for joint in self.limits if joints is None else joints:
-            self.shafts[joint].goal = self.shafts[joint].advance(self.clock.read_value())
+            self.shafts[joint].goal = self.shafts[joint].advance(self.clock.now())
             if joint not in self.stuck:
                 (self.limp.add if limp else self.limp.discard)(joint)
 
@@ -65,7 +65,7 @@ class ServoArm(RecordedJoints):
     def states(self) -> Mapping[str, Reading[JointState]]:
         """Measure where the shafts are now."""
         for joint, shaft in self.shafts.items():
-            self.place({joint: shaft.advance(self.clock.read_value())}, stiff=joint not in self.limp)
+            self.place({joint: shaft.advance(self.clock.now())}, stiff=joint not in self.limp)
         return {joint: none() if joint in self.silent else reading for joint, reading in super().states().items()}
 
 
@@ -82,10 +82,10 @@ def with_servos(
 
 def play(bench: LeafTestBench, leaf: Leaf, *, limit: float = 20.0) -> float:
     """Tick until it ends; return the seconds that this took."""
-    begun = bench.clock.read_value()
+    begun = bench.clock.now()
     while bench.tick(leaf, after=TICK) is RUNNING:
-        assert bench.clock.read_value() - begun < limit
-    return bench.clock.read_value() - begun
+        assert bench.clock.now() - begun < limit
+    return bench.clock.now() - begun
 
 
 def tick(bench: LeafTestBench, leaf: Leaf, seconds: float) -> Status:

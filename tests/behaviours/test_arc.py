@@ -108,7 +108,7 @@ def test_a_whole_circle_ends_where_it_began_and_has_its_radius(radius: float, si
     bench = LeafTestBench()
     track = Track(arc(bench, radius, side * 360.0, speed=0.3), bench)
     off = 0.0
-    while track.pass_time(0.1) is RUNNING and bench.clock.read_value() < 200.0:
+    while track.pass_time(0.1) is RUNNING and bench.clock.now() < 200.0:
         place = track.base.wheels.pose
         off = max(off, abs(math.hypot(place.x, place.y - side * radius) - radius))
     assert track.leaf.status is SUCCESS

@@ -309,15 +309,15 @@ class LaggingBase(RecordedBase):
 
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
         super().drive(velocity, source=source)
-        return self._mux.request(velocity, self.clock.read_value(), self.reading.value, source)
+        return self._mux.request(velocity, self.clock.now(), self.reading.value, source)
 
     def stop(self, *, source: Source | None = None) -> None:
         super().stop(source=source)
         self._mux.stop(source)
-        self.wheels.command(0.0, 0.0, self.clock.read_value())
+        self.wheels.command(0.0, 0.0, self.clock.now())
 
     def report(self) -> None:
-        now = self.clock.read_value()
+        now = self.clock.now()
         self.wheels.advance(now)
         if self.silent:
             self.reading = Reading(self.reading.value, self.reading.stamp, Quality.STALE)

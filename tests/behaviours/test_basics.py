@@ -48,7 +48,7 @@ def test_log_writes_its_line(caplog: pytest.LogCaptureFixture) -> None:
 def test_set_keeps_the_values_of_the_moment() -> None:
     bench = LeafTestBench()
     bench.run.variables.update(count=1, name="ada")
-    leaf = bench.put(Set("set"), computed={"at": bench.clock.read_value, "name": lambda: "bob"})
+    leaf = bench.put(Set("set"), computed={"at": bench.clock.now, "name": lambda: "bob"})
     assert bench.tick(leaf, after=1.0) is SUCCESS
     assert bench.run.variables == {"count": 1, "at": 101.0, "name": "bob"}
     assert bench.tick(leaf, after=1.0) is SUCCESS

@@ -77,7 +77,7 @@ def test_what_the_base_has_driven_since_the_scan_brings_things_nearer() -> None:
     bench = LeafTestBench()
     lookout = ObstacleView(bench.robot)
     bench.ranger.show({0: 1.0})
-    points = lookout.points_around(state(speed=0.5), bench.clock.read_value() + 0.2)
+    points = lookout.points_around(state(speed=0.5), bench.clock.now() + 0.2)
     assert points is not None
     assert points == [pytest.approx((0.9, 0.0))]
 
@@ -86,9 +86,7 @@ def test_what_the_base_has_turned_since_the_scan_turns_things_away() -> None:
     bench = LeafTestBench()
     lookout = ObstacleView(bench.robot)
     bench.ranger.show({0: 1.0})
-    points = lookout.points_around(
-        state(heading=math.pi / 2), bench.clock.read_value()
-    )  # the recorder's heading then was 0
+    points = lookout.points_around(state(heading=math.pi / 2), bench.clock.now())  # the recorder's heading then was 0
     assert points is not None
     assert points == [pytest.approx((0.0, -1.0))]
 

@@ -33,7 +33,7 @@ def following(bench: LeafTestBench, rules: RuleBases, **arguments: object) -> Fo
 
 def show(bench: LeafTestBench, distance: float, *, yaw: float = 0.0, number: int = 1) -> None:
     """Show one face at a distance in metres, seen now."""
-    bench.sight.seen = [replace(face(bench.clock.read_value(), number=number, yaw=yaw), distance=distance)]
+    bench.sight.seen = [replace(face(bench.clock.now(), number=number, yaw=yaw), distance=distance)]
 
 
 def told(bench: LeafTestBench) -> Velocity:
@@ -155,7 +155,7 @@ def test_once_the_person_is_out_of_sight_it_stands_and_then_fails(rules: RuleBas
 
 def test_it_begins_with_the_one_that_the_mission_names(rules: RuleBases) -> None:
     bench = LeafTestBench()
-    now = bench.clock.read_value()
+    now = bench.clock.now()
     larger, named = face(now, number=1, yaw=0.5), replace(face(now, number=2, yaw=-0.5), distance=1.0)
     leaf = following(bench, rules, face=named)
     bench.sight.seen = [larger, named]

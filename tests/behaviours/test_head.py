@@ -27,7 +27,7 @@ class ServoHead(RecordedHead):
 
     def __init__(self, clock: ManualClock) -> None:
         super().__init__(clock)
-        self.shafts = [Shaft(0.0, 0.0, math.degrees(self.limits.speed), clock.read_value()) for _ in range(2)]
+        self.shafts = [Shaft(0.0, 0.0, math.degrees(self.limits.speed), clock.now()) for _ in range(2)]
 
     def look(self, target: HeadPose) -> HeadPose:
         accepted = super().look(target)
@@ -37,7 +37,7 @@ class ServoHead(RecordedHead):
         return accepted
 
     def pose(self) -> Reading[HeadPose]:
-        pan, tilt = (math.radians(shaft.advance(self.clock.read_value())) for shaft in self.shafts)
+        pan, tilt = (math.radians(shaft.advance(self.clock.now())) for shaft in self.shafts)
         return good(HeadPose(pan, tilt))
 
 

@@ -49,7 +49,7 @@ class Stage:
 
     def look_on(self) -> None:
         """Let the time of a tick pass, and see where the head is."""
-        now = self.timeline.clock.read_value() + 0.05
+        now = self.timeline.clock.now() + 0.05
         self.timeline.run_until(now)
         pose = self.head.true_pose(now)
         self.seen.append((now, degrees(pose.pan), degrees(pose.tilt)))
@@ -121,7 +121,7 @@ def test_a_smooth_scan_ends_once_a_slow_head_is_where_it_was_told_to_go() -> Non
     stage = SlowStage(Scan("scan"), pan=pan, tilt=tilt, rows=2, smooth=True, speed=radians(60))
     while stage.tick() is RUNNING:
         pass
-    pose = stage.head.true_pose(stage.timeline.clock.read_value())
+    pose = stage.head.true_pose(stage.timeline.clock.now())
     assert stage.leaf.status is SUCCESS
     assert (degrees(pose.pan), degrees(pose.tilt)) == pytest.approx((-40, -20), abs=1.5)
 
@@ -199,10 +199,10 @@ def test_halted_the_head_comes_to_rest_and_holds(leaf: Leaf) -> None:
     for _ in range(8):
         assert stage.tick() is RUNNING
     assert stage.leaf.halt()
-    stage.timeline.run_until(stage.timeline.clock.read_value() + 0.5)
-    held = stage.head.true_pose(stage.timeline.clock.read_value())
-    stage.timeline.run_until(stage.timeline.clock.read_value() + 0.5)
-    assert stage.head.true_pose(stage.timeline.clock.read_value()) == held
+    stage.timeline.run_until(stage.timeline.clock.now() + 0.5)
+    held = stage.head.true_pose(stage.timeline.clock.now())
+    stage.timeline.run_until(stage.timeline.clock.now() + 0.5)
+    assert stage.head.true_pose(stage.timeline.clock.now()) == held
 
 
 @pytest.mark.parametrize("leaf", [Scan("scan"), Nod("nod"), ShakeHead("shake_head"), SweepHead("sweep_head")])

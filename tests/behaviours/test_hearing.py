@@ -72,7 +72,7 @@ def test_in_the_end_it_says_what_it_heard_instead(said: list[tuple[str, bool]], 
 
 def test_a_robot_that_does_not_hear_says_so_at_once() -> None:
     bench = LeafTestBench()
-    bench.hearing.heard_until = bench.clock.read_value() - 2.0
+    bench.hearing.heard_until = bench.clock.now() - 2.0
     leaf = listening(bench, timeout=1.0)
     assert bench.tick(leaf) is RUNNING
     assert leaf.reason == "no sound from the microphone, or no recogniser: see the notices"

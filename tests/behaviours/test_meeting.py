@@ -37,7 +37,7 @@ def test_the_place_holds_when_the_robot_has_moved() -> None:
 def see(bench: LeafTestBench, leaf: FindFace, *, number: int, yaw: float) -> Status:
     """Start to look, with one face in view from then on; return what comes of it."""
     bench.tick(leaf)
-    bench.sight.seen = [face(bench.clock.read_value() + 0.05, number=number, yaw=yaw)]
+    bench.sight.seen = [face(bench.clock.now() + 0.05, number=number, yaw=yaw)]
     return bench.tick(leaf)
 
 
@@ -78,7 +78,7 @@ def test_find_face_finds_anybody_again_where_it_is_not_asked_for_new_ones() -> N
 
 def test_face_centred_looks_at_the_face_that_is_named_and_no_other() -> None:
     bench = LeafTestBench()
-    now = bench.clock.read_value()
+    now = bench.clock.now()
     aside, centred = face(now, number=1, bearing=0.4), face(now, number=2)
     bench.sight.seen = [aside, centred]
     leaf = bench.put(FaceCentred("face_centred"))
@@ -92,7 +92,7 @@ def test_face_centred_looks_at_the_face_that_is_named_and_no_other() -> None:
 
 def test_what_is_no_face_is_refused_as_one() -> None:
     bench = LeafTestBench()
-    bench.sight.seen = [face(bench.clock.read_value())]
+    bench.sight.seen = [face(bench.clock.now())]
     leaf = bench.put(FaceCentred("face_centred"), face="Anna")
     assert bench.tick(leaf) is FAILURE
     assert "'face' needs a face that a behaviour has found" in leaf.reason

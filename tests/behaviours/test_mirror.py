@@ -154,8 +154,8 @@ def test_a_reading_that_goes_stale_within_a_tick_does_no_harm(word: str, monkeyp
     fresh, asked = arm.states, list[float]()
 
     def once_a_tick() -> Mapping[str, Reading[JointState]]:
-        stale = bench.clock.read_value() in asked
-        asked.append(bench.clock.read_value())
+        stale = bench.clock.now() in asked
+        asked.append(bench.clock.now())
         return dict.fromkeys(LIMITS, none()) if stale else fresh()
 
     monkeypatch.setattr(arm, "states", once_a_tick)
@@ -255,7 +255,7 @@ class TwoArms:
 
     def at(self, joint: str = "elbow") -> float:
         """Return where it stands."""
-        return self.right.shafts[joint].advance(self.bench.clock.read_value())
+        return self.right.shafts[joint].advance(self.bench.clock.now())
 
 
 def test_an_arm_leads_another_joint_by_joint_of_one_name() -> None:

@@ -29,8 +29,8 @@ HOME = Pose2D(0.0, 0.0, 0.0)
 
 def named(bench: LeafTestBench, name: str, *, number: int = 1, yaw: float = 0.0, distance: float = 1.5) -> Face:
     """Return a face that is seen now."""
-    bench.sight.searched = bench.clock.read_value()
-    return replace(face(bench.clock.read_value() + 0.05, number=number, yaw=yaw), name=name, distance=distance)
+    bench.sight.searched = bench.clock.now()
+    return replace(face(bench.clock.now() + 0.05, number=number, yaw=yaw), name=name, distance=distance)
 
 
 @pytest.mark.parametrize(("whose", "found"), [("", 1), ("Anna", 2), ("ANNA", 2), (UNKNOWN, 3), ("Chidi", None)])

@@ -36,5 +36,5 @@ def test_in_a_run_it_is_an_event() -> None:
     executive = Executive(leaf, bench.run, EventStream([heard.append]))
     assert executive.tick() is SUCCESS
     (event,) = (each for each in heard if isinstance(each, Notified))
-    assert (event.tick, event.text, event.t) == (1, "done", bench.clock.read_value())
+    assert (event.tick, event.text, event.t) == (1, "done", bench.clock.now())
     assert event.as_dict()["event"] == "notice"

@@ -17,12 +17,12 @@ RED_BALL = ThingSpec("red ball", "red", "ball")
 
 
 def thing(bench: LeafTestBench, name: str = "red ball", *, age: float = 0.1, number: int = 1) -> Thing:
-    seen = percept(bench.clock.read_value() - age, number=number)
+    seen = percept(bench.clock.now() - age, number=number)
     return Thing(**common_fields(seen), name=name, colour="red", shape="ball")
 
 
 def marker(bench: LeafTestBench, number: int, name: str = "", *, age: float = 0.1) -> Marker:
-    seen = percept(bench.clock.read_value() - age, number=number)
+    seen = percept(bench.clock.now() - age, number=number)
     return Marker(**common_fields(seen), number=number, name=name, heading=0.0)
 
 
@@ -82,7 +82,7 @@ def test_a_search_goes_on_until_the_right_one_is_in_view(leaf: Leaf) -> None:
     bench.put(leaf, what=RED_BALL, which="7", keep_as="it")
     bench.sight.found, bench.sight.marked = [thing(bench, "blue box")], [marker(bench, 3)]
     for _ in range(40):
-        bench.sight.searched = bench.clock.read_value()
+        bench.sight.searched = bench.clock.now()
         assert bench.tick(leaf) is RUNNING
         bench.head.reading = good(_last_pose(bench.head.commands))
     assert len({command.pan for command in bench.head.commands if isinstance(command, HeadPose)}) > 3
@@ -98,7 +98,7 @@ def test_a_search_ends_after_its_scans(leaf: Leaf, noun: str) -> None:
     bench.put(leaf, what=RED_BALL, pan=(-0.4, 0.4), tilt=(0.0, 0.0), step=0.4, scans=1)
     status: object = RUNNING
     for _ in range(200):
-        bench.sight.searched = bench.clock.read_value()
+        bench.sight.searched = bench.clock.now()
         status = bench.tick(leaf)
         if status is not RUNNING:
             break

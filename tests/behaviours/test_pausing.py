@@ -50,9 +50,9 @@ def begun(bench: LeafTestBench, leaf: type[Leaf], arguments: dict[str, object]) 
 
 def stands_still(bench: LeafTestBench, leaf: Leaf, seconds: float, *, tick: float = 0.05) -> None:
     """Let a composite above the leaf stand still for so long."""
-    end = bench.clock.read_value() + seconds - 1e-6
-    while bench.clock.read_value() < end:
-        bench.run.last_tick_at = bench.clock.read_value()
+    end = bench.clock.now() + seconds - 1e-6
+    while bench.clock.now() < end:
+        bench.run.last_tick_at = bench.clock.now()
         bench.clock.advance(tick)
         bench.run.tick += 1
         assert leaf.pass_time() is RUNNING
@@ -256,7 +256,7 @@ def test_a_head_stops_and_its_leaf_goes_on(
     stands_still(bench, it, 1.0)
     assert bench.safe_stops == [frozenset({"head"})]
     bench.head.commands.clear()
-    bench.head.reading = replace(bench.head.reading, stamp=bench.clock.read_value())
+    bench.head.reading = replace(bench.head.reading, stamp=bench.clock.now())
     assert bench.tick(it) is RUNNING
     assert bench.head.commands
 

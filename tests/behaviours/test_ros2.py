@@ -65,7 +65,7 @@ def test_a_halt_whose_end_does_not_come_stops_the_base_by_force() -> None:
     leaf = put(bench, Navigate("navigate"), to="kitchen")
     bench.tick(leaf)
     while not bench.halt(leaf, after=0.5):
-        assert bench.clock.read_value() < 110.0
+        assert bench.clock.now() < 110.0
     assert bench.safe_stops == [frozenset({"base"})]
 
 
@@ -185,7 +185,7 @@ MESSAGE = {"percentage": 0.8, "pose": {"x": 1.5}, "ranges": [0.5, 2.0], "present
 )
 def test_a_topic_is_a_condition_on_any_of_its_fields(asked: dict[str, object], holds: bool) -> None:
     bench = LeafTestBench()
-    bench.ros2.messages["/it"] = Reading(json.dumps(MESSAGE), bench.clock.read_value(), Quality.GOOD)
+    bench.ros2.messages["/it"] = Reading(json.dumps(MESSAGE), bench.clock.now(), Quality.GOOD)
     leaf = put(bench, TopicLeaf("topic"), topic="/it", **asked)
     assert bench.tick(leaf) is (SUCCESS if holds else FAILURE)
     assert leaf.feedback_message
@@ -196,6 +196,6 @@ def test_a_message_that_is_old_does_not_count() -> None:
     leaf = put(bench, TopicLeaf("topic"), topic="/it")
     assert bench.tick(leaf) is RUNNING
     assert (leaf.suspended, leaf.reason) == (True, "waiting: the topic /it does not report")
-    bench.ros2.messages["/it"] = Reading("{}", bench.clock.read_value() - 5.0, Quality.STALE)
+    bench.ros2.messages["/it"] = Reading("{}", bench.clock.now() - 5.0, Quality.STALE)
     assert bench.tick(leaf) is RUNNING
     assert leaf.suspended

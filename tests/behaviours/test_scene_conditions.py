@@ -9,7 +9,7 @@ from perception.api import Scene
 
 
 def show(bench: LeafTestBench, *, brightness: float = 100.0, motion: float | None = 0.0, age: float = 0.1) -> None:
-    bench.sight.shown = Scene(bench.clock.read_value() - age, brightness, 40.0, motion)
+    bench.sight.shown = Scene(bench.clock.now() - age, brightness, 40.0, motion)
 
 
 @pytest.mark.parametrize(("brightness", "status"), [(20.0, SUCCESS), (80.0, FAILURE)])

@@ -14,7 +14,7 @@ def asking(bench: LeafTestBench, **arguments: object) -> SceneUniform:
 
 
 def show(bench: LeafTestBench, contrast: float, *, age: float = 0.0) -> None:
-    bench.sight.shown = Scene(bench.clock.read_value() - age, 120.0, contrast)
+    bench.sight.shown = Scene(bench.clock.now() - age, 120.0, contrast)
 
 
 @pytest.mark.parametrize(

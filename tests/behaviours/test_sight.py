@@ -20,8 +20,8 @@ AHEAD = HeadPose(0.0, 0.0)
 
 def seen(bench: LeafTestBench, *, age: float = 0.1, number: int = 1, bearing: float = 0.0, drop: float = 0.0) -> None:
     """Show a face that was seen ``age`` seconds ago, and the camera at work."""
-    bench.sight.seen = [face(bench.clock.read_value() - age, number=number, bearing=bearing, elevation=drop)]
-    bench.sight.searched = bench.clock.read_value()
+    bench.sight.seen = [face(bench.clock.now() - age, number=number, bearing=bearing, elevation=drop)]
+    bench.sight.searched = bench.clock.now()
 
 
 # --- conditions ------------------------------------------------------------------------------------------------------
@@ -57,7 +57,7 @@ def test_a_face_seen_too_long_ago_does_not_count(kind: Callable[[str], Leaf], ag
 def test_face_conditions_are_suspended_without_pictures(kind: Callable[[str], Leaf]) -> None:
     bench = LeafTestBench()
     leaf = bench.put(kind("see"))
-    for searched in (None, bench.clock.read_value() - 10.0):
+    for searched in (None, bench.clock.now() - 10.0):
         bench.sight.searched = searched
         assert bench.tick(leaf) is RUNNING
         assert (leaf.is_suspended, leaf.reason) == (True, "waiting: the camera does not report")
@@ -65,7 +65,7 @@ def test_face_conditions_are_suspended_without_pictures(kind: Callable[[str], Le
 
 def test_the_largest_of_the_faces_seen_lately_counts() -> None:
     bench = LeafTestBench()
-    now = bench.clock.read_value()
+    now = bench.clock.now()
     bench.sight.seen = [face(now - 2.0, number=1), face(now, number=2), face(now, number=3)]
     leaf = bench.put(FaceSeenLeaf("face_seen"), keep_as="visitor")
     assert bench.tick(leaf) is SUCCESS
@@ -103,7 +103,7 @@ def test_a_face_off_the_middle_says_how_far() -> None:
 def test_several_faces_count_when_all_were_seen_lately(ages: list[float], status: object, reason: str) -> None:
     bench = LeafTestBench()
     leaf = bench.put(FacesAtLeast("faces_at_least"), number=2, keep_as="people")
-    now = bench.clock.read_value()
+    now = bench.clock.now()
     bench.sight.seen = [face(now - age, number=number) for number, age in enumerate(ages)]
     assert bench.tick(leaf) is status
     assert leaf.reason == reason
@@ -131,7 +131,7 @@ class Search:
 
     def tick(self, *, arrives: bool = True) -> object:
         """Let one tick pass; the picture that it sees was taken 0.1 s before."""
-        self.bench.sight.searched = self.bench.clock.read_value() - 0.05
+        self.bench.sight.searched = self.bench.clock.now() - 0.05
         status = self.bench.tick(self.leaf)
         poses = self.poses
         if arrives and poses:
@@ -207,10 +207,10 @@ def test_a_face_ends_it_and_the_head_stays() -> None:
 def test_a_face_from_before_the_search_does_not_count_but_one_behind_it_does() -> None:
     search = Search(**SMALL)
     bench = search.bench
-    before = bench.clock.read_value()
+    before = bench.clock.now()
     bench.sight.seen = [face(before, number=1)]
     assert search.run(2) is RUNNING
-    bench.sight.seen = [face(before, number=1), face(bench.clock.read_value(), number=2)]
+    bench.sight.seen = [face(before, number=1), face(bench.clock.now(), number=2)]
     assert search.tick() is SUCCESS
     assert search.leaf.result == bench.sight.seen[1]
 

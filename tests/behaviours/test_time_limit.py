@@ -44,10 +44,10 @@ def bounded(bench: LeafTestBench) -> list[BaseMotion]:
 
 def seconds_to_end(bench: LeafTestBench, leaf: BaseMotion, most: float = 300.0) -> float:
     """Return after how long a leaf ends."""
-    began = bench.clock.read_value()
+    began = bench.clock.now()
     while bench.tick(leaf, after=TICK) is RUNNING:
-        assert bench.clock.read_value() - began < most, "it goes on and on"
-    return bench.clock.read_value() - began
+        assert bench.clock.now() - began < most, "it goes on and on"
+    return bench.clock.now() - began
 
 
 @pytest.mark.parametrize("number", range(9))
@@ -121,11 +121,11 @@ def test_a_limit_that_changes_on_and_on_keeps_no_motion_alive() -> None:
     bench = LeafTestBench()
     leaf, usual = bounded(bench)[0], bench.base.limits
     bench.base.reading = good(BaseState(Pose2D(0.0, 0.0, 0.0), AHEAD))
-    status, began = bench.tick(leaf), bench.clock.read_value()
+    status, began = bench.tick(leaf), bench.clock.now()
     while status is RUNNING:
         bench.base.limits = replace(usual, speed=0.1 if bench.base.limits == usual else usual.speed)
         status = bench.tick(leaf, after=TICK)
-        assert bench.clock.read_value() - began < time_limit(seconds_to_drive(0.5, 0.1, usual))
+        assert bench.clock.now() - began < time_limit(seconds_to_drive(0.5, 0.1, usual))
 
 
 @pytest.mark.parametrize("number", range(6))

@@ -28,7 +28,7 @@ def tracking(bench: LeafTestBench, rules: RuleBases, **arguments: object) -> Tra
 
 def show(bench: LeafTestBench, *, yaw: float = 0.0, pitch: float = 0.0, number: int = 1) -> None:
     """Show one face, seen now."""
-    bench.sight.seen = [face(bench.clock.read_value(), number=number, yaw=yaw, pitch=pitch)]
+    bench.sight.seen = [face(bench.clock.now(), number=number, yaw=yaw, pitch=pitch)]
 
 
 def follow(bench: LeafTestBench, leaf: TrackFace, *, yaw: float, pitch: float = 0.0, ticks: int = 20) -> None:
@@ -100,7 +100,7 @@ def test_where_the_head_looks_is_where_it_starts(rules: RuleBases) -> None:
 def test_it_takes_the_largest_and_stays_with_it(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = tracking(bench, rules)
-    now = bench.clock.read_value()
+    now = bench.clock.now()
     first, second = face(now, number=1, yaw=LEFT), face(now, number=2, yaw=RIGHT)
     bench.sight.seen = [first, second]
     bench.tick(leaf)
@@ -114,7 +114,7 @@ def test_when_that_face_is_lost_it_takes_the_largest_there_is(rules: RuleBases) 
     leaf = tracking(bench, rules)
     show(bench, number=1)
     bench.tick(leaf)
-    bench.sight.seen = [face(bench.clock.read_value(), number=3), face(bench.clock.read_value(), number=2)]
+    bench.sight.seen = [face(bench.clock.now(), number=3), face(bench.clock.now(), number=2)]
     bench.tick(leaf)
     assert leaf.result == bench.sight.seen[0]
 
@@ -122,9 +122,9 @@ def test_when_that_face_is_lost_it_takes_the_largest_there_is(rules: RuleBases) 
 def test_a_face_unseen_for_its_patience_gives_way_to_one_in_view(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = tracking(bench, rules, patience=0.5)
-    lost = face(bench.clock.read_value(), number=1)
+    lost = face(bench.clock.now(), number=1)
     for _ in range(20):
-        bench.sight.seen = [lost, face(bench.clock.read_value(), number=2)]
+        bench.sight.seen = [lost, face(bench.clock.now(), number=2)]
         assert bench.tick(leaf) is RUNNING
     assert leaf.reason == "face 2, 0 deg off"
 
@@ -148,7 +148,7 @@ def test_it_fails_once_no_face_was_seen_for_its_patience(rules: RuleBases) -> No
 def test_the_patience_counts_from_the_start_where_there_never_was_a_face(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = tracking(bench, rules, patience=1.0)
-    bench.sight.seen = [face(bench.clock.read_value() - 5.0)]
+    bench.sight.seen = [face(bench.clock.now() - 5.0)]
     assert bench.tick(leaf, after=0.0) is RUNNING
     assert looks(bench) == []
     assert bench.tick(leaf, after=1.0) is RUNNING
@@ -261,7 +261,7 @@ def test_a_second_run_knows_nothing_of_the_first(rules: RuleBases, ending: str) 
     assert leaf.result is None
     assert looks(bench) == []
     assert bench.tick(leaf, after=0.9) is RUNNING
-    bench.sight.seen = [face(bench.clock.read_value(), number=2), face(bench.clock.read_value(), number=1)]
+    bench.sight.seen = [face(bench.clock.now(), number=2), face(bench.clock.now(), number=1)]
     bench.tick(leaf, after=0.0)
     assert leaf.result == bench.sight.seen[0]
 

@@ -39,7 +39,7 @@ def test_it_follows_the_object_that_was_asked_for_and_no_other(rules: RuleBases)
     bench = LeafTestBench()
     leaf = bench.put(TrackObject("track_object"), controller=rules, what=ThingSpec("red ball", "red", "ball"))
     for _ in range(30):
-        now = bench.clock.read_value()
+        now = bench.clock.now()
         bench.sight.found = [thing(now, "blue box", number=1, yaw=-0.4), thing(now, "red ball", number=2, yaw=0.3)]
         assert bench.tick(leaf) is RUNNING
     assert aim(bench).pan == pytest.approx(0.3, abs=0.01)
@@ -52,7 +52,7 @@ def test_an_object_that_is_gone_is_told_by_its_noun(rules: RuleBases) -> None:
     leaf = bench.put(
         TrackObject("track_object"), controller=rules, what=ThingSpec("red ball", "red", "ball"), patience=1.0
     )
-    bench.sight.found = [thing(bench.clock.read_value(), "blue box")]
+    bench.sight.found = [thing(bench.clock.now(), "blue box")]
     assert bench.tick(leaf) is RUNNING
     assert bench.tick(leaf, after=1.1) is FAILURE
     assert leaf.reason == "no object for 1 s"
@@ -64,7 +64,7 @@ def test_it_follows_the_robot_with_that_number_or_name_or_the_largest(rules: Rul
     bench = LeafTestBench()
     leaf = bench.put(TrackRobot("track_robot"), controller=rules, which=which)
     for _ in range(30):
-        now = bench.clock.read_value()
+        now = bench.clock.now()
         bench.sight.marked = [marker(now, 8, "", yaw=-0.4), marker(now, 7, "R2", yaw=0.3)]
         assert bench.tick(leaf) is RUNNING
     assert aim(bench).pan == pytest.approx(pan, abs=0.01)
@@ -78,9 +78,9 @@ def test_a_robot_without_a_head_turns_its_base_to_the_face(rules: RuleBases) -> 
     for heading in (0.0, 0.2, 0.29):
         bench.clock.advance(1.0)  # so long that what it was told has passed
         bench.base.reading = replace(
-            good(BaseState(Pose2D(0.0, 0.0, heading), Velocity(0.0, 0.0))), stamp=bench.clock.read_value()
+            good(BaseState(Pose2D(0.0, 0.0, heading), Velocity(0.0, 0.0))), stamp=bench.clock.now()
         )
-        bench.sight.seen = [face(bench.clock.read_value(), yaw=0.3)]
+        bench.sight.seen = [face(bench.clock.now(), yaw=0.3)]
         assert bench.tick(leaf) is RUNNING
         command = bench.base.commands[-1]
         assert isinstance(command, Velocity)

@@ -88,7 +88,7 @@ def hear(stream: Stream, folder: Path) -> Result:
     try:
         microphone.open()
         newest = -1
-        while clock.read_value() < len(stream.samples) / RATE + 1:
+        while clock.now() < len(stream.samples) / RATE + 1:
             clock.advance(0.1)
             for piece in microphone.read(newest):
                 newest = piece.number

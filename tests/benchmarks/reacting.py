@@ -98,13 +98,13 @@ class Stage:
 
     def read(self, timeout: float) -> Frame | None:
         """Wait for the next picture."""
-        wait = self._due - self._clock.read_value()
+        wait = self._due - self._clock.now()
         if wait > 0:
             Event().wait(min(wait, timeout))
-        self._due = max(self._due + PERIOD, self._clock.read_value())
+        self._due = max(self._due + PERIOD, self._clock.now())
         place, pose = self._place, self._head.pose().value or HeadPose(0.0, 0.0)
         image = self._renderers[place].draw(Viewpoint(z=1.1, yaw=pose.pan, pitch=pose.tilt), 0.0)
-        now = self._clock.read_value()
+        now = self._clock.now()
         if place == self._place and self._arrived is None:
             self._arrived = now
         return Frame(image, now)
@@ -122,7 +122,7 @@ class Board(VirtualRodney):
         """Take bytes from the computer; return the answers."""
         count = len(self.commands)
         answer = super().feed(data, now)
-        self.times += [self._clock.read_value()] * (len(self.commands) - count)
+        self.times += [self._clock.now()] * (len(self.commands) - count)
         return answer
 
     def rests(self, now: float) -> bool:
@@ -169,12 +169,12 @@ def measured(count: int = REACTIONS) -> list[Reaction]:
     eyes = Eyes(stage, vision)
     told: list[float] = []
     robot = Robot(head_part=head, sight_part=vision)
-    executive = _executive(run, robot, lambda *_: told.append(clock.read_value()))
+    executive = _executive(run, robot, lambda *_: told.append(clock.now()))
     loop = threading.Thread(target=executive.loop)
     try:
         terminal.open()
         head.open()
-        _until(lambda: board.rests(clock.read_value()))  # straight ahead: on the way there it could lose the face again
+        _until(lambda: board.rests(clock.now()))  # straight ahead: on the way there it could lose the face again
         eyes.open()
         loop.start()
         _until(lambda: bool(told) and board.times[-1] > told[0])  # it is turning to the face
@@ -194,7 +194,7 @@ def _vision(clock: Clock, head: Head, seen: Callable[[View], None]) -> Vision:
         return None if pose is None else Gaze(pose.pan, pose.tilt)
 
     senses = ActiveSenses(faces=FaceSense(FaceFinder(HaarFaceDetector()), Tracker()))
-    return Vision(gaze, field_of_view=math.radians(60), senses=senses, now=clock.read_value, on_view=seen)
+    return Vision(gaze, field_of_view=math.radians(60), senses=senses, now=clock.now, on_view=seen)
 
 
 class Searches:
@@ -211,7 +211,7 @@ class Searches:
         if view.looked is not None:
             self.took[view.looked] = vision.effort.seconds - self._sum
             self._sum = vision.effort.seconds
-            self.done[view.looked] = self._clock.read_value()
+            self.done[view.looked] = self._clock.now()
         run.wake()
 
 
@@ -225,12 +225,10 @@ def _executive(run: RunState, robot: Robot, commanded: CommandReport) -> Executi
 
 def _reaction(stage: Stage, board: Board, told: list[float], searches: Searches, clock: Clock, number: int) -> Reaction:
     """Let the head come to rest and the face leap; return how long it took until the driver and the board heard."""
-    _until(lambda: board.rests(clock.read_value()))
+    _until(lambda: board.rests(clock.now()))
     Event().wait(Random(number).uniform(0, 0.05))  # noqa: S311 - chance, not a secret
     stage.leap()
-    _until(
-        lambda: searches.done.get(stage.arrived() or -1.0, clock.read_value() + 1.0) <= min(board.times[-1], told[-1])
-    )
+    _until(lambda: searches.done.get(stage.arrived() or -1.0, clock.now() + 1.0) <= min(board.times[-1], told[-1]))
     arrived = stage.arrived() or 0.0
     done = searches.done[arrived]
     # What the head was told before the search was done, it was not told because of it.
@@ -241,7 +239,7 @@ def _reaction(stage: Stage, board: Board, told: list[float], searches: Searches,
 def _until(holds: Callable[[], bool], seconds: float = 30.0) -> None:
     clock = SystemClock()
     while not holds():
-        if clock.read_value() > seconds:
+        if clock.now() > seconds:
             raise TimeoutError(f"it did not come true within {seconds:g} s")
         Event().wait(0.005)
 

@@ -125,7 +125,7 @@ def measured(scenario: Scenario, seconds: float, tree: Path = ROOT) -> Cost:
             Event().wait(STARTED)
             before, clock = _spent(process.pid), SystemClock()
             Event().wait(seconds)
-            after, passed = _spent(process.pid), clock.read_value()
+            after, passed = _spent(process.pid), clock.now()
             memory = _memory(process.pid)
             if process.poll() is not None:
                 raise RuntimeError(f"the run ended by itself, with {process.returncode}")

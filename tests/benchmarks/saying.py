@@ -46,9 +46,9 @@ class Trial:
 
     def timed(self, work: Callable[[], object]) -> float:
         """Return how long something takes."""
-        begin = self.clock.read_value()
+        begin = self.clock.now()
         work()
-        return self.clock.read_value() - begin
+        return self.clock.now() - begin
 
     def ticks(self, texts: int, *, aloud: bool) -> tuple[list[float], list[float]]:
         """Say a new text every quarter of a second, ``aloud`` or to a recorder; return how late ticks are, and take."""
@@ -56,12 +56,12 @@ class Trial:
         if aloud:
             bench.robot = Robot(voice_part=self.voice)
         late, took, quarter = list[float](), list[float](), round(0.25 / PERIOD)
-        begin = self.clock.read_value()
+        begin = self.clock.now()
         leaf = bench.put(Say("say"), text="")
         for number in range(texts * quarter):
             due = begin + (number + 1) * PERIOD
-            threading.Event().wait(max(0.0, due - self.clock.read_value()))
-            late.append(self.clock.read_value() - due)
+            threading.Event().wait(max(0.0, due - self.clock.now()))
+            late.append(self.clock.now() - due)
             before = time.thread_time()
             self.tick(bench, leaf, f"{LONG} {number}", new=number % quarter == 0)
             took.append(time.thread_time() - before)

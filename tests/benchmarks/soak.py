@@ -74,7 +74,7 @@ class Soak:
     def run(self) -> None:
         """Let it run to its end."""
         self._recorder.open(self._contents, self._runner.clock)
-        self._since = self._clock.read_value()
+        self._since = self._clock.now()
         self._runner.twins.timeline.call_every(EVERY, self._sample)  # type: ignore[union-attr]  # it is simulated
         try:
             self.result = self._runner.run().result
@@ -86,7 +86,7 @@ class Soak:
         self._recorder.on_tick(moment)
 
     def _sample(self) -> None:
-        now = self._clock.read_value()
+        now = self._clock.now()
         pages = int(Path("/proc/self/statm").read_text("ascii").split()[1])
         memory = pages * os.sysconf("SC_PAGE_SIZE") / 1e6
         tick = 1000 * (now - self._since) / max(self._ticks, 1)

@@ -169,13 +169,13 @@ def watched() -> tuple[float, float]:
                 while not all(reading.good for reading in arm.states().values()):
                     Event().wait(0.05)
             leader.relax()
-            read, end = Event(), clock.read_value() + WATCHED
+            read, end = Event(), clock.now() + WATCHED
             leader.poll_fast(NAMES, read.set)
             mirroring = JointMirror(leader, follower, [Coupling(name, name) for name in NAMES])
-            while clock.read_value() < end:
+            while clock.now() < end:
                 read.wait(0.05)
                 read.clear()
-                mirroring.step(clock.read_value())
+                mirroring.step(clock.now())
             told, _ = process.communicate("")
         finally:
             follower.close()
@@ -203,9 +203,9 @@ def run_arms() -> None:
         terminal.open()
     print(leader.path, follower.path, flush=True)
     Thread(target=wait_for_the_end, args=(ended,), daemon=True).start()
-    now = clock.read_value()
+    now = clock.now()
     while not ended.wait(LOOK):
-        now = clock.read_value()
+        now = clock.now()
         turns, part = divmod(now * PACE / SWING, 2.0)  # it turns round where a part is 0
         way = 1 if turns % 2 else -1
         place = way * (part - 1.0) * SWING

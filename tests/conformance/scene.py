@@ -28,13 +28,13 @@ class Waiting(Event):
 
     def wait(self, timeout: float | None = None) -> bool:
         assert timeout is not None, "the loop waits for what may never come"
-        end = self._clock.read_value() + timeout
+        end = self._clock.now() + timeout
         while not self.is_set():
             due = min(self.script, default=math.inf)
             if due > end:
-                self._clock.advance(max(0.0, end - self._clock.read_value()))
+                self._clock.advance(max(0.0, end - self._clock.now()))
                 return False
-            self._clock.advance(max(0.0, due - self._clock.read_value()))
+            self._clock.advance(max(0.0, due - self._clock.now()))
             self.script.pop(due)()
         return True
 
@@ -80,5 +80,5 @@ class Simulated(Scene):
     def settled(self) -> list[float]:
         """Let the run write down when, rather than what, it settles; return that list."""
         times: list[float] = []
-        self.run.safe_stop = lambda claims: times.append(self.clock.read_value()) if claims else None
+        self.run.safe_stop = lambda claims: times.append(self.clock.now()) if claims else None
         return times

@@ -58,8 +58,8 @@ class InRealTime(Rig):
         self.clock = SystemClock()
 
     def wait(self, seconds: float) -> None:
-        end = self.clock.read_value() + seconds
-        wait_until(lambda: self.clock.read_value() >= end)
+        end = self.clock.now() + seconds
+        wait_until(lambda: self.clock.now() >= end)
 
     def until(self, holds: Callable[[], object]) -> None:
         wait_until(holds)
@@ -74,7 +74,7 @@ class InSimulatedTime(Rig):
         self.clock = self.timeline.clock
 
     def wait(self, seconds: float) -> None:
-        self.timeline.run_until(self.clock.read_value() + seconds)
+        self.timeline.run_until(self.clock.now() + seconds)
 
     def until(self, holds: Callable[[], object]) -> None:
         pass_until(self.timeline, holds)

@@ -106,7 +106,7 @@ class WireBase(InSimulatedTime, BaseRig):
         self.device = kobuki_base(link, self.clock, report=self.notices.append, changed=self.changed)
 
     def truth(self) -> Pose2D:
-        return self.kobuki.pose(self.clock.read_value())
+        return self.kobuki.pose(self.clock.now())
 
     def touch(self, bumper: Sides = NO_SIDES, cliff: Sides = NO_SIDES) -> None:
         self.kobuki.bumper, self.kobuki.cliff = bumper, cliff
@@ -146,7 +146,7 @@ class TwinBase(InSimulatedTime, BaseRig):
         self.timeline.call_every(self.twin.STEP_INTERVAL, self.twin.step)
 
     def truth(self) -> Pose2D:
-        return self.twin.true_pose(self.clock.read_value())
+        return self.twin.true_pose(self.clock.now())
 
     def touch(self, bumper: Sides = NO_SIDES, cliff: Sides = NO_SIDES) -> None:
         self.twin.press(bumper, cliff=cliff)
@@ -185,7 +185,7 @@ def test_before_it_is_opened_it_says_so_and_knows_nothing(rig: BaseRig) -> None:
     health = rig.device.health()
     assert (health.online, health.detail != "") == (False, True)
     assert (rig.device.state().value, rig.device.state().quality) == (None, Quality.NONE)
-    assert rig.device.heading_at(rig.clock.read_value()) is None
+    assert rig.device.heading_at(rig.clock.now()) is None
     with pytest.raises(NotConnected, match="base"):
         rig.device.drive(Velocity(0.1, 0.0))
     rig.device.stop()
@@ -361,11 +361,11 @@ def test_a_person_has_the_wheels_before_the_mission_and_a_while_after(base: Base
     assert device.steering().source is Source.TELEOP
     device.stop(source=Source.MISSION)
     assert device.steering().source is Source.TELEOP
-    asked = base.clock.read_value()
+    asked = base.clock.now()
     device.drive(Velocity(0.0, 0.5), source=Source.TELEOP)
     base.until(base.stands)
     base.until(lambda: device.drive(Velocity(-0.2, 0.0)) == Velocity(-0.2, 0.0))
-    assert base.clock.read_value() - asked >= 0.99
+    assert base.clock.now() - asked >= 0.99
 
 
 def test_nobody_commands_in_the_name_of_safety(base: BaseRig) -> None:

@@ -92,7 +92,7 @@ class WireHead(InSimulatedTime, HeadRig):
         self.device = ArduinoHead(board, self.clock, pan=PAN, tilt=TILT, speed=SPEED, start=START, changed=self.changed)
 
     def truth(self) -> HeadPose:
-        now = self.clock.read_value()
+        now = self.clock.now()
         return HeadPose(PAN.to_radians(self.rodney.angle(0, now)), TILT.to_radians(self.rodney.angle(1, now)))
 
     def unplug(self) -> None:
@@ -122,7 +122,7 @@ class KeptHead(InSimulatedTime, HeadRig):
         )
 
     def truth(self) -> HeadPose:
-        now = self.clock.read_value()
+        now = self.clock.now()
         return HeadPose(PAN.to_radians(self.servos.angle(0, now)), TILT.to_radians(self.servos.angle(1, now)))
 
     def unplug(self) -> None:
@@ -151,7 +151,7 @@ class TwinHead(InSimulatedTime, HeadRig):
         self.timeline.call_every(self.twin.STEP_INTERVAL, self.twin.step)
 
     def truth(self) -> HeadPose:
-        return self.twin.true_pose(self.clock.read_value())
+        return self.twin.true_pose(self.clock.now())
 
     def unplug(self) -> None:
         self.twin.plug.unplug()
@@ -221,7 +221,7 @@ class TwinNeck(InSimulatedTime, HeadRig):
         self.timeline.call_every(self.twin.STEP_INTERVAL, self.twin.step)
 
     def truth(self) -> HeadPose:
-        now = self.clock.read_value()
+        now = self.clock.now()
         return HeadPose(self.joints.true_angle("neck_pan", now), self.joints.true_angle("neck_tilt", now))
 
     def unplug(self) -> None:
@@ -265,7 +265,7 @@ class TopicHead(InSimulatedTime, HeadRig):
         self.device.make_loop = by_hand(self.timeline)
 
     def truth(self) -> HeadPose:
-        now = self.clock.read_value()
+        now = self.clock.now()
         return HeadPose(self.robot.position("head_1_joint", now), -self.robot.position("head_2_joint", now))
 
     def unplug(self) -> None:
@@ -304,7 +304,7 @@ class TwinTopicHead(InSimulatedTime, HeadRig):
         self.timeline.call_every(self.twin.STEP_INTERVAL, self.twin.step)
 
     def truth(self) -> HeadPose:
-        return self.twin.true_pose(self.clock.read_value())
+        return self.twin.true_pose(self.clock.now())
 
     def unplug(self) -> None:
         self.twin.plug.unplug()
@@ -345,7 +345,7 @@ def test_before_it_is_opened_it_says_so_and_knows_nothing(rig: HeadRig) -> None:
     health = rig.device.health()
     assert (health.online, health.detail != "") == (False, True)
     assert (rig.device.pose().value, rig.device.pose().quality) == (None, Quality.NONE)
-    assert rig.device.pose_at(rig.clock.read_value()) is None
+    assert rig.device.pose_at(rig.clock.now()) is None
     with pytest.raises(NotConnected, match="head"):
         rig.device.look(START)
     rig.device.stop()
@@ -359,7 +359,7 @@ def test_opened_it_comes_online_and_goes_from_where_it_is_found_to_its_start(rig
     found, way = rig.pose(), abs(START.tilt - rig.awake.tilt) + START.pan
     assert abs(found.tilt - rig.awake.tilt) + abs(found.pan) < way - DEGREE
     rig.until(lambda: rig.looks(START))
-    rig.until(lambda: rig.device.pose_at(rig.clock.read_value()) == rig.device.pose().value)
+    rig.until(lambda: rig.device.pose_at(rig.clock.now()) == rig.device.pose().value)
     health = rig.device.health()
     assert (health.online, health.detail, health.hint) == (True, "", "")
     assert {notice.kind for notice in rig.notices} == {"online"}
@@ -396,10 +396,10 @@ def test_a_goal_that_is_no_number_is_refused_and_changes_nothing(head: HeadRig, 
 
 
 def test_it_turns_no_faster_than_its_speed_and_tells_of_every_degree(head: HeadRig) -> None:
-    began, changes = head.clock.read_value(), head.changes
+    began, changes = head.clock.now(), head.changes
     head.device.look(HeadPose(START.pan - radians(60), START.tilt))
     head.until(lambda: head.looks(HeadPose(START.pan - radians(60), START.tilt)))
-    assert head.clock.read_value() - began >= (radians(60) - 2 * DEGREE) / SPEED
+    assert head.clock.now() - began >= (radians(60) - 2 * DEGREE) / SPEED
     assert head.changes - changes >= 5
 
 

@@ -98,12 +98,12 @@ class RecordedEars(HearingRig):
         return self.microphone.health()
 
     def run(self, until: float) -> None:
-        while self.clock.read_value() < until:
+        while self.clock.now() < until:
             self.clock.advance(STEP)
             wait_until(self._caught_up)
 
     def _caught_up(self) -> bool:
-        return (self.hearing.listened() or 0.0) > self.clock.read_value() - STEP and not self.listener.is_pending
+        return (self.hearing.listened() or 0.0) > self.clock.now() - STEP and not self.listener.is_pending
 
 
 class TwinEars(HearingRig):

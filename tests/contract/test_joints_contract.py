@@ -79,7 +79,7 @@ class JointsRig(Rig):
 
     def fresh(self, joint: str) -> JointState:
         """Return what one joint feels after now."""
-        now = self.clock.read_value()
+        now = self.clock.now()
         self.until(lambda: self.device.states()[joint].stamp > now)
         return self.state(joint)
 
@@ -161,7 +161,7 @@ class TwinJoints(InSimulatedTime, JointsRig):
         return JointsTwin(specs, self.clock)
 
     def truth(self, joint: str) -> float:
-        return self.twin.true_angle(joint, self.clock.read_value())
+        return self.twin.true_angle(joint, self.clock.now())
 
     def overload(self, joint: str) -> None:
         self.twin.overload(joint)
@@ -279,14 +279,14 @@ def test_the_error_is_how_far_it_is_beyond_its_goal_whichever_way_it_is_mounted(
 
 
 def test_a_joint_goes_at_the_speed_asked_for_and_tells_of_it(arm: JointsRig) -> None:
-    began = arm.clock.read_value()
+    began = arm.clock.now()
     arm.device.move({"elbow": -0.5}, speeds={"elbow": 1.0})
     arm.until(lambda: arm.state("elbow").moving)
     state = arm.state("elbow")
     assert state.velocity == pytest.approx(-1.0, abs=0.02)
     assert -0.2 < state.load < 0.0
     arm.until(lambda: arm.at("elbow", -0.5))
-    assert arm.clock.read_value() - began > 0.45
+    assert arm.clock.now() - began > 0.45
 
 
 @pytest.mark.parametrize(
@@ -480,21 +480,21 @@ def test_away_for_long_it_rests_until_somebody_decides_anew_and_for_longer_until
 
 
 def test_a_follower_that_is_far_off_is_brought_over_slowly_also_after_a_lost_bus(arm: JointsRig) -> None:
-    began = arm.clock.read_value()
+    began = arm.clock.now()
     arm.turn_by_hand("elbow", 1.0)
     arm.device.follow([Coupling("elbow", "wrist")])
     arm.until(partial(arm.near, "wrist", 1.0))
-    assert arm.clock.read_value() - began > 0.95 * (1.0 - FOLLOWING_TOLERANCE) / MAX_APPROACH_SPEED
+    assert arm.clock.now() - began > 0.95 * (1.0 - FOLLOWING_TOLERANCE) / MAX_APPROACH_SPEED
     arm.turn_by_hand("elbow", -1.0)
     arm.until(lambda: arm.state("wrist").velocity < -2 * MAX_APPROACH_SPEED)
     arm.until(partial(arm.near, "wrist", -1.0))
     arm.unplug()
     arm.until(lambda: arm.told("offline"))
     arm.turn_by_hand("elbow", 0.0)
-    began = arm.clock.read_value()
+    began = arm.clock.now()
     arm.plug_in()
     arm.until(partial(arm.near, "wrist", 0.0))
-    assert arm.clock.read_value() - began > 0.95 * (1.0 - FOLLOWING_TOLERANCE) / MAX_APPROACH_SPEED
+    assert arm.clock.now() - began > 0.95 * (1.0 - FOLLOWING_TOLERANCE) / MAX_APPROACH_SPEED
 
 
 @pytest.mark.parametrize("at_rest", ["hold", "relax"])
@@ -607,11 +607,11 @@ def test_a_servo_that_was_exchanged_meanwhile_is_told_of_and_goes_on_slowly_from
     assert "slowly" in notice.hint
     assert arm.fresh("elbow").torque
     assert arm.near("elbow", 0.0)
-    began = arm.clock.read_value()
+    began = arm.clock.now()
     arm.device.move({"elbow": 0.7})
     arm.until(lambda: arm.at("elbow", 0.7))
-    assert arm.clock.read_value() - began > 0.95 * (0.7 - FOLLOWING_TOLERANCE) / MAX_APPROACH_SPEED
-    began = arm.clock.read_value()
+    assert arm.clock.now() - began > 0.95 * (0.7 - FOLLOWING_TOLERANCE) / MAX_APPROACH_SPEED
+    began = arm.clock.now()
     arm.device.move({"elbow": 0.0})
     arm.until(lambda: arm.state("elbow").velocity < -2 * MAX_APPROACH_SPEED)
 

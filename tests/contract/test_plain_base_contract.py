@@ -83,7 +83,7 @@ class Waveshare(InSimulatedTime, PlainRig):
         )
 
     def truth(self) -> Pose2D:
-        return self.rover.pose(self.clock.read_value())
+        return self.rover.pose(self.clock.now())
 
     def unplug(self) -> None:
         self.wire.unplug()
@@ -112,7 +112,7 @@ class PiCar(InSimulatedTime, PlainRig):
         )
 
     def truth(self) -> Pose2D:
-        return self.car.pose(self.clock.read_value())
+        return self.car.pose(self.clock.now())
 
     def unplug(self) -> None:
         self.wire.unplug()
@@ -139,7 +139,7 @@ class Twin(InSimulatedTime, PlainRig):
         self.timeline.call_every(self.twin.STEP_INTERVAL, self.twin.step)
 
     def truth(self) -> Pose2D:
-        return self.twin.true_pose(self.clock.read_value())
+        return self.twin.true_pose(self.clock.now())
 
     def unplug(self) -> None:
         self.twin.plug.unplug()
@@ -193,8 +193,8 @@ def test_it_has_no_sounds_no_lights_and_no_legs(base: PlainRig) -> None:
 
 def test_a_wall_holds_it_up_unfelt_and_dead_reckoning_believes_that_it_went_on(base: PlainRig) -> None:
     base.drive(0.5, 0.0, lambda: base.truth().x > WALL - BASE_RADIUS - 0.001)
-    asked = base.clock.read_value()
-    base.drive(0.5, 0.0, lambda: base.clock.read_value() - asked > 1.0)
+    asked = base.clock.now()
+    base.drive(0.5, 0.0, lambda: base.clock.now() - asked > 1.0)
     assert not base.state().bumper
     assert base.truth().x == pytest.approx(WALL - BASE_RADIUS, abs=0.001)
     assert base.state().pose.x > WALL

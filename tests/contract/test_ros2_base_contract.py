@@ -97,7 +97,7 @@ class Topics(InSimulatedTime, BaseRig):
         self.halts += 1
 
     def truth(self) -> Pose2D:
-        return self.robot.pose(self.clock.read_value())
+        return self.robot.pose(self.clock.now())
 
     def touch(self, bumper: Sides = NO_SIDES, cliff: Sides = NO_SIDES) -> None:
         self.robot.bumper, self.robot.cliff = bumper, cliff
@@ -192,9 +192,9 @@ def test_somebody_who_sets_its_odometry_does_not_move_it(base: Topics) -> None:
 def test_a_link_that_stalls_brings_it_to_rest_within_seven_tenths_of_a_second(base: Topics) -> None:
     base.drive(0.2, 0.0, lambda: base.state().velocity.linear > 0.19)
     base.robot.is_stalled = True
-    began = base.clock.read_value()
+    began = base.clock.now()
     base.until(lambda: base.robot.body.velocity == ZERO_VELOCITY)
-    assert base.clock.read_value() - began < 0.7
+    assert base.clock.now() - began < 0.7
     base.until(lambda: not base.device.health().online)
     base.robot.is_stalled = False
     base.until(lambda: base.device.health().online)
@@ -261,8 +261,8 @@ def test_a_hazard_between_two_reports_of_odometry_is_not_missed(base: Topics) ->
 
 def test_at_its_backup_limit_it_stands_says_so_and_backs_again_after_it_has_driven_forwards(base: Topics) -> None:
     base.robot.body.backup_limit = BackupLimit(0.025)
-    started = base.clock.read_value()
-    base.drive(-0.2, 0.0, lambda: base.clock.read_value() > started + 1.5)
+    started = base.clock.now()
+    base.drive(-0.2, 0.0, lambda: base.clock.now() > started + 1.5)
     assert base.state().hazards == {"backup limit"}
     assert -0.09 < base.truth().x < -0.02
     assert base.state().velocity == ZERO_VELOCITY
@@ -276,8 +276,8 @@ def test_at_its_backup_limit_it_stands_says_so_and_backs_again_after_it_has_driv
 
 def test_with_its_e_stop_on_it_obeys_no_velocity_and_its_monitor_says_so(base: Topics) -> None:
     base.robot.body.e_stop = True
-    started, notices = base.clock.read_value(), len(base.notices)
-    base.drive(0.2, 0.5, lambda: base.clock.read_value() > started + 1.5)
+    started, notices = base.clock.now(), len(base.notices)
+    base.drive(0.2, 0.5, lambda: base.clock.now() > started + 1.5)
     assert base.truth() == Pose2D(0.0, 0.0, 0.0)
     assert [(notice.kind, "commanded 0.2 m/s" in notice.message) for notice in base.notices[notices:]] == [
         ("fault", True)
@@ -289,10 +289,10 @@ def test_a_base_at_its_backup_limit_fails_its_leaf_within_two_seconds_and_says_w
     bench = LeafTestBench(base.clock)  # type: ignore[arg-type]
     bench.robot = replace(bench.robot, base_part=base.device)
     leaf = bench.put(DriveLeaf("drive"), distance=-0.3)
-    began = base.clock.read_value()
+    began = base.clock.now()
     while bench.tick(leaf, after=0.0) is RUNNING:
         base.wait(0.05)
-    assert base.clock.read_value() - began < 2.0
+    assert base.clock.now() - began < 2.0
     assert leaf.status is FAILURE
     assert "backup limit" in leaf.feedback_message
     assert any("safety_override" in notice.hint for notice in base.notices if "commanded" in notice.message)
@@ -311,7 +311,7 @@ class Odometry:
         """Measure for 20 ms steps, and send two messages ``arrivals`` seconds apart each 40 ms."""
         timeline = self.base.timeline
         for _ in range(round(seconds / 0.04)):
-            began = self.base.clock.read_value()
+            began = self.base.clock.now()
             for number in range(2):
                 timeline.run_until(began + 0.04 - arrivals * (1 - number))
                 self.measured_at += 0.02

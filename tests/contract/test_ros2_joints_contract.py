@@ -50,7 +50,7 @@ class ArmRig(Rig):
         return value
 
     def fresh(self, joint: str) -> JointState:
-        now = self.clock.read_value()
+        now = self.clock.now()
         self.until(lambda: self.device.states()[joint].stamp > now)
         return self.state(joint)
 
@@ -78,7 +78,7 @@ class TopicArm(InSimulatedTime, ArmRig):
         )
 
     def truth(self, joint: str) -> float:
-        return JOINTS[joint].direction * self.robot.position(JOINTS[joint].ros_name, self.clock.read_value())
+        return JOINTS[joint].direction * self.robot.position(JOINTS[joint].ros_name, self.clock.now())
 
     def unplug(self) -> None:
         self.wire.unplug()
@@ -111,7 +111,7 @@ class TwinArm(InSimulatedTime, ArmRig):
         self.timeline.call_every(self.device.STEP_INTERVAL, self.device.step)
 
     def truth(self, joint: str) -> float:
-        return self.device.true_angle(joint, self.clock.read_value())
+        return self.device.true_angle(joint, self.clock.now())
 
     def unplug(self) -> None:
         self.device.plug.unplug()
@@ -170,12 +170,12 @@ def test_joints_go_together_where_they_are_told(arm: ArmRig) -> None:
 
 
 def test_a_joint_goes_at_the_speed_asked_for_and_tells_of_it(arm: ArmRig) -> None:
-    began = arm.clock.read_value()
+    began = arm.clock.now()
     arm.device.move({"elbow": -0.5}, speeds={"elbow": 1.0})
     arm.until(lambda: arm.state("elbow").velocity < -0.9)
     assert arm.state("elbow").moving
     arm.until(lambda: arm.at("elbow", -0.5))
-    assert 0.45 < arm.clock.read_value() - began < 0.65
+    assert 0.45 < arm.clock.now() - began < 0.65
 
 
 @pytest.mark.parametrize(
@@ -368,7 +368,7 @@ def test_a_joint_that_is_blocked_or_turns_the_wrong_way_is_given_up_and_told_to_
     topics: TopicArm, grip: float
 ) -> None:
     topics.robot.shafts["elbow_joint"].motion_factor = grip
-    began = topics.clock.read_value()
+    began = topics.clock.now()
     refused = []
 
     def moved() -> bool:
@@ -379,7 +379,7 @@ def test_a_joint_that_is_blocked_or_turns_the_wrong_way_is_given_up_and_told_to_
         return bool(refused)
 
     topics.until(moved)
-    assert topics.clock.read_value() - began < 1.6
+    assert topics.clock.now() - began < 1.6
     assert refused[0].startswith("joint elbow: commanded 1.20 rad, ")
     assert topics.told("fault", "joint elbow: commanded")
     state = topics.state("elbow")

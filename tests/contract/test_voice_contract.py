@@ -99,14 +99,14 @@ def test_before_it_is_opened_it_says_so_and_nothing_else(rig: VoiceRig) -> None:
 
 
 def test_what_is_said_takes_its_time_one_after_another(voice: VoiceRig) -> None:
-    began = voice.clock.read_value()
+    began = voice.clock.now()
     first, second = voice.device.say("hello there"), voice.device.say("you")
     assert not first.done()
     voice.until(first.done)
-    assert voice.clock.read_value() - began >= 0.35
+    assert voice.clock.now() - began >= 0.35
     assert not second.done()
     voice.until(second.done)
-    assert voice.clock.read_value() - began >= 0.55
+    assert voice.clock.now() - began >= 0.55
     first.cancel()
     assert not first.cancelled
     voice.until(lambda: voice.changes == 2)
@@ -161,10 +161,10 @@ def test_closed_it_is_silent_and_opened_again_it_speaks(voice: VoiceRig) -> None
 def test_it_says_what_is_heard_now_and_since_when(voice: VoiceRig) -> None:
     assert voice.device.speaking() is None
     first, second = voice.device.say("hello there"), voice.device.say("you")
-    began = voice.clock.read_value()
+    began = voice.clock.now()
     voice.until(lambda: voice.device.speaking() is first)
     assert first.started is not None
-    assert began <= first.started <= voice.clock.read_value()
+    assert began <= first.started <= voice.clock.now()
     assert (second.started, list(second.mouth)) == (None, [])
     voice.until(lambda: voice.device.speaking() is second)
     assert first.done()
@@ -218,7 +218,7 @@ def test_a_sound_is_played_in_its_turn_and_takes_its_time(voice: VoiceRig, bell:
     began = second.started
     voice.until(second.done)
     assert began is not None
-    assert voice.clock.read_value() - began >= 0.2  # half of it: the player's word that it has begun may come late
+    assert voice.clock.now() - began >= 0.2  # half of it: the player's word that it has begun may come late
     assert not third.done()
     voice.until(third.done)
 

@@ -122,7 +122,7 @@ class Arm:
 
     def fresh_of(self, name: str) -> None:
         """Wait for a reading of one joint that begins after now."""
-        now = self.clock.read_value()
+        now = self.clock.now()
         self.until(lambda: self.joints.states()[name].stamp > now)
 
     def limp(self, servo: int) -> bool:
@@ -130,7 +130,7 @@ class Arm:
 
     def fresh(self) -> None:
         """Wait for a whole round of readings that begins after now."""
-        now = self.clock.read_value()
+        now = self.clock.now()
         self.until(lambda: all(reading.stamp > now for reading in self.joints.states().values() if reading.value))
 
 

@@ -33,12 +33,12 @@ class HandLoop:
         if not self.is_alive:
             self.is_alive = True
             self._starts += 1
-            self._timeline.call_at(self._timeline.clock.read_value(), partial(self._again, self._starts))
+            self._timeline.call_at(self._timeline.clock.now(), partial(self._again, self._starts))
 
     def wake(self) -> None:
         if self.is_alive:
             self._starts += 1
-            self._timeline.call_at(self._timeline.clock.read_value(), partial(self._again, self._starts))
+            self._timeline.call_at(self._timeline.clock.now(), partial(self._again, self._starts))
 
     def end(self) -> None:
         if self.is_alive:
@@ -48,7 +48,7 @@ class HandLoop:
     def _again(self, start: int) -> None:
         if self.is_alive and start == self._starts:
             pause = self._turn()
-            self._timeline.call_at(self._timeline.clock.read_value() + max(pause, PERIOD), partial(self._again, start))
+            self._timeline.call_at(self._timeline.clock.now() + max(pause, PERIOD), partial(self._again, start))
 
 
 def by_hand(timeline: Timeline) -> Callable[[str, LoopBody, Callable[[], object]], HandLoop]:
@@ -58,10 +58,10 @@ def by_hand(timeline: Timeline) -> Callable[[str, LoopBody, Callable[[], object]
 
 def pass_until(timeline: Timeline, holds: Callable[[], object]) -> None:
     """Let time pass until ``holds`` is true; fail after 20 s of it."""
-    end = timeline.clock.read_value() + 20.0
+    end = timeline.clock.now() + 20.0
     while not holds():
-        assert timeline.clock.read_value() < end, "it did not come true within 20 s"
-        timeline.run_until(timeline.clock.read_value() + PERIOD)
+        assert timeline.clock.now() < end, "it did not come true within 20 s"
+        timeline.run_until(timeline.clock.now() + PERIOD)
 
 
 @runtime_checkable
@@ -110,7 +110,7 @@ class HandWire:
             raise make_port_error(who, port, FileNotFoundError(errno.ENOENT, "no such file"))
         self.arrived, self.holder = b"", HandPort(self)
         if isinstance(self.device, WithDtr):
-            self.device.open_port(self.clock.read_value())
+            self.device.open_port(self.clock.now())
         return self.holder
 
     def unplug(self) -> None:
@@ -126,7 +126,7 @@ class HandWire:
     def plug_in(self) -> None:
         self._plugged = True
         if isinstance(self.device, PoweredDevice):
-            self.device.power_on(self.clock.read_value())
+            self.device.power_on(self.clock.now())
 
     def take(self, said: bytes) -> None:
         """Pass on what the device says, to whoever has the port."""
@@ -134,7 +134,7 @@ class HandWire:
             self.arrived += self.distort(said)
 
     def _poll(self) -> None:
-        self.take(self.device.poll(self.clock.read_value()))
+        self.take(self.device.poll(self.clock.now()))
 
 
 class HandPort:
@@ -151,7 +151,7 @@ class HandPort:
 
     def write(self, data: bytes) -> None:
         self._require()
-        self._wire.take(self._wire.device.feed(data, self._wire.clock.read_value()))
+        self._wire.take(self._wire.device.feed(data, self._wire.clock.now()))
 
     def set_dtr(self, *, on: bool) -> None:
         self._require()

@@ -25,7 +25,7 @@ class Damaged:
         return self._feed(self._passed(data), now)
 
     def _passed(self, data: bytes) -> bytes:
-        now, passed = self._wire.clock.read_value(), b""
+        now, passed = self._wire.clock.now(), b""
         for line in data.splitlines(keepends=True):
             for late, piece in self.faults.disturb(line):
                 if late <= MAX_PAUSE:

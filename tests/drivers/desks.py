@@ -128,14 +128,14 @@ class HandAsked:
 
     def exchange(self, request: ProbeRequest) -> bytes:
         self.sent.append((request.baud, request.send))
-        heard, echo, end = b"", b"", self.clock.read_value() + request.timeout
+        heard, echo, end = b"", b"", self.clock.now() + request.timeout
         self._tune(request.baud)
         arrived = self._said(request, request.send)
         while True:
             heard += arrived
             if request.send and not echo and heard.startswith(request.send):
                 heard, echo = heard.removeprefix(request.send), request.send
-            if request.is_complete(heard) or self.clock.read_value() >= end:
+            if request.is_complete(heard) or self.clock.now() >= end:
                 return echo + heard if request.keep_echo else heard
             self.clock.advance(0.001)
             arrived = self._said(request)
@@ -143,7 +143,7 @@ class HandAsked:
     def _said(self, question: ProbeRequest, data: bytes = b"") -> bytes:
         if self._device is None:
             return b""
-        agreed, now = baud_rates_match(self._device.baud, question.baud), self.clock.read_value()
+        agreed, now = baud_rates_match(self._device.baud, question.baud), self.clock.now()
         said = self._device.feed(data, now) if data and agreed else self._device.poll(now)
         return said if agreed else b""
 

@@ -115,15 +115,15 @@ def play(seed: int) -> Played:
 
     def look() -> None:
         nonlocal slowed, last, way
-        body.advance(clock.read_value())
-        watch.look(clock.read_value())
+        body.advance(clock.now())
+        watch.look(clock.now())
         slowed += is_guarded(base.steering())
         way += ((body.pose.x - last.x) ** 2 + (body.pose.y - last.y) ** 2) ** 0.5
         last = body.pose
 
     timeline.call_every(0.02, look, start=0.5)
-    while clock.read_value() < SECONDS and not watch.over:
-        timeline.run_until(clock.read_value() + 0.5)
+    while clock.now() < SECONDS and not watch.over:
+        timeline.run_until(clock.now() + 0.5)
     base.close()
     ranger.close()
     return Played(case, tuple(watch.touches), way, slowed * 0.02)
@@ -162,18 +162,18 @@ def run_errand(seed: int, *, guarded: bool) -> Errand:
     leaves, succeeded, nearest = chance.choice([2, 3, 4]), 0, inf
     for _ in range(leaves):
         leaf = _motion(run, robot, chance, endless=False)
-        while clock.read_value() < CLEAN_SECONDS:
+        while clock.now() < CLEAN_SECONDS:
             run.tick += 1
             leaf.tick_once()
             if leaf.status is not RUNNING:
                 break
-            timeline.run_until(clock.read_value() + TICK)
-            nearest = min(nearest, clearance(world, body.pose, clock.read_value()))
+            timeline.run_until(clock.now() + TICK)
+            nearest = min(nearest, clearance(world, body.pose, clock.now()))
         if leaf.status is not SUCCESS:
             break
         succeeded += 1
     base.close()
-    return Errand(succeeded, leaves, clock.read_value(), nearest)
+    return Errand(succeeded, leaves, clock.now(), nearest)
 
 
 def clearance(world: SimulatedWorld, pose: Pose2D, time: float) -> float:
@@ -242,7 +242,7 @@ def _pushes(chance: Random) -> Callable[[float], DriveInput]:
 def _teleop(base: BaseTwin, ranger: RangerTwin, timeline: Timeline, chance: Random) -> Callable[[], None]:
     del ranger
     pilot, pushes = Pilot(base, speed_share=chance.choice([0.5, 1.0])), _pushes(chance)
-    return lambda: pilot.steer(pushes(timeline.clock.read_value()))
+    return lambda: pilot.steer(pushes(timeline.clock.now()))
 
 
 def _studio(base: BaseTwin, ranger: RangerTwin, timeline: Timeline, chance: Random) -> Callable[[], None]:
@@ -252,7 +252,7 @@ def _studio(base: BaseTwin, ranger: RangerTwin, timeline: Timeline, chance: Rand
     pace, number = chance.choice([0.5, 1.0]), iter(range(1, 1_000_000))
 
     def send() -> None:
-        push = pushes(timeline.clock.read_value())
+        push = pushes(timeline.clock.now())
         wheels.drive(
             "page",
             StudioDrive(n=next(number), stamp=wheels.stamp(), ahead=push.ahead, left=push.left, pace=pace),

@@ -100,7 +100,7 @@ class GuardedBase:
 
     @property
     def now(self) -> float:
-        return self.timeline.clock.read_value()
+        return self.timeline.clock.now()
 
     @property
     def faults(self) -> list[str]:

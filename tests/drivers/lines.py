@@ -48,12 +48,12 @@ class DirectLine(Generic[S]):
     def send(self, data: bytes) -> None:
         self._require()
         self.sent.append(data)
-        self._take(self.chain.feed(data, self._clock.read_value()))
+        self._take(self.chain.feed(data, self._clock.now()))
 
     def receive(self, until: float) -> bytes:
         self._require()
         self.poll()
-        while not self._heard and self._clock.read_value() < until:
+        while not self._heard and self._clock.now() < until:
             due = self.chain.next_poll_time()
             self._clock.advance_to(until if due is None else min(due, until))
             self.poll()
@@ -62,7 +62,7 @@ class DirectLine(Generic[S]):
 
     def poll(self) -> None:
         """Let the servos go on although nobody asks them."""
-        self._take(self.chain.poll(self._clock.read_value()))
+        self._take(self.chain.poll(self._clock.now()))
 
     def set_baud(self, baud: int) -> None:
         self._require()

@@ -70,11 +70,11 @@ class Stand:
     """From when to when its computer is held up."""
 
     def stalls(self) -> bool:
-        now = self.timeline.clock.read_value()
+        now = self.timeline.clock.now()
         return any(since <= now < until for since, until in self.held_up)
 
     def truth(self) -> Pose2D:
-        return self.body.advance(self.timeline.clock.read_value())
+        return self.body.advance(self.timeline.clock.now())
 
 
 def on_wire(device: Any, timeline: Timeline, make: Callable[[HandWire], Any], *, measures: bool = True) -> Stand:
@@ -263,7 +263,7 @@ def leaf_of(case: MotionCase) -> tuple[BaseMotion, dict[str, float]]:
 
 def strike(stand: Stand, case: MotionCase) -> None:
     """Begin the fault."""
-    body, now = stand.body, stand.timeline.clock.read_value()
+    body, now = stand.body, stand.timeline.clock.now()
     late = None if stand.odometer is None else stand.odometer.late
     begin: Mapping[str, Callable[[], object]] = {
         "blocked": lambda: setattr(body.wheels, "blocked", True),
@@ -300,19 +300,19 @@ def play(case: MotionCase) -> Ending:
     bench.robot = Robot(base_part=stand.base)
     leaf, arguments = leaf_of(case)
     bench.put(leaf, **arguments)
-    began, status, beyond = timeline.clock.read_value(), RUNNING, 0.0
+    began, status, beyond = timeline.clock.now(), RUNNING, 0.0
     if case.since > 0.0:
         timeline.call_at(began + case.since, partial(strike, stand, case))
     travel = Travel(case, stand.truth())
-    while status is RUNNING and timeline.clock.read_value() - began < LATEST:
-        timeline.run_until(timeline.clock.read_value() + TICK)
+    while status is RUNNING and timeline.clock.now() - began < LATEST:
+        timeline.run_until(timeline.clock.now() + TICK)
         if not stand.stalls():
             bench.run.tick += 1
             status = leaf.execute_tick()
         beyond = max(beyond, travel.beyond(stand.truth()))
-    seconds = timeline.clock.read_value() - began
+    seconds = timeline.clock.now() - began
     for _ in range(40):
-        timeline.run_until(timeline.clock.read_value() + TICK)
+        timeline.run_until(timeline.clock.now() + TICK)
         beyond = max(beyond, travel.beyond(stand.truth()))
     rests = body.velocity == ZERO_VELOCITY
     stand.base.close()

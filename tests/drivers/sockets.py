@@ -60,22 +60,18 @@ class _Port:
             self._device.set_baud(baud)
 
     def read_available(self, timeout: float) -> bytes:
-        end = self._clock.read_value() + timeout
-        self._take(self._device.poll(self._clock.read_value()))
-        while not self._heard and self._clock.read_value() < end:
-            due = (
-                self._device.next_poll_time()
-                if isinstance(self._device, TimedDevice)
-                else self._clock.read_value() + STEP
-            )
+        end = self._clock.now() + timeout
+        self._take(self._device.poll(self._clock.now()))
+        while not self._heard and self._clock.now() < end:
+            due = self._device.next_poll_time() if isinstance(self._device, TimedDevice) else self._clock.now() + STEP
             self._clock.advance_to(end if due is None else min(due, end))
-            self._take(self._device.poll(self._clock.read_value()))
+            self._take(self._device.poll(self._clock.now()))
         heard, self._heard = self._heard, b""
         return heard
 
     def write(self, data: bytes) -> None:
         if data and baud_rates_match(self._baud, self._device.baud):
-            self._take(self._device.feed(data, self._clock.read_value()))
+            self._take(self._device.feed(data, self._clock.now()))
 
     def reset_input_buffer(self) -> None:
         self._heard = b""
@@ -101,7 +97,7 @@ class _Line:
         self.send: Callable[[bytes], None] = port.write
 
     def receive(self, until: float) -> bytes:
-        return self._port.read_available(until - self._port._clock.read_value())
+        return self._port.read_available(until - self._port._clock.now())
 
     def set_baud(self, baud: int) -> None:
         self._port.baudrate = baud

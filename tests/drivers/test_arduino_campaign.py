@@ -72,7 +72,7 @@ class Line(SerialLink):
     def write(self, data: bytes) -> None:
         if not self.plugged:
             raise NotConnected("head: /dev/nano: no such device")
-        self._keep(self.device.feed(data, self.clock.read_value()))
+        self._keep(self.device.feed(data, self.clock.now()))
 
     def set_dtr(self, *, on: bool) -> None:
         self.keeps_dtr = on
@@ -86,16 +86,16 @@ class Line(SerialLink):
     def opens(self) -> None:
         assert self.talker is not None
         self._arrived = b""
-        self.device.open_port(self.clock.read_value())
+        self.device.open_port(self.clock.now())
         self.plugged = True
         self.talker.on_connected()
 
     def passes(self, seconds: float, *, served: bool = True) -> None:
         """Let time pass; the link's thread serves the port now and then, or is held up."""
-        end = self.clock.read_value() + seconds
-        while self.clock.read_value() < end:
+        end = self.clock.now() + seconds
+        while self.clock.now() < end:
             self.clock.advance(self._doze + self.random.uniform(0.003, 0.045) if served else 0.02)
-            self._keep(self.device.poll(self.clock.read_value()) if self.plugged else b"")
+            self._keep(self.device.poll(self.clock.now()) if self.plugged else b"")
             if served and self.plugged and self.talker is not None:
                 data, self._arrived = self._arrived, b""
                 if data:
@@ -126,7 +126,7 @@ class Trial:
         self.hidden = False  # a reset that nobody can know of: only a person could say what it did
 
     def play(self) -> None:
-        self.device.power_on(self.clock.read_value())
+        self.device.power_on(self.clock.now())
         self.head.open()
         self.line.opens()
         self.line.passes(self.random.uniform(0.0, 5.0))
@@ -149,7 +149,7 @@ class Trial:
 
     def resets(self) -> None:
         self.told["resets"] += 1
-        self.device.reset(self.clock.read_value())
+        self.device.reset(self.clock.now())
         if self.random.random() < 0.5:
             self.turns()
 
@@ -159,7 +159,7 @@ class Trial:
         if self.random.random() < 0.4:
             begins = self.random.uniform(0.0, seconds)
             self.line.passes(begins, served=False)
-            self.device.reset(self.clock.read_value())
+            self.device.reset(self.clock.now())
             self.told["resets while it stalls"] += 1
             self.hidden |= begins > SESSION_TIMEOUT - 1.0
             seconds -= begins
@@ -169,7 +169,7 @@ class Trial:
         self.told["reconnects"] += 1
         self.line.plugged = False
         self.line.passes(self.random.choice((0.1, 0.9, 3.0, 8.0)))
-        self.device.power_on(self.clock.read_value())
+        self.device.power_on(self.clock.now())
         self.line.passes(self.random.choice((0.0, 0.5)))
         self.line.opens()
 

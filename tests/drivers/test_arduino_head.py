@@ -204,7 +204,7 @@ class Wire(SerialLink):
         if not self.plugged:
             raise NotConnected("head: /dev/nano: no such device")
         self.sent += data
-        self._pending += self.device.feed(data, self.clock.read_value())
+        self._pending += self.device.feed(data, self.clock.now())
 
     def plug(self) -> None:
         self.plugged = True
@@ -217,15 +217,15 @@ class Wire(SerialLink):
         """Pulse every 20 ms, as the link's thread does, or as seldom as the board wants it."""
         for _ in range(round(seconds / 0.02)):
             self.clock.advance(0.02)
-            self._pending += self.device.poll(self.clock.read_value())
-            if self.clock.read_value() < self._dozes_until - 1e-9:
+            self._pending += self.device.poll(self.clock.now())
+            if self.clock.now() < self._dozes_until - 1e-9:
                 continue
             data, self.noise = self.noise, b""
-            if self.clock.read_value() >= self.late_until:
+            if self.clock.now() >= self.late_until:
                 data, self._pending = data + self._pending, b""
-            if data and self.clock.read_value() >= self.deaf_until:
+            if data and self.clock.now() >= self.deaf_until:
                 self.talker.on_data(data)
-            self._dozes_until = self.clock.read_value() + (self.talker.on_poll() or 0.0)
+            self._dozes_until = self.clock.now() + (self.talker.on_poll() or 0.0)
             self.served += 1
 
     def said(self) -> bytes:
@@ -316,7 +316,7 @@ def test_a_board_that_starts_anew_while_the_head_rests_is_known_to_have_done_so(
     b = bench()
     b.begin()
     b.link.run(12.0)
-    b.link.device.reset(b.clock.read_value())
+    b.link.device.reset(b.clock.now())
     b.link.run(5.0)
     b.head.look(HeadPose(radians(30), 0.0))
     b.link.run(3.0)
@@ -354,7 +354,7 @@ def test_it_goes_to_its_goal_degree_by_degree_at_its_speed() -> None:
     assert all(0 < later[1] - sooner[1] <= 2 for sooner, later in pairwise([(0, 90), *sent]))
     assert degrees(b.head) == pytest.approx((30, 0))
     assert len(b.changes) == len(sent) >= 28
-    assert b.link.device.angle(0, b.clock.read_value()) == 120
+    assert b.link.device.angle(0, b.clock.now()) == 120
 
 
 def test_the_first_degree_is_on_the_wire_as_soon_as_the_board_is_sure_and_a_trembling_goal_sends_none() -> None:
@@ -475,11 +475,11 @@ def test_stopped_it_holds_where_it_has_got_to() -> None:
 
 def test_the_pose_of_a_moment_ago_is_known() -> None:
     b = bench(speed=radians(50))
-    assert b.head.pose_at(b.clock.read_value()) is None
+    assert b.head.pose_at(b.clock.now()) is None
     b.link.plug()
     b.link.run(0.5)
     b.head.look(HeadPose(radians(40), 0.0))
-    begun = b.clock.read_value()
+    begun = b.clock.now()
     b.link.run(1.0)
     for seconds, angle in ((-0.2, 0), (0.2, 10), (0.41, 20.5), (0.8, 40), (5.0, 40)):
         past = b.head.pose_at(begun + seconds)
@@ -507,7 +507,7 @@ def test_a_question_for_the_time_is_answered_with_the_clocks_time() -> None:
     b.link.run(2.52)
     (frame,) = wire.RosserialFrameFinder().feed(b.link.said())
     assert frame.topic == wire.TIME
-    assert wire.RosserialTime.unpack(frame.data).seconds == pytest.approx(b.clock.read_value() - 1.26, abs=1.26)
+    assert wire.RosserialTime.unpack(frame.data).seconds == pytest.approx(b.clock.now() - 1.26, abs=1.26)
 
 
 def test_kept_in_step_it_asks_for_the_topics_once() -> None:
@@ -654,9 +654,9 @@ def test_after_a_reset_it_keeps_to_its_speed() -> None:
     b.link.plug()
     b.link.run(1.62)
     for _ in range(4):
-        before = board.angle(0, b.clock.read_value())
+        before = board.angle(0, b.clock.now())
         b.link.run(0.5)
-        assert board.angle(0, b.clock.read_value()) - before == pytest.approx(10, abs=1.01)
+        assert board.angle(0, b.clock.now()) - before == pytest.approx(10, abs=1.01)
 
 
 @pytest.mark.parametrize("board", [VirtualRodney(logs_angles=True), VirtualRodney(tacho=True, boot_delay=0.4)])
@@ -666,15 +666,15 @@ def test_a_board_that_reset_itself_is_noticed_and_the_head_stays_where_its_sketc
     b.link.run(3.0)
     b.head.look(HeadPose(radians(20), 0.0))
     b.link.run(1.0)
-    assert board.angle(0, b.clock.read_value()) == 110
+    assert board.angle(0, b.clock.now()) == 110
     before = b.head.health().reconnected_at
-    board.reset(b.clock.read_value())
+    board.reset(b.clock.now())
     board.commands.clear()
     b.link.run(4.0)
     assert "the board has started anew" in [one.message for one in b.notices] or "offline" in [
         one.kind for one in b.notices
     ]
-    assert (board.commands, board.angle(0, b.clock.read_value())) == ([], 90)
+    assert (board.commands, board.angle(0, b.clock.now())) == ([], 90)
     assert degrees(b.head) == pytest.approx((0, -30))
     assert b.head.health().reconnected_at != before  # what was decided before moves it no more
     b.head.look(HeadPose(radians(20), 0.0))
@@ -689,7 +689,7 @@ def test_a_reset_is_noticed_within_two_tenths_of_a_second_where_the_sketch_has_e
     b.link.run(3.0)
     b.link.said()
     asked = b.link.probes
-    b.link.device.reset(b.clock.read_value())
+    b.link.device.reset(b.clock.now())
     b.link.run(0.24)
     b.link.said()
     assert b.link.probes == asked + 1
@@ -706,14 +706,14 @@ def test_a_board_that_has_been_running_is_found_out_at_once_and_its_servos_stand
     for goal in (-29, 10, 20):
         memory = ServoAngleStore(tmp_path, str(node))
         b = bench(board, boot_delay=2.0, remembered=memory, speed=radians(120))
-        b.link.device.open_port(b.clock.read_value())
+        b.link.device.open_port(b.clock.now())
         b.link.plug()
         b.link.run(0.3 if goal != -29 else 3.0)
         b.head.look(HeadPose(0.0, radians(goal)))
         b.link.run(2.0)
         assert degrees(b.head) == pytest.approx((0, goal))
         b.head.close()
-        board.poll(b.clock.read_value())
+        board.poll(b.clock.now())
     assert board.max_step <= 8
     node.unlink()
     node.touch()
@@ -742,7 +742,7 @@ def test_the_pose_is_stale_from_when_a_reset_is_noticed_until_the_board_takes_an
     b.link.plug()
     b.link.run(10.0)
     assert b.head.pose().good
-    b.link.device.reset(b.clock.read_value())
+    b.link.device.reset(b.clock.now())
     b.link.run(3.2)
     assert b.head.pose().quality is Quality.STALE
     b.link.run(6.0)
@@ -752,7 +752,7 @@ def test_the_pose_is_stale_from_when_a_reset_is_noticed_until_the_board_takes_an
 def test_one_garbled_question_for_the_time_is_no_reset() -> None:
     b = bench()
     b.begin()
-    b.link.deaf_until = b.clock.read_value() + 2.0  # one question falls into this
+    b.link.deaf_until = b.clock.now() + 2.0  # one question falls into this
     b.link.run(10.0)
     assert [one.kind for one in b.notices] == ["online"]
     assert b.link.device.commands == []
@@ -761,7 +761,7 @@ def test_one_garbled_question_for_the_time_is_no_reset() -> None:
 def test_a_board_whose_answer_comes_late_once_is_no_board_that_may_have_started_anew() -> None:
     b = bench()
     b.begin()
-    b.link.late_until = b.clock.read_value() + 0.6
+    b.link.late_until = b.clock.now() + 0.6
     b.head.look(HeadPose(radians(20), 0.0))
     b.link.run(0.5)
     assert b.link.device.commands == []
@@ -777,8 +777,8 @@ def test_a_board_that_started_anew_before_a_late_answer_is_known_by_it() -> None
     b = bench()
     b.begin()
     b.link.run(0.2)
-    b.link.device.reset(b.clock.read_value())
-    b.link.late_until = b.clock.read_value() + 0.6
+    b.link.device.reset(b.clock.now())
+    b.link.late_until = b.clock.now() + 0.6
     b.head.look(HeadPose(radians(20), 0.0))
     b.link.run(1.5)
     assert b.link.device.commands == []
@@ -789,7 +789,7 @@ def test_who_enables_a_head_is_told_that_nobody_knows_where_it_stands_and_not_on
     b.begin()
     b.link.unplug()
     b.clock.advance(12.0)
-    b.link.device.power_on(b.clock.read_value())
+    b.link.device.power_on(b.clock.now())
     b.link.plug()
     b.link.run(2.0)
     assert b.head.latched == "nobody knows whether its board has started anew, and where its servos stand"
@@ -808,7 +808,7 @@ def test_where_nobody_knows_how_the_servos_stand_nothing_is_kept_for_the_next_pr
     b.link.run(2.0)
     b.link.unplug()
     b.clock.advance(12.0)
-    b.link.device.power_on(b.clock.read_value())
+    b.link.device.power_on(b.clock.now())
     b.link.device.commands.clear()
     b.link.plug()
     b.link.run(2.0)
@@ -827,7 +827,7 @@ def test_topics_told_unasked_are_those_of_a_board_that_has_started_anew() -> Non
     b.begin()
     b.head.look(HeadPose(radians(20), 0.0))
     b.link.run(4.0)
-    b.link.device.reset(b.clock.read_value())
+    b.link.device.reset(b.clock.now())
     b.link.device.commands.clear()
     b.link.noise = wire.RosserialFrame(wire.SUBSCRIBER, wire.TopicInfo(100, wire.SERVO_TOPIC, 512).pack()).pack()
     b.link.run(1.0)
@@ -879,14 +879,14 @@ def test_two_heads_share_a_board_and_are_told_apart_by_their_servos() -> None:
     b.head.look(HeadPose(radians(10), 0.0))
     other.look(HeadPose(radians(-20), radians(15)))
     b.link.run(1.0)
-    assert [b.link.device.angle(index, b.clock.read_value()) for index in range(4)] == [100, 90, 70, 105]
+    assert [b.link.device.angle(index, b.clock.now()) for index in range(4)] == [100, 90, 70, 105]
     assert degrees(b.head) == pytest.approx((10, 0))
     assert degrees(other) == pytest.approx((-20, 15))
     b.head.close()
     assert b.link.online
     other.look(HeadPose(0.0, 0.0))
     b.link.run(1.0)
-    assert [b.link.device.angle(index, b.clock.read_value()) for index in range(4)] == [100, 90, 90, 90]
+    assert [b.link.device.angle(index, b.clock.now()) for index in range(4)] == [100, 90, 90, 90]
     b.link.unplug()
     with pytest.raises(NotConnected):
         other.look(HeadPose(0.0, 0.0))
@@ -906,7 +906,7 @@ def test_trimmed_while_it_runs_it_goes_over_smoothly_and_keeps_its_goal() -> Non
     assert degrees(b.head) == pytest.approx((20, -10))
     assert b.head.trim(pan=radians(-45)) == pytest.approx((radians(-45), radians(3)))
     b.link.run(3.0)
-    assert b.link.device.angle(0, b.clock.read_value()) == 65
+    assert b.link.device.angle(0, b.clock.now()) == 65
 
 
 def test_a_trim_holds_across_a_reset_and_may_be_set_before_the_board_is_there() -> None:
@@ -914,13 +914,13 @@ def test_a_trim_holds_across_a_reset_and_may_be_set_before_the_board_is_there() 
     b.head.trim(tilt=radians(-8))
     b.link.plug()
     b.link.run(5.0)
-    assert b.link.device.angle(1, b.clock.read_value()) == 82
+    assert b.link.device.angle(1, b.clock.now()) == 82
     assert degrees(b.head) == pytest.approx((0, 0))
-    b.link.device.reset(b.clock.read_value())
+    b.link.device.reset(b.clock.now())
     b.link.run(4.0)
     b.head.look(HeadPose(0.0, 0.0))
     b.link.run(4.0)
-    assert b.link.device.angle(1, b.clock.read_value()) == 82
+    assert b.link.device.angle(1, b.clock.now()) == 82
 
 
 def test_what_is_sent_speeds_up_and_brakes_no_harder_than_it_may() -> None:
@@ -951,7 +951,7 @@ def test_the_wheels_turn_as_the_encoders_of_the_later_sketch_say() -> None:
     assert rates.good
     assert rates.value is not None
     assert (rates.value.left, rates.value.right) == pytest.approx((math.pi, -2 * math.pi))
-    assert b.clock.read_value() - rates.stamp <= 0.1
+    assert b.clock.now() - rates.stamp <= 0.1
     assert b.head.health().counters["tachos"] >= 15
     b.link.unplug()
     b.clock.advance(1.0)
@@ -998,9 +998,9 @@ def test_whatever_comes_over_the_wire_it_stays_within_bounds_and_comes_round(
     for noise, mishap in mishaps:
         b.link.noise = noise
         if mishap == "reset":
-            b.link.device.reset(b.clock.read_value())
+            b.link.device.reset(b.clock.now())
         elif mishap == "deaf":
-            b.link.deaf_until = b.clock.read_value() + 1.0
+            b.link.deaf_until = b.clock.now() + 1.0
         elif mishap == "unplug":
             b.link.unplug()
             b.link.device.reset(b.clock.advance(0.5))
@@ -1013,7 +1013,7 @@ def test_whatever_comes_over_the_wire_it_stays_within_bounds_and_comes_round(
     b.head.enable()
     b.head.look(HeadPose(radians(25), radians(-10)))
     b.link.run(2.0)
-    assert (b.link.device.angle(0, b.clock.read_value()), b.link.device.angle(1, b.clock.read_value())) == (115, 100)
+    assert (b.link.device.angle(0, b.clock.now()), b.link.device.angle(1, b.clock.now())) == (115, 100)
     assert all(0 <= angle <= 180 and index in (0, 1) for index, angle in b.link.device.commands)
 
 
@@ -1054,7 +1054,7 @@ def looks(rig: Rig, pan: float, tilt: float) -> Callable[[], bool]:
     """Return a condition: the servos stand at these angles, and the head knows it."""
 
     def there() -> bool:
-        now = rig.clock.read_value()
+        now = rig.clock.now()
         stands = (rig.device.angle(0, now), rig.device.angle(1, now)) == (90 + pan, 90 - tilt)
         return stands and rig.head.pose().good and degrees(rig.head) == pytest.approx((pan, tilt))
 

@@ -93,7 +93,7 @@ class Scene:
         return head
 
     def run(self, seconds: float) -> None:
-        self.timeline.run_until(self.timeline.clock.read_value() + seconds)
+        self.timeline.run_until(self.timeline.clock.now() + seconds)
 
     def close(self) -> None:
         self.head.close()
@@ -114,7 +114,7 @@ class Scene:
         """Have no event."""
 
     def reset(self) -> None:
-        self.board.reset(self.timeline.clock.read_value())
+        self.board.reset(self.timeline.clock.now())
 
     def reset_as_it_turns(self) -> None:
         self.head.look(HeadPose(radians(-PAN), radians(10)))
@@ -123,7 +123,7 @@ class Scene:
 
     def lose_power(self) -> None:
         """Have the supply fail for a moment, with the port there all the while."""
-        self.board.power_on(self.timeline.clock.read_value())
+        self.board.power_on(self.timeline.clock.now())
 
     def replug(self) -> None:
         self.wire.unplug()
@@ -152,7 +152,7 @@ class Scene:
     def killed_and_another_opens(self) -> None:
         """The same, and a program that hangs up, such as a serial monitor, has had the port before the next one."""
         self.kill()
-        self.board.open_port(self.timeline.clock.read_value())
+        self.board.open_port(self.timeline.clock.now())
         self.board.close_port(hangs_up=True)
         self.run(2.0)
         self.head = self.program()

@@ -120,7 +120,7 @@ def test_a_silent_camera_is_closed_at_once_and_leaves_no_process(behaviour: Answ
             camera.read(0.1)
             clock = SystemClock()
             camera.close()
-            assert clock.read_value() < 4
+            assert clock.now() < 4
         assert children(os.getpid()) <= before
 
 
@@ -277,7 +277,7 @@ def test_an_address_of_one_picture_is_asked_again_and_again() -> None:
     with WebCamera(snapshot) as web, watched(f"{web.url}/capture", notices) as camera:
         clock = SystemClock()
         shown(camera, 6)
-        assert len(web.connections) <= 2 + 9 * clock.read_value()
+        assert len(web.connections) <= 2 + 9 * clock.now()
         assert camera.health().online
     assert notices.get_nowait().kind == "online"
     assert all(notice.kind == "fault" for notice in notices.queue)  # some are late

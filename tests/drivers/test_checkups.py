@@ -258,7 +258,7 @@ def exposed(patch: pytest.MonkeyPatch, picture: Image) -> Finding:
     read = eye.read
 
     def looked(seconds: float) -> CameraFrame | None:
-        timeline.run_until(timeline.clock.read_value() + min(seconds, 0.1))
+        timeline.run_until(timeline.clock.now() + min(seconds, 0.1))
         return read(0.0)
 
     patch.setattr(eye, "read", looked)

@@ -104,8 +104,8 @@ def test_servos_of_both_protocols_are_read_in_groups_and_moved_in_a_packet_for_e
 
 def test_slow_registers_are_read_about_once_a_second(make: Make) -> None:
     arm = mixed(make).start()
-    before, began = len(arm.wire.requests), arm.clock.read_value()
-    arm.until(lambda: arm.clock.read_value() >= began + 5.0)
+    before, began = len(arm.wire.requests), arm.clock.now()
+    arm.until(lambda: arm.clock.now() >= began + 5.0)
     requests = arm.wire.requests[before:]
     slow = Counter(
         packet.id for packet in requests if packet.code == Protocol1Instruction.READ and packet.parameters[0] == 24
@@ -158,8 +158,8 @@ def test_firmware_that_knows_no_bulk_read_is_read_one_by_one_before_long(
     def asked() -> int:
         return sum(packet.code == Protocol1Instruction.BULK_READ for packet in arm.wire.requests)
 
-    began = arm.clock.read_value()
-    arm.until(lambda: arm.clock.read_value() > began + sync_read.GROUP_READ_TIMEOUT + 0.2)
+    began = arm.clock.now()
+    arm.until(lambda: arm.clock.now() > began + sync_read.GROUP_READ_TIMEOUT + 0.2)
     arm.fresh()
     tried = asked()
     for _ in range(20):

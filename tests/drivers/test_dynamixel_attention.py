@@ -56,15 +56,15 @@ def test_who_does_not_keep_asking_takes_a_reading_at_rest_for_fresh_and_who_does
     arm = Quiet("AX-12A")
     arm.run(1.0)
     seen = arm.joints.states()["a"].stamp
-    arm.wait(seen + STALE_AFTER + RESTING_INTERVAL - 0.01 - arm.clock.read_value())
+    arm.wait(seen + STALE_AFTER + RESTING_INTERVAL - 0.01 - arm.clock.now())
     assert arm.joints.states()["a"].good
     arm.wait(0.02)
     assert arm.joints.states()["a"].quality is Quality.STALE
-    while arm.clock.read_value() < seen + 1.0:
+    while arm.clock.now() < seen + 1.0:
         arm.run(0.1)
         assert arm.joints.states()["a"].good
     seen = arm.joints.states()["a"].stamp
-    arm.wait(seen + OBSERVER_TIMEOUT - arm.clock.read_value())
+    arm.wait(seen + OBSERVER_TIMEOUT - arm.clock.now())
     assert arm.joints.states()["a"].good
     arm.wait(0.02)
     assert arm.joints.states()["a"].quality is Quality.STALE

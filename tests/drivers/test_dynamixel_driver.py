@@ -474,7 +474,7 @@ def test_after_servos_were_away_on_a_port_that_stayed_nothing_goes_on_that_was_d
         arm.chain.servo(number).present = False
     arm.until(lambda: arm.told("elbow (servo 2) does not answer any more"))
     seen = arm.joints.states()["elbow"].stamp
-    arm.until(lambda: arm.clock.read_value() - seen > 0.6)
+    arm.until(lambda: arm.clock.now() - seen > 0.6)
     for number in gone:
         arm.chain.servo(number).present = True
     arm.until(lambda: arm.joints.health().online and not arm.joints.health().detail)
@@ -557,7 +557,7 @@ def test_listeners_that_raise_do_not_end_the_watch_nor_keep_the_bus(make: Make, 
     joints.move({"elbow": 0.2})
     arm.chain.servo(1).present = False
     arm.until(lambda: "does not answer" in joints.health().detail)
-    stamp = arm.clock.read_value()
+    stamp = arm.clock.now()
     arm.until(lambda: joints.states()["wrist"].stamp > stamp)
     joints.close()
     assert not joints.health().online
@@ -572,7 +572,7 @@ def test_what_goes_wrong_in_the_watch_is_told_once_and_the_watch_goes_on(
     rounds = []
 
     def broken(*_: object, **__: object) -> None:
-        rounds.append(arm.clock.read_value())
+        rounds.append(arm.clock.now())
         raise ValueError("broken")
 
     with monkeypatch.context() as patched:

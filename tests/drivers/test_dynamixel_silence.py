@@ -53,18 +53,18 @@ class Quiet:
 
     def run(self, seconds: float) -> None:
         """Go through the rounds of so many seconds."""
-        end = self.clock.read_value() + seconds
-        while self.clock.read_value() < end - 1e-9:
-            began = self.clock.read_value()
+        end = self.clock.now() + seconds
+        while self.clock.now() < end - 1e-9:
+            began = self.clock.now()
             self.joints._poll_round()
-            self.wait(began + self._round - self.clock.read_value(), step=self._round)
+            self.wait(began + self._round - self.clock.now(), step=self._round)
 
     def wait(self, seconds: float, *, step: float = 0.005) -> None:
         """Let time pass in which nobody says anything."""
-        end = self.clock.read_value() + seconds
-        while self.clock.read_value() < end - 1e-9:
-            self.clock.advance_to(min(end, self.clock.read_value() + step))
-            self.chain.poll(self.clock.read_value())
+        end = self.clock.now() + seconds
+        while self.clock.now() < end - 1e-9:
+            self.clock.advance_to(min(end, self.clock.now() + step))
+            self.chain.poll(self.clock.now())
 
     def servo(self, number: int = 1) -> VirtualServo:
         return self.chain.servo(number)
@@ -74,18 +74,18 @@ class Quiet:
         return [self.joints._bus.statistics(number).tries for number in range(1, len(self.chain.servos) + 1)]
 
     def angles(self) -> list[float]:
-        self.chain.poll(self.clock.read_value())
+        self.chain.poll(self.clock.now())
         return [servo.angle for servo in self.chain.servos]
 
     def rests_after(self) -> float:
         """Fall silent; return the seconds until nothing moves any more, stiff all the while."""
         self.line.sent.clear()
-        began, moved = self.clock.read_value(), 0.0
+        began, moved = self.clock.now(), 0.0
         before = self.angles()
-        while self.clock.read_value() < began + 2.0:
+        while self.clock.now() < began + 2.0:
             self.wait(0.01, step=0.01)
             if (now := self.angles()) != before:
-                before, moved = now, self.clock.read_value() - began
+                before, moved = now, self.clock.now() - began
         assert self.line.sent == []
         assert not any(servo.limp for servo in self.chain.servos)
         return moved
@@ -93,8 +93,8 @@ class Quiet:
     def steps(self, number: int, seconds: float) -> list[float]:
         """Return by how much a servo turns in each round of so many seconds."""
         seen = [self.servo(number).angle]
-        end = self.clock.read_value() + seconds
-        while self.clock.read_value() < end:
+        end = self.clock.now() + seconds
+        while self.clock.now() < end:
             self.run(self._round)
             seen.append(self.angles()[number - 1])
         return [later - earlier for earlier, later in pairwise(seen)]
@@ -177,12 +177,12 @@ def test_a_move_goes_on_evenly_as_fast_as_it_was_told_and_arrives(rate: float) -
             servo = arm.servo(number)
             true = servo.model.speed_ticks(speed) * servo.model.speed_unit
             arm.joints.move({"abc"[number - 1]: -1.5}, speeds={"abc"[number - 1]: speed})
-            began = arm.clock.read_value()
+            began = arm.clock.now()
             ways = arm.steps(number, abs(servo.angle + 1.5) / true + 1.0)
             turning = [-way * rate for way in ways if way][1:-1]
             assert turning == pytest.approx([true] * len(turning), rel=0.02), (speed, servo.model.name)
             assert servo.angle == pytest.approx(-1.5, abs=servo.model.tick), (speed, servo.model.name)
-            assert arm.clock.read_value() > began
+            assert arm.clock.now() > began
 
 
 def test_goals_on_the_way_take_little_of_the_wire() -> None:

@@ -92,8 +92,8 @@ class Hand:
 
     def run(self, seconds: float = ROUND) -> None:
         """Go through the rounds of so many seconds."""
-        end = self.clock.read_value() + seconds
-        while self.clock.read_value() < end:
+        end = self.clock.now() + seconds
+        while self.clock.now() < end:
             self.joints._poll_round()
             self.clock.advance(ROUND)
 
@@ -215,14 +215,14 @@ def test_joints_that_rest_are_not_said_to_have_refused_because_replies_were_late
             arm.run(0.5)
             chance = Random(seed)  # noqa: S311 - chance, not a secret
             arm.line.late = partial(at_times, chance, share)
-            began = arm.clock.read_value()
+            began = arm.clock.now()
             arm.joints.rest()
             assert arm.faults() == [], (share, seed)
-            assert arm.clock.read_value() - began < 2.0
+            assert arm.clock.now() - began < 2.0
             assert [servo.limp for servo in arm.chain.servos] == [at_rest == "relax"] * 3
             before = [servo.angle for servo in arm.chain.servos]
             arm.clock.advance(1.0)
-            arm.chain.poll(arm.clock.read_value())
+            arm.chain.poll(arm.clock.now())
             assert [servo.angle for servo in arm.chain.servos] == pytest.approx(before, abs=0.05)
 
 
@@ -357,12 +357,12 @@ def test_a_servo_that_was_left_in_torque_mode_goes_to_positions_again_and_does_n
 def fastest_far_off(arm: Hand, seconds: float) -> float:
     """Return how fast (rad/s) the second joint turns at most, over a tenth of a second, while the first is far off."""
     leader, follower = arm.servo(1), arm.servo(2)
-    found, end = 0.0, arm.clock.read_value() + seconds
-    while arm.clock.read_value() < end:
-        before, began = follower.angle, arm.clock.read_value()
+    found, end = 0.0, arm.clock.now() + seconds
+    while arm.clock.now() < end:
+        before, began = follower.angle, arm.clock.now()
         arm.run(0.1)
         if abs(follower.angle - leader.angle) > FOLLOWING_TOLERANCE:
-            found = max(found, abs(follower.angle - before) / (arm.clock.read_value() - began))
+            found = max(found, abs(follower.angle - before) / (arm.clock.now() - began))
     return found
 
 

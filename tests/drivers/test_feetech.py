@@ -189,7 +189,7 @@ def test_when_nobody_sends_it_on_it_is_at_rest_within_half_a_second(make: Make) 
     arm.joints.move(dict.fromkeys(SIX, 1.5), speeds=dict.fromkeys(SIX, 1.0))
     arm.until(lambda: arm.state("elbow").position > 0.3)
     assert isinstance(arm.joints, DynamixelJoints)
-    began, at = arm.clock.read_value(), arm.chain.servo(3).angle
+    began, at = arm.clock.now(), arm.chain.servo(3).angle
     for step in range(50):  # the program is silent: the chain alone goes on
         for servo in arm.chain.servos:
             servo.advance(began + step / 100)
@@ -202,8 +202,8 @@ def test_unplugged_in_mid_move_and_plugged_in_again_it_does_not_leap(make: Make)
     arm.joints.move(dict.fromkeys(SIX, 1.5), speeds=dict.fromkeys(SIX, 1.0))
     arm.until(lambda: arm.state("elbow").position > 0.3)
     arm.line.plugged = False
-    began = arm.clock.read_value()
-    arm.until(lambda: arm.clock.read_value() > began + 0.7)
+    began = arm.clock.now()
+    arm.until(lambda: arm.clock.now() > began + 0.7)
     arm.chain.servo(4).power_cycle()
     arm.chain.servo(4).turn_by_hand(-0.5)
     before = {servo.number: servo.angle for servo in arm.chain.servos}
@@ -211,7 +211,7 @@ def test_unplugged_in_mid_move_and_plugged_in_again_it_does_not_leap(make: Make)
     arm.until(lambda: arm.joints.health().online)
     steps = []
     for _ in range(200):
-        arm.timeline.run_until(arm.clock.read_value() + 0.005)
+        arm.timeline.run_until(arm.clock.now() + 0.005)
         now = {servo.number: servo.angle for servo in arm.chain.servos}
         steps.append(max(abs(now[number] - before[number]) for number in now))
         before = now
@@ -227,12 +227,12 @@ def test_unplugged_at_any_moment_for_any_time_it_never_leaps(make: Make) -> None
 
     def pass_by(seconds: float) -> None:
         nonlocal before
-        end = arm.clock.read_value() + seconds
-        while arm.clock.read_value() < end:
+        end = arm.clock.now() + seconds
+        while arm.clock.now() < end:
             for _ in range(4):
-                arm.timeline.run_until(arm.clock.read_value() + PERIOD)
+                arm.timeline.run_until(arm.clock.now() + PERIOD)
             for servo in arm.chain.servos:
-                servo.advance(arm.clock.read_value())
+                servo.advance(arm.clock.now())
             now = [servo.angle for servo in arm.chain.servos]
             way = max(abs(one - other) for one, other in zip(now, before, strict=True))
             assert way <= 2.0 * 4 * PERIOD * 1.3 + slack  # no faster than its joints may
@@ -263,8 +263,8 @@ def test_one_that_has_shut_down_is_let_go_lest_it_leaps_when_its_force_returns(m
     assert arm.told("elbow (servo 3) reports overheating")
     elbow.turn_by_hand(-1.0)
     elbow.temperature = 35.0
-    began = arm.clock.read_value()
-    arm.until(lambda: arm.clock.read_value() > began + 0.2)
+    began = arm.clock.now()
+    arm.until(lambda: arm.clock.now() > began + 0.2)
     assert elbow.angle == pytest.approx(-1.0, abs=0.01)
 
 
@@ -273,14 +273,14 @@ def test_an_overload_lasts_until_it_is_recovered_where_it_stands(make: Make) -> 
     arm.joints.move({"elbow": 0.5})
     elbow = arm.chain.servo(3)
     elbow.load = 1.5
-    began = arm.clock.read_value()
+    began = arm.clock.now()
     arm.until(lambda: arm.told("elbow (servo 3) reports overload"))
-    assert arm.clock.read_value() - began >= STALL_TIME
+    assert arm.clock.now() - began >= STALL_TIME
     elbow.load = 0.0
     arm.until(lambda: arm.state("elbow").torque is False)
     elbow.turn_by_hand(0.2)
-    began = arm.clock.read_value()
-    arm.until(lambda: arm.clock.read_value() > began + 5.0)
+    began = arm.clock.now()
+    arm.until(lambda: arm.clock.now() > began + 5.0)
     assert elbow.limp
     assert arm.joints.health().detail == "arm: elbow (servo 3) has shut down"
     assert arm.joints.recover() == ("elbow",)

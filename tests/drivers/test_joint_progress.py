@@ -42,8 +42,8 @@ class Wire:
     def run(self, seconds: float) -> None:
         self.arm.run(seconds)
 
-    def read_value(self) -> float:
-        return self.arm.clock.read_value()
+    def now(self) -> float:
+        return self.arm.clock.now()
 
     def fail(self, fault: str) -> None:
         self.servo.freeze(on=fault == "frozen")
@@ -68,19 +68,19 @@ class Twin:
         self.joints.hold()
 
     def run(self, seconds: float) -> None:
-        end = self.clock.read_value() + seconds
-        while self.clock.read_value() < end - 1e-9:
+        end = self.clock.now() + seconds
+        while self.clock.now() < end - 1e-9:
             self.clock.advance(self.joints.STEP_INTERVAL)
             self.joints.step()
 
-    def read_value(self) -> float:
-        return self.clock.read_value()
+    def now(self) -> float:
+        return self.clock.now()
 
     def fail(self, fault: str) -> None:
         self.joints.fail("a", fault)
 
     def angle(self) -> float:
-        return self.joints.true_angle("a", self.clock.read_value())
+        return self.joints.true_angle("a", self.clock.now())
 
 
 Rig = Wire | Twin
@@ -96,8 +96,8 @@ def rig(request: pytest.FixtureRequest) -> Rig:
 
 def drive(rig: Rig, goal: float, speed: float = 1.0, limit: float = 5.0) -> str:
     """Send the joint to ``goal`` at each tick, as leaves do; return why it was refused, and until when."""
-    until = rig.read_value() + limit
-    while rig.read_value() < until:
+    until = rig.now() + limit
+    while rig.now() < until:
         try:
             rig.joints.move({"a": goal}, speeds={"a": speed})
         except DeviceFault as error:
@@ -120,9 +120,9 @@ def faults(rig: Rig) -> list[str]:
 def test_a_blocked_joint_is_held_where_it_stands_before_its_servo_shuts_down(rig: Rig, fault: str) -> None:
     drive(rig, 0.4, limit=1.0)
     rig.fail(fault)
-    began = rig.read_value()
+    began = rig.now()
     said = drive(rig, 1.2)
-    assert rig.read_value() - began < ENDS_WITHIN
+    assert rig.now() - began < ENDS_WITHIN
     match = re.fullmatch(
         r"joint a: commanded 1.20 rad, stands at 0\.\d\d rad since 0\.[89]\d? s: blocked\?(; load \d+ %)?", said
     )
@@ -244,9 +244,9 @@ def test_joints_that_get_where_they_are_sent_are_never_given_up() -> None:
             goal, speed = chance.uniform(-2.2, 2.2), chance.choice((0.0175, 0.1, 1.0, 4.0))
             assert not drive(rig, goal, speed, limit=chance.uniform(0.2, 4.0)), seed
         middle, width, period = chance.uniform(-1, 1), chance.uniform(0.1, 1.2), chance.uniform(1.0, 6.0)
-        began = rig.read_value()
-        while rig.read_value() - began < 6.0:  # a sweep that may be faster than the joint
-            rig.joints.move({"a": middle + width * sin(tau * (rig.read_value() - began) / period)})
+        began = rig.now()
+        while rig.now() - began < 6.0:  # a sweep that may be faster than the joint
+            rig.joints.move({"a": middle + width * sin(tau * (rig.now() - began) / period)})
             rig.run(0.05)
         assert faults(rig) == [], seed
 
@@ -260,9 +260,9 @@ def test_joints_that_fail_at_random_are_held_in_time_and_no_servo_overloads() ->
         drive(rig, start, 4.0, limit=2.0)
         drive(rig, goal, speed, limit=chance.uniform(0, 0.3) * abs(goal - start) / speed)
         rig.fail(fault)
-        began = rig.read_value()
+        began = rig.now()
         assert drive(rig, goal, speed), (seed, fault)
-        assert rig.read_value() - began < 1.0, (seed, fault)
+        assert rig.now() - began < 1.0, (seed, fault)
         rig.run(2.0)
         if isinstance(rig, Wire) and fault != "reversed":
             assert not rig.servo.faults & ServoFault.OVERLOAD, (seed, fault)

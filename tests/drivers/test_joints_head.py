@@ -36,11 +36,11 @@ class Bench:
         self.run(1.0)
 
     def run(self, seconds: float) -> None:
-        self.timeline.run_until(self.clock.read_value() + seconds)
+        self.timeline.run_until(self.clock.now() + seconds)
 
     @property
     def truth(self) -> tuple[float, float]:
-        pose = self.neck.true_pose(self.clock.read_value())
+        pose = self.neck.true_pose(self.clock.now())
         return pose.pan, pose.tilt
 
 
@@ -57,7 +57,7 @@ def test_its_limits_are_those_that_it_and_its_joints_share() -> None:
 def test_a_trim_from_the_robot_file_is_added_to_the_joint_and_not_to_the_pose() -> None:
     bench = Bench(trim=0.2)
     bench.open()
-    assert bench.arm.true_angle("neck_pan", bench.clock.read_value()) == pytest.approx(0.2, abs=0.006)
+    assert bench.arm.true_angle("neck_pan", bench.clock.now()) == pytest.approx(0.2, abs=0.006)
     pose = bench.neck.pose().value
     assert pose is not None
     assert (pose.pan, pose.tilt) == near(0.0, 0.0)

@@ -94,11 +94,11 @@ class Bench:
         pass_until(self.timeline, holds)  # type: ignore[arg-type]
 
     def passes(self, seconds: float) -> None:
-        self.timeline.run_until(self.clock.read_value() + seconds)
+        self.timeline.run_until(self.clock.now() + seconds)
 
     def drives(self, linear: float, seconds: float) -> None:
-        end = self.clock.read_value() + seconds
-        while self.clock.read_value() < end:
+        end = self.clock.now() + seconds
+        while self.clock.now() < end:
             self.base.drive(Velocity(linear, 0.0))
             self.passes(0.05)
 
@@ -196,7 +196,7 @@ def test_a_head_whose_servos_stand_where_nobody_knows_is_sent_nowhere_before_it_
     assert "may leap" in bench.notices[0].message
     bench.head.look(HeadPose(radians(20), 0.0))
     bench.passes(1.0)
-    assert bench.servos.angle(0, bench.clock.read_value()) == pytest.approx(110)
+    assert bench.servos.angle(0, bench.clock.now()) == pytest.approx(110)
     assert bench.servos.max_step <= STEP
     bench.close()
 
@@ -208,16 +208,16 @@ def test_a_keeper_that_begins_anew_in_mid_move_is_noticed_and_nothing_of_before_
     bench.servos.reset()
     bench.car.reset()
     bench.passes(0.2)
-    here, shares = bench.servos.angle(0, bench.clock.read_value()), bench.car.shares
+    here, shares = bench.servos.angle(0, bench.clock.now()), bench.car.shares
     bench.passes(1.0)
-    assert bench.servos.angle(0, bench.clock.read_value()) == here < 90 + 65
+    assert bench.servos.angle(0, bench.clock.now()) == here < 90 + 65
     assert shares == bench.car.shares == (0.0, 0.0)
     assert sum("begun anew" in notice.message or "restarted" in notice.message for notice in bench.notices) == 2
     assert bench.head.health().reconnected_at is not None
     assert bench.base.health().reconnected_at is not None
     bench.head.look(HeadPose(0.0, 0.0))
     bench.passes(2.0)
-    assert bench.servos.angle(0, bench.clock.read_value()) == 90
+    assert bench.servos.angle(0, bench.clock.now()) == 90
     assert bench.servos.max_step <= STEP
 
 
@@ -252,13 +252,13 @@ def test_unplugged_in_mid_move_and_plugged_in_again_all_stays_at_rest_until_it_i
     for each in (bench.car_wire, bench.head_wire):
         each.unplug()
     bench.passes(1.5)
-    here, there = bench.servos.angle(0, bench.clock.read_value()), bench.car.pose(bench.clock.read_value())
+    here, there = bench.servos.angle(0, bench.clock.now()), bench.car.pose(bench.clock.now())
     for each in (bench.car_wire, bench.head_wire):
         each.plug_in()
     bench.until(lambda: bench.base.health().online and bench.head.health().online)
     bench.passes(1.0)
-    assert bench.servos.angle(0, bench.clock.read_value()) == here
-    assert bench.car.pose(bench.clock.read_value()) == there
+    assert bench.servos.angle(0, bench.clock.now()) == here
+    assert bench.car.pose(bench.clock.now()) == there
     assert bench.head.health().reconnected_at is not None
     assert bench.base.health().reconnected_at is not None
     for each in (bench.car_wire, bench.head_wire):
@@ -317,7 +317,7 @@ def test_thousands_of_questions_with_every_mishap_both_ways_and_no_wrong_value(b
     bench.car_wire.distort = bench.head_wire.distort = bytes
     bench.head.look(HeadPose(radians(33), radians(7)))
     bench.passes(4.0 + PERIOD)
-    assert bench.servos.angle(0, bench.clock.read_value()) == pytest.approx(90 + 33)
+    assert bench.servos.angle(0, bench.clock.now()) == pytest.approx(90 + 33)
 
 
 # --- in a robot file --------------------------------------------------------------------------------------------------

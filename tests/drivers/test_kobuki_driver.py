@@ -201,7 +201,7 @@ class DirectLink(SerialLink):
         if not self.online:
             raise NotConnected("base: /dev/kobuki: not there")
         self.sent.append(data)
-        self.device.feed(data, self.clock.read_value())
+        self.device.feed(data, self.clock.now())
 
     def run(self, seconds: float, *, each: Callable[[], object] = lambda: None) -> None:
         """Let time pass in steps of 10 ms, calling ``each`` at every one."""
@@ -384,9 +384,7 @@ LENGTHS = pytest.mark.parametrize("length", [3, 85, 254, 255])
 def test_no_damaged_header_swallows_the_stops(length: int, frozen: bool) -> None:
     bench = Bench()
     bench.drive(1.0, 0.3)
-    bench.device.feed(
-        HEADER + bytes([length]), bench.clock.read_value()
-    )  # the bytes that follow are counted as its own
+    bench.device.feed(HEADER + bytes([length]), bench.clock.now())  # the bytes that follow are counted as its own
     bench.device.frozen = frozen
     bench.base.stop()
     bench.link.run(0.25 if frozen else 0.12)
@@ -397,7 +395,7 @@ def test_no_damaged_header_swallows_the_stops(length: int, frozen: bool) -> None
 def test_no_damaged_header_swallows_the_last_word(length: int) -> None:
     bench = Bench()
     bench.drive(1.0, 0.3)
-    bench.device.feed(HEADER + bytes([length]), bench.clock.read_value())
+    bench.device.feed(HEADER + bytes([length]), bench.clock.now())
     bench.base.close()
     bench.link.run(0.02)
     assert bench.device.wheels.velocity == ZERO_VELOCITY
@@ -454,7 +452,7 @@ def test_odometry_agrees_with_where_the_base_really_is() -> None:
     device.gyro_offset = 3.0
     bench = Bench(device)
     bench.drive(12.0, 0.2, 0.6)
-    true, measured = bench.device.pose(bench.clock.read_value()), bench.value().pose
+    true, measured = bench.device.pose(bench.clock.now()), bench.value().pose
     assert true.heading > 2 * pi  # so the gyro has wrapped, and more than once
     assert (measured.x, measured.y) == pytest.approx((true.x, true.y), abs=0.02)
     assert measured.heading == pytest.approx(true.heading, abs=0.02)
@@ -466,7 +464,7 @@ def test_slipping_wheels_deceive_the_distance_but_not_the_heading() -> None:
     bench = Bench(VirtualKobuki(wheels=SimulatedWheels(slip=0.2)))
     bench.drive(4.0, 0.3)
     bench.drive(1.0, 0.0, 1.0)
-    true, measured = bench.device.pose(bench.clock.read_value()), bench.value().pose
+    true, measured = bench.device.pose(bench.clock.now()), bench.value().pose
     assert true.x == pytest.approx(0.8 * measured.x, rel=0.02)
     assert measured.heading == pytest.approx(true.heading, abs=0.02)
 
@@ -474,7 +472,7 @@ def test_slipping_wheels_deceive_the_distance_but_not_the_heading() -> None:
 def test_the_heading_of_a_moment_ago_is_known() -> None:
     bench = Bench()
     bench.drive(2.0, 0.0, 1.0)
-    now = bench.clock.read_value()
+    now = bench.clock.now()
     newest, before = bench.base.heading_at(now), bench.base.heading_at(now - 0.5)
     assert newest is not None
     assert before is not None
@@ -676,7 +674,7 @@ def test_a_lost_heading_is_caught_up_with() -> None:
     bench.drive(0.5, 0.0, 1.0)
     bench.device.shortened = None
     bench.drive(0.1, 0.0, 1.0)
-    assert bench.value().pose.heading == pytest.approx(bench.device.pose(bench.clock.read_value()).heading, abs=0.03)
+    assert bench.value().pose.heading == pytest.approx(bench.device.pose(bench.clock.now()).heading, abs=0.03)
 
 
 def test_without_its_core_report_the_base_counts_as_silent() -> None:
@@ -742,7 +740,7 @@ class Rig:
         return self.base.health().online
 
     def moves(self) -> bool:
-        self.device.pose(self.clock.read_value())
+        self.device.pose(self.clock.now())
         return self.device.wheels.velocity != ZERO_VELOCITY
 
     def driving(self, linear: float = 0.3) -> bool:
@@ -793,39 +791,39 @@ def test_at_rest_its_reports_are_read_three_at_a_time_until_it_is_told_to_move(r
     received = rig.base.on_data
 
     def counted(data: bytes) -> None:
-        reads.append(rig.clock.read_value())
+        reads.append(rig.clock.now())
         received(data)
 
     rig.base.on_data = counted  # type: ignore[method-assign]
-    rig.timeline.run_until(rig.clock.read_value() + 1.0)
+    rig.timeline.run_until(rig.clock.now() + 1.0)
     reads.clear()
     fresh = []
     for _ in range(200):
-        rig.timeline.run_until(rig.clock.read_value() + 0.005)
+        rig.timeline.run_until(rig.clock.now() + 0.005)
         fresh.append(rig.base.state().quality)
     assert len(reads) == pytest.approx(1 / IDLE_POLL_INTERVAL, abs=2)
     assert set(fresh) == {Quality.GOOD}
     rig.timeline.run_until(reads[-1] + 0.005)  # it has just begun to doze
-    asked = rig.clock.read_value()
+    asked = rig.clock.now()
     rig.base.drive(Velocity(0.3, 0.0))
     rig.until(rig.moves)
-    assert rig.clock.read_value() - asked <= 0.03
+    assert rig.clock.now() - asked <= 0.03
     reads.clear()
-    begun = rig.clock.read_value()
-    while rig.clock.read_value() < begun + 0.2:
+    begun = rig.clock.now()
+    while rig.clock.now() < begun + 0.2:
         rig.driving()
-        rig.timeline.run_until(rig.clock.read_value() + 0.005)
+        rig.timeline.run_until(rig.clock.now() + 0.005)
     assert len(reads) == pytest.approx(10, abs=2)
 
 
 def test_at_rest_silence_is_told_in_time_and_its_last_report_is_stale_by_then(rig: HandRig) -> None:
-    rig.timeline.run_until(rig.clock.read_value() + 1.0)
+    rig.timeline.run_until(rig.clock.now() + 1.0)
     rig.device.frozen = True
-    frozen = rig.clock.read_value()
+    frozen = rig.clock.now()
     rig.until(lambda: rig.base.state().quality is Quality.STALE)
-    assert rig.clock.read_value() - frozen <= 0.1 + IDLE_POLL_INTERVAL
+    assert rig.clock.now() - frozen <= 0.1 + IDLE_POLL_INTERVAL
     rig.until(lambda: "offline" in rig.kinds())
-    assert rig.clock.read_value() - frozen <= OFFLINE_AFTER + IDLE_POLL_INTERVAL
+    assert rig.clock.now() - frozen <= OFFLINE_AFTER + IDLE_POLL_INTERVAL
 
 
 def test_a_silent_wire_is_offline_and_comes_back(rig: HandRig) -> None:
@@ -909,7 +907,7 @@ def test_it_drives_and_stops(running: Ported) -> None:
     wait_until(lambda: not running.moves())
     reading = running.base.state()
     assert reading.value is not None
-    assert reading.value.pose.x == pytest.approx(running.device.pose(running.clock.read_value()).x, abs=0.1)
+    assert reading.value.pose.x == pytest.approx(running.device.pose(running.clock.now()).x, abs=0.1)
 
 
 def test_it_is_stopped_when_it_is_closed(running: Ported) -> None:

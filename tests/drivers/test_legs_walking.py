@@ -236,7 +236,7 @@ class Legs:
         self.pass_(0.1)
 
     def angles(self) -> Floats:
-        return np.array([self.arm.true_angle(name, self.line.clock.read_value()) for name in self.legs])
+        return np.array([self.arm.true_angle(name, self.line.clock.now()) for name in self.legs])
 
     def _look(self) -> None:
         now = self.angles()
@@ -244,11 +244,11 @@ class Legs:
 
     def pass_(self, seconds: float, velocity: Velocity | None = None) -> None:
         clock = self.line.clock
-        until = clock.read_value() + seconds
-        while clock.read_value() < until - 1e-9:
+        until = clock.now() + seconds
+        while clock.now() < until - 1e-9:
             if velocity is not None:
                 self.base.drive(velocity)
-            self.line.run_until(min(until, clock.read_value() + 0.05))
+            self.line.run_until(min(until, clock.now() + 0.05))
 
 
 @pytest.fixture

@@ -122,17 +122,17 @@ def test_bytes_gather_for_as_long_as_the_talker_says_unless_the_link_is_woken(ri
     rig.open()
     rig.chatter.patience = 0.5
     rig.lives_on()
-    begun, rig.chatter.pulses = rig.timeline.clock.read_value(), 0
+    begun, rig.chatter.pulses = rig.timeline.clock.now(), 0
     for letter in (b"a", b"b", b"c"):
         rig.wire.take(letter)
-        rig.timeline.run_until(rig.timeline.clock.read_value() + 0.1)
+        rig.timeline.run_until(rig.timeline.clock.now() + 0.1)
         assert rig.chatter.heard == b""
     rig.until(lambda: rig.chatter.heard)
     assert (rig.chatter.heard, rig.chatter.pulses) == (b"abc", 1)
-    assert rig.timeline.clock.read_value() - begun == pytest.approx(0.5, abs=0.02)
+    assert rig.timeline.clock.now() - begun == pytest.approx(0.5, abs=0.02)
     rig.wire.take(b"d")
     rig.link.wake()
-    rig.timeline.run_until(rig.timeline.clock.read_value() + 0.02)
+    rig.timeline.run_until(rig.timeline.clock.now() + 0.02)
     assert (rig.chatter.heard, rig.chatter.pulses) == (b"abcd", 2)
 
 
@@ -251,6 +251,6 @@ def test_data_that_cannot_be_read_does_not_keep_a_driver_from_its_pulse(rig: Rig
     before = rig.chatter.pulses
     for _ in range(20):  # a device that never pauses
         rig.wire.take(b"x")
-        rig.timeline.run_until(rig.timeline.clock.read_value() + 0.01)
+        rig.timeline.run_until(rig.timeline.clock.now() + 0.01)
     assert rig.chatter.pulses - before >= 5
     assert rig.told("fault") == ["ValueError: broken"]

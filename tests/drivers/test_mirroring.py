@@ -32,9 +32,7 @@ class Pair:
 
     def __init__(self) -> None:
         self.leader, self.follower = Arm(specs(), servos=chain()), Arm(specs(upper=1.0), servos=chain())
-        self.follower.timeline.call_every(
-            PERIOD, lambda: self.leader.timeline.run_until(self.follower.clock.read_value())
-        )
+        self.follower.timeline.call_every(PERIOD, lambda: self.leader.timeline.run_until(self.follower.clock.now()))
         self.leader.start()
         self.follower.start()
         self.catch_up()
@@ -51,7 +49,7 @@ class Pair:
 
     def catch_up(self) -> None:
         """Bring both to one time."""
-        end = max(arm.clock.read_value() for arm in (self.leader, self.follower))
+        end = max(arm.clock.now() for arm in (self.leader, self.follower))
         for arm in (self.leader, self.follower):
             arm.timeline.run_until(end)
 
@@ -61,7 +59,7 @@ class Pair:
 
     def go_on(self, seconds: float = 0.01) -> None:
         """Let time pass, and mirror once."""
-        end = self.follower.clock.read_value() + seconds
+        end = self.follower.clock.now() + seconds
         self.follower.timeline.run_until(end)
         self.mirroring.step(end)
 
@@ -88,10 +86,10 @@ def pair() -> Iterator[Pair]:
 
 def test_what_is_far_comes_over_slowly_then_follows_at_once(pair: Pair) -> None:
     pair.turn(0.8)
-    began, fastest = pair.follower.clock.read_value(), 0.0
+    began, fastest = pair.follower.clock.now(), 0.0
     while abs(pair.at() - 0.8) > 0.02:
         fastest = max(fastest, pair.speed_to(0.8))
-        assert pair.follower.clock.read_value() - began < 3.0
+        assert pair.follower.clock.now() - began < 3.0
     assert fastest <= MAX_APPROACH_SPEED * 1.21  # a shaft is seen to 5 ms, an angle to a step
     late = []
     for step in range(300):  # a hand that swings by 30 degrees, once a second
@@ -121,8 +119,8 @@ def test_a_leader_that_falls_silent_leaves_the_follower_at_rest(pair: Pair) -> N
         pair.go_on()
     stands = pair.at()
     for _ in range(100):
-        assert pair.mirroring.step(pair.follower.clock.read_value()) == {}
-        pair.follower.timeline.run_until(pair.follower.clock.read_value() + 0.01)
+        assert pair.mirroring.step(pair.follower.clock.now()) == {}
+        pair.follower.timeline.run_until(pair.follower.clock.now() + 0.01)
     assert pair.at() == stands
     assert not any(servo.is_moving for servo in pair.follower.chain.servos)
 

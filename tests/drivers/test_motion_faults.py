@@ -68,7 +68,7 @@ class Run:
             status = leaf.execute_tick()
             if status is not RUNNING:
                 return status
-            self.timeline.run_until(self.timeline.clock.read_value() + TICK)
+            self.timeline.run_until(self.timeline.clock.now() + TICK)
         raise AssertionError(leaf.reason)
 
 
@@ -91,9 +91,9 @@ def test_a_retry_against_an_obstacle_tries_each_time_and_ends_latched(base: str)
     run = Run(base)
     run.stand.body.wheels.blocked = True
     for number in range(MAX_FAULTS):
-        began, drive = run.timeline.clock.read_value(), DriveLeaf("drive")
+        began, drive = run.timeline.clock.now(), DriveLeaf("drive")
         assert run.play(drive, distance=1.0) is FAILURE
-        assert run.timeline.clock.read_value() - began > 0.5, "it has tried"
+        assert run.timeline.clock.now() - began > 0.5, "it has tried"
         assert bool(run.stand.base.latched) is (number == MAX_FAULTS - 1), drive.reason
     assert run.play(TurnLeaf("turn"), angle=1.57) is FAILURE
     run.stand.base.close()

@@ -190,9 +190,9 @@ class WatchedClock(ManualClock):
         super().__init__()
         self.looked = Event()
 
-    def read_value(self) -> float:
+    def now(self) -> float:
         self.looked.set()
-        return super().read_value()
+        return super().now()
 
 
 def test_closing_ends_a_read_that_waits() -> None:

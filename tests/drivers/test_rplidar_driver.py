@@ -45,8 +45,8 @@ class Directly(SerialLink):
     def write(self, data: bytes) -> None:
         if not self.plugged:
             raise NotConnected("range: gone")
-        self.sent.append((self._time.read_value(), data))
-        self._inbox += self._lidar.feed(data, self._time.read_value())
+        self.sent.append((self._time.now(), data))
+        self._inbox += self._lidar.feed(data, self._time.now())
 
     def set_dtr(self, *, on: bool) -> None:
         self.dtr.append(on)
@@ -55,7 +55,7 @@ class Directly(SerialLink):
         return Health(self.plugged, counters={"connections": 1})
 
     def read(self) -> bytes:
-        data, self._inbox = self._inbox + self._lidar.poll(self._time.read_value()), b""
+        data, self._inbox = self._inbox + self._lidar.poll(self._time.now()), b""
         return self.distort(data)
 
 
@@ -78,8 +78,8 @@ class Bench:
         self.device.on_connected()
 
     def run(self, seconds: float) -> None:
-        end = self.clock.read_value() + seconds
-        while self.clock.read_value() < end:
+        end = self.clock.now() + seconds
+        while self.clock.now() < end:
             if data := self.link.read():
                 self.device.on_data(data)
             self.device.on_poll()
@@ -323,10 +323,10 @@ class Wired:
         self.device.open()
 
     def turned(self) -> None:
-        self.turns.append((thread_time(), self.clock.read_value()))
+        self.turns.append((thread_time(), self.clock.now()))
 
     def tell(self, notice: DeviceStatus) -> None:
-        self.notices.append((notice.kind, thread_time(), self.clock.read_value()))
+        self.notices.append((notice.kind, thread_time(), self.clock.now()))
 
 
 @pytest.fixture(params=["a1", "a2"])
@@ -363,7 +363,7 @@ def test_an_unplugged_finder_makes_nobody_spin(wired: Wired) -> None:
     wired.terminal.unplug()
     wait_until(lambda: wired.notices[-1][0] == "offline")
     gone = wired.notices[-1][1:]
-    wait_until(lambda: wired.clock.read_value() - gone[1] > 1.0)
+    wait_until(lambda: wired.clock.now() - gone[1] > 1.0)
     wired.terminal.replug()
     wait_until(lambda: wired.notices[-1][0] == "online")
     assert share(gone, wired.notices[-1][1:]) < 0.25

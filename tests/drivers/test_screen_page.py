@@ -219,7 +219,7 @@ def test_many_silent_browsers_do_not_keep_it_longer_than_one(screen: PageScreen)
         wait_until(lambda: len([thread for thread in enumerate_threads() if thread.name == "page talk"]) == 20)
         clock = SystemClock()
         screen.close()
-        assert clock.read_value() < 2.0  # with 0.2 s for each it would be 4 s
+        assert clock.now() < 2.0  # with 0.2 s for each it would be 4 s
 
 
 def test_a_crowd_of_silent_browsers_is_hung_up_on_and_makes_room(
@@ -274,10 +274,10 @@ def test_a_browser_that_asks_a_byte_at_a_time_is_hung_up_on(
     clock, pause = SystemClock(), Event()
     with socket.create_connection(("127.0.0.1", port_of(screen))) as slow, suppress(ConnectionError):
         slow.sendall(b"GET / HTTP/1.1\r\n")
-        while clock.read_value() < PAGE_TIMEOUT:
+        while clock.now() < PAGE_TIMEOUT:
             slow.sendall(b"X")
             pause.wait(0.05)
-    assert clock.read_value() < PAGE_TIMEOUT / 2
+    assert clock.now() < PAGE_TIMEOUT / 2
 
 
 def test_two_robots_on_one_computer_take_two_ports(screen: PageScreen) -> None:
@@ -408,7 +408,7 @@ def test_a_page_that_hears_nothing_for_three_seconds_sleeps_until_the_robot_is_b
     clock = SystemClock()
     with screen._lock:  # as if the robot hung
         wait_until(lambda: label(tab) == "asleep face")
-        assert clock.read_value() > 1.8  # the last news were up to a second old
+        assert clock.now() > 1.8  # the last news were up to a second old
         wait_until(
             lambda: unlike(seen(tab), face_image(face_expression(ScreenContent(Mood.ASLEEP), 1.0), "", SIZE)) < 3.5
         )

@@ -136,7 +136,7 @@ class Bench:
         return self
 
     def passes(self, seconds: float) -> None:
-        self.timeline.run_until(self.clock.read_value() + seconds)
+        self.timeline.run_until(self.clock.now() + seconds)
 
     def looks(self, pan: float, tilt: float = 0.0, *, lasting: float = 2.0) -> None:
         self.head.look(HeadPose(radians(pan), radians(tilt)))
@@ -172,13 +172,13 @@ def test_its_watchdog_stops_the_ramp_that_nobody_leads_on(bench: Bench) -> None:
     bench.start().looks(0)
     (report,) = {
         guardian_wire.parse_line(line)
-        for line in bench.board.feed(guardian_wire.REPORT_REQUEST, bench.clock.read_value()).splitlines()
+        for line in bench.board.feed(guardian_wire.REPORT_REQUEST, bench.clock.now()).splitlines()
     }
     assert isinstance(report, guardian_wire.GuardianReport)
     bench.head.close()
-    bench.board.feed(guardian_wire.pack_command(report.boot, 180, 90), bench.clock.read_value())
+    bench.board.feed(guardian_wire.pack_command(report.boot, 180, 90), bench.clock.now())
     for step in range(100):
-        bench.board.poll(bench.clock.read_value() + 0.02 * step)
+        bench.board.poll(bench.clock.now() + 0.02 * step)
     pan, tilt = bench.board.sent[-1]
     assert 90 < pan < 180
     assert tilt == 90
@@ -189,7 +189,7 @@ def test_what_is_sent_for_the_start_before_moves_nothing(bench: Bench) -> None:
     bench.start().looks(0)
     before = len(bench.board.sent)
     for boot in (0, 1, 31999):
-        bench.board.feed(guardian_wire.pack_command(boot, 180, 180), bench.clock.read_value())
+        bench.board.feed(guardian_wire.pack_command(boot, 180, 180), bench.clock.now())
     bench.passes(1.0)
     assert len(bench.board.sent) == before
 

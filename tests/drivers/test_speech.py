@@ -55,7 +55,7 @@ class Room:
         words = self.voice.say(text)
         wait_until(words.done)
         assert words.started is not None
-        return self.clock.read_value() - words.started
+        return self.clock.now() - words.started
 
 
 @pytest.fixture(autouse=True)
@@ -84,7 +84,7 @@ def test_the_mouth_moves_from_the_first_sound_to_the_last(room: Room) -> None:
     assert shapes[-1].shape is Mouth.CLOSED
     wait_until(words.done)
     assert words.started is not None
-    assert room.clock.read_value() - words.started >= shapes[-1].at
+    assert room.clock.now() - words.started >= shapes[-1].at
 
 
 def test_twice_the_speed_takes_about_half_the_time(room: Room) -> None:
@@ -173,7 +173,7 @@ def test_words_whose_player_dies_are_printed_and_take_the_rest_of_their_time(roo
     wait_until(words.done)
     assert words.started == began
     assert began is not None
-    assert room.clock.read_value() - began >= length
+    assert room.clock.now() - began >= length
     assert room.printed == ["one two three four five six"]
     (notice,) = room.notices
     assert notice.message == "voice: sound_worker: ended with -9"

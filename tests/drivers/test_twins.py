@@ -76,11 +76,11 @@ class DirectLink(SerialLink):
         """Do nothing: this wire has no such line."""
 
     def write(self, data: bytes) -> None:
-        self._answer += self.device.feed(data, self.clock.read_value())
+        self._answer += self.device.feed(data, self.clock.now())
 
     def step(self) -> None:
         """Bring across what the device has to say by now."""
-        said, self._answer = self._answer + self.device.poll(self.clock.read_value()), b""
+        said, self._answer = self._answer + self.device.poll(self.clock.now()), b""
         if self.talker is not None:
             if said:
                 self.talker.on_data(said)
@@ -158,8 +158,8 @@ def test_the_base_drives_as_the_real_driver_over_its_wire() -> None:
         assert (mine.velocity.linear, mine.velocity.angular) == pytest.approx(
             (its.velocity.linear, its.velocity.angular), abs=0.02
         )
-    assert twin.true_pose(clock.read_value()).heading == pytest.approx(
-        link.device.pose(clock.read_value()).heading if isinstance(link.device, VirtualKobuki) else None, abs=0.02
+    assert twin.true_pose(clock.now()).heading == pytest.approx(
+        link.device.pose(clock.now()).heading if isinstance(link.device, VirtualKobuki) else None, abs=0.02
     )
 
 
@@ -182,14 +182,14 @@ def test_the_head_turns_as_the_real_driver_over_its_wire() -> None:
             twin.stop()
             real.stop()
         if step > 50:  # the real one has first to meet its board
-            mine, its, truth = twin.pose().value, real.pose().value, twin.true_pose(clock.read_value())
+            mine, its, truth = twin.pose().value, real.pose().value, twin.true_pose(clock.now())
             assert mine is not None
             assert its is not None
             # The real one waits now and then until its board has shown that it is still there.
             assert (mine.pan, mine.tilt) == pytest.approx((its.pan, its.tilt), abs=radians(5.01))
             servos = (
-                PAN.to_radians(rodney.angle(0, clock.read_value())),
-                TILT.to_radians(rodney.angle(1, clock.read_value())),
+                PAN.to_radians(rodney.angle(0, clock.now())),
+                TILT.to_radians(rodney.angle(1, clock.now())),
             )
             assert (truth.pan, truth.tilt) == pytest.approx(servos, abs=radians(5.01))
         if step % 100 == 0:
@@ -215,7 +215,7 @@ class BaseBench:
         for _ in range(round(seconds / 0.1)):
             if velocity is not None:
                 self.base.drive(velocity)
-            self.timeline.run_until(self.clock.read_value() + 0.1)
+            self.timeline.run_until(self.clock.now() + 0.1)
 
     @property
     def pose(self) -> Pose2D:
@@ -227,7 +227,7 @@ class BaseBench:
 def test_on_slipping_wheels_odometry_believes_to_have_gone_further_but_the_gyro_knows_the_turn() -> None:
     bench = BaseBench(body=BaseBody(wheels=SimulatedWheels(slip=0.1)))
     bench.run(4.0, Velocity(0.4, 0.4))
-    truth = bench.base.true_pose(bench.clock.read_value())
+    truth = bench.base.true_pose(bench.clock.now())
     assert bench.pose.heading == pytest.approx(truth.heading, abs=0.001)
     assert (bench.pose.x * 0.9, bench.pose.y * 0.9) == pytest.approx((truth.x, truth.y), abs=0.01)
 
@@ -238,7 +238,7 @@ def test_a_noisy_gyro_leads_astray_and_no_other_does() -> None:
         bench.run(10.0)
     assert good.pose.heading == 0.0
     assert 0.005 < abs(noisy.pose.heading) < 1.0
-    assert noisy.base.true_pose(noisy.clock.read_value()).heading == 0.0
+    assert noisy.base.true_pose(noisy.clock.now()).heading == 0.0
 
 
 def test_lost_reports_are_a_share_and_do_not_stop_it() -> None:
@@ -259,16 +259,16 @@ def test_a_base_whose_reports_are_all_lost_counts_as_offline_and_stands_still() 
     assert (health.online, health.detail, health.hint != "") == (False, bench.notices[-1].message, True)
     with pytest.raises(NotConnected, match="silent"):
         bench.base.drive(Velocity(0.3, 0.0))
-    at_rest = bench.base.true_pose(bench.clock.read_value())
+    at_rest = bench.base.true_pose(bench.clock.now())
     bench.run(1.0)
-    assert bench.base.true_pose(bench.clock.read_value()) == at_rest
+    assert bench.base.true_pose(bench.clock.now()) == at_rest
     assert bench.base.state().quality is Quality.STALE
 
 
 def test_a_base_that_falls_silent_stands_still_though_its_command_still_holds() -> None:
     bench = BaseBench(dropouts=1.0)
     for _ in range(2):
-        bench.timeline.run_until(bench.clock.read_value() + 0.1)
+        bench.timeline.run_until(bench.clock.now() + 0.1)
         bench.base.drive(Velocity(0.3, 0.0))
     bench.timeline.run_until(0.24)
     assert bench.base.body.velocity.linear > 0.0
@@ -328,11 +328,11 @@ def test_an_unplugged_base_rolls_to_a_stop_and_forgets_its_command() -> None:
     bench.run(COMMAND_TIMEOUT + 1.0)
     body = bench.base.body
     assert body.velocity == ZERO_VELOCITY
-    rolled = bench.base.true_pose(bench.clock.read_value()).x
+    rolled = bench.base.true_pose(bench.clock.now()).x
     assert 0.7 < rolled < 1.0
     bench.base.plug.plug_in()
     bench.run(1.0)
-    assert bench.base.true_pose(bench.clock.read_value()).x == rolled
+    assert bench.base.true_pose(bench.clock.now()).x == rolled
     # What it rolled while nobody listened, odometry cannot know.
     assert bench.pose.x < rolled - 0.1
 
@@ -423,7 +423,7 @@ def test_a_motor_turns_no_faster_than_it_can() -> None:
     arm.open()
     arm.move({"elbow": 2.5})
     clock.advance(0.1)
-    assert arm.true_angle("elbow", clock.read_value()) == pytest.approx(0.618, abs=0.01)  # 59 rpm
+    assert arm.true_angle("elbow", clock.now()) == pytest.approx(0.618, abs=0.01)  # 59 rpm
 
 
 def test_an_unplugged_voice_is_silent_at_once() -> None:

@@ -48,11 +48,11 @@ class Bench:
         return self
 
     def passes(self, seconds: float) -> None:
-        self.timeline.run_until(self.clock.read_value() + seconds)
+        self.timeline.run_until(self.clock.now() + seconds)
 
     def drives(self, linear: float, angular: float, seconds: float) -> None:
-        end = self.clock.read_value() + seconds
-        while self.clock.read_value() < end:
+        end = self.clock.now() + seconds
+        while self.clock.now() < end:
             self.base.drive(Velocity(linear, angular))
             self.passes(0.05)
 
@@ -156,7 +156,7 @@ def test_the_heartbeat_is_set_and_confirmed_before_it_drives_and_echoes_end(benc
     bench.passes(0.2)
     assert bench.rover.heartbeat == HEARTBEAT_TIMEOUT
     assert [notice.kind for notice in bench.notices] == ["online"]
-    echoed = bench.rover.feed(b'{"T":130}\n', bench.clock.read_value())
+    echoed = bench.rover.feed(b'{"T":130}\n', bench.clock.now())
     assert not echoed.startswith(b'{"T":130}')
 
 
@@ -174,18 +174,18 @@ def test_a_driver_that_dies_has_the_rover_at_rest_by_its_heartbeat(bench: Bench)
     bench.start()
     bench.drives(0.4, 0.0, 2.0)
     bench.wire.unplug()  # nobody says anything any more
-    before = bench.rover.pose(bench.clock.read_value())
+    before = bench.rover.pose(bench.clock.now())
     bench.passes(HEARTBEAT_TIMEOUT + 0.5)
-    at_rest = bench.rover.pose(bench.clock.read_value())
+    at_rest = bench.rover.pose(bench.clock.now())
     bench.passes(1.0)
-    assert bench.rover.pose(bench.clock.read_value()) == at_rest
+    assert bench.rover.pose(bench.clock.now()) == at_rest
     assert at_rest.x - before.x < 0.4 * (HEARTBEAT_TIMEOUT + 0.2)
 
 
 def test_a_rover_that_starts_anew_is_set_up_again_and_drives_no_more_until_then(bench: Bench) -> None:
     bench.start()
     bench.drives(0.3, 0.0, 1.0)
-    bench.rover.reset(bench.clock.read_value())
+    bench.rover.reset(bench.clock.now())
     bench.passes(0.4)
     assert not bench.base.health().online
     pass_until(bench.timeline, lambda: bench.base.health().online)
@@ -201,7 +201,7 @@ def test_without_encoders_full_power_is_the_speed_that_the_robot_file_gives(open
     assert state is not None
     assert state.reckoned
     assert state.battery_percent == pytest.approx(100 * (BATTERY_VOLTAGE - 9.0) / 3.6)
-    assert state.pose.x == pytest.approx(open_loop.rover.pose(open_loop.clock.read_value()).x, abs=0.1)
+    assert state.pose.x == pytest.approx(open_loop.rover.pose(open_loop.clock.now()).x, abs=0.1)
 
 
 def test_no_wheel_is_told_more_than_its_full_power(open_loop: Bench) -> None:
@@ -230,11 +230,11 @@ def test_unplugged_in_mid_move_and_plugged_in_again_it_stays_at_rest(bench: Benc
     bench.drives(0.4, 0.0, 1.0)
     bench.wire.unplug()
     bench.passes(1.5)
-    here = bench.rover.pose(bench.clock.read_value())
+    here = bench.rover.pose(bench.clock.now())
     bench.wire.plug_in()
     pass_until(bench.timeline, lambda: bench.base.health().online)
     bench.passes(1.0)
-    assert bench.rover.pose(bench.clock.read_value()) == here
+    assert bench.rover.pose(bench.clock.now()) == here
     assert bench.base.health().reconnected_at is not None
 
 
@@ -250,7 +250,7 @@ def test_thousands_of_reports_with_every_mishap_and_no_wrong_value(bench: Bench,
     waiting: list[tuple[float, bytes]] = []
 
     def distort(said: bytes) -> bytes:
-        now = bench.clock.read_value()
+        now = bench.clock.now()
         for line in said.splitlines(keepends=True):
             waiting.extend((now + late, piece) for late, piece in faults.disturb(line))
             if faults.echoes():
@@ -286,4 +286,4 @@ def test_thousands_of_reports_with_every_mishap_and_no_wrong_value(bench: Bench,
     assert min(faults.happened[kind] for kind in kinds) > TRANSACTIONS / 200
     end = bench.base.state().value
     assert end is not None
-    assert end.pose.x == pytest.approx(bench.rover.pose(bench.clock.read_value()).x, abs=0.5)
+    assert end.pose.x == pytest.approx(bench.rover.pose(bench.clock.now()).x, abs=0.5)

@@ -102,21 +102,21 @@ class Storm:
 
     def _command(self) -> None:
         """Ask for something, as a mission does at each tick; nothing while it is stalled."""
-        if self.clock.read_value() >= self.ended or self.happening["stalled"] > 0:
+        if self.clock.now() >= self.ended or self.happening["stalled"] > 0:
             return
         if self.chance.random() < 0.1:
             self.goal = Velocity(self.chance.choice(GOALS), self.chance.choice([0.0, 1.0, -30.0]))
         with suppress(DriverError):
             self.base.drive(self.goal)
-            self.taken_at = self.clock.read_value()
+            self.taken_at = self.clock.now()
 
     def _end(self) -> None:
-        self.ended = self.clock.read_value()
+        self.ended = self.clock.now()
         self.base.close()
 
     def _look(self) -> None:
         """See how it truly moves."""
-        now = self.clock.read_value()
+        now = self.clock.now()
         velocity, limits = self.kobuki.body.velocity, self.base.limits
         self.kobuki.pose(now)
         if abs(velocity.linear) > limits.speed * 1.05 + 0.01 or abs(velocity.angular) > limits.turn * 1.05 + 0.01:

@@ -60,7 +60,7 @@ class Bench:
         pass_until(self.timeline, lambda: self.imu.health().online)
 
     def passes(self, seconds: float) -> None:
-        self.timeline.run_until(self.timeline.clock.read_value() + seconds)
+        self.timeline.run_until(self.timeline.clock.now() + seconds)
 
 
 def test_it_is_told_to_report_a_hundred_times_a_second_and_its_newest_report_is_given() -> None:

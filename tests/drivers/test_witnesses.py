@@ -41,7 +41,7 @@ def drive(
     bench, monitor, believed = LeafTestBench(), ProgressMonitor(), Reckoning()
     monitor.witnesses += [ScanWitness(bench.ranger, RoundOutline(0.177)), ImuWitness(bench.others["imu"])]
     imu = bench.others["imu"]
-    began = bench.clock.read_value()
+    began = bench.clock.now()
     for number in range(60):
         now = bench.clock.advance(PERIOD)
         here = truth(now - began)

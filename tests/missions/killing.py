@@ -126,13 +126,13 @@ class Campaign:
         clock, due, moving = SystemClock(), dict[str, float](), dict[str, bool]()
         began = {kind: self._limbs[kind].seen().now for kind in running}
         while len(moving) < len(running):
-            assert clock.read_value() < START_TIMEOUT, f"nothing moves of {running.keys() - due.keys()}"
+            assert clock.now() < START_TIMEOUT, f"nothing moves of {running.keys() - due.keys()}"
             for kind in running.keys() - moving.keys():
-                if kind in due and clock.read_value() >= due[kind]:
+                if kind in due and clock.now() >= due[kind]:
                     moving[kind] = self._limbs[kind].seen().moving
                     running[kind].send_signal(number)
                 elif kind not in due and self._limbs[kind].seen().moved_at > began[kind]:
-                    due[kind] = clock.read_value() + self._chance.uniform(0.0, MAX_MOVING)
+                    due[kind] = clock.now() + self._chance.uniform(0.0, MAX_MOVING)
                 elif kind not in due and running[kind].poll() is not None:
                     running[kind] = self._start(kind)
             self._pause.wait(0.01)

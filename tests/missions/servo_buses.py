@@ -237,7 +237,7 @@ class Table:
         for servo in self.case.chain.servos:
             if servo.limp and self._turns > 3:
                 servo.turn_by_hand(radians(50) * sin(self._turns / 5 + servo.number))
-        self.clock.advance_to(self.clock.read_value() + seconds)
+        self.clock.advance_to(self.clock.now() + seconds)
         self.line.poll()
 
     def confirm(self, *_: object, **__: object) -> bool:
@@ -259,7 +259,7 @@ class Table:
         """Leave the keys."""
 
     def read(self, timeout: float) -> str:  # noqa: ARG002 - as Keys has it
-        self.clock.advance_to(self.clock.read_value() + 0.02)
+        self.clock.advance_to(self.clock.now() + 0.02)
         self._answered()
         return "enter"
 

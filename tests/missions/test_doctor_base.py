@@ -132,8 +132,8 @@ class Trial:
     def run(self, limit: float = 30.0) -> Any:
         """Tick until it ends; note how each named movement truly went."""
         start = before = self.rig.truth()
-        began, step = self.rig.clock.read_value(), -1
-        while self.rig.clock.read_value() - began < limit:
+        began, step = self.rig.clock.now(), -1
+        while self.rig.clock.now() - began < limit:
             self.bench.run.tick += 1
             status = self.leaf.execute_tick()
             here = self.rig.truth()

@@ -251,7 +251,7 @@ def test_a_person_who_enables_the_base_enables_all_else(watched: Watched) -> Non
         Reflexes(enable_button=2),
         bench.run,
         watched.stream,
-        lambda: enabled.append(bench.clock.read_value()),
+        lambda: enabled.append(bench.clock.now()),
     )
     bench.base.latch("it was away for 7 s")
     guard.check()

@@ -58,9 +58,7 @@ class GuardedRun:
     def _look(self) -> None:
         assert self.twins.base is not None
         at = self.twins.base.body.pose
-        self.least_clear = min(
-            self.least_clear, clear(self.twins.world, at.x, at.y, self.twins.timeline.clock.read_value())
-        )
+        self.least_clear = min(self.least_clear, clear(self.twins.world, at.x, at.y, self.twins.timeline.clock.now()))
 
 
 def clear(world: SimulatedWorld, x: float, y: float, time: float) -> float:

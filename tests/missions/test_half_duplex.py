@@ -11,7 +11,7 @@ from missions.plugins.testing.recorders import LeafTestBench
 def test_sound_is_its_own_from_the_first_word_until_the_echo_has_gone() -> None:
     bench = LeafTestBench()
     duplex = HalfDuplex(bench.voice, bench.clock)
-    began = bench.clock.read_value()
+    began = bench.clock.now()
     assert not duplex.may_be_own_speech(began - 0.1, began)
     words = bench.voice.say("Hello")
     bench.clock.advance(0.1)
@@ -20,7 +20,7 @@ def test_sound_is_its_own_from_the_first_word_until_the_echo_has_gone() -> None:
     bench.clock.advance(1.0)
     assert duplex.may_be_own_speech(began + 1.0, began + 1.1)
     words.ended = True
-    now = bench.clock.read_value()
+    now = bench.clock.now()
     assert duplex.may_be_own_speech(now - 0.02, now)
     bench.clock.advance(ECHO_TIME)
     assert duplex.may_be_own_speech(now, now + ECHO_TIME)
@@ -30,7 +30,7 @@ def test_sound_is_its_own_from_the_first_word_until_the_echo_has_gone() -> None:
 def test_a_pause_shorter_than_an_echo_is_none() -> None:
     bench = LeafTestBench()
     duplex = HalfDuplex(bench.voice, bench.clock)
-    began = bench.clock.read_value()
+    began = bench.clock.now()
     first = bench.voice.say("One")
     bench.clock.advance(1.0)
     assert duplex.may_be_own_speech(began, began + 1.0)
@@ -45,7 +45,7 @@ def test_a_pause_shorter_than_an_echo_is_none() -> None:
 def test_what_waits_to_be_said_is_not_heard_yet() -> None:
     bench = LeafTestBench()
     bench.voice.say("Hello").started = None
-    assert not HalfDuplex(bench.voice, bench.clock).may_be_own_speech(0.0, bench.clock.read_value() + 1.0)
+    assert not HalfDuplex(bench.voice, bench.clock).may_be_own_speech(0.0, bench.clock.now() + 1.0)
 
 
 @pytest.mark.parametrize("text", ["Hello", ""])
@@ -57,6 +57,6 @@ def test_a_voice_that_takes_no_time_and_none_at_all_make_nobody_deaf_for_good(te
     voice.say(text)
     for _ in range(100):
         clock.advance(0.05)
-        deaf = duplex.may_be_own_speech(clock.read_value() - 0.05, clock.read_value())
+        deaf = duplex.may_be_own_speech(clock.now() - 0.05, clock.now())
     assert not deaf
     assert not HalfDuplex(None, clock).may_be_own_speech(0.0, 1.0)

@@ -64,7 +64,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> PatientClock:
 
 
 def stands(board: VirtualRodney, clock: PatientClock, degrees: tuple[int, int]) -> bool:
-    return (board.angle(0, clock.read_value()), board.angle(1, clock.read_value())) == degrees
+    return (board.angle(0, clock.now()), board.angle(1, clock.now())) == degrees
 
 
 def test_from_one_command_to_the_next_a_board_that_goes_on_running_makes_no_leap(

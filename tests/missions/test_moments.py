@@ -57,9 +57,9 @@ class Dawdle(Leaf):
     def update(self) -> Status:
         clock = self.run.clock
         assert isinstance(clock, ManualClock)
-        self.read = [self.run.read_value()]
+        self.read = [self.run.now()]
         clock.advance(self.takes)
-        self.read.append(self.run.read_value())
+        self.read.append(self.run.now())
         return Status.RUNNING
 
 
@@ -121,7 +121,7 @@ def test_within_a_tick_the_time_is_that_of_its_beginning_and_after_it_goes_on() 
     scene.tick()
     assert leaf.read == [100.05, 100.05]
     assert leaf.started_at == 100.05
-    assert scene.run.read_value() == scene.run.clock.read_value() == pytest.approx(100.08)
+    assert scene.run.now() == scene.run.clock.now() == pytest.approx(100.08)
     assert scene.moments[0].t == 100.05
 
 
@@ -136,7 +136,7 @@ def test_time_goes_on_after_a_tick_that_was_broken_off() -> None:
     with pytest.raises(KeyboardInterrupt):
         scene.tick()
     scene.bench.clock.advance(1.0)
-    assert scene.run.read_value() == pytest.approx(101.05)
+    assert scene.run.now() == pytest.approx(101.05)
 
 
 # --- what a moment holds ----------------------------------------------------------------------------------------------

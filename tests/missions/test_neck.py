@@ -53,7 +53,7 @@ def test_a_mission_turns_it_in_simulated_time(folder: Path) -> None:
     assert runner.run().result == "success"
     assert runner.twins is not None
     assert runner.twins.head is not None
-    pose = runner.twins.head.true_pose(runner.twins.timeline.clock.read_value())
+    pose = runner.twins.head.true_pose(runner.twins.timeline.clock.now())
     assert (degrees(pose.pan), degrees(pose.tilt)) == pytest.approx((14.4, 0.0), abs=1.1)
 
 

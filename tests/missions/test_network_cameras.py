@@ -123,4 +123,4 @@ def test_no_command_is_ended_by_a_camera_that_stalls(tmp_path: Path, monkeypatch
         killed = number is not None and code == -number  # before it had begun
         assert code in GOOD or killed, (seed, told, (tmp_path / str(seed) / "said").read_text()[-2000:])
     lines = [f"{what}, {end}: exit {code}: {count}" for (what, end, code), count in sorted(ended.items(), key=str)]
-    sys.stdout.write("\n".join([*lines, f"{clock.read_value():.0f} s", ""]))
+    sys.stdout.write("\n".join([*lines, f"{clock.now():.0f} s", ""]))

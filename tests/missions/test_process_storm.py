@@ -158,7 +158,7 @@ class Play:
     def _drive(self, seconds: float) -> None:
         """Let time pass, in which somebody drives by the page if they can."""
         clock = SystemClock()
-        while clock.read_value() < seconds:
+        while clock.now() < seconds:
             if self.client is not None and not self.alone:
                 with suppress(OSError, WebSocketException, TimeoutError):
                     self.client.drive(str(self.process.pid), left=0.3, stamp=self.stamp)

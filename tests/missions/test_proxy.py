@@ -277,7 +277,7 @@ def test_a_traceback_shows_the_source_of_a_proxy(deck: Deck, answers: TickCache)
 
 def replayed() -> Robot:
     memory = RecordedAnswers(on_unanswered=lambda _: None, on_different_command=lambda *_: None)
-    return recorded_robot(frozenset(KINDS), memory, ManualClock().read_value, eye=(0.0, 0.0, 1.0), groups={})
+    return recorded_robot(frozenset(KINDS), memory, ManualClock().now, eye=(0.0, 0.0, 1.0), groups={})
 
 
 @pytest.mark.parametrize(
@@ -346,7 +346,7 @@ def test_a_changed_command_is_answered_within_the_limits_of_then() -> None:
     memory = RecordedAnswers(
         on_unanswered=changed.append, on_different_command=lambda _, __, now: changed.append(str(now))
     )
-    robot = recorded_robot({"base", "head", "arm"}, memory, ManualClock().read_value, eye=(0.0, 0.0, 1.0), groups={})
+    robot = recorded_robot({"base", "head", "arm"}, memory, ManualClock().now, eye=(0.0, 0.0, 1.0), groups={})
     memory.begin_tick(
         [(part, "limits", (), getattr(bench.robot, f"{part}_part").limits) for part in ("base", "head", "arm")]
     )

@@ -66,9 +66,9 @@ def test_a_critical_battery_ends_a_mission_with_the_base_at_rest(tmp_path: Path)
     assert 3.0 <= ran.result.seconds <= 3.2
     assert ran.reflexes() == [("battery_low", "9 %", True), ("battery_critical", "9 %", True)]
     twins = ran.twins
-    twins.timeline.run_until(twins.timeline.clock.read_value() + 1.0)
+    twins.timeline.run_until(twins.timeline.clock.now() + 1.0)
     before = twins.pose()
-    twins.timeline.run_until(twins.timeline.clock.read_value() + 0.1)
+    twins.timeline.run_until(twins.timeline.clock.now() + 0.1)
     assert twins.pose() == before
 
 

@@ -102,8 +102,8 @@ def test_a_run_is_told_as_topics_also_to_who_comes_later(router: Ros2Terminal, n
     clock, sent_at = SystemClock(), list[float]()
 
     def found() -> bool:
-        if not sent_at or clock.read_value() - sent_at[-1] > 0.25:
-            sent_at.append(clock.read_value())
+        if not sent_at or clock.now() - sent_at[-1] > 0.25:
+            sent_at.append(clock.now())
             for event in (RUN[1], RUN[4]):  # the first are lost: nobody knew yet who listens
                 announcer(event)
         return {"/mission/detections", "/mission/events", "/mission/tree", "/mission/variables"} <= heard.keys()

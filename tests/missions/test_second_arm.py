@@ -294,7 +294,7 @@ def test_a_stop_reaches_the_servos_of_both_and_nothing_moves_them_until_it_is_re
     for arm, joints in arms.items():
         with pytest.raises(DeviceFault, match="stopped by Ada"):
             joints.move({"elbow": radians(80)})
-        begun = arm.clock.read_value()
+        begun = arm.clock.now()
         arm.until(lambda arm=arm, begun=begun: arm.clock.now() > begun + 2.0)  # type: ignore[misc]
         assert degrees(arm.chain.servo(2).angle) == pytest.approx(degrees(stopped[arm]), abs=1.0)
         assert not arm.limp(2)

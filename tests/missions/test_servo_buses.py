@@ -39,8 +39,8 @@ def faulty(seed: int, run: Run, patch: pytest.MonkeyPatch) -> list[str]:
         table.oracle.forbidden.add(case.victim)
     outcome = run(line)
     wrong = [f"{each} ({line})" for each in table.oracle.wrong]
-    if table.clock.read_value() > ENOUGH:
-        wrong.append(f"{line} took {table.clock.read_value():.0f} s")
+    if table.clock.now() > ENOUGH:
+        wrong.append(f"{line} took {table.clock.now():.0f} s")
     doubted = fault in ("twins", "clone") and f"{case.told}" in line
     if doubted and outcome.code == 0:
         wrong.append(f"{line} succeeded")
@@ -64,11 +64,11 @@ def driven(seed: int) -> list[str]:
     assert arm is not None
     joints = DynamixelJoints(bus, specs(arm), timeline.clock, loop=by_hand(timeline))
     joints.open()
-    timeline.run_until(timeline.clock.read_value() + 3.0)
+    timeline.run_until(timeline.clock.now() + 3.0)
     name, health = f"j{case.told}", joints.health()
     if health.online:
         joints.move(dict.fromkeys(joints.limits, 0.2))
-    timeline.run_until(timeline.clock.read_value() + 1.0)
+    timeline.run_until(timeline.clock.now() + 1.0)
     joints.close()
     wrong = list(oracle.wrong)
     if not case.driven and (name not in health.detail or not health.hint):

@@ -97,8 +97,8 @@ def test_a_speed_is_kept_by_waiting() -> None:
     pace = SimulationPacer(RunState(timeline.clock, wall=wall.clock), timeline, speed=5.0, wait=wall.wait)
     for _ in range(100):
         pace(0.05)
-    assert timeline.clock.read_value() == pytest.approx(5.0)
-    assert wall.clock.read_value() == pytest.approx(1.0)
+    assert timeline.clock.now() == pytest.approx(5.0)
+    assert wall.clock.now() == pytest.approx(1.0)
 
 
 def test_time_does_not_race_after_a_pause() -> None:
@@ -106,17 +106,17 @@ def test_time_does_not_race_after_a_pause() -> None:
     pace = SimulationPacer(RunState(timeline.clock, wall=wall.clock), timeline, speed=1.0, wait=wall.wait)
     pace(0.05)
     wall.clock.advance(60.0)  # in which nobody let time pass
-    began = wall.clock.read_value()
+    began = wall.clock.now()
     for _ in range(100):
         pace(0.05)
-    assert wall.clock.read_value() - began == pytest.approx(5.0, abs=0.06)
+    assert wall.clock.now() - began == pytest.approx(5.0, abs=0.06)
 
 
 def test_without_a_speed_nothing_waits() -> None:
     wall, timeline = Wall(), Timeline()
     pace = SimulationPacer(RunState(timeline.clock, wall=wall.clock), timeline, wait=wall.wait)
     pace(1000.0)
-    assert timeline.clock.read_value() == 1000.0
+    assert timeline.clock.now() == 1000.0
     assert not wall.waited
 
 
@@ -125,7 +125,7 @@ def test_what_wakes_the_executive_ends_the_wait() -> None:
     run = RunState(timeline.clock)
     timeline.call_at(0.3, run.wake)
     assert SimulationPacer(run, timeline)(1.0)
-    assert timeline.clock.read_value() == 0.3
+    assert timeline.clock.now() == 0.3
 
 
 MOVES = {
@@ -152,9 +152,9 @@ def test_the_robot_comes_to_rest_before_a_pause_holds_the_world(what: str, how: 
         runner.executive.pause() if how == "pause" else runner.latch.stop("somebody")
 
     def look(seconds: float) -> None:
-        before = twins.timeline.clock.read_value()
+        before = twins.timeline.clock.now()
         idle(seconds)
-        stood.append(twins.timeline.clock.read_value() == before)
+        stood.append(twins.timeline.clock.now() == before)
         if stood[-3:] == [True] * 3:
             runner.executive.stop("seen")
 

@@ -95,7 +95,7 @@ def test_a_record_gives_out_again_what_was_said_and_heard(tmp_path: Path) -> Non
         on_unanswered=differences.append, on_different_command=lambda *what: differences.append(what)
     )
     memory.begin_tick(said)
-    again = ReplayedVoice(memory, clock.read_value)
+    again = ReplayedVoice(memory, clock.now)
     first, second = again.say("one two three four five"), again.play(bell, Priority.LOW)
     heard = again.speaking()
     assert heard is not None

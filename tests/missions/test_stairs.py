@@ -101,7 +101,7 @@ def ride(mission: Path, robot: str, world: WorldConfig, look: Callable[[BaseTwin
     assert runner.twins is not None
     assert runner.twins.base is not None
     base, timeline = runner.twins.base, runner.twins.timeline
-    timeline.call_every(BaseTwin.STEP_INTERVAL, lambda: look(base, timeline.clock.read_value()))
+    timeline.call_every(BaseTwin.STEP_INTERVAL, lambda: look(base, timeline.clock.now()))
     runner.run()
     return base
 

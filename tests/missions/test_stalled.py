@@ -65,17 +65,17 @@ def time_to_rest(config: BaseKeys, wanted: Velocity, seconds: float) -> float:
     base.open()
     link.run(0.1)
     ticked = 0.0
-    while clock.read_value() < seconds:
-        ticked = clock.read_value()
+    while clock.now() < seconds:
+        ticked = clock.now()
         base.drive(wanted)
         link.run(PERIOD)
     assert speed(kobuki) > 0.0
     while speed(kobuki) > 0.0:
         link.run(0.01)
-        kobuki.pose(clock.read_value())
-        assert clock.read_value() - ticked < 5.0
+        kobuki.pose(clock.now())
+        assert clock.now() - ticked < 5.0
     base.close()
-    return clock.read_value() - ticked
+    return clock.now() - ticked
 
 
 def speed(kobuki: VirtualKobuki) -> float:
@@ -98,7 +98,7 @@ class Stalling(Leaf):
         base.drive(Velocity(base.limits.speed, 0.0))
         if self.witness.seen.top < 0.99 * base.limits.speed:
             return RUNNING
-        self.stalled_at = self.clock.read_value()
+        self.stalled_at = self.clock.now()
         self.witness.forget()
         wait_until(lambda: not self.witness.seen.moving)
         return FAILURE

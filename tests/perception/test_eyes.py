@@ -72,7 +72,7 @@ class Watch:
         self.asked: list[float] = []
         self.time = 0.0
 
-    def read_value(self) -> float:
+    def now(self) -> float:
         self.time += 0.5
         return self.time
 
@@ -87,7 +87,7 @@ class Watch:
         settings: dict[str, Any] = {
             "field_of_view": radians(60),
             "senses": ActiveSenses(faces=FaceSense(Middle(), Tracker())),
-            "now": self.read_value,
+            "now": self.now,
             "changed": self.change,
             "on_view": lambda view: self.percepts.append((view.looked, view.faces)),
             "on_trouble": self.troubles.append,

@@ -52,7 +52,7 @@ class Robot:
             lambda _: Gaze(0.0, 0.0),
             field_of_view=radians(60),
             senses=senses,
-            now=self.clock.read_value,
+            now=self.clock.now,
             on_resume=self.begin_afresh,
         )
         self.eyes = Eyes(self.camera, vision)

@@ -59,7 +59,7 @@ def command(seeds: int, first: int, jobs: int | None, seed: int | None, shrink: 
     except KeyboardInterrupt:
         interrupted = True
     outcomes.sort(key=lambda it: it.weather.seed)
-    click.echo(report(outcomes, clock.read_value()))
+    click.echo(report(outcomes, clock.now()))
     if interrupted:
         return INTERRUPTED
     return FAILURE if any(each.broken for each in outcomes) else SUCCESS

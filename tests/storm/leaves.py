@@ -100,7 +100,7 @@ class Rogue(Leaf):
 
     def halting(self) -> bool:
         """Take for ever, if that is its way."""
-        now = self.run.read_value()
+        now = self.run.now()
         self._halted_at = now if self._halted_at is None else self._halted_at
         self._late += now > self._halted_at + self.halt_limit
         self.overdue = max(self.overdue, self._late)

@@ -89,7 +89,7 @@ def play(weather: Weather) -> Outcome:
                 if witness.record is not None:
                     witness.record.end()
         except Exception:  # of whatever kind: no mission and no fault may raise out of a run
-            return Outcome(weather, broken={"raises": traceback.format_exc()}, wall=clock.read_value())
+            return Outcome(weather, broken={"raises": traceback.format_exc()}, wall=clock.now())
         witness.left += [f"the file {name}" for name in sorted(_names(folder) - there - {RECORD})]
         digest = witness.digest(folder)
         for thread in set(threading.enumerate()) - threads:
@@ -106,7 +106,7 @@ def play(weather: Weather) -> Outcome:
         struck[words] = struck.get(words, 0) + 1
     if witness.record is not None and witness.record.struck:
         struck[witness.record.struck] = 1
-    return Outcome(weather, struck, wrong, result.result, result.reason, result.seconds, clock.read_value(), digest)
+    return Outcome(weather, struck, wrong, result.result, result.reason, result.seconds, clock.now(), digest)
 
 
 def _runner(weather: Weather, folder: Path, witness: Witness) -> Runner:

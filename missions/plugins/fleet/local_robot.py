@@ -58,7 +58,7 @@ class LocalRobot:
         with self._lock:
             state, at = self._state, self._at
             pose = state.get("pose") or (None, None, None)
-            age = None if at is None else round(max(0.0, self._clock.read_value() - at), 1)
+            age = None if at is None else round(max(0.0, self._clock.now() - at), 1)
             there = self._runs and bool(self._links)
             return Telemetry(
                 runs=self._runs,
@@ -181,7 +181,7 @@ class LocalRobot:
     def _store_state(self, state: Mapping[str, Any]) -> None:
         kept = {name: state[name] for name in ("parts", "pose", "paused", "stopped") if name in state}
         with self._lock:
-            self._state, self._at = self._state | kept, self._clock.read_value()
+            self._state, self._at = self._state | kept, self._clock.now()
 
 
 def _is_stopped_by_fleet(told: Mapping[str, Any]) -> bool:

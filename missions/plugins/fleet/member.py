@@ -151,7 +151,7 @@ class FleetMember:
     @property
     def is_duplicate(self) -> bool:
         """Whether another robot has this address, as after a card was copied: neither does or keeps tasks then."""
-        return self.clock.read_value() < self._duplicate_until
+        return self.clock.now() < self._duplicate_until
 
     # --- threads of the wire ----------------------------------------------------------------------------------------
 
@@ -164,7 +164,7 @@ class FleetMember:
         if ask.press and ask.press == press:
             reply(answer)
             return
-        if (now := self.clock.read_value()) > self._quiet_until + STOP_QUIET_RANGE[
+        if (now := self.clock.now()) > self._quiet_until + STOP_QUIET_RANGE[
             1
         ]:  # who stops without end does not silence it
             self._quiet_until = now + uniform(*STOP_QUIET_RANGE)  # noqa: S311 - no secret
@@ -207,13 +207,11 @@ class FleetMember:
             )
             self._run_safely(partial(reply, answer))  # who asks may be gone
         self._check_duplicate()
-        busy = [
-            self._run_safely(partial(worker.step, self.clock.read_value())) is not False for worker in self.services
-        ]
-        if self.clock.read_value() < self._quiet_until:
+        busy = [self._run_safely(partial(worker.step, self.clock.now())) is not False for worker in self.services]
+        if self.clock.now() < self._quiet_until:
             return True
         state = self._run_safely(self._current_state) or self._state
-        if _is_significant(self._state, state) or self.clock.read_value() - self._published_at > HEARTBEAT_INTERVAL:
+        if _is_significant(self._state, state) or self.clock.now() - self._published_at > HEARTBEAT_INTERVAL:
             self._publish(state)
         return any(busy)
 
@@ -224,7 +222,7 @@ class FleetMember:
         if not self.is_duplicate:
             what = "fleet: another robot has the number %s of this one: was its card copied? rm fleet_number at one"
             log.error(what, self.info.address.number)
-        self._duplicate_until = self.clock.read_value() + 3 * HEARTBEAT_INTERVAL
+        self._duplicate_until = self.clock.now() + 3 * HEARTBEAT_INTERVAL
 
     @staticmethod
     def _run_safely(work: Callable[[], T]) -> T | None:
@@ -282,7 +280,7 @@ class FleetMember:
 
     def _publish(self, state: RobotState) -> None:
         self._state = replace(state, number=self._state.number + 1)
-        self._published_at = self.clock.read_value()
+        self._published_at = self.clock.now()
         with suppress(Exception):  # the wire is closed: who is not reached asks again
             self.transport.publish_state(encode_message(self._state))
 

@@ -47,7 +47,7 @@ def add_task_services(
     ``knows`` says whether there is a mission of a name; ``queue`` and ``kept`` are for the member's thread.
     """
     timeouts, own = timeouts or FleetTimeouts(), member.info.address
-    ready, now = _make_sender(member, timeouts), member.clock.read_value
+    ready, now = _make_sender(member, timeouts), member.clock.now
     errands = TaskExecutor(
         own, queue, member.fleet_robot, ready, now, wall_clock, is_stopped=lambda: member.latch.is_latched or member.is_duplicate,
         robot=robot, options=tuple(options), timeouts=timeouts, has_mission=has_mission,

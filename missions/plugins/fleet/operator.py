@@ -109,13 +109,13 @@ class Operator:
                 answers[who] = answer
 
         stop = FleetStop(by=by or self.by, press=secrets.token_hex(8))
-        pause, begun = Event(), self.clock.read_value()
+        pause, begun = Event(), self.clock.now()
         known, quiet = set[Address](), begun
         if there := [each.address for each in self.members().values() if each.connection == "ONLINE"]:
             self.transport.send_request(stop, "*/*", heard, STOP_TIMEOUT)  # all by one question
             asked_at = {each: [begun] for each in there}
         while True:
-            now = self.clock.read_value()
+            now = self.clock.now()
             there = [each.address for each in self.members().values() if each.connection == "ONLINE"]
             silent = [each for each in there if each not in answers]
             for each in silent:
@@ -244,9 +244,9 @@ def _decode_data(kind: type[T], answer: FleetAnswer) -> Iterator[T]:
 
 def wait_until_stable(roster: Roster, clock: Clock) -> None:
     """Wait until nobody new is heard of for a while, or for as long as anybody is waited for."""
-    pause, begun = Event(), clock.read_value()
+    pause, begun = Event(), clock.now()
     known, since = set[Address](), begun
-    while (now := clock.read_value()) < begun + MAX_WAIT and (
+    while (now := clock.now()) < begun + MAX_WAIT and (
         now < since + QUIET_TIME or (not known and now < begun + FIRST_ROBOT_TIMEOUT)
     ):
         there = {address for address, each in roster.members().items() if each.is_online}

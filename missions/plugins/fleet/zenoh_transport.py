@@ -74,7 +74,7 @@ class Roster:
 
     def is_duplicate(self, address: Address) -> bool:
         """Whether two robots tell of themselves under one address by turns, as after a card was copied."""
-        return self._clock.read_value() < self._duplicate_until.get(address, 0.0)
+        return self._clock.now() < self._duplicate_until.get(address, 0.0)
 
     def on_token(self, key: str, *, alive: bool) -> None:
         """A robot has come, or has gone."""
@@ -88,10 +88,10 @@ class Roster:
             if alive:
                 # What it told before it went says nothing of now; what came just ahead of its token does.
                 fresh = state if known is not None and known.connection == "ONLINE" else None
-                self._put(RosterEntry(address, "ONLINE", self._clock.read_value(), fresh))
+                self._put(RosterEntry(address, "ONLINE", self._clock.now(), fresh))
             elif known is not None and known.connection == "ONLINE":
                 gone: Connection = "OFFLINE" if state is not None and state.farewell else "CONNECTIONBROKEN"
-                self._put(RosterEntry(address, gone, self._clock.read_value(), state))
+                self._put(RosterEntry(address, gone, self._clock.now(), state))
 
     def on_state(self, key: str, data: bytes) -> None:
         """A robot tells of itself."""
@@ -104,11 +104,11 @@ class Roster:
             before = None if known is None else known.state
             if known is None or (known.connection != "ONLINE" and not state.farewell):
                 # Its token is still on its way, or comes anew: who speaks is there.
-                self._put(RosterEntry(address, "ONLINE", self._clock.read_value(), state))
+                self._put(RosterEntry(address, "ONLINE", self._clock.now(), state))
             elif before is None or before.session != state.session or before.number < state.number:
                 if before is not None and before.session != state.session:
                     if self._former_sessions.get(address) == state.session:  # which was there before the other
-                        self._duplicate_until[address] = self._clock.read_value() + DUPLICATE_MEMORY
+                        self._duplicate_until[address] = self._clock.now() + DUPLICATE_MEMORY
                     self._former_sessions[address] = before.session
                 self._put(RosterEntry(address, known.connection, known.since, state))
 
@@ -116,7 +116,7 @@ class Roster:
         """Another has met a robot; what one sees for oneself counts more."""
         with self._lock:
             if address not in self._members and connection != "ONLINE":
-                self._put(RosterEntry(address, connection, self._clock.read_value()))
+                self._put(RosterEntry(address, connection, self._clock.now()))
 
     def _put(self, member: RosterEntry) -> None:
         if member.address not in self._members and len(self._members) >= MAX_ROBOTS:

@@ -81,7 +81,7 @@ class RunFilm:
         if not self._open:
             return
         twins = self._twins
-        now, pose, view = twins.timeline.clock.read_value(), twins.pose(), twins.viewpoint()
+        now, pose, view = twins.timeline.clock.now(), twins.pose(), twins.viewpoint()
         self._trail.append((pose.x, pose.y))
         above = self._map.draw(now, pose, camera=view, field_of_view=twins.lens.field_of_view, trail=self._trail)
         panes = [above]

@@ -107,7 +107,7 @@ class RunRecording:
         wish, session, runner = self._settings, self._session, self._session.runner
         if wish.path.resolve() in session.files:
             raise click.BadParameter(f"{wish.path} is a file of this very run", param_hint="--record")
-        started = time_of_day() - timedelta(seconds=runner.clock.read_value())
+        started = time_of_day() - timedelta(seconds=runner.clock.now())
         lag = runner.assembled_robot.robot.lag
         contents = contents_of(
             session.request,
@@ -144,9 +144,7 @@ class RunRecording:
 
     def _report(self, notice: DeviceStatus) -> None:
         runner = self._session.runner
-        runner.stream.emit(
-            FaultRaised(runner.clock.read_value(), notice.device, notice.kind, notice.message, notice.hint)
-        )
+        runner.stream.emit(FaultRaised(runner.clock.now(), notice.device, notice.kind, notice.message, notice.hint))
 
 
 def record_run(options: RecordOptions, session: RunSession) -> AbstractContextManager[object]:

@@ -138,7 +138,7 @@ def echo(topic: str, robot: str, router: str | None, domain: int | None, seconds
             raise NotConnected(what, hint="`mission ros2 topics` lists what there is")
         node.subscribe(name, known, lambda kind, payload: heard.append((kind, payload)))
         end, clock = seconds, SystemClock()
-        while clock.read_value() < end:
+        while clock.now() < end:
             _wait(min(0.1, seconds))
             told, heard[:] = heard[:], []
             for kind, payload in told:
@@ -172,9 +172,7 @@ def capture(file: Path, robot: str, router: str | None, domain: int | None, seco
         def keep(name: str) -> Callable[[str, bytes], None]:
             def heard(kind: str, payload: bytes) -> None:
                 data = base64.b64encode(payload).decode()
-                lines.append(
-                    json.dumps({"t": round(clock.read_value(), 4), "topic": name, "type": kind, "payload": data})
-                )
+                lines.append(json.dumps({"t": round(clock.now(), 4), "topic": name, "type": kind, "payload": data}))
 
             return heard
 

@@ -127,11 +127,11 @@ class RunPublisher:
                 _publish_json(node, EVENTS_TOPIC, event.as_dict())
             if isinstance(event, PerceptSeen):
                 _publish(node, DETECTIONS_TOPIC, DETECTION_ARRAY, detections(event, heard))
-            if self._clock.read_value() - self._state_sent_at >= (0.1 if self._changed else STATE_INTERVAL):
+            if self._clock.now() - self._state_sent_at >= (0.1 if self._changed else STATE_INTERVAL):
                 self._publish_state(node)
 
     def _publish_state(self, node: "Ros2Node") -> None:
-        self._state_sent_at, self._changed = self._clock.read_value(), False
+        self._state_sent_at, self._changed = self._clock.now(), False
         _publish_json(node, TREE_TOPIC, {**self._tree, "nodes": list(self._nodes.values())})
         _publish_json(node, VARIABLES_TOPIC, self._variables)
 

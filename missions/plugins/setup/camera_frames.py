@@ -56,14 +56,14 @@ def robot_camera_frames(config: RobotConfig, seconds: float) -> Iterator[tuple[f
 
 def _frames_until(camera: Camera, clock: Clock, seconds: float, *, live: bool) -> Iterator[tuple[float, Image]]:
     """Yield pictures for so long after the first one."""
-    begin = clock.read_value()
+    begin = clock.now()
     camera.open()
     end = inf
     seen_at: float | None = None
-    while clock.read_value() < end:
+    while clock.now() < end:
         frame = camera.read(0.2)
         if frame is not None:
-            seen_at = clock.read_value()
+            seen_at = clock.now()
             end = min(end, seen_at + seconds)
             yield frame.stamp - begin, frame.image
             continue
@@ -73,7 +73,7 @@ def _frames_until(camera: Camera, clock: Clock, seconds: float, *, live: bool) -
         most = RETURN_TIMEOUT
         if seen_at is None:
             most = PICTURE_TIMEOUT if health.detail.endswith(NOT_YET_TEXT) else FAILURE_TIMEOUT
-        if clock.read_value() - (seen_at or begin) > most:
+        if clock.now() - (seen_at or begin) > most:
             raise NotConnected(health.detail, hint=health.hint)
 
 

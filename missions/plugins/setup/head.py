@@ -238,9 +238,9 @@ def calibrate(robot: str | None, simulate: bool, port: str | None, seconds: floa
 
 def _swing_head(bench: OpenHead, seconds: float) -> None:
     """Let the head look to and fro for some seconds, and then ahead."""
-    limits, start = bench.head.limits, bench.clock.read_value()
+    limits, start = bench.head.limits, bench.clock.now()
     click.echo(f"the head looks to both sides for {seconds:g} s")
-    while (since := bench.clock.read_value() - start) < seconds:
+    while (since := bench.clock.now() - start) < seconds:
         bench.head.look(limits.clamp(HeadPose(SWING_ANGLE * sin(SWING_RATE * since), STRAIGHT_AHEAD.tilt)))
         pause()
     bench.wait_for(bench.head.look(limits.clamp(STRAIGHT_AHEAD)))

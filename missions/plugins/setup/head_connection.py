@@ -99,9 +99,9 @@ class OpenHead:
 
     def wait_for(self, goal: HeadPose) -> bool:
         """Wait until the head is at ``goal``; say whether it has got there."""
-        arrival, start = ArrivalDetector(ARRIVAL_TOLERANCE), self.clock.read_value()
-        while not arrival(self.head.pose(), goal, self.clock.read_value()):
-            if arrival.stuck or self.clock.read_value() - start > TURN_TIMEOUT:
+        arrival, start = ArrivalDetector(ARRIVAL_TOLERANCE), self.clock.now()
+        while not arrival(self.head.pose(), goal, self.clock.now()):
+            if arrival.stuck or self.clock.now() - start > TURN_TIMEOUT:
                 return False
             pause()
         return True
@@ -175,7 +175,7 @@ def open_head(
     with interruptible(), hold_robot(config.name, simulated=virtual), closing(robot):
         robot.open()
         while not (turned.health().online and turned.pose().good):
-            if clock.read_value() > CONNECT_TIMEOUT:
+            if clock.now() > CONNECT_TIMEOUT:
                 health = turned.health()
                 raise NotConnected(health.detail, hint=health.hint)
             pause()

@@ -139,7 +139,7 @@ def _listen(section: Section, phrases: Sequence[str]) -> None:
     with closing(ears):
         ears.open()
         while not (health := ears.health()).online:
-            if clock.read_value() > CONNECT_TIMEOUT:
+            if clock.now() > CONNECT_TIMEOUT:
                 raise NotConnected(health.detail, hint=health.hint)
             pause.wait(POLL_INTERVAL)
         shown = 0
@@ -166,7 +166,7 @@ def _play(config: MicrophoneKeys, phrases: Sequence[str], wav: Path) -> None:
         for _ in range(ceil(seconds / STEP_TIME)):
             clock.advance(STEP_TIME)
             _wait_until(
-                lambda: (ears.listened() or 0.0) > clock.read_value() - STEP_TIME and not ears.listener.is_pending,
+                lambda: (ears.listened() or 0.0) > clock.now() - STEP_TIME and not ears.listener.is_pending,
                 ears,
                 hint,
             )
@@ -179,7 +179,7 @@ def _wait_until(condition: Callable[[], bool], ears: MicrophoneEars, hint: str) 
     """Wait until it holds, in real time. Raises NoReply with what the ears say when it takes too long."""
     clock, pause = SystemClock(), Event()
     while not condition():
-        if clock.read_value() > RECOGNITION_TIMEOUT:
+        if clock.now() > RECOGNITION_TIMEOUT:
             silent = f"microphone: the recogniser has said nothing for {RECOGNITION_TIMEOUT:g} s"
             raise NoReply(ears.health().detail or silent, hint=hint)
         pause.wait(POLL_INTERVAL / 10)

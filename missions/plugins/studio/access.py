@@ -102,7 +102,7 @@ class StudioAccess:
         """Return the role of a token; None for a wrong one, which counts against ``address``."""
         if self._once_digest and hmac.compare_digest(_digest(token), self._once_digest):
             self._once_digest = b""
-            if self.clock.read_value() < self._once_until:
+            if self.clock.now() < self._once_until:
                 return "operator"
         role: Role | None = None
         for known, whose in ((self.viewer, "viewer"), (self.operator, "operator")):
@@ -115,7 +115,7 @@ class StudioAccess:
     def make_once_token(self) -> str:
         """Return a token that signs an operator in once, within ``ONCE_TOKEN_LIFETIME``."""
         token = secrets.token_urlsafe(24)
-        self._once_digest, self._once_until = _digest(token), self.clock.read_value() + ONCE_TOKEN_LIFETIME
+        self._once_digest, self._once_until = _digest(token), self.clock.now() + ONCE_TOKEN_LIFETIME
         return token
 
     @property
@@ -134,7 +134,7 @@ class StudioAccess:
     def has_many_wrong(self, address: str) -> bool:
         """Return whether too many wrong tokens came from an address lately."""
         tries = self._wrong_times.get(address)
-        now = self.clock.read_value()
+        now = self.clock.now()
         while tries and now - tries[0] > WRONG_TOKEN_WINDOW:
             tries.popleft()
         return tries is not None and len(tries) >= MAX_WRONG_TOKENS
@@ -155,7 +155,7 @@ class StudioAccess:
     def _count_wrong(self, address: str) -> None:
         while len(self._wrong_times) >= MAX_ADDRESSES and address not in self._wrong_times:
             del self._wrong_times[next(iter(self._wrong_times))]
-        self._wrong_times.setdefault(address, deque(maxlen=MAX_WRONG_TOKENS)).append(self.clock.read_value())
+        self._wrong_times.setdefault(address, deque(maxlen=MAX_WRONG_TOKENS)).append(self.clock.now())
 
 
 def _digest(value: str) -> bytes:

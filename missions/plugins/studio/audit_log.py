@@ -78,7 +78,7 @@ class AuditLog:
 
     def _count_dropped(self, word: object) -> int | None:
         """Return how many lines of a word were left out before this one; None where this one is to be, too."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         had, since = self._allowed.get(word, (BURST_LINES, now))
         had = min(BURST_LINES, had + (now - since) * REFILL_RATE)
         self._allowed[word] = (had - 1.0 if had >= 1.0 else had), now

@@ -64,7 +64,7 @@ class ClientSession:
         self.role, self.name, self._sign_in = role, name, sign_in
         self._socket, self._studio = socket, studio
         self._clock = clock or SystemClock()
-        self._allowance, self._counted_at = MAX_COMMAND_RATE, self._clock.read_value()
+        self._allowance, self._counted_at = MAX_COMMAND_RATE, self._clock.now()
         self._sending = asyncio.Lock()
         self._links: dict[str, AsyncRunLink] = {}
         self._run_commands: asyncio.Queue[RunCommand] = asyncio.Queue(MAX_PENDING_COMMANDS)
@@ -186,7 +186,7 @@ class ClientSession:
             await self.send(_error_answer(find_id(line), error))
 
     def _has_allowance(self) -> bool:
-        now = self._clock.read_value()
+        now = self._clock.now()
         had = min(MAX_COMMAND_RATE, self._allowance + (now - self._counted_at) * MAX_COMMAND_RATE)
         self._allowance, self._counted_at = max(0.0, had - 1.0), now
         return had >= 1.0

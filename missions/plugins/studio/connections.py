@@ -177,7 +177,7 @@ class ConnectionAcceptor:
     def close_late(self) -> None:
         """Hang up on those whose time to sign in is over."""
         for visit in self.connections:
-            if visit.auth_level is AuthLevel.STRANGER and self.clock.read_value() - visit.accepted_at > SIGN_IN_TIMEOUT:
+            if visit.auth_level is AuthLevel.STRANGER and self.clock.now() - visit.accepted_at > SIGN_IN_TIMEOUT:
                 visit.close()
 
     def admit(self, visit: ClientConnection) -> bool:
@@ -190,7 +190,7 @@ class ConnectionAcceptor:
             self._evict_one(same)
         elif len(self.connections) >= self._capacity() and not self._evict_one(self.connections):
             return False
-        visit.accepted_at = self.clock.read_value()
+        visit.accepted_at = self.clock.now()
         self.connections.append(visit)
         return True
 
@@ -208,7 +208,7 @@ class ConnectionAcceptor:
 
     def _capacity(self) -> int:
         """Return for how many connections there are descriptors, without those in reserve."""
-        now = self.clock.read_value()
+        now = self.clock.now()
         if now >= self._count_at:
             self._count_at = now + COUNT_INTERVAL
             self._other_descriptors = _open_descriptors() - len(self.connections)

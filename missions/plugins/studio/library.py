@@ -286,7 +286,7 @@ def _list_entry(kind: str, name: str, path: Path, edition: str, clock: Clock) ->
     key = (kind, name, path, edition)
     if key in _entries:
         return _entries[key]
-    if clock.read_value() >= LIST_TIMEOUT:
+    if clock.now() >= LIST_TIMEOUT:
         return {"name": name, "summary": "", "parts": [], "trouble": "not read yet: others take long", "unread": True}
     try:
         with time_limit(FILE_TIMEOUT):

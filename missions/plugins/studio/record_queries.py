@@ -59,7 +59,7 @@ def answer_record(command: ClientCommand) -> Json:
     first = bisect_left(opened.chunks, command.start, key=lambda chunk: chunk[0])
     clock, last, gathered = SystemClock(), first, _RecordPieces()
     for start, *_ in opened.chunks[first:]:
-        if start > max(command.start, opened.chunks[first][0]) and clock.read_value() >= PIECE_TIME_BUDGET:
+        if start > max(command.start, opened.chunks[first][0]) and clock.now() >= PIECE_TIME_BUDGET:
             break  # never between chunks that begin at once: the next piece would begin with the first of them again
         gathered.add(opened.excerpt(last, last + 1))
         last += 1

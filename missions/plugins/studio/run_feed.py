@@ -315,9 +315,9 @@ class RunFeed:
 
     def _offer_picture(self, client: FeedClient, stamp: float, line: bytes) -> bool:
         """Give a client a picture, if it is to get one; say whether it does."""
-        wants = client.is_picture_due(self._clock.read_value())
+        wants = client.is_picture_due(self._clock.now())
         if wants:
-            client.add_picture(line, stamp, self._clock.read_value())
+            client.add_picture(line, stamp, self._clock.now())
         return wants
 
     async def _on_line(self, line: bytes) -> None:

@@ -109,9 +109,9 @@ class RunHub:
     async def _open(self, found: FoundProcess) -> tuple[str, float]:
         """Connect to a run; return why that was not possible, empty where it was, and when it was tried."""
         _, why, tried = self._unreached.get(found.key, ("", "", -inf))
-        if self._clock.read_value() - tried < RETRY_INTERVAL:
+        if self._clock.now() - tried < RETRY_INTERVAL:
             return why, tried
-        why, is_gone, now = "it has no socket", True, self._clock.read_value()
+        why, is_gone, now = "it has no socket", True, self._clock.now()
         for where in found.addresses:
             try:
                 link = await AsyncRunLink.open(where)

@@ -53,12 +53,12 @@ def hold_lock(path: Path, *, timeout: float = LOCK_TIMEOUT, clock: Clock | None 
 
 def _acquire(number: int, path: Path, timeout: float, clock: Clock) -> None:
     """Lock an open file, as soon as nobody else does."""
-    until, pause = clock.read_value() + timeout, Event()
+    until, pause = clock.now() + timeout, Event()
     while True:
         try:
             fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            if clock.read_value() >= until:
+            if clock.now() >= until:
                 raise LockHeldError(f"{path}: is held by process {lock_holder(path) or 'unknown'}") from error
             pause.wait(RETRY_INTERVAL)
         else:

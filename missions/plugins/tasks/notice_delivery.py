@@ -73,12 +73,12 @@ class DeliverySchedule:
             count = self._outbox.give_up(queued.channel, self._now() - MAX_NOTICE_AGE)
             self._report(f"after a week, what waits for {public_text(queued.channel)} is given up ({count}): {error}")
         if tries >= MAX_BLOCKING_TRIES and not state.is_probing:
-            state.postponed[queued.id] = self._clock.read_value() + retry_delay(tries)
+            state.postponed[queued.id] = self._clock.now() + retry_delay(tries)
             state.is_probing = self._outbox.first(queued.channel, state.postponed) is not None
             if state.is_probing:
                 return
         state.failures += 1
-        state.retry_at, state.is_probing = self._clock.read_value() + retry_delay(state.failures), False
+        state.retry_at, state.is_probing = self._clock.now() + retry_delay(state.failures), False
         state.postponed.clear()  # it was the channel, which begins with the first again
         if state.failures == 1:
             self._report(f"a notice of task {queued.notice.task} is not delivered yet: {error}")
@@ -87,7 +87,7 @@ class DeliverySchedule:
         return self._channels.setdefault(channel, _ChannelState())
 
     def _first(self, channel: str) -> QueuedNotice | None:
-        state, now = self._state(channel), self._clock.read_value()
+        state, now = self._state(channel), self._clock.now()
         if state.retry_at > now:
             return None
         state.postponed = {each: until for each, until in state.postponed.items() if until > now}

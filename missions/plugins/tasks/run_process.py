@@ -173,8 +173,8 @@ class _Termination:
         if not self.begun:
             self.begun = True
             self._process.terminate()
-            self._kill_at = self._clock.read_value() + self._grace
-        elif self._clock.read_value() > self._kill_at:
+            self._kill_at = self._clock.now() + self._grace
+        elif self._clock.now() > self._kill_at:
             self.killed = f"it did not stop within {self._grace:g} s, and was killed"
             _kill(self._process)
 

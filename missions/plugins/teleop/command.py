@@ -76,8 +76,8 @@ def measure_line(
     line = LineDelay(write, clock, size, remote=remote, relay=relay, allow_unknown=allow_unknown)
 
     def settle(typed: Callable[[float], str]) -> None:
-        until = clock.read_value() + LAST_ANSWERS_TIMEOUT
-        while line.has_open_queries and clock.read_value() < until:
+        until = clock.now() + LAST_ANSWERS_TIMEOUT
+        while line.has_open_queries and clock.now() < until:
             if typed(0.05) == "end":
                 Event().wait(0.05)  # the terminal has gone, or Ctrl-D was pressed
         with suppress(termios.error):
@@ -257,9 +257,9 @@ def _open_robot(name: str | None, head: str, overrides: Overrides, clock: Clock)
     with hold_robot(config.name, simulated=overrides.world is not None):
         try:
             robot.open()
-            begun = clock.read_value()
+            begun = clock.now()
             while not (health := base.health()).online:
-                if clock.read_value() - begun > CONNECT_TIMEOUT:
+                if clock.now() - begun > CONNECT_TIMEOUT:
                     raise NotConnected(health.detail, hint=health.hint)
                 _pause(0.02)
             yield base, robot.robot.with_named_parts({DEFAULT_HEAD: head}).head_part
@@ -280,8 +280,8 @@ def _make_line_display(clock: Clock) -> Callable[[str], None]:
 
     def show(line: str) -> None:
         nonlocal shown, at
-        if line != shown and clock.read_value() - at >= SHOW_INTERVAL and sys.stdout.isatty():
-            shown, at = line, clock.read_value()
+        if line != shown and clock.now() - at >= SHOW_INTERVAL and sys.stdout.isatty():
+            shown, at = line, clock.now()
             overwrite_line(line)
 
     return show

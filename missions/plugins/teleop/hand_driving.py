@@ -114,7 +114,7 @@ class LineDelay:
     ) -> None:
         self._write, self._clock, self._size = write, clock, size
         self._remote, self._relay, self._allow_unknown = remote, relay, allow_unknown
-        self._started_at = clock.read_value()
+        self._started_at = clock.now()
         self._open_queries: OrderedDict[tuple[int, int], float] = OrderedDict()
         self._query_count = 0
         self._last_query_at = -inf
@@ -123,7 +123,7 @@ class LineDelay:
 
     def send_query(self) -> None:
         """Ask the terminal, unless that was done a moment ago. The cursor is back at once."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         while self._open_queries and now - next(iter(self._open_queries.values())) > ANSWER_TIMEOUT:
             self._open_queries.popitem(last=False)
         if self._relay or now - self._last_query_at < QUERY_INTERVAL or len(self._open_queries) >= MAX_OPEN_QUERIES:
@@ -143,7 +143,7 @@ class LineDelay:
         place = None
         while place != (row, column):  # those before it are lost, for answers keep their order
             place, self._answered_query_at = self._open_queries.popitem(last=False)
-        self._round_trip = self._clock.read_value() - self._answered_query_at
+        self._round_trip = self._clock.now() - self._answered_query_at
 
     @property
     def has_open_queries(self) -> bool:
@@ -153,7 +153,7 @@ class LineDelay:
     @property
     def refusal(self) -> str:
         """Why keys do not drive at present; empty where they do."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         if self._answered_query_at == -inf:
             waits = self._remote or now - self._started_at < FIRST_ANSWER_TIMEOUT
             if self._allow_unknown or not waits:
@@ -169,7 +169,7 @@ class LineDelay:
     @property
     def is_late(self) -> bool:
         """Whether the line has answered, and is too slow."""
-        return self._answered_query_at > -inf and self._clock.read_value() - self._answered_query_at >= MAX_STATE_AGE
+        return self._answered_query_at > -inf and self._clock.now() - self._answered_query_at >= MAX_STATE_AGE
 
     def status_text(self) -> str:
         """Return why keys do not drive, or the round trip, for the line that is shown; empty where it is unknown."""
@@ -196,10 +196,10 @@ def drive_by_hand(
     Whatever ends it, the wheels are let go. Raises NotConnected when the pad has gone.
     """
     hand = HeldKeys() if pad is None else pad
-    before, late, refused = clock.read_value(), False, False
+    before, late, refused = clock.now(), False, False
     try:
         while True:
-            key, now = read_key(COMMAND_INTERVAL), clock.read_value()
+            key, now = read_key(COMMAND_INTERVAL), clock.now()
             if now - before > REPEAT_HOLD_TIME:
                 key = _flush_keys(key, read_key)
             if key in END_KEYS:

@@ -216,7 +216,7 @@ class Pad:
         """Take what has come, without waiting; return the keys that it stands for. Raises NotConnected: it has gone."""
         found: list[str] = []
         while news := self.read_events():
-            self._last_event_at = self._clock.read_value()
+            self._last_event_at = self._clock.now()
             found += [key for event in news if (key := self._handle_event(event))]
         return found
 

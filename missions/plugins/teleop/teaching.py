@@ -180,7 +180,7 @@ class PadTeacher:
 
     def _movement(self) -> Movement:
         """Wait until something was pressed or moved, and let go. Raises TeachingError after ``ANSWER_TIMEOUT``."""
-        begun = quiet_since = self._clock.read_value()
+        begun = quiet_since = self._clock.now()
         down, pressed = set[int](), list[int]()
         seen = {code: [value] for code, value in self._values.items()}
         settled = dict(self._values)
@@ -201,8 +201,8 @@ class PadTeacher:
                     settled[event.code] = event.value
                 else:
                     continue
-                quiet_since = self._clock.read_value()
-            now = self._clock.read_value()
+                quiet_since = self._clock.now()
+            now = self._clock.now()
             moved = [code for code, values in seen.items() if self._travel(code, values)[2] >= MIN_STICK_SHARE]
             back = all(self._is_released(code, seen[code]) for code in moved)
             if (pressed or moved) and not down and back and now - quiet_since >= RELEASE_TIME:
@@ -241,7 +241,7 @@ class PadTeacher:
         self._wait_for(state, "press ENABLE", lambda key: key == ENABLE_KEY)
 
     def _wait_for(self, state: PadState, question: str, condition: Callable[[str], bool]) -> None:
-        begun, wrong = self._clock.read_value(), 0
+        begun, wrong = self._clock.now(), 0
         self._say(question)
         while not condition(""):
             for event in self._pad.read_events():
@@ -253,7 +253,7 @@ class PadTeacher:
                 if key or (event.kind == events.KEY and event.value == 1 and event.code != state.layout.hold.code):
                     wrong += 1
                     self._say(f"  that is {'STOP' if key == LATCH_KEY else 'ENABLE' if key else 'another button'}")
-            if wrong >= MAX_TRIES or self._clock.read_value() - begun > ANSWER_TIMEOUT:
+            if wrong >= MAX_TRIES or self._clock.now() - begun > ANSWER_TIMEOUT:
                 raise TeachingError(f"pad: the dry run failed at: {question}; nothing is kept", hint="begin again")
             self._pause(POLL_INTERVAL)
 

@@ -88,11 +88,11 @@ class CaseRunner:
     def _come_to_rest(self, twins: Twins) -> None:
         """Let the robot come to rest, and see whether it does."""
         timeline, history = twins.timeline, self.history
-        timeline.run_until(timeline.clock.read_value() + REST_TIME)
+        timeline.run_until(timeline.clock.now() + REST_TIME)
         history.pose = twins.pose() if "base" in twins.parts else None
         history.joints = _joint_angles(twins)
         before = _posture(twins)
-        timeline.run_until(timeline.clock.read_value() + REST_CHECK_TIME)
+        timeline.run_until(timeline.clock.now() + REST_CHECK_TIME)
         if not _is_still(before, _posture(twins), MAX_SWAY if twins.scene is not None else 0.0):
             self.violations.append(f"the robot was not at rest {REST_TIME:g} s after the end")
         if history.claim_conflict:
@@ -108,7 +108,7 @@ def _velocity_getter(twins: Twins) -> Callable[[], Velocity] | None:
 
 def _posture(twins: Twins) -> Posture:
     """Return where base, head and joints truly are now."""
-    head = None if twins.head is None else twins.head.true_pose(twins.timeline.clock.read_value())
+    head = None if twins.head is None else twins.head.true_pose(twins.timeline.clock.now())
     return twins.pose(), head, _joint_angles(twins)
 
 
@@ -124,7 +124,7 @@ def _is_still(before: Posture, after: Posture, max_sway: float) -> bool:
 
 
 def _joint_angles(twins: Twins) -> dict[str, float]:
-    now, arms = twins.timeline.clock.read_value(), twins.arms.items()
+    now, arms = twins.timeline.clock.now(), twins.arms.items()
     return {qualified_joint_name(part, joint): arm.true_angle(joint, now) for part, arm in arms for joint in arm.limits}
 
 

@@ -317,7 +317,7 @@ def play(case: Case, *, limits: WatchdogLimits | None = None) -> CaseVerdict:
     except Exception:
         verdict = CaseVerdict(case, error=traceback.format_exc())
     last = () if verdict.passed else _last_events(stage.history)
-    return replace(verdict, last_events=last, wall_seconds=clock.read_value())
+    return replace(verdict, last_events=last, wall_seconds=clock.now())
 
 
 def _make_verdict(case: Case, stage: CaseRunner) -> CaseVerdict:

@@ -102,7 +102,7 @@ class FaultInjector:
             self._twins.timeline.call_at(self._now() + fault.seconds, partial(self._switch, fault, on=False))
 
     def _now(self) -> float:
-        return self._twins.timeline.clock.read_value()
+        return self._twins.timeline.clock.now()
 
     def _switch(self, fault: FaultSpec, *, on: bool) -> None:
         """Begin or end it. The checker has made sure that the part is there."""

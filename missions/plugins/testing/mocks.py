@@ -249,4 +249,4 @@ def _make_face(mock: Mock, known: Mapping[str, object]) -> Face:
     """Return a face seen now, of which this is known; the rest is made up."""
     made_up = {**dict.fromkeys(FACE_FIELDS, 0.0), "id": 1, "distance": 1.5, "name": ""}
     values: dict[str, Any] = {**made_up, **known}
-    return Face(stamp=mock.run.read_value(), box=Box(300.0, 220.0, 40.0, 40.0), **values)
+    return Face(stamp=mock.run.now(), box=Box(300.0, 220.0, 40.0, 40.0), **values)

@@ -123,11 +123,11 @@ class WaitStandIn(StandIn):
     def initialise(self) -> None:
         """Begin to wait."""
         super().initialise()
-        self._until = self.run.read_value() + self.seconds
+        self._until = self.run.now() + self.seconds
 
     def update(self) -> Status:
         """Wait."""
-        return SUCCESS if self.run.read_value() >= self._until else RUNNING
+        return SUCCESS if self.run.now() >= self._until else RUNNING
 
 
 def wait_seconds(step: Step) -> float | None:

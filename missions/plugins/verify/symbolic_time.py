@@ -104,7 +104,7 @@ class SymbolicClock:
         self.zone = Zone(rows)
         self._now = Instant(self, self.zone.now)
 
-    def read_value(self) -> float:
+    def now(self) -> float:
         """Return the present instant."""
         return self._now
 

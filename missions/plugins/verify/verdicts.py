@@ -280,11 +280,11 @@ def verify(
     It goes on to ``bound`` states and for ``limit`` seconds at most, by ``clock``. The robot waits for its sensors for
     ``sensor_timeout`` seconds.
     """
-    began = clock.read_value()
-    space = StateSpace(MissionModel(plan, sensor_timeout), bound, lambda: clock.read_value() - began >= limit)
+    began = clock.now()
+    space = StateSpace(MissionModel(plan, sensor_timeout), bound, lambda: clock.now() - began >= limit)
     space.explore()
     verdicts = tuple(RuleChecker(space, plan).verdicts())
-    seconds = clock.read_value() - began
+    seconds = clock.now() - began
     figures = len(space.places), space.transitions, space.depth
     return VerificationReport(
         plan.source.name, plan.mission, verdicts, *figures, seconds, _describe_omissions(space, limit)

@@ -62,7 +62,7 @@ class ViewApp(App[None]):
         self._messages = messages
         self._send_order = send
         self._clock = clock
-        self._last_message_at = clock.read_value()
+        self._last_message_at = clock.now()
 
     def compose(self) -> ComposeResult:
         """Make the parts of the screen."""
@@ -104,7 +104,7 @@ class ViewApp(App[None]):
 
     def show_message(self, message: Message) -> None:
         """Show a message."""
-        self._last_message_at = self._clock.read_value()
+        self._last_message_at = self._clock.now()
         if "drawing" in message:
             drawing = from_json(message["drawing"])
             self.view_state.set_drawing(drawing, message["robot"])
@@ -121,7 +121,7 @@ class ViewApp(App[None]):
         self._show("foot", panels.footer_line(self.view_state))
 
     def _show_head(self) -> None:
-        silence = self._clock.read_value() - self._last_message_at
+        silence = self._clock.now() - self._last_message_at
         self._show(
             "head", panels.header_line(self.view_state, self.size.width, silence if silence > STALE_TIMEOUT else 0.0)
         )

@@ -139,7 +139,7 @@ class DdsBridge:
     def _feeder(self, device: VirtualTopics, number: int) -> Callable[[bytes], None]:
         def take(payload: bytes) -> None:
             with self._lock:
-                device.feed(wire.frame(number, payload), self.clock.read_value())
+                device.feed(wire.frame(number, payload), self.clock.now())
 
         return take
 
@@ -147,7 +147,7 @@ class DdsBridge:
         finder = wire.TopicFrameFinder()
         while not self._ending.wait(0.005):
             with self._lock:
-                now = self.clock.read_value()
+                now = self.clock.now()
                 for device in self.devices:
                     for number, payload in finder.feed(device.poll(now)):
                         if number != wire.ABOUT_CHANNEL and self._session is not None:

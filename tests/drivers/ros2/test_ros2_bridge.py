@@ -119,7 +119,7 @@ def test_a_base_behind_a_bridge_is_found_and_driven_and_comes_to_rest(robot: Bri
     robot.base.stop()
     wait_until(lambda: robot.virtual.body.velocity == ZERO_VELOCITY)
     wait_until(lambda: robot.ranger.scan().good)
-    assert robot.virtual.pose(robot.clock.read_value()).x > 0.0
+    assert robot.virtual.pose(robot.clock.now()).x > 0.0
     keys = {key for key, _ in robot.terminal.heard}
     assert keys == {"tb4/cmd_vel"}
     sent = types().decode("geometry_msgs/msg/TwistStamped", robot.terminal.heard[0][1])  # as its token says
@@ -133,9 +133,9 @@ def test_with_its_bridge_gone_it_comes_to_rest_and_with_it_back_it_goes_on(robot
     robot.open()
     wait_until(robot.drives, pause=0.02)
     robot.terminal.unplug()
-    lost = robot.clock.read_value()
+    lost = robot.clock.now()
     wait_until(lambda: robot.virtual.body.velocity == ZERO_VELOCITY)
-    assert robot.clock.read_value() - lost < 0.7
+    assert robot.clock.now() - lost < 0.7
     wait_until(lambda: not robot.graph.health().online and not robot.base.health().online)
     with pytest.raises(NotConnected, match="base:"):
         robot.base.drive(Velocity(0.2, 0.0))
@@ -149,9 +149,9 @@ def test_with_its_bridge_gone_it_comes_to_rest_and_with_it_back_it_goes_on(robot
 def test_a_leaf_that_falls_silent_lets_it_rest_and_a_stop_is_sent_at_once(robot: Bridged) -> None:
     robot.open()
     wait_until(robot.drives, pause=0.02)
-    silent = robot.clock.read_value()
+    silent = robot.clock.now()
     wait_until(lambda: robot.virtual.body.velocity == ZERO_VELOCITY)
-    assert robot.clock.read_value() - silent < 1.0
+    assert robot.clock.now() - silent < 1.0
     wait_until(robot.drives, pause=0.02)
     robot.base.latch("stopped by hand")
     wait_until(lambda: robot.virtual.body.velocity == ZERO_VELOCITY)

@@ -25,7 +25,7 @@ class Network:
         self.sieve = MessageFilter()
         self.heard: Callable[[str, bytes], None] = lambda kind, payload: None  # noqa: ARG005
 
-    def read_value(self) -> float:
+    def now(self) -> float:
         return self.time
 
     def entities(self, role: str, name: str) -> list[Entity]:

@@ -95,15 +95,15 @@ def test_the_base_comes_to_rest_and_with_the_way_back_it_drives_again(way: Way) 
     clock = SystemClock()
     wait_until(way.drives, pause=0.02)
     way.lost()
-    lost = clock.read_value()
+    lost = clock.now()
     wait_until(way.rests, pause=0.02)
-    assert clock.read_value() - lost < 0.7
+    assert clock.now() - lost < 0.7
     wait_until(lambda: not way.robot.base.health().online)
-    at = way.robot.virtual.pose(way.robot.clock.read_value())
+    at = way.robot.virtual.pose(way.robot.clock.now())
     way.mended()
     wait_until(way.back)
     # What was held up on the way does not move it.
-    assert way.robot.virtual.pose(way.robot.clock.read_value()).x == pytest.approx(at.x, abs=0.01)
+    assert way.robot.virtual.pose(way.robot.clock.now()).x == pytest.approx(at.x, abs=0.01)
     way.robot.base.enable()
     wait_until(way.drives, pause=0.02)
 
@@ -118,7 +118,7 @@ def test_a_goal_is_said_to_be_unknown_and_cancelled_with_the_way_back_and_the_ne
     way.mended()
     wait_until(way.back)
     wait_until(way.stands)
-    assert way.robot.virtual.pose(way.robot.clock.read_value()).x < 4.5
+    assert way.robot.virtual.pose(way.robot.clock.now()).x < 4.5
     near = graph.navigate(((way.robot.virtual.odometry.x + 0.1, 0.0, 0.0),), "odom")
     wait_until(lambda: graph.progress(near).is_final)
     assert graph.progress(near).state is GoalState.SUCCEEDED

@@ -160,20 +160,18 @@ def test_a_part_that_is_silent_for_its_malformed_messages_says_so() -> None:
     part = Part("base")
     part.topics._kinds |= {"odom": (ODOMETRY,), "cmd_vel": ("geometry_msgs/msg/Twist",)}
     part.hear(TEXT)
-    what, hint = part.topics.offline_reason(part.clock.read_value(), "", 0, silent=False)
+    what, hint = part.topics.offline_reason(part.clock.now(), "", 0, silent=False)
     assert what.startswith(f"base: /odom: malformed message: expected {ODOMETRY}, got")
     assert "mission ros2 echo /odom" in hint
     part.clock.advance(MALFORMED_LIFETIME + 0.1)
-    assert (
-        part.topics.offline_reason(part.clock.read_value(), "", 0, silent=False)[0] == "base: /odom: no odometry comes"
-    )
+    assert part.topics.offline_reason(part.clock.now(), "", 0, silent=False)[0] == "base: /odom: no odometry comes"
 
 
 def test_a_joint_whose_position_is_not_a_number_is_named() -> None:
     part = Part("arm")
     part.device._kinds |= {0: JOINT_STATE, 1: "std_msgs/msg/Float64MultiArray"}
     part.hear(types().encode(JOINT_STATE, {"name": ["elbow"], "position": [nan]}))
-    assert part.device._silence(part.clock.read_value())[0].endswith("nothing comes of elbow; not a number: elbow")
+    assert part.device._silence(part.clock.now())[0].endswith("nothing comes of elbow; not a number: elbow")
 
 
 def test_no_number_of_topics_fills_the_memory() -> None:

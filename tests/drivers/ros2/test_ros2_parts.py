@@ -80,7 +80,7 @@ class Robot:
 
     def truly(self) -> float:
         """Where the elbow really is."""
-        now, state = self.clock.read_value(), self.virtual_arm.state
+        now, state = self.clock.now(), self.virtual_arm.state
         assert state is not None
         found = self.terminal.call_paused(lambda: state(now))
         assert isinstance(found, dict)
@@ -88,7 +88,7 @@ class Robot:
 
     def looks(self) -> HeadPose:
         """Where the head truly looks."""
-        now, looks = self.clock.read_value(), self.virtual_head.head_pose
+        now, looks = self.clock.now(), self.virtual_head.head_pose
         assert looks is not None
         return self.terminal.call_paused(lambda: looks(now))
 
@@ -155,7 +155,7 @@ def test_joints_that_turn_all_the_way_round_have_twins() -> None:
     for twin in (twin_arm(joints, stage), twin_head(turning, stage)):
         twin.open()
         timeline.call_every(twin.STEP_INTERVAL, twin.step)
-        timeline.run_until(timeline.clock.read_value() + 0.1)
+        timeline.run_until(timeline.clock.now() + 0.1)
         assert twin.health().online
         twin.close()
 

@@ -25,7 +25,7 @@ class Network:
         self.servers = ["a"]
         self.asked: list[tuple[str, Any]] = []
 
-    def read_value(self) -> float:
+    def now(self) -> float:
         return self.time
 
     def entities(self, role: str, name: str) -> list[Entity]:

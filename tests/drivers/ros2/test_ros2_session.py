@@ -86,7 +86,7 @@ def test_a_base_is_found_with_the_type_that_it_listens_for_and_driven(robot: Rob
     wait_until(driven, pause=0.02)
     robot.base.stop()
     wait_until(lambda: robot.virtual.body.velocity == ZERO_VELOCITY)
-    assert robot.virtual.pose(robot.clock.read_value()).x > 0.04
+    assert robot.virtual.pose(robot.clock.now()).x > 0.04
     wait_until(lambda: robot.ranger.scan().good)
     nodes = {each.node for each in robot.graph.node().entities("NN")}
     assert nodes == {"robot"}
@@ -103,9 +103,9 @@ def test_with_its_router_gone_it_comes_to_rest_and_with_it_back_it_goes_on_by_it
 
     wait_until(driven, pause=0.02)
     robot.terminal.unplug()
-    lost = robot.clock.read_value()
+    lost = robot.clock.now()
     wait_until(lambda: robot.virtual.body.velocity == ZERO_VELOCITY)
-    assert robot.clock.read_value() - lost < 0.7
+    assert robot.clock.now() - lost < 0.7
     wait_until(lambda: not robot.graph.health().online and not robot.base.health().online)
     with pytest.raises(NotConnected, match="base:"):
         robot.base.drive(Velocity(0.2, 0.0))

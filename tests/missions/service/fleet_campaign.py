@@ -184,11 +184,11 @@ class Campaign:
 
     def until(self, holds: object, seconds: float) -> float:
         """Wait until something holds; return after how long."""
-        begun = self.clock.read_value()
+        begun = self.clock.now()
         while not holds():  # type: ignore[operator]
-            assert self.clock.read_value() < begun + seconds, f"it did not come true within {seconds:g} s"
+            assert self.clock.now() < begun + seconds, f"it did not come true within {seconds:g} s"
             self.pause.wait(0.01)
-        return self.clock.read_value() - begun
+        return self.clock.now() - begun
 
     def give(self, count: int) -> None:
         """Give so many tasks, a quarter of them such that may not be done twice; each until it is acknowledged."""
@@ -225,13 +225,13 @@ class Campaign:
         self.given = []
         self.planned = ["kill"] * kills + ["cut"] * cuts + ["stop"] * stops
         self.chance.shuffle(self.planned)
-        self.next_at = self.clock.read_value() + 0.5
+        self.next_at = self.clock.now() + 0.5
 
     every: float = 0.7
 
     def strike_if_due(self) -> None:
         """Kill, cut, start and mend what is due."""
-        now = self.clock.read_value()
+        now = self.clock.now()
         for robot in self.robots:
             if robot.process is None and now >= robot.back_at:
                 robot.start()
@@ -263,8 +263,8 @@ class Campaign:
 
     def finish(self, seconds: float) -> None:
         """Go on striking until nothing is planned, then wait until all tasks have ended; count what came of it."""
-        begun = self.clock.read_value()
-        while self.clock.read_value() < begun + seconds:
+        begun = self.clock.now()
+        while self.clock.now() < begun + seconds:
             self.strike_if_due()
             whole = all(each.process is not None and not each.proxy.cut.is_set() for each in self.robots)
             if not self.planned and whole and self.open() == 0 and not self.untold():
@@ -272,7 +272,7 @@ class Campaign:
             if not self.planned and any(each.state and each.state.stopped for each in self.operator.members().values()):
                 self.operator.release([], resume=True)  # who was away when all were released
             self.pause.wait(0.1)
-        self.figures.seconds = self.clock.read_value()
+        self.figures.seconds = self.clock.now()
         for robot in self.robots:
             robot.kill()
         done: Counter[str] = Counter()
@@ -325,9 +325,9 @@ class Campaign:
 
     def measure(self, rounds: int) -> None:
         """Measure how soon the list is right, how soon a stop is confirmed, and what an idle robot costs."""
-        spent, at = self._spent(), self.clock.read_value()
+        spent, at = self._spent(), self.clock.now()
         self.pause.wait(min(5.0, rounds * 1.0))
-        self.figures.processor = (self._spent() - spent) / (self.clock.read_value() - at) / len(self.robots)
+        self.figures.processor = (self._spent() - spent) / (self.clock.now() - at) / len(self.robots)
         for _ in range(rounds):
             robot = self.chance.choice(self.robots)
             address = robot.address
@@ -348,7 +348,7 @@ class Campaign:
             self.stopping.join()
 
     def _stop_among_strikes(self) -> None:
-        begun = self.clock.read_value()
+        begun = self.clock.now()
         there, at = self._stop(self.stopper)
         there &= {each.address for each in self.robots if each.changed_at < begun - SETTLED}
         self.figures.struck_delays += [at[each] for each in there if each in at]
@@ -356,13 +356,13 @@ class Campaign:
 
     def _stop(self, operator: Operator) -> tuple[set[Address], dict[Address, float]]:
         """Stop and release all; return who was there, and after how long each has confirmed it."""
-        there, begun, at = self.online(), self.clock.read_value(), dict[Address, float]()
+        there, begun, at = self.online(), self.clock.now(), dict[Address, float]()
         ask = operator.transport.send_request
 
         def timed(wanted, where, on_answer, timeout):  # type: ignore[no-untyped-def]
             def heard(who, answer):  # type: ignore[no-untyped-def]
                 if who is not None and answer is not None and who not in at:
-                    at[who] = self.clock.read_value() - begun
+                    at[who] = self.clock.now() - begun
                 on_answer(who, answer)
 
             ask(wanted, where, heard, timeout)

@@ -31,10 +31,10 @@ class Busy(ManualClock):
         super().__init__(100.0)
         self.happens = happens
 
-    def read_value(self) -> float:
+    def now(self) -> float:
         self.advance(0.05)
         self.happens()
-        return super().read_value()
+        return super().now()
 
 
 class Fleet(ZenohTransport):
@@ -67,19 +67,19 @@ def test_a_stop_ends_in_a_fleet_that_moves_all_the_time() -> None:
     fleet = Fleet()
     fleet.seen(ANNA, BOB)
     fleet.clock.happens = lambda: fleet.seen(ANNA, BOB)
-    begun = fleet.clock.read_value()
+    begun = fleet.clock.now()
     answers, silent = fleet.operator.stop()
     assert (set(answers), silent) == ({ANNA, BOB}, [])
-    assert fleet.clock.read_value() - begun < 1.5, "what they tell of themselves makes them nobody new"
+    assert fleet.clock.now() - begun < 1.5, "what they tell of themselves makes them nobody new"
 
 
 def test_a_stop_ends_though_robots_come_without_end() -> None:
     fleet = Fleet()
     fleet.clock.happens = lambda: fleet.seen(Address("new", f"{fleet.number:08x}"))
-    begun = fleet.clock.read_value()
+    begun = fleet.clock.now()
     answers, _ = fleet.operator.stop()
     assert len(answers) > 50
-    assert MAX_WAIT < fleet.clock.read_value() - begun < 2 * MAX_WAIT + 1.0
+    assert MAX_WAIT < fleet.clock.now() - begun < 2 * MAX_WAIT + 1.0
 
 
 @pytest.mark.parametrize(

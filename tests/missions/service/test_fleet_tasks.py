@@ -64,22 +64,22 @@ class Robot:
         self.queue = AssignmentQueue(
             self.fleet.closed.enter_context(closing(open_db(queue_file(self.folder)))), lambda _: ()
         )
-        self.queue.recover(self.fleet.read_value())
+        self.queue.recover(self.fleet.now())
         self.errands = TaskExecutor(
-            self.address, self.queue, self.body, partial_ask(self.fleet, self), self.fleet.read_value, self.fleet.read_value,
+            self.address, self.queue, self.body, partial_ask(self.fleet, self), self.fleet.now, self.fleet.now,
             is_stopped=lambda: self.stopped, timeouts=TIMES, has_mission=lambda name: name != "unknown",
         )  # fmt: skip
         self.claimed, self.body.telemetry = None, Telemetry()
 
     def begin(self) -> bool:
         """Begin what is due; say whether there was something."""
-        self.claimed = self.queue.claim(self.fleet.read_value())
+        self.claimed = self.queue.claim(self.fleet.now())
         self.body.telemetry = Telemetry(runs=self.claimed is not None)
         return self.claimed is not None
 
     def end(self, how: str = "success") -> None:
         assert self.claimed is not None
-        self.queue.finish(self.claimed, AttemptOutcome(how), self.fleet.read_value())  # type: ignore[arg-type]
+        self.queue.finish(self.claimed, AttemptOutcome(how), self.fleet.now())  # type: ignore[arg-type]
         self.claimed, self.body.telemetry = None, Telemetry()
 
 
@@ -110,15 +110,13 @@ class Fleet:
 
     def start_desk(self) -> None:
         self.kept = TaskStore(self.closed.enter_context(closing(open_db(queue_file(self.folder / "desk")))))
-        self.keeper = TaskAllocator(
-            DESK, self.kept, self.roster, partial_ask(self, None), self.read_value, self.wall, TIMES
-        )
+        self.keeper = TaskAllocator(DESK, self.kept, self.roster, partial_ask(self, None), self.now, self.wall, TIMES)
 
     def wall(self) -> float:
-        return self.read_value() + self.ahead
+        return self.now() + self.ahead
 
-    def read_value(self) -> float:
-        return self.clock.read_value()
+    def now(self) -> float:
+        return self.clock.now()
 
     def robot(self, name: str, number: str) -> Robot:
         found = Robot(self, name, number, self.folder / name)
@@ -161,9 +159,9 @@ class Fleet:
             self.clock.advance(0.5)
             for robot in self.robots.values():
                 self.seen(robot)
-            self.keeper.step(self.read_value())
+            self.keeper.step(self.now())
             for robot in self.robots.values():
-                robot.errands.step(self.read_value())
+                robot.errands.step(self.now())
 
     @property
     def task(self) -> FleetTask:

@@ -258,7 +258,7 @@ class Prober:
         fcntl.flock(self._number, fcntl.LOCK_SH)
         self.looks = 0
 
-    def read_value(self) -> float:
+    def now(self) -> float:
         self.looks += 1
         if self.looks == 2:
             os.close(self._number)

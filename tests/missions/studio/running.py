@@ -78,7 +78,7 @@ class Client:
     def hear(self, wanted: Callable[[Mapping[str, Any]], object]) -> Mapping[str, Any]:
         """Return the first message from now on that is wanted."""
         clock = SystemClock()
-        while clock.read_value() < 20.0:
+        while clock.now() < 20.0:
             told = self.link.receive()
             if wanted(told):
                 return told

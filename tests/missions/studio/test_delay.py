@@ -47,7 +47,7 @@ class Way:
     last: float = 0.0
 
     def send(self, come: Callable[[], object]) -> None:
-        now = self.timeline.clock.read_value()
+        now = self.timeline.clock.now()
         self.last = max(self.last, now + self.delay(now))
         self.timeline.call_at(self.last, come)
 
@@ -83,14 +83,14 @@ class RemoteDrive:
     def _step(self) -> None:
         self.base.step()
         if self.base.body.velocity.linear:
-            self.moved.append(self.timeline.clock.read_value())
+            self.moved.append(self.timeline.clock.now())
 
     def _tell(self, way: Way) -> None:
-        if not self.paused[0] <= self.timeline.clock.read_value() < self.paused[1]:
+        if not self.paused[0] <= self.timeline.clock.now() < self.paused[1]:
             way.send(partial(setattr, self, "stamp", self.wheels.stamp()))
 
     def _push(self, way: Way) -> None:
-        if self.stamp is not None and self.timeline.clock.read_value() < PRESSED_AT:
+        if self.stamp is not None and self.timeline.clock.now() < PRESSED_AT:
             self.number += 1
             way.send(partial(self._hear, DriveCommand(n=self.number, stamp=self.stamp, ahead=1.0, left=0.0, pace=1.0)))
 
@@ -99,7 +99,7 @@ class RemoteDrive:
             self.wheels.drive("Ada", command)
         except BadMessage as error:
             self.errors.add(error.error)
-        self.timeline.call_at(self.wheels.ends_at, lambda: self.wheels.check(self.timeline.clock.read_value()))
+        self.timeline.call_at(self.wheels.ends_at, lambda: self.wheels.check(self.timeline.clock.now()))
 
 
 def constant(delay: float) -> Delay:
@@ -211,7 +211,7 @@ TROUBLES: dict[str, Trouble] = {
 def drive_on(client: Client, run: str, seconds: float) -> None:
     """Send what a page sends while the stick is held."""
     clock, pause = SystemClock(), Event()
-    while clock.read_value() < seconds:
+    while clock.now() < seconds:
         client.drive(run)
         pause.wait(SENT_EVERY)
 

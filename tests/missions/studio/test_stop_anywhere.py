@@ -400,7 +400,7 @@ def end(process: Process) -> None:
 def comes_to_rest(base: LoneBase) -> bool:
     clock = SystemClock()
     while base.seen().moving:
-        if clock.read_value() > REST_TIME:
+        if clock.now() > REST_TIME:
             return False
         Event().wait(0.05)
     Event().wait(0.3)

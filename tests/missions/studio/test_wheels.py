@@ -142,7 +142,7 @@ def test_stamps_that_were_not_issued_are_refused_whatever_they_are(driving: Driv
     driving.wheels.take("Ada", "Ada")
     driving.drive()
     newest = driving.wheels.stamp()
-    for forged in {0, 1, newest + 1, newest - 1, 2**53, int(driving.clock.read_value()) + 1} - {newest}:
+    for forged in {0, 1, newest + 1, newest - 1, 2**53, int(driving.clock.now()) + 1} - {newest}:
         driving.drive(ahead=0.0, stamp=newest)
         driving.drive(stamp=newest)
         assert "not of this run" in refused("stale", lambda stamp=forged: driving.drive(stamp=stamp))  # type: ignore[misc]
@@ -242,7 +242,7 @@ def test_random_commands_take_every_transition_and_no_other(monkeypatch: pytest.
 
     def let_time_pass(driving: Driving, _: Random) -> None:
         driving.clock.advance(MAX_STATE_AGE + 0.01)
-        driving.wheels.check(driving.clock.read_value())
+        driving.wheels.check(driving.clock.now())
         assert driving.wheels.ends_at == inf
 
     def stop(driving: Driving, _: Random) -> None:

@@ -98,7 +98,7 @@ def test_what_a_mock_keeps_is_a_face_where_a_face_is_found(bench: LeafTestBench)
     bench.tick(leaf)
     face = bench.run.variables["person"]
     assert isinstance(face, Face)
-    assert (face.id, face.yaw, face.stamp) == (7, 0.2, bench.clock.read_value())
+    assert (face.id, face.yaw, face.stamp) == (7, 0.2, bench.clock.now())
 
 
 def test_what_another_mock_keeps_is_what_it_was_told(bench: LeafTestBench) -> None:

@@ -112,12 +112,12 @@ def _play(record: RunRecord, at: float, speed: float) -> int:
         KeyReader(sys.stdin.fileno()) as keys,
         Live(console=shown_on, screen=True, auto_refresh=False) as live,
     ):
-        shown = clock.read_value()
+        shown = clock.now()
         going_on = True
         while going_on:
             live.update(screen.draw(player, shown_on.size.height), refresh=True)
             key = keys.read(REFRESH_INTERVAL)
-            before, shown = shown, clock.read_value()
+            before, shown = shown, clock.now()
             player.advance(shown - before)
             going_on = not key or player.press(key)
     return SUCCESS

@@ -295,7 +295,7 @@ class Recorder:
 
     def on_view(self, view: View) -> None:
         """Keep what perception has found."""
-        self._enqueue(ViewItem(0.0 if self._clock is None else self._clock.read_value(), view))
+        self._enqueue(ViewItem(0.0 if self._clock is None else self._clock.now(), view))
 
     def on_frame(self, frame: Frame, gaze: Gaze | None = None) -> None:
         """Keep a frame that was searched, if one is due; ``gaze`` is where the camera looked then."""
@@ -345,8 +345,8 @@ class Recorder:
         wall = SystemClock()
         check_at = 0.0
         while not self._closing.wait(BATCH_INTERVAL):
-            if self._health_check is not None and wall.read_value() >= check_at:
-                check_at = wall.read_value() + HEALTH_INTERVAL
+            if self._health_check is not None and wall.now() >= check_at:
+                check_at = wall.now() + HEALTH_INTERVAL
                 self._record_health(self._health_check)
             self._send_queue()
         self._send_queue()
@@ -357,7 +357,7 @@ class Recorder:
     def _record_health(self, health_check: HealthCheck) -> None:
         """Keep how the devices are."""
         with suppress(Exception):  # what a driver has to say of itself must not end a record
-            self._enqueue(HealthItem(0.0 if self._clock is None else self._clock.read_value(), health_check()))
+            self._enqueue(HealthItem(0.0 if self._clock is None else self._clock.now(), health_check()))
 
     def _send_queue(self) -> None:
         """Send what waits, and hear what became of it."""

@@ -135,7 +135,7 @@ class RecordWriterClient:
         self._start()
         self.send(pack_items([contents]))
         wall = SystemClock()
-        while self.state is WriterState.STARTING and wall.read_value() < self._start_timeout:
+        while self.state is WriterState.STARTING and wall.now() < self._start_timeout:
             self.receive(POLL_INTERVAL)
         if self.state in (WriterState.STARTING, WriterState.ABORTED):
             why = self.reason or f"its process did not begin within {self._start_timeout:.0f} s"

@@ -121,11 +121,11 @@ class WriterProcess:
 
     def _write(self, writer: RecordWriter, waiting: deque[bytes]) -> WriteResult:
         """Write what waits and what comes, until there is no more, or no more room."""
-        flush_at = self._clock.read_value()
+        flush_at = self._clock.now()
         while (self._reader.is_open or waiting) and writer.limit_reached_at is None:
             told = [_write_batch(writer, batch) for batch in waiting]
             waiting.clear()
-            now = self._clock.read_value()
+            now = self._clock.now()
             if any(told) and not writer.is_failing:
                 flush_at = min(flush_at, now + URGENT_FLUSH_INTERVAL)
             if now >= flush_at:
@@ -133,7 +133,7 @@ class WriterProcess:
                 writer.sync()
                 flush_at = now + (RETRY_INTERVAL if writer.is_failing else FLUSH_INTERVAL)
                 self._report_losses(writer)
-            waiting += self._reader.batches(max(0.0, flush_at - self._clock.read_value()))
+            waiting += self._reader.batches(max(0.0, flush_at - self._clock.now()))
         written = writer.close()
         writer.sync()  # what is told to be closed outlives a power cut
         self._report_losses(writer)

@@ -313,7 +313,7 @@ class _Rerun:
             recorded_robot(
                 with_carriers(config, plan.tree.parts),
                 self._answers,
-                run.read_value,
+                run.now,
                 eye=camera_position(config),
                 groups=joint_groups(config),
                 other_parts={name: (kind, joint_groups(config, name)) for name, kind in config.extra_parts.items()},
@@ -364,13 +364,13 @@ class _Rerun:
         """Note the first question that the record has no answer to."""
         if not self.result.unanswered:
             by = "" if self._run.active_leaf is None else f"{self._run.active_leaf.label} asks for "
-            when = f"in tick {self._run.tick}, at {self._run.read_value():.2f} s"
+            when = f"in tick {self._run.tick}, at {self._run.now():.2f} s"
             self.result = replace(self.result, unanswered=f"{when}, {by}{query}")
 
     def _note_command(self, part: str, recorded: RecordedCommand | None, current: RecordedCommand | None) -> None:
         """Note the first command that is another one."""
         if self.result.command is None:
-            leaf, tick, time = self._run.active_leaf, self._run.tick, self._run.read_value()
+            leaf, tick, time = self._run.active_leaf, self._run.tick, self._run.now()
             by = "" if leaf is None or current is None else leaf.label
             self.result = replace(self.result, command=CommandDifference(tick, time, part, recorded, current, by))
 

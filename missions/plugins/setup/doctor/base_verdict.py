@@ -117,11 +117,11 @@ class TryBase(Leaf):
         """Begin at rest."""
         self.trial = BaseTrial()
         self._index, self._phase = 0, TrialPhase.READY
-        self._reported_at = self.run.read_value()
+        self._reported_at = self.run.now()
 
     def update(self) -> Status:
         """Go on with the present step."""
-        now, reading = self.run.read_value(), self.robot.base.state()
+        now, reading = self.run.now(), self.robot.base.state()
         if self.elapsed > TIMEOUT:
             return self.fail(f"the trial has not ended within {TIMEOUT:g} s")
         if reading.value is None or not reading.good:

@@ -66,7 +66,7 @@ class TryHead(Leaf):
         if self._index == len(TRIAL_POSES):
             return SUCCESS
         name, pose = TRIAL_POSES[self._index]
-        head, now = self.robot.head, self.run.read_value()
+        head, now = self.robot.head, self.run.now()
         if self._arrived_at is None:
             goal = head.look(pose)
             if self._arrival(head.pose(), goal, now):
@@ -84,7 +84,7 @@ class TryHead(Leaf):
         return self.wait(f"looks at {pose_text(pose)}")
 
     def _start_pose(self) -> None:
-        self._arrival, self._started_at, self._arrived_at = ArrivalDetector(), self.run.read_value(), None
+        self._arrival, self._started_at, self._arrived_at = ArrivalDetector(), self.run.now(), None
 
     def terminate(self, new_status: Status) -> None:
         """Stand still, whatever comes."""

@@ -347,14 +347,14 @@ def _portraits_from_camera(
         )
         eye.open()
         say = stack.enter_context(_open_voice(clock)) if aloud else ignore
-        while not collector.is_complete and clock.read_value() < seconds:
+        while not collector.is_complete and clock.now() < seconds:
             if collector.instruction != guide:
                 guide = collector.instruction
                 click.echo(f"{guide[:1].upper()}{guide[1:]}.", err=True)
                 say(guide)
             frame = eye.read(0.2)
             if frame is None:
-                if not seen and clock.read_value() > PICTURE_TIMEOUT:
+                if not seen and clock.now() > PICTURE_TIMEOUT:
                     health = eye.health()
                     raise NotConnected(health.detail, hint=health.hint)
                 if seen and not eye.health().online and not is_live(source):

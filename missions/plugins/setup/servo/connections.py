@@ -209,10 +209,10 @@ class OpenArm:
 
     def wait_for_reports(self, names: Collection[str]) -> None:
         """Wait until joints report. Raises DeviceFault after ``REPORT_TIMEOUT`` s, with why they do not."""
-        begun = self.clock.read_value()
+        begun = self.clock.now()
         while silent := [name for name, it in self.joints.states().items() if name in names and not it.good]:
             health = self.joints.health()
-            if self.clock.read_value() - begun > REPORT_TIMEOUT:
+            if self.clock.now() - begun > REPORT_TIMEOUT:
                 raise DeviceFault(f"{', '.join(silent)} cannot be moved: {health.detail}", hint=health.hint)
             pause()
 
@@ -263,12 +263,12 @@ def open_arms(*targets: ServoTarget) -> Iterator[list[OpenArm]]:
 
 def _wait_for_arm(joints: Joints, clock: Clock) -> None:
     """Wait until an arm is there, and say so. Raises NotConnected, with what is missing, after ``CONNECT_TIMEOUT``."""
-    remark = clock.read_value() + REMARK_DELAY
+    remark = clock.now() + REMARK_DELAY
     while not (joints.health().online and any(reading.good for reading in joints.states().values())):
-        if clock.read_value() > CONNECT_TIMEOUT:
+        if clock.now() > CONNECT_TIMEOUT:
             health = joints.health()
             raise NotConnected(health.detail, hint=health.hint)
-        if clock.read_value() > remark:
+        if clock.now() > remark:
             remark = inf
             click.echo(f"waiting for it: {joints.health().detail}", err=True)
         pause()
@@ -343,11 +343,11 @@ def wait_for_end(
     It waits for what ``wait`` waits for, if that is given.
     """
     if seconds is not None:
-        end = clock.read_value() + seconds
+        end = clock.now() + seconds
 
         def timed() -> bool:
             (wait or pause)()
-            return clock.read_value() >= end
+            return clock.now() >= end
 
         yield timed
         return

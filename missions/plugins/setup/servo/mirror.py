@@ -111,10 +111,10 @@ def _mirror(leading: OpenArm, following: OpenArm, couplings: Sequence[Coupling],
         while not over():
             read.clear()
             try:
-                goals = mirroring.step(clock.read_value())
+                goals = mirroring.step(clock.now())
             except NotConnected:  # its driver has told so, and looks for it
                 mirroring.pause()
                 continue
-            if clock.read_value() - shown > DISPLAY_INTERVAL:
-                shown = clock.read_value()
+            if clock.now() - shown > DISPLAY_INTERVAL:
+                shown = clock.now()
                 show_line("  ".join(f"{joint} {degrees(goal):+.0f}" for joint, goal in goals.items()) + " deg")

@@ -69,5 +69,5 @@ def _record(joints: Joints, recording: JointRecording, clock: Clock, seconds: fl
     """Take readings until it is over."""
     with wait_for_end(clock, seconds) as over:
         while not over():
-            recording.add(joints.states(), clock.read_value())
+            recording.add(joints.states(), clock.now())
             show_line(f"{recording.seconds:5.1f} s, {len(recording.snapshots)} readings")

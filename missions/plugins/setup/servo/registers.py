@@ -102,13 +102,13 @@ def _watch_joints(bench: OpenBus, names: Sequence[str], interval: float, *, as_j
     chosen = bench.select_joints(names)
     with Live(console=console(), auto_refresh=False) as live:
         while True:
-            begun = bench.clock.read_value()
+            begun = bench.clock.now()
             felt = _read_joints(bench.bus, chosen)
             if as_json:
                 click.echo(_joints_as_json(bench, felt))
             else:
                 live.update(Text(_joint_table(felt), no_wrap=True, overflow="ellipsis"), refresh=True)
-            pause(max(0.0, begun + interval - bench.clock.read_value()))
+            pause(max(0.0, begun + interval - bench.clock.now()))
 
 
 def _joints_as_json(bench: OpenBus, snapshots: Sequence[JointReport]) -> str:
@@ -116,7 +116,7 @@ def _joints_as_json(bench: OpenBus, snapshots: Sequence[JointReport]) -> str:
         each.joint.name: {"remark": each.remark} | ({} if each.state is None else asdict(each.state))
         for each in snapshots
     }
-    return json.dumps({"t": round(bench.clock.read_value(), 3), "joints": joints})
+    return json.dumps({"t": round(bench.clock.now(), 3), "joints": joints})
 
 
 def _show_registers(bench: OpenBus, servo: str, *, as_json: bool) -> None:

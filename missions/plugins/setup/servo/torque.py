@@ -114,7 +114,7 @@ def _enable_torque(bench: OpenBus, joint: Joint) -> None:
     if joint.reports_shutdown:
         raise DeviceFault("has shut down, and was left as it is", hint=SHUTDOWN_HINT)
     joint.torque_request = True
-    restore_settings(bus, joint, now=bench.clock.read_value())
+    restore_settings(bus, joint, now=bench.clock.now())
     if not bus.read(joint.address, joint.model.table["torque_enable"]):
         raise DeviceFault("its torque does not stay on", hint=f"mission servo info{bench.options}")
 
@@ -204,10 +204,10 @@ def _recover_servos(target: ServoTarget) -> int:
 
 def _wait_for_torque(arm: OpenArm, names: Sequence[str]) -> list[str]:
     """Return which of the joints tell, before ``RECOVERY_TIMEOUT`` is over, that they are stiff."""
-    begun = arm.clock.read_value()
+    begun = arm.clock.now()
     while True:
         told = {name: each for name, each in arm.joints.states().items() if each.good and each.stamp > begun}
         stiff = [name for name in names if name in told and (state := told[name].value) is not None and state.torque]
-        if len(stiff) == len(names) or arm.clock.read_value() - begun > RECOVERY_TIMEOUT:
+        if len(stiff) == len(names) or arm.clock.now() - begun > RECOVERY_TIMEOUT:
             return stiff
         pause()

@@ -58,7 +58,7 @@ class CommandChannel:
         """Wait for the end of the program; return its exit code."""
         clock = SystemClock()
         while (code := process.poll()) is None:
-            if clock.read_value() > self._timeout:
+            if clock.now() > self._timeout:
                 raise DeliveryError(f"{self._command[0]}: did not end within {self._timeout:g} s")
             if self._given_up.wait(POLL_INTERVAL):
                 raise DeliveryError(f"{self._command[0]}: had not ended when the server did")

@@ -69,12 +69,12 @@ class MqttChannel:
 
     def _wait(self, client: "Client", delivery: "_Delivery") -> str:
         """Do the network's work until the notice is acknowledged; return what went wrong instead."""
-        until = self._clock.read_value() + self._timeout
+        until = self._clock.now() + self._timeout
         while not (delivery.is_acknowledged or delivery.problem):
             code = client.loop(POLL_INTERVAL)
             if code:  # most of the time, a callback has said more of it
                 delivery.fail(f"the connection broke: {code.name}")
-            elif self._clock.read_value() > until:
+            elif self._clock.now() > until:
                 delivery.fail(f"the broker did not acknowledge within {self._timeout:g} s")
         return "" if delivery.is_acknowledged else delivery.problem
 

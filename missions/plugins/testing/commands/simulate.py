@@ -190,13 +190,13 @@ def command(
     try:
         simulation.open()
         click.echo(json.dumps({"robot": config.name, "ports": simulation.ports}))
-        hands, lines, told = DeviceCommands(simulation, config), LineReader(0), clock.read_value()
+        hands, lines, told = DeviceCommands(simulation, config), LineReader(0), clock.now()
         while not ending:
             for line in lines.wait(STOP_POLL_INTERVAL if period is None else min(STOP_POLL_INTERVAL, period)):
                 if line:
                     _run_line(hands, line)
-            if period is not None and clock.read_value() - told >= period:
-                told = clock.read_value()
+            if period is not None and clock.now() - told >= period:
+                told = clock.now()
                 click.echo(json.dumps({"t": round(told, 3)} | simulation.state()))
     finally:
         simulation.close()

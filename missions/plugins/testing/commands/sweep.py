@@ -141,7 +141,7 @@ def command(
     jobs = jobs or core_count()
     with interruptible():
         rows = _run(sweep, range(seed, seed + runs), jobs, partial(folder.append_row, sweep))
-        took = f"{clock.read_value():.1f} s on {jobs} process{'es' if jobs > 1 else ''}"
+        took = f"{clock.now():.1f} s on {jobs} process{'es' if jobs > 1 else ''}"
         summary = summarise(rows, sweep.variations)
         _report(sweep, folder, plan.mission, rows, summary, took)
     if len(rows) < runs:

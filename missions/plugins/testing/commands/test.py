@@ -84,7 +84,7 @@ def command(
         _print_verdicts(verdicts)
         if tell_coverage:
             click.echo("\n" + "\n".join(coverage_lines(coverage(verdicts))) + "\n")
-    click.echo(report.summary_line(verdicts, planned=len(cases), seconds=clock.read_value()), err=as_json)
+    click.echo(report.summary_line(verdicts, planned=len(cases), seconds=clock.now()), err=as_json)
     if written := [str(path) for path in (junit_file, page_file) if path is not None]:
         click.echo(f"wrote {', '.join(written)}", err=True)
     return SUCCESS if all(verdict.passed for verdict in verdicts) else FAILURE

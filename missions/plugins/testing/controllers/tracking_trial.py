@@ -371,7 +371,7 @@ class TrackingTrial:
         self._begin = -radians(60) if body is TrackingBody.HEAD else 0.0  # a head walks from one side to the other
         self._head = None if body is TrackingBody.BASE else self._make_head()
         self._base = None if body is TrackingBody.HEAD else self._make_base(scenario.base_lag)
-        self._sight = FilteredSight(self._random, self._estimated_gaze, self._clock.read_value)
+        self._sight = FilteredSight(self._random, self._estimated_gaze, self._clock.now)
         self._last_arrival = 0.0
         self._leaf = TrackFace("track_face")
         self._leaf.run = RunState(self._clock)
@@ -425,11 +425,11 @@ class TrackingTrial:
 
     def _time(self) -> float:
         """Return the time of the scenario: it begins with the first picture, or when the robot has learnt."""
-        return round(self._clock.read_value() - WARM_UP_TIME - FRAME_PHASE - self._scenario.learning_time, 9)
+        return round(self._clock.now() - WARM_UP_TIME - FRAME_PHASE - self._scenario.learning_time, 9)
 
     def _true_gaze(self) -> float:
         """Return where the camera truly looks, in radians."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         pan = 0.0 if self._head is None else self._head.true_pose(now).pan
         return pan + (0.0 if self._base is None else self._base.true_pose(now).heading)
 
@@ -448,7 +448,7 @@ class TrackingTrial:
             self._trace.lost = True
 
     def _expose(self) -> None:
-        scenario, now, bearings = self._scenario, self._clock.read_value(), [self._bearing()]
+        scenario, now, bearings = self._scenario, self._clock.now(), [self._bearing()]
         if scenario.other_path is not None and self._time() >= 0:
             bearings.append(self._begin + scenario.other_path(self._time()) - self._true_gaze())
         boxes = [box for box in map(self._sight.measure, bearings) if box is not None]

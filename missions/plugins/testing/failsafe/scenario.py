@@ -239,7 +239,7 @@ class CommandSource:
 
     def __init__(self, source: Source, velocity: Velocity, base: Base, run: RunState) -> None:
         self.feedback = self.end_reason = ""
-        self.started_at = run.clock.read_value()
+        self.started_at = run.clock.now()
         self.place = "what drives"
         self._source, self._velocity, self._base, self._run = source, velocity, base, run
         self._permit = StaleCommandGuard(run, lambda: None)
@@ -258,7 +258,7 @@ class CommandSource:
             self.feedback = WAITING
         except DriverError as error:
             self.feedback = f"fails: {error}" if mission else str(error)
-            self.started_at = self._run.clock.read_value()
+            self.started_at = self._run.clock.now()
 
     def end(self, why: str) -> None:
         """Ask for nothing any more."""
@@ -298,14 +298,14 @@ class FailsafeScenario:
         mission = self._sources.get(Source.MISSION)
         if why and mission is not None and not mission.end_reason:
             mission.end(f"has ended: {why}")
-        if self._silent and self._timeline.clock.read_value() >= FAULT_START:
+        if self._silent and self._timeline.clock.now() >= FAULT_START:
             return
         for each in self._sources.values():
             each.command()
 
     def _look(self) -> None:
         """Keep what is new."""
-        now, steering = self._timeline.clock.read_value(), self._base.steering()
+        now, steering = self._timeline.clock.now(), self._base.steering()
         state: BaseState | None = self._base.state().value
         x = 0.0 if state is None else state.pose.x
         if now <= FAULT_START:

@@ -39,7 +39,7 @@ class StagedRanger:
 
     def scan(self) -> Reading[RangeScan]:
         """Return the newest scan."""
-        now = self._clock.read_value()
+        now = self._clock.now()
         if self._scan is None or (not self.frozen and now - self._scan.stamp >= SCAN_INTERVAL):
             self._scan = self._measure()
         return Reading(self._scan, self._scan.stamp, Quality.GOOD)
@@ -59,4 +59,4 @@ class StagedRanger:
             pose = self._pose
             dx, dy = self._thing[0] - pose.x, self._thing[1] - pose.y
             ranges[round((atan2(dy, dx) - pose.heading) / radians(1.0)) % BEAM_COUNT] = hypot(dx, dy)
-        return RangeScan(ranges, 0.0, radians(1.0), self._clock.read_value(), 0, 0.05, 12.0)
+        return RangeScan(ranges, 0.0, radians(1.0), self._clock.now(), 0, 0.05, 12.0)

@@ -159,7 +159,7 @@ class RecordedRanger(Spy):
         for angle, distance in distances.items():
             ranges[angle % 360] = distance
         number = 0 if self.reading.value is None else self.reading.value.number + 1
-        now = self.clock.read_value()
+        now = self.clock.now()
         scan = RangeScan(ranges, 0.0, radians(1), now, number, least=0.15, most=12.0)
         self.reading = Reading(scan, now, Quality.GOOD)
 
@@ -225,7 +225,7 @@ class RecordedJoints(Spy):
 
     def set_state(self, joint: str, state: JointState) -> None:
         """Let a joint feel this, and let that be measured now."""
-        self.readings[joint] = Reading(state, self.clock.read_value(), Quality.GOOD)
+        self.readings[joint] = Reading(state, self.clock.now(), Quality.GOOD)
 
     def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
         """Keep the goals, and the speeds."""
@@ -376,7 +376,7 @@ class LeafTestBench:
         self.arm = RecordedJoints(self.clock)
         self.voice = RecordedVoice(self.clock)
         self.sight = RecordedSight()
-        self.sight.searched = self.clock.read_value()
+        self.sight.searched = self.clock.now()
         self.hearing = RecordedHearing(self.clock)
         self.screen = RecordedScreen(self.clock)
         self.ros2 = RecordedRos2(self.clock)

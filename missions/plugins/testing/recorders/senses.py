@@ -63,7 +63,7 @@ class Spy:
     def record_always(self, command: C) -> C:
         """Keep a command that is safe in any state."""
         self.commands.append(command)
-        self.times.append(self.clock.read_value())
+        self.times.append(self.clock.now())
         return command
 
     def open(self) -> None:
@@ -110,7 +110,7 @@ class RecordedUtterance:
 
     def __init__(self, voice: "RecordedVoice") -> None:
         self.ended = self.cancelled = False
-        self.started: float | None = voice.clock.read_value()
+        self.started: float | None = voice.clock.now()
         self._voice = voice
 
     def done(self) -> bool:
@@ -202,7 +202,7 @@ class RecordedHearing:
 
     def say(self, phrase: str, *, seconds: float = 0.5, accepted: bool = True) -> Words:
         """Have somebody say a phrase, from ``seconds`` ago until now; or something that is only near to it."""
-        now, number = self._clock.read_value(), len(self.understood) + len(self.unknown) + 1
+        now, number = self._clock.now(), len(self.understood) + len(self.unknown) + 1
         words = Words(number, phrase, now - seconds, now, 3.0 if accepted else -3.0)
         if accepted:
             self.understood = (words, *self.understood)
@@ -220,7 +220,7 @@ class RecordedHearing:
 
     def listened(self) -> float | None:
         """Return what the test has set, else now."""
-        return self._clock.read_value() if self.heard_until is None else self.heard_until
+        return self._clock.now() if self.heard_until is None else self.heard_until
 
     def level(self) -> float:
         """Return what the test has set."""

@@ -65,28 +65,28 @@ class FarTerminal:
     def show(self, text: str) -> None:
         found = ASKED.fullmatch(text)
         assert found is not None
-        self.shown = max(self.shown, self.clock.read_value() + self.down(self.clock.read_value()))
+        self.shown = max(self.shown, self.clock.now() + self.down(self.clock.now()))
         self.timeline.call_at(self.shown, partial(self._send, f"{found[1]};{found[2]}"))
 
     def _send(self, what: str) -> None:
-        self.sent = max(self.sent, self.clock.read_value() + self.up(self.clock.read_value()))
+        self.sent = max(self.sent, self.clock.now() + self.up(self.clock.now()))
         self.timeline.call_at(self.sent, partial(self.came.append, what))
 
     def _hold(self) -> None:
-        if self.clock.read_value() < self.until:
+        if self.clock.now() < self.until:
             self._send("i")
 
     def _typed(self, seconds: float) -> str:
         """Return a key as ``KeyReader.read`` does: answers and keys come in one stream, which is read without a pause."""
-        until = self.clock.read_value() + seconds
+        until = self.clock.now() + seconds
         while True:
             while self.came:
                 what = self.came.pop(0)
                 if ";" not in what:
                     return what
                 self.line.on_answer(*map(int, what.split(";")))
-                until = self.clock.read_value()
-            if self.clock.read_value() >= until:
+                until = self.clock.now()
+            if self.clock.now() >= until:
                 return ""
             self.timeline.run_until(until, lambda: bool(self.came))
 
@@ -94,7 +94,7 @@ class FarTerminal:
         self.base.step()
         self.head.step()
         if self.base.body.velocity.linear:
-            self.moved.append(self.clock.read_value())
+            self.moved.append(self.clock.now())
 
 
 def constant(delay: float) -> Callable[[float], float]:

@@ -66,7 +66,7 @@ class InHand:
         return self.pad.read_keys()
 
     def push(self) -> DriveInput | None:
-        return self.pad.push(self.clock.read_value())
+        return self.pad.push(self.clock.now())
 
     def close(self) -> None:
         self.pad.close()

@@ -50,18 +50,18 @@ class Drive:
         drive_by_hand(Pilot(self.base), self.typed, None, self.clock, self.shown.append)
 
     def typed(self, seconds: float) -> str:
-        if self.clock.read_value() >= self.held_up[0]:  # the whole program stands still, and not the base
+        if self.clock.now() >= self.held_up[0]:  # the whole program stands still, and not the base
             self.timeline.run_until(self.held_up[1])
             self.held_up = (inf, inf)
         due, key = self.keys[0]
-        self.timeline.run_until(min(self.clock.read_value() + seconds, max(due, self.clock.read_value())))
-        if self.clock.read_value() < due:
+        self.timeline.run_until(min(self.clock.now() + seconds, max(due, self.clock.now())))
+        if self.clock.now() < due:
             return ""
         del self.keys[0]
         return key
 
     def _step(self) -> None:
-        now = self.clock.read_value()
+        now = self.clock.now()
         if now >= self.away[0]:
             self.base.plug.unplug()
         if now >= self.away[1]:
@@ -69,7 +69,7 @@ class Drive:
             self.away = (inf, inf)
         self.base.step()
         velocity = self.base.body.velocity
-        self.speeds.append((self.clock.read_value(), velocity.linear, velocity.angular))
+        self.speeds.append((self.clock.now(), velocity.linear, velocity.angular))
 
     def speed(self, start: float, end: float = inf) -> list[float]:
         return [ahead for time, ahead, _ in self.speeds if start <= time <= end]

@@ -58,9 +58,9 @@ class Terminal:
             except OSError:  # the process has ended
                 break
         for asked in ASKED.finditer(self.text, self._seen):
-            self._answers.append((self._clock.read_value() + self.delay, f"\x1b[{asked[1]};{asked[2]}R"))
+            self._answers.append((self._clock.now() + self.delay, f"\x1b[{asked[1]};{asked[2]}R"))
             self._seen = asked.end()
-        while self._answers and self._answers[0][0] <= self._clock.read_value():
+        while self._answers and self._answers[0][0] <= self._clock.now():
             self.type(self._answers.popleft()[1].encode())
         return words in self.text
 
@@ -113,7 +113,7 @@ def test_over_a_line_that_is_too_slow_a_key_drives_nothing_and_the_reason_is_sho
         wait_until(lambda: terminal.shows("line too slow: 1."), pause=0.02)  # before anybody presses a key
         base.seen(forget=True)
         clock = SystemClock()
-        wait_until(lambda: terminal.hold() and clock.read_value() > 2.0, pause=0.03)
+        wait_until(lambda: terminal.hold() and clock.now() > 2.0, pause=0.03)
         assert base.seen().top == 0.0
         terminal.delay, before = 0.0, len(terminal.text)
         wait_until(lambda: terminal.shows("") and " ms | 50 %" in terminal.text[before:], pause=0.02)  # it was let go

@@ -53,7 +53,7 @@ class Held:
         return self.pad.read_keys()
 
     def push(self) -> DriveInput | None:
-        return self.pad.push(self.clock.read_value())
+        return self.pad.push(self.clock.now())
 
     def unplug(self) -> None:
         if self._hand >= 0:

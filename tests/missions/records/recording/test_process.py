@@ -36,10 +36,10 @@ class Script(BatchReader):
     def batches(self, timeout: float) -> Iterator[bytes]:
         """Let time pass, up to ``timeout`` or to what comes next."""
         due, batch = self._coming[0]
-        if due > self._clock.read_value() + timeout:
+        if due > self._clock.now() + timeout:
             self._clock.advance(timeout)
             return
-        self._clock.advance(due - self._clock.read_value())
+        self._clock.advance(due - self._clock.now())
         self._coming.pop(0)
         self.is_open = bool(batch)
         if batch:
@@ -53,7 +53,7 @@ def test_what_is_told_seldom_is_on_the_disk_sooner_than_what_is_told_all_the_tim
     item: Item, within: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock, synced = ManualClock(), list[float]()
-    monkeypatch.setattr(RecordWriter, "sync", lambda _: synced.append(clock.read_value()))
+    monkeypatch.setattr(RecordWriter, "sync", lambda _: synced.append(clock.now()))
     WriterProcess(tmp_path / "it.mcap", Script(clock, item), clock, limit=1e9, overwrite=False).run()
     after = min(time for time in synced if time > CAME) - CAME
     assert within - 0.1 < after <= within + 1e-9

@@ -82,7 +82,7 @@ def play(plan: Plan, ticks: int) -> Mapping[str, NodeFigures]:
     else:
         executive.halt()
     changes = [event for event in events if isinstance(event, NodeChanged)]
-    found = node_figures(drawing_of(plan), changes, moments, start=0.0, until=clock.read_value())
+    found = node_figures(drawing_of(plan), changes, moments, start=0.0, until=clock.now())
     return {place.key: node for place, node in found.items()}
 
 

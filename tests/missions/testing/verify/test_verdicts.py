@@ -292,7 +292,7 @@ def test_a_reactive_node_that_takes_over_never_overlaps_with_what_it_halts() -> 
 class Hasty(ManualClock):
     """A clock that is a second later each time that it is asked."""
 
-    def read_value(self) -> float:
+    def now(self) -> float:
         return self.advance(1.0)
 
 
