@@ -188,7 +188,9 @@ def summarise_output(output: str) -> str:
 def claims() -> str:
     """Return the table of the claims."""
     kept = json.loads(FIGURES.read_text("utf-8")) if FIGURES.exists() else {}
-    return table(("claim", "shown by", "last figures", "does not cover"), (_row(each, kept) for each in CLAIMS))
+    return markdown_table(
+        ("claim", "shown by", "last figures", "does not cover"), (_row(each, kept) for each in CLAIMS)
+    )
 
 
 def _row(claim: Claim, kept: Mapping[str, Mapping[str, object]]) -> tuple[str, ...]:

@@ -63,7 +63,7 @@ def dumps() -> Mapping[Path, Callable[[], Dump]]:
 
 def dump(name: str, suffix: str) -> Dump:
     """Return a mission in the form of ``suffix``; an HTML page names its style and script."""
-    made = FORMS[SUFFIXES[suffix]](drawing(name))
+    made = TREE_FORMS[FORM_OF_SUFFIX[suffix]](drawing(name))
     return without_assets(made) if suffix == ".html" and isinstance(made, str) else made
 
 
@@ -79,7 +79,7 @@ def drawing(name: str) -> TreeDrawing:
     return drawing_of(load_mission(name))
 
 
-def moment() -> Drawing:
+def moment() -> TreeDrawing:
     """Return the drawing of `greet` at ``MOMENT``, in simulated time."""
     events: list[Event] = []
     missions.run("greet", simulate="fast", eyes="truth", listeners=[events.append])

@@ -167,7 +167,9 @@ def draw_tree(
         draw.text((LEFT, 514), f"✓ success after {time:.1f} s", fill=COLOURS["success"][1], font=font(18, bold=True))
 
 
-def draw_row(draw: ImageDraw.ImageDraw, y: int, depth: int, box: Box, now: Mapping[str, Status], time: float) -> None:
+def draw_row(
+    draw: ImageDraw.ImageDraw, y: int, depth: int, box: TreeBox, now: Mapping[str, Status], time: float
+) -> None:
     """Draw one node: status, symbol, title and modifiers, and its reason at the right while it runs."""
     status, reason, since = now.get(box.key, IDLE)
     outer, _, _ = now.get(box.badges[0].key, IDLE) if box.badges else (status, reason, since)

@@ -15,7 +15,7 @@ from pathlib import Path
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
 from config.cases import CommonKeys, ExpectKeys, JudgedSuiteKeys
-from config.controller import ControllerFileKeys, RuleBaseKeys
+from config.controller import RuleBaseKeys
 from config.defaults import DefaultsKeys
 from config.fleet import FleetKeys
 from config.gesture import GestureKeys
@@ -63,8 +63,8 @@ def modifiers() -> str:
 
 def counts() -> str:
     """Return the table of the keys that count the children of a parallel."""
-    rows = ((code(word), takes, text) for word, (takes, text) in COUNTS.items())
-    return table(("word", "takes", "what it does"), rows)
+    rows = ((markdown_code(word), takes, text) for word, (takes, text) in COUNTS.items())
+    return markdown_table(("word", "takes", "what it does"), rows)
 
 
 def units() -> str:
@@ -121,44 +121,51 @@ def entry(leaf: type[Leaf]) -> str:
 
 def robot_keys() -> str:
     """Return the keys of every driver that ships, by kind of part."""
-    return robot_reference(Table(), frozenset((kind, name) for kind, names in HOUSE.items() for name in names))
+    return robot_reference(
+        DriverTable(), frozenset((kind, name) for kind, names in BUILT_IN_DRIVERS.items() for name in names)
+    )
 
 
 def studio_commands() -> str:
     """Return the table of the studio's commands."""
     rows = (
-        (code(word), kind.role, _describe_members(kind, leave=("id",)), " ".join((inspect.getdoc(kind) or "").split()))
+        (
+            markdown_code(word),
+            kind.role,
+            _describe_members(kind, leave=("id",)),
+            " ".join((inspect.getdoc(kind) or "").split()),
+        )
         for word, kind in COMMANDS.items()
     )
-    return markdown_table(("command", "who", "members", "what it does"), rows)
+    return markdown_table(("command", "who", "fields", "what it does"), rows)
 
 
 def studio_messages() -> str:
     """Return the table of the studio's messages."""
     rows = (
-        (code(word), _describe_members(kind), " ".join((inspect.getdoc(kind) or "").split()))
+        (markdown_code(word), _describe_members(kind), " ".join((inspect.getdoc(kind) or "").split()))
         for word, kind in MESSAGES.items()
     )
-    return markdown_table(("message", "members", "what it says"), rows)
+    return markdown_table(("message", "fields", "what it says"), rows)
 
 
 def studio_errors() -> str:
     """Return the table of the errors in answers."""
-    return table(("error", "means"), ((code(name), about) for name, about in ERRORS.items()))
+    return markdown_table(("error", "means"), ((markdown_code(name), about) for name, about in ERRORS.items()))
 
 
 SITUATIONS = (
-    *(Setting(fault=fault) for fault in FAULTS if fault != "nothing"),
-    Setting(fault="bumper left", reflexes="bumper: stop"),
-    Setting(fault="bumper left", reflexes="latch"),
-    Setting(fault="cliff left", reflexes="latch"),
-    Setting(wish="ahead, gently", fault="bumper left"),
-    Setting(wish="back", fault="cliff left"),
-    Setting(battery="low"),
-    Setting(battery="critical"),
-    Setting(battery="critical, on the dock"),
-    Setting(wish="too fast"),
-    Setting(who="both", fault=SILENCE),
+    *(FailsafeSetting(fault=fault) for fault in FAULTS if fault != "nothing"),
+    FailsafeSetting(fault="bumper left", reflexes="bumper: stop"),
+    FailsafeSetting(fault="bumper left", reflexes="latch"),
+    FailsafeSetting(fault="cliff left", reflexes="latch"),
+    FailsafeSetting(wish="ahead, gently", fault="bumper left"),
+    FailsafeSetting(wish="back", fault="cliff left"),
+    FailsafeSetting(battery="low"),
+    FailsafeSetting(battery="critical"),
+    FailsafeSetting(battery="critical, on the dock"),
+    FailsafeSetting(wish="too fast"),
+    FailsafeSetting(who="both", fault=SILENT_FAULT),
 )
 """Situations of the failsafe table in docs/base.md."""
 
@@ -202,18 +209,18 @@ def _default(option: Option) -> str:
 
 def failsafe() -> str:
     """Return the table of a base's reactions, computed by stepping through each situation."""
-    usual = Setting()
+    usual = FailsafeSetting()
     rows = []
     for each in SITUATIONS:
         chosen = [f"{name}: {word}" for name in CHOICES if (word := getattr(each, name)) != getattr(usual, name)]
         story = distinct_moments(run_scenario(each))
         told = [(moment.t, words) for moment, words in story if moment.t >= 0.0] or [(0.0, story[-1][1])]
         rows.append(("<br>".join(chosen), "<br>".join(f"{t:.2f} s: {words}" for t, words in told)))
-    return table(("situation", "reaction"), rows)
+    return markdown_table(("situation", "reaction"), rows)
 
 
 def _describe_members(kind: type, leave: Sequence[str] = ()) -> str:
-    """Return the members of a message with their descriptions, optional ones in brackets."""
+    """Return the message_fields of a message with their descriptions, optional ones in brackets."""
     found = []
     for each in message_fields(kind):
         if each.name not in leave:
@@ -233,7 +240,7 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "robot_keys": robot_keys,
     "robot_top": partial(keys_table, RobotKeys),
     "gesture_keys": partial(keys_table, GestureKeys),
-    "controller_keys": partial(keys_table, ControllerFileKeys, (RuleBaseKeys,)),
+    "controller_keys": partial(keys_table, RuleBaseKeys, (RuleBaseKeys,)),
     "rule_keys": partial(keys_table, RuleBaseKeys),
     "world_keys": partial(keys_table, WorldConfig),
     "test_keys": partial(keys_table, JudgedSuiteKeys, {CommonKeys, ExpectKeys}),

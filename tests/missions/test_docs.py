@@ -202,7 +202,7 @@ def test_each_object_file_of_the_docs_loads(block: Block, tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("block", of_kind("world:"), ids=str)
 def test_each_world_of_the_docs_loads(block: Block) -> None:
-    world = build_world(read_world(Source("docs.yaml", block.text)))
+    world = build_world(parse_world(SourceText("docs.yaml", block.text)))
     assert world.room.length > 0
 
 
@@ -284,9 +284,9 @@ def test_the_error_of_the_tutorial_is_the_real_one(folder: Path, capsys: pytest.
 
 
 def test_the_leaf_of_the_docs_bows_the_given_number_of_times() -> None:
-    bench = Bench()
+    bench = LeafTestBench()
     bow = leaves_of(ROOT / "docs" / "leaves.md")["bow"]
-    leaf = bench.put(bow(bow.word), times=3)
+    leaf = bench.put(bow(bow.tag), times=3)
     ticks = 0
     while bench.tick(leaf, after=0.1) is Status.RUNNING:
         ticks += 1

@@ -22,10 +22,10 @@ import skimage
 from _pytest.mark import ParameterSet
 
 from docs import film
-from missions.cli.root import guarded, mission
+from missions.cli.root import mission, run_guarded
 from missions.library.drivers import load_robot
 from missions.library.shipped import load_mission
-from missions.trees.draw import drawing_of
+from missions.trees.drawing_builder import drawing_of
 from tests.missions.command import Process, command
 from tests.perception.people_drawn import pictures
 

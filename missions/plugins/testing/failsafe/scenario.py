@@ -240,7 +240,7 @@ class CommandSource:
     def __init__(self, source: Source, velocity: Velocity, base: Base, run: RunState) -> None:
         self.feedback = self.end_reason = ""
         self.started_at = run.clock.now()
-        self.place = "what drives"
+        self.label = "what drives"
         self._source, self._velocity, self._base, self._run = source, velocity, base, run
         self._permit = StaleCommandGuard(run, lambda: None)
 
