@@ -65,6 +65,11 @@ def test_every_path_on_a_page_exists(page: str) -> None:
     assert missing + [link for link in links if not (folder / link).exists()] == []
 
 
+def test_every_module_file_on_the_page_exists() -> None:
+    files = {path.name for package in PACKAGES for path in (ROOT / package).rglob("*.py")}
+    assert [name for name in re.findall(r"`([a-z]\w*\.py)`", PAGE) if name not in files] == []
+
+
 def listed_packages() -> list[str]:
     """Return the packages in the first column of the table on the page."""
     table = PAGE.partition("## Packages")[2].partition("\n## ")[0]
