@@ -101,8 +101,8 @@ def entry(leaf: type[Leaf]) -> str:
     """Return the section of one leaf: facts and arguments."""
     facts = [f"Drives {', '.join(sorted(leaf.drives))}."] if leaf.drives else []
     facts += [f"Needs {', '.join(sorted(leaf.needs))}."] if leaf.needs else []
-    facts += [f"Uses {', '.join(sorted(leaf.optional_parts))}, where there is one."] if leaf.optional_parts else []
-    facts += [f"`as` keeps {leaf.output_doc}."] if leaf.output_doc else []
+    facts += [f"Uses {', '.join(sorted(leaf.optional_parts))} if there is one."] if leaf.optional_parts else []
+    facts += [f"`as` stores {leaf.output_doc}."] if leaf.output_doc else []
     parts = [f"## {leaf.tag}", summary(leaf), details(leaf), " ".join(facts)]
     rows = [
         (
