@@ -1,4 +1,4 @@
-"""The robot as a leaf sees it: its parts by name, behind the protocols of the drivers."""
+"""Robot as a leaf sees it: parts by name, behind the protocols of the drivers."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import field, replace
@@ -18,7 +18,7 @@ Part = TypeVar("Part")
 
 @dataclass(frozen=True, slots=True)
 class ExtraPart:
-    """One more ``part`` of a ``kind``, under a name of its own; ``groups`` as those of a robot's arm."""
+    """Additional ``part`` of a ``kind`` that the robot already has; ``groups`` are the joint groups if it is an arm."""
 
     kind: str
     part: Any
@@ -27,17 +27,16 @@ class ExtraPart:
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """The parts that a leaf may use; what this robot lacks is None. Leaves use the properties, which never are.
+    """Parts that a leaf may use. The ``..._part`` fields are None for missing parts; the properties never are.
 
-    ``camera_position`` is where the camera sits: (x, y, z) in metres from the middle of the base on the floor, with the axes of REP
-    103. The head turns about it. ``groups`` are joints of the arm that go by one name, such as ``left_arm``. ``lag`` is
-    how long the base takes to begin what it is told: all that turn it learn it together. ``extra_parts`` are further parts
-    of a kind by their own names, such as ``lidar_mast``, a head without a camera: a leaf that is told to turn that one
-    sees it as its ``head``.
-    ``places`` are those of its map by name: x, y (m), heading (rad), and the frame that they are in.
+    ``camera_position`` is (x, y, z) in metres from the middle of the base on the floor (axes of REP 103); the head
+    turns about it. ``groups`` are the joint groups of the arm, such as ``left_arm``. ``lag`` estimates the command lag
+    of the base and is shared by all leaves that turn the base. ``extra_parts`` are additional parts of a kind by name,
+    such as ``lidar_mast``, a head without a camera. A leaf with ``on: lidar_mast`` sees that part as its ``head``.
+    ``places`` are the named places of the map: x, y (m), heading (rad), frame.
 
-    The checker has made sure that a leaf's ``needs`` are there, so BadRequest from a property means that the leaf
-    forgot to declare one.
+    The checker ensures that a leaf's ``needs`` are there. So BadRequest from a property means that the leaf does not
+    declare the part.
     """
 
     base_part: Base | None = None
@@ -58,91 +57,91 @@ class Robot:
 
     @property
     def base(self) -> Base:
-        """The base."""
+        """Base."""
         return _require(self.base_part, "base")
 
     @property
     def sounds(self) -> Sounds:
-        """The sounder of the base."""
+        """Sounder of the base."""
         return _require(self.base.sounds, "sounds")
 
     @property
     def lights(self) -> Lights:
-        """The lights of the base."""
+        """Lights of the base."""
         return _require(self.base.lights, "lights")
 
     @property
     def legs(self) -> Legs:
-        """The legs of the base."""
+        """Legs of the base."""
         return _require(self.base.legs, "legs")
 
     @property
     def head(self) -> Head:
-        """The head."""
+        """Head."""
         return _require(self.head_part, "head")
 
     @property
     def arm(self) -> Joints:
-        """The arm's joints."""
+        """Joints of the arm."""
         return _require(self.arm_part, "arm")
 
     @property
     def joint_ranges(self) -> JointRanges:
-        """The arm's joints by name and group, and how far and fast they go; and those of its other arms."""
+        """Joints and groups of the arm with their limits, and those of all other arms."""
         others = {name: other for name, other in self.extra_parts.items() if other.kind == "arm"}
         arms = {name: JointRanges(other.part.limits, other.groups) for name, other in others.items()}
         return JointRanges(self.arm.limits, self.groups, arms)
 
     @property
     def ranger(self) -> Ranger:
-        """The range finder; its part is called ``range``."""
+        """Range finder; its part is called ``range``."""
         return _require(self.ranger_part, "range")
 
     @property
     def imu(self) -> Imu:
-        """What feels how the robot leans."""
+        """Inertial measurement unit."""
         return _require(self.imu_part, "imu")
 
     @property
     def voice(self) -> Voice:
-        """The voice."""
+        """Voice."""
         return _require(self.voice_part, "voice")
 
     @property
     def sight(self) -> Sight:
-        """What the camera sees."""
+        """Percepts of the camera."""
         return _require(self.sight_part, "camera")
 
     @property
     def hearing(self) -> Hearing:
-        """What the microphone hears."""
+        """Phrases that the microphone picks up."""
         return _require(self.hearing_part, "microphone")
 
     @property
     def screen(self) -> Screen:
-        """The screen with the robot's face."""
+        """Screen with the robot's face."""
         return _require(self.screen_part, "screen")
 
     @property
     def ros2(self) -> Ros2:
-        """The nodes of ROS 2."""
+        """Client of ROS 2 nodes."""
         return _require(self.ros2_part, "ros2")
 
     @property
     def parts(self) -> frozenset[str]:
-        """The names of the parts that are there."""
+        """Names of the parts that the robot has."""
         return frozenset(name for name, _, part in _parts(self) if part is not None)
 
     @property
     def capabilities(self) -> frozenset[str]:
-        """The names of the optional capabilities that are there; see ``drivers.api.kinds.CAPABILITIES``."""
+        """Names of the optional capabilities that the robot has; see ``drivers.api.kinds.CAPABILITIES``."""
         owners = {name: getattr(self, f"{KINDS[kind].field}_part") for name, kind in CAPABILITIES.items()}
         return frozenset(name for name, owner in owners.items() if getattr(owner, name, None) is not None)
 
     def with_named_parts(self, part_names: Mapping[str, str]) -> "Robot":
-        """Return the robot as who means these parts sees it, each named by its kind: that one is its only one.
+        """Return a view of the robot in which each kind resolves to the named part.
 
-        The first of the kind is then among the ``extra_parts``, by the name of its kind.
+        The part that was the first of its kind is then in ``extra_parts``, under the name of the kind.
         """
         robot = self
         for kind, name in part_names.items():
@@ -152,7 +151,7 @@ class Robot:
             first = ExtraPart(kind, getattr(robot, part), robot.groups if kind == "arm" else {})
             found: dict[str, Any] = {part: None if other is None else other.part}
             if first.part is not None:
-                found["others"] = {kind: first, **robot.extra_parts}
+                found["extra_parts"] = {kind: first, **robot.extra_parts}
             if kind == "arm" and other is not None:
                 found["groups"] = other.groups
             robot = replace(robot, **found)
@@ -160,9 +159,9 @@ class Robot:
 
 
 def hold_still(robot: Robot, claims: frozenset[str]) -> None:
-    """Make the named actuators hold still: base and head stopped, arm stiff where it is, voice silent.
+    """Make the named actuators hold still: base and head stop, the arm keeps its position, the voice is silent.
 
-    Each for itself, whatever goes wrong with another; that is told in the log.
+    An exception of one part is logged and does not prevent the others from stopping.
     """
     for name, kind, part in _parts(robot):
         if (still := kind.hold_still) is None or part is None or name not in claims:
@@ -174,7 +173,7 @@ def hold_still(robot: Robot, claims: frozenset[str]) -> None:
 
 
 def _parts(robot: Robot) -> Iterator[tuple[str, PartKind, Any]]:
-    """Yield each part with its name and kind; None for one that is not there."""
+    """Yield name, kind and part; the part is None if missing."""
     yield from ((kind.name, kind, getattr(robot, f"{kind.field}_part")) for kind in KINDS.values())
     yield from ((name, KINDS[other.kind], other.part) for name, other in robot.extra_parts.items())
 

@@ -489,7 +489,7 @@ def test_an_argument_that_cannot_be_computed_fails_the_leaf_before_it_starts(
 
 def test_as_keeps_the_result_of_a_success_only() -> None:
     bench = LeafTestBench()
-    leaf = bench.put(Puppet(), keep_as="found")
+    leaf = bench.put(Puppet(), output_variable="found")
 
     def find(value: object, status: Status) -> Callable[[], Any]:
         def act() -> Status:
@@ -511,7 +511,7 @@ def test_as_keeps_the_result_of_a_success_only() -> None:
 
 def test_as_keeps_what_a_running_leaf_knows_by_now() -> None:
     bench = LeafTestBench()
-    leaf = bench.put(Puppet(), keep_as="seen")
+    leaf = bench.put(Puppet(), output_variable="seen")
     bench.tick(leaf)
     assert bench.run.variables == {}
     leaf.result = "a face"

@@ -38,7 +38,7 @@ def test_face_seen_asks_for_a_name_however_it_is_capitalised(whose: str, found: 
     bench = LeafTestBench()
     faces = [named(bench, "Ben"), named(bench, "Anna", number=2), named(bench, UNKNOWN, number=3)]
     bench.sight.seen = [*faces, named(bench, "", number=4)]
-    leaf = bench.put(FaceSeenLeaf("face_seen"), whose=whose)
+    leaf = bench.put(FaceSeenLeaf("face_seen"), person_name=whose)
     assert bench.tick(leaf) is (FAILURE if found is None else SUCCESS)
     assert (None if leaf.result is None else getattr(leaf.result, "id", None)) == found
     assert found is not None or leaf.reason == "no face of Chidi in view"
@@ -47,7 +47,7 @@ def test_face_seen_asks_for_a_name_however_it_is_capitalised(whose: str, found: 
 def test_a_stranger_who_is_not_there_is_missed_in_words() -> None:
     bench = LeafTestBench()
     bench.sight.seen = [named(bench, "Ben")]
-    leaf = bench.put(FaceSeenLeaf("face_seen"), whose=UNKNOWN)
+    leaf = bench.put(FaceSeenLeaf("face_seen"), person_name=UNKNOWN)
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "no face of a stranger in view"
 
@@ -62,9 +62,9 @@ def test_face_seen_asks_how_near(nearer: float | None, status: object) -> None:
 def test_faces_are_counted_and_centred_by_name() -> None:
     bench = LeafTestBench()
     bench.sight.seen = [named(bench, UNKNOWN, number=1), named(bench, "Ben", number=2), named(bench, UNKNOWN, number=3)]
-    count = bench.put(FacesAtLeast("faces_at_least"), number=2, whose=UNKNOWN)
+    count = bench.put(FacesAtLeast("faces_at_least"), number=2, person_name=UNKNOWN)
     assert bench.tick(count) is SUCCESS
-    centred = bench.put(FaceCentred("face_centred"), whose="Ben")
+    centred = bench.put(FaceCentred("face_centred"), person_name="Ben")
     assert bench.tick(centred) is SUCCESS
     assert centred.result == bench.sight.seen[1]
 
@@ -72,13 +72,13 @@ def test_faces_are_counted_and_centred_by_name() -> None:
 def test_the_nodes_own_name_is_left_alone() -> None:
     leaf = FaceSeenLeaf("wait for Anna")
     assert (leaf.name, leaf.person_name) == ("wait for Anna", "")
-    assert FaceSeenLeaf.arguments["name"].attribute == "whose"
+    assert FaceSeenLeaf.arguments["name"].attribute == "person_name"
     assert {"pan", "scans", "new", "name"} <= set(FindFace.arguments)
 
 
 def test_a_search_stays_on_a_face_until_it_is_decided_whose_it_is() -> None:
     bench = LeafTestBench()
-    leaf = bench.put(FindFace("find_face"), whose="Anna", pause=0.2)
+    leaf = bench.put(FindFace("find_face"), person_name="Anna", pause=0.2)
     for _ in range(round(NAME_TIMEOUT / 0.05) - 4):
         bench.sight.seen = [named(bench, "")]
         assert bench.tick(leaf) is RUNNING
@@ -90,7 +90,7 @@ def test_a_search_stays_on_a_face_until_it_is_decided_whose_it_is() -> None:
 def test_a_search_goes_on_from_a_face_that_is_never_decided_or_is_anothers() -> None:
     for name, seconds in (("", NAME_TIMEOUT + 0.5), ("Ben", 0.5)):
         bench = LeafTestBench()
-        leaf = bench.put(FindFace("find_face"), whose="Anna", pause=0.2)
+        leaf = bench.put(FindFace("find_face"), person_name="Anna", pause=0.2)
         for _ in range(round(seconds / 0.05)):
             bench.sight.seen = [named(bench, name)]
             assert bench.tick(leaf) is RUNNING

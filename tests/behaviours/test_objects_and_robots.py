@@ -29,7 +29,7 @@ def marker(bench: LeafTestBench, number: int, name: str = "", *, age: float = 0.
 def test_an_object_that_was_asked_for_is_seen_and_kept() -> None:
     bench = LeafTestBench()
     bench.sight.found = [thing(bench, "blue box", number=1), thing(bench, number=2), thing(bench, number=3)]
-    leaf = bench.put(ObjectSeenLeaf("object_seen"), what=RED_BALL, keep_as="ball")
+    leaf = bench.put(ObjectSeenLeaf("object_seen"), what=RED_BALL, output_variable="ball")
     assert bench.tick(leaf) is SUCCESS
     assert bench.run.variables == {"ball": bench.sight.found[1]}
 
@@ -79,7 +79,7 @@ def test_a_robot_is_meant_by_number_by_name_or_not_at_all(which: str, seen: int 
 @pytest.mark.parametrize("leaf", [FindObject("find_object"), FindRobot("find_robot")])
 def test_a_search_goes_on_until_the_right_one_is_in_view(leaf: Leaf) -> None:
     bench = LeafTestBench()
-    bench.put(leaf, what=RED_BALL, which="7", keep_as="it")
+    bench.put(leaf, what=RED_BALL, which="7", output_variable="it")
     bench.sight.found, bench.sight.marked = [thing(bench, "blue box")], [marker(bench, 3)]
     for _ in range(40):
         bench.sight.searched = bench.clock.now()

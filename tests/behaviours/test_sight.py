@@ -29,7 +29,7 @@ def seen(bench: LeafTestBench, *, age: float = 0.1, number: int = 1, bearing: fl
 
 def test_face_seen_is_true_of_a_face_seen_lately_and_keeps_it() -> None:
     bench = LeafTestBench()
-    leaf = bench.put(FaceSeenLeaf("face_seen"), keep_as="visitor")
+    leaf = bench.put(FaceSeenLeaf("face_seen"), output_variable="visitor")
     seen(bench)
     assert bench.tick(leaf) is SUCCESS
     assert bench.run.variables == {"visitor": bench.sight.seen[0]}
@@ -67,7 +67,7 @@ def test_the_largest_of_the_faces_seen_lately_counts() -> None:
     bench = LeafTestBench()
     now = bench.clock.now()
     bench.sight.seen = [face(now - 2.0, number=1), face(now, number=2), face(now, number=3)]
-    leaf = bench.put(FaceSeenLeaf("face_seen"), keep_as="visitor")
+    leaf = bench.put(FaceSeenLeaf("face_seen"), output_variable="visitor")
     assert bench.tick(leaf) is SUCCESS
     assert bench.run.variables["visitor"] == bench.sight.seen[1]
 
@@ -102,7 +102,7 @@ def test_a_face_off_the_middle_says_how_far() -> None:
 )
 def test_several_faces_count_when_all_were_seen_lately(ages: list[float], status: object, reason: str) -> None:
     bench = LeafTestBench()
-    leaf = bench.put(FacesAtLeast("faces_at_least"), number=2, keep_as="people")
+    leaf = bench.put(FacesAtLeast("faces_at_least"), number=2, output_variable="people")
     now = bench.clock.now()
     bench.sight.seen = [face(now - age, number=number) for number, age in enumerate(ages)]
     assert bench.tick(leaf) is status
@@ -195,7 +195,7 @@ def test_it_does_not_go_on_before_the_head_has_arrived() -> None:
 
 
 def test_a_face_ends_it_and_the_head_stays() -> None:
-    search = Search(**SMALL, keep_as="visitor")
+    search = Search(**SMALL, output_variable="visitor")
     search.run(20)
     seen(search.bench, age=0.05)
     assert search.bench.tick(search.leaf) is SUCCESS

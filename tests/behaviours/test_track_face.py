@@ -77,7 +77,7 @@ def test_a_robot_without_a_base_follows_with_the_head_alone(rules: RuleBases) ->
 
 def test_as_keeps_the_face_while_it_is_followed(rules: RuleBases) -> None:
     bench = LeafTestBench()
-    leaf = tracking(bench, rules, keep_as="visitor")
+    leaf = tracking(bench, rules, output_variable="visitor")
     bench.tick(leaf)
     assert bench.run.variables == {}
     show(bench)
