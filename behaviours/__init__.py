@@ -1,4 +1,4 @@
-"""What the robot can do: the leaves of a mission, a module for each part of the robot."""
+"""Leaves of missions: the actions and conditions of the robot, in a module per part."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Leaves that ask what the base feels: five conditions on its newest report."""
+"""Conditions on the newest report of the base or of the range finder."""
 
 import math
 from abc import abstractmethod
@@ -13,18 +13,24 @@ from drivers.api.measures import length_text
 
 
 class ObstacleWithin(Leaf):
-    """Does the range finder see something nearer than that?
+    """Check whether the range finder sees an obstacle within `distance`.
 
-    Succeeds when the newest turn of the finder has something within the distance, in a sector about straight ahead;
-    fails when not. It never runs, and is suspended while there is no fresh turn. Distances are from the finder; what is
-    lower than it looks, it does not see.
+    Succeeds if the newest scan has one in a sector around straight ahead, fails if not. It never runs, and is suspended
+    while there is no recent scan. Distances are from the range finder, which does not see objects below its plane.
     """
 
     tag = "obstacle_within"
+    example = "- obstacle_within: {distance: 0.5 m, sector: 40 deg}"
     needs = frozenset({"range"})
     instant = True
-    distance: float = argument("length", "how near", principal=True, low=0.0)
-    sector: float = argument("angle", "how wide to look", default=math.radians(60), low=math.radians(2), high=math.tau)
+    distance: float = argument("length", "distance from the range finder", principal=True, low=0.0)
+    sector: float = argument(
+        "angle",
+        "width of the sector around straight ahead",
+        default=math.radians(60),
+        low=math.radians(2),
+        high=math.tau,
+    )
 
     def update(self) -> Status:
         reading = self.robot.ranger.scan()
@@ -39,7 +45,7 @@ SIDES = ("any", "left", "centre", "right")
 
 
 class BaseCondition(Leaf):
-    """Judges the base's newest report; suspended while there is no fresh one."""
+    """Base of conditions on the newest report of the base; suspended while there is no recent report."""
 
     needs = frozenset({"base"})
     instant = True
@@ -52,13 +58,13 @@ class BaseCondition(Leaf):
 
     @abstractmethod
     def judge(self, state: BaseState) -> Status:
-        """Succeed or fail by what is felt."""
+        """Return SUCCESS, or fail with a reason, for a report."""
 
 
 class _SideCondition(BaseCondition):
-    """Is something felt at a side?"""
+    """Base of conditions on a sensor with a left, a centre and a right."""
 
-    side: str = argument("choice", "where", default="any", choices=SIDES, principal=True)
+    side: str = argument("choice", "side of the sensor", default="any", choices=SIDES, principal=True)
     noun: str
 
     def judge(self, state: BaseState) -> Status:
@@ -73,13 +79,14 @@ class _SideCondition(BaseCondition):
 
 
 class Bumped(_SideCondition):
-    """Is a bumper pressed?
+    """Check whether a bumper is pressed.
 
-    Succeeds while it is, there or anywhere, fails when not. It never runs. A base that has backed off after a bump does
-    not feel it any more.
+    Succeeds while it is pressed at the given side, or at any side; fails if not. It never runs. After a base has backed
+    off, the bumper is free again.
     """
 
     tag = "bumped"
+    example = "- bumped: left"
     noun = "bumper"
 
     def sensor_sides(self, state: BaseState) -> Sides:
@@ -87,12 +94,13 @@ class Bumped(_SideCondition):
 
 
 class Cliff(_SideCondition):
-    """Does a cliff sensor see no floor?
+    """Check whether a cliff sensor sees no floor.
 
-    Succeeds while one does not, there or anywhere, fails when all see it. It never runs.
+    Succeeds while the sensor of the given side, or any sensor, sees no floor; fails if not. It never runs.
     """
 
     tag = "cliff"
+    example = "- cliff"
     noun = "cliff"
 
     def sensor_sides(self, state: BaseState) -> Sides:
@@ -100,14 +108,16 @@ class Cliff(_SideCondition):
 
 
 class BatteryBelow(BaseCondition):
-    """Is the base's battery lower than that?
+    """Check whether the battery of the base is below a charge.
 
-    Succeeds when its newest report says so, fails when not. It never runs. Under load the figure dips for a moment;
-    `battery.low` and `battery.critical` in expressions are sure of it, by the thresholds of the robot file.
+    Succeeds if the newest report is below `percent`, fails if not. It never runs. Under load the charge dips for a
+    moment. For a debounced value use `battery.low` or `battery.critical` in an expression, with the thresholds of the
+    robot file.
     """
 
     tag = "battery_below"
-    percent: float = argument("share", "how full", principal=True, low=0.0, high=1.0)
+    example = "- battery_below: 20 %"
+    percent: float = argument("share", "charge of the battery", principal=True, low=0.0, high=1.0)
 
     def judge(self, state: BaseState) -> Status:
         self.feedback_message = f"the battery holds {state.battery_percent:.0f} %"
@@ -115,25 +125,27 @@ class BatteryBelow(BaseCondition):
 
 
 class Docked(BaseCondition):
-    """Does the base stand on the contacts of its dock?
+    """Check whether the base stands on the contacts of its dock.
 
-    Succeeds while it does, fails when not. It never runs.
+    Succeeds while it does, fails if not. It never runs.
     """
 
     tag = "docked"
+    example = "- docked"
 
     def judge(self, state: BaseState) -> Status:
         return SUCCESS if state.docked else self.fail("not on the dock")
 
 
 class ButtonPressed(BaseCondition):
-    """Is a button of the base pressed?
+    """Check whether a button of the base is pressed.
 
-    Succeeds while it is, fails when not. It never runs, so it has to be asked in time: a press is over in a moment.
+    Succeeds while it is pressed, fails if not. It never runs, so check it at every tick: a press is short.
     """
 
     tag = "button_pressed"
-    number: int = argument("count", "which: 0, 1 or 2", principal=True, low=0, high=2)
+    example = "- button_pressed: 0"
+    number: int = argument("count", "number of the button: 0, 1 or 2", principal=True, low=0, high=2)
 
     def judge(self, state: BaseState) -> Status:
         return SUCCESS if self.number in state.buttons else self.fail(f"button {self.number} is not pressed")

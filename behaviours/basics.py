@@ -1,4 +1,4 @@
-"""Leaves that need no robot: waiting, logging, setting variables, and given outcomes for drafts and tests."""
+"""Leaves without a robot: wait, log, notify, set variables, and stubs for drafts and tests."""
 
 from collections.abc import Sequence
 
@@ -11,15 +11,16 @@ from behaviours.run import log
 
 
 class Notify(Leaf):
-    """Tell whoever gave the task: a line on the terminal, or a notice the way that the robot file says.
+    """Notify the person who gave the task: a line on the terminal, or a notice as set in the robot file.
 
-    Succeeds at once; the notice is delivered later, as often as that must be tried.
+    Succeeds at once; the notice is delivered later, with retries.
     """
 
     tag = "notify"
+    example = "- notify: The room is empty"
     ends = frozenset({"success"})
     instant = True
-    text: str = argument("text", "what to tell", principal=True)
+    text: str = argument("text", "text of the notice", principal=True)
 
     def update(self) -> Status:
         self.run.notify(self.text)
@@ -28,28 +29,30 @@ class Notify(Leaf):
 
 
 class Wait(Leaf):
-    """Wait for a while.
+    """Wait for a time.
 
     Running until the time is over, then succeeds.
     """
 
     tag = "wait"
+    example = "- wait: 5 s"
     ends = frozenset({"success"})
-    duration: float = argument("duration", "how long", principal=True, low=0.0)
+    duration: float = argument("duration", "waiting time", principal=True, low=0.0)
 
     def update(self) -> Status:
         return SUCCESS if self.elapsed >= self.duration else RUNNING
 
 
 class Log(Leaf):
-    """Write a line into the log.
+    """Write a line to the log.
 
     Succeeds at once.
     """
 
     tag = "log"
+    example = "- log: The ball is red"
     instant = True
-    text: str = argument("text", "what to write", principal=True)
+    text: str = argument("text", "text of the log line", principal=True)
 
     def update(self) -> Status:
         log.info("%s", self.text)
@@ -64,6 +67,7 @@ class Set(Leaf):
     """
 
     tag = "set"
+    example = "- set: {count: 1}"
     instant = True
     open_ended = True
 
@@ -77,29 +81,34 @@ class Succeed(Leaf):
     """Succeed at once."""
 
     tag = "succeed"
+    example = "- succeed"
 
     def update(self) -> Status:
         return SUCCESS
 
 
 class Fail(Leaf):
-    """Fail at once, for a reason of your own."""
+    """Fail at once with a given reason."""
 
     tag = "fail"
-    because: str = argument("text", "the reason to give", default="told to fail", principal=True)
+    example = "- fail: no way out"
+    because: str = argument("text", "reason of the failure", default="told to fail", principal=True)
 
     def update(self) -> Status:
         return self.fail(self.because)
 
 
 class Pretend(Leaf):
-    """Give these outcomes in turn, one a tick, from the first again once they are used up; for drafts and tests.
+    """Stub: give these outcomes in turn, one per tick, then start over.
 
     A halt or a restart does not rewind it.
     """
 
     tag = "pretend"
-    outcomes: Sequence[Status] = argument("outcomes", "running, success and failure, in turn", principal=True)
+    example = "- pretend: [running, running, success]"
+    outcomes: Sequence[Status] = argument(
+        "outcomes", "outcomes of the ticks: running, success, failure", principal=True
+    )
     _next = 0
 
     def update(self) -> Status:

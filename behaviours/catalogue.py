@@ -1,4 +1,4 @@
-"""Every leaf that ships with MissionTree, by its word. The module of a leaf is imported when it is first looked up."""
+"""Catalogue of all leaves of MissionTree, by tag. Modules are imported at the first look-up of their leaf."""
 
 from collections.abc import Iterator, Mapping
 from importlib import import_module
@@ -85,13 +85,13 @@ LEAF_PATHS: Mapping[str, str] = {
     "fail": "basics:Fail",
     "pretend": "basics:Pretend",
 }
-"""The vocabulary of missions: by the word of each leaf, its module within ``behaviours`` and its class."""
+"""Module (within ``behaviours``) and class of each leaf, by tag."""
 
 
 class Catalogue(Mapping[str, type[Leaf]]):
-    """The leaves at ``places``, by their words and in that order, then ``others`` that need not be imported.
+    """Leaves by tag: first those at ``paths``, imported on demand, then ``loaded`` classes.
 
-    ``skipped`` are the files and packages that could have had more, and could not be loaded.
+    ``skipped`` lists the files and packages whose leaves could not be loaded.
     """
 
     def __init__(self, paths: Mapping[str, str], loaded: Mapping[str, type[Leaf]] = MappingProxyType({})) -> None:
@@ -117,4 +117,4 @@ class Catalogue(Mapping[str, type[Leaf]]):
 
 
 LEAVES: Mapping[str, type[Leaf]] = Catalogue(LEAF_PATHS)
-"""All that ship."""
+"""All leaves of MissionTree."""

@@ -1,4 +1,4 @@
-"""How far a base can go before it touches what its range finder sees, and how fast that may be."""
+"""Free distance of a base before its rim touches an obstacle that the range finder sees, and the safe speed for it."""
 
 import math
 
@@ -6,14 +6,14 @@ from behaviours.robot import Robot
 from drivers.api import BASE_RADIUS, BaseState, RangeScan
 
 CLEARANCE_MARGIN = 0.05
-"""Metres that are to stay free between its rim and anything."""
+"""Metres to keep free between the base's rim and obstacles."""
 
 Points = list[tuple[float, float]]
-"""Places: metres ahead and to the left of a base's middle."""
+"""Points in metres ahead and to the left of the base's middle."""
 
 
 def scan_points(scan: RangeScan, place: tuple[float, float, float]) -> Points:
-    """Return where a finder at ``place`` has seen something: as of the scan's stamp."""
+    """Return the points of a scan, for a range finder at ``place`` (x, y, heading), at the time of the scan."""
     ahead, left, _ = place
     return [
         (ahead + far * math.cos(bearing), left + far * math.sin(bearing))
@@ -23,16 +23,16 @@ def scan_points(scan: RangeScan, place: tuple[float, float, float]) -> Points:
 
 
 def rotate_points(points: Points, angle: float) -> Points:
-    """Return ``points`` as a base sees them that has turned by ``angle`` radians to the left."""
+    """Return ``points`` as seen by the base after it has turned left by ``angle`` radians."""
     c, s = math.cos(angle), math.sin(angle)
     return [(x * c + y * s, y * c - x * s) for x, y in points]
 
 
 def free_distance(points: Points, heading: float = 0.0) -> float:
-    """Return how far (m) a base can go in a ``heading`` before something is within the margin about it.
+    """Return the distance (m) that a base can drive along ``heading`` before an obstacle is within the margin.
 
-    The heading is in radians from straight ahead. Infinity where nothing is in its way. What it goes away from,
-    however near, is not in its way.
+    The heading is in radians from straight ahead. Returns infinity if nothing is in the way. Obstacles behind the base
+    do not count, however close they are.
     """
     c, s, reach = math.cos(heading), math.sin(heading), BASE_RADIUS + CLEARANCE_MARGIN
     way = math.inf
@@ -44,9 +44,9 @@ def free_distance(points: Points, heading: float = 0.0) -> float:
 
 
 def safe_speed(distance: float, *, braking: float, reaction: float) -> float:
-    """Return how fast (m/s) a base may go with ``way`` metres left, so that it stands before they are over.
+    """Return the speed (m/s) from which a base can stop within ``distance`` metres.
 
-    It goes on for ``reaction`` seconds before it brakes (at ``braking`` m/s^2), and covers v T + v^2 / 2b in all.
+    It rolls on for ``reaction`` seconds, then brakes at ``braking`` m/s^2, so it covers v T + v^2 / 2b in all.
     """
     if math.isinf(distance):
         return math.inf
@@ -57,7 +57,7 @@ def safe_speed(distance: float, *, braking: float, reaction: float) -> float:
 
 
 class ObstacleView:
-    """What the range finder of ``robot`` sees around the base, as from where that is now."""
+    """Obstacles around the base as seen by the range finder, corrected for the base's motion since the scan."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
@@ -65,9 +65,9 @@ class ObstacleView:
         self._points: Points = []
 
     def points_around(self, state: BaseState, now: float) -> Points | None:
-        """Return all that is seen; None while the finder does not report, and where there is none.
+        """Return the points of the newest scan, or None without a range finder or while it does not report.
 
-        A turn of the finder takes a fifth of a second: what the base has moved since its middle is worked in.
+        A scan takes a fifth of a second, so the base's motion since the middle of the scan is compensated.
         """
         ranger = self._robot.ranger_part
         reading = None if ranger is None else ranger.scan()

@@ -1,4 +1,4 @@
-"""The leaf that drives the base onto its dock."""
+"""Leaf that drives the base onto its dock."""
 
 import math
 from dataclasses import dataclass, replace
@@ -25,43 +25,46 @@ RIGHT_BEAMS = DockBeam.NEAR_RIGHT | DockBeam.FAR_RIGHT
 NEAR_BEAMS = DockBeam.NEAR_LEFT | DockBeam.NEAR_CENTRE | DockBeam.NEAR_RIGHT
 
 BEAM_HOLD_TIME = 0.3
-"""Seconds for which a beam counts as heard: single reports miss it. (The vendor's docking puts 20 reports together.)"""
+"""Seconds for which a beam counts as received, since single reports miss it.
+
+(The vendor's docking combines 20 reports.)
+"""
 
 BEAM_TIMEOUT = 1.0
-"""Seconds of silence after which it looks for the dock anew."""
+"""Seconds without a beam after which the search starts again."""
 
 SWEEP_RATE, MEASURE_RATE = 0.8, 0.4
-"""rad/s at which it looks for the dock, and at which it measures where that is."""
+"""Turn rates in rad/s of the search for the dock, and of the measurement of its direction."""
 
 MAX_SEARCH_ANGLE = math.radians(380)
-"""As far it turns in search of a dock."""
+"""Angle in radians of a search before it fails."""
 
 CROSSING_ANGLE = math.radians(50)
-"""So far beside the dock it crosses into the middle: a side receiver goes on hearing the dock there."""
+"""Angle in radians beside the dock at which the base crosses to the middle, still within a side receiver's range."""
 
 CROSSING_SPEED, MAX_CROSSING_DISTANCE = 0.08, 3.0
-"""m/s at which it crosses, and metres at most."""
+"""Speed in m/s of the crossing, and its maximum length in metres."""
 
 HEADING_TOLERANCE, TURN_GAIN = math.radians(0.5), 1.5
-"""Radians beside a course that do not matter, and rad/s for each radian to turn."""
+"""Heading error in radians that is ignored, and the gain of the turn controller in 1/s."""
 
 CONTACT_SPEED = 0.05
-"""m/s on the last bit: at this speed a base does not take a touch for a bump, nor does it push its dock away."""
+"""Speed in m/s of the last part. It is too slow to trigger the bumper or to push the dock away."""
 
 CONTACT_TIMEOUT = 15.0
-"""Seconds on the last bit after which it has missed the contacts."""
+"""Seconds on the last part after which the base has missed the contacts."""
 
 BACK_OFF_DISTANCE, BACK_OFF_SPEED, BACK_OFF_TIMEOUT = 0.35, 0.1, 7.0
-"""Metres that it drives back then, how fast (m/s), and for how long (s) at most."""
+"""Distance (m) and speed (m/s) of backing off after a miss, and its timeout in seconds."""
 
 MAX_TRIES = 3
-"""How often it may miss the contacts."""
+"""Number of misses of the contacts before the leaf fails."""
 
 NO_BEAMS = DockBeam(0)
 
 
 class HomingStage(StrEnum):
-    """HomingStage of the way to a dock, in words for people."""
+    """Stage of the way to the dock; the values are texts for people."""
 
     LEAVE = "turning past the dock, to measure where it is"
     SEARCH = "looking for the dock"
@@ -73,7 +76,7 @@ class HomingStage(StrEnum):
 
 
 class HomingEvent(Enum):
-    """Event that ends a stage. HEARD_AHEAD, HEARD_ASIDE: a sweep has measured where the dock is."""
+    """Event that ends a stage. HEARD_AHEAD, HEARD_ASIDE: a sweep has measured the direction of the dock."""
 
     SILENCE, HEARD_AHEAD, HEARD_ASIDE, AIMED, CONTACTS_MISSED, DOCK_LOST = range(6)
 
@@ -93,12 +96,13 @@ TRANSITIONS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class Homing:
-    """What it remembers from step to step. ``origin`` and ``since`` (s) are where and when the stage began.
+    """State of the homing between two steps. ``origin`` and ``since`` (s) are where and when the stage began.
 
-    ``side`` is to which it turns or crosses, 1 for left, and ``course`` the heading to keep. On this sweep the centre
-    receiver heard ``beams`` of the dock, at headings from ``first_heading`` to ``last_heading``. ``centre_heard_at`` is when it last did,
-    ``beam_heard_at`` when any receiver did. ``astray_since`` is since when it is not in front of the dock any more. ``near`` says
-    that it has taken aim from near. ``failure`` is why it cannot go on.
+    ``side`` is the direction of turns and crossings, 1 for left, and ``course`` the heading to keep. In the present
+    sweep, the centre receiver received ``beams`` at headings from ``first_heading`` to ``last_heading``.
+    ``centre_heard_at`` is the time of its last beam, ``beam_heard_at`` that of any receiver. ``astray_since`` is when
+    the base left the middle sector. ``near`` is set after the base has aimed from close by. ``failure`` is the reason
+    if homing has failed.
     """
 
     origin: Pose2D
@@ -118,7 +122,7 @@ class Homing:
 
 
 def step(homing: Homing, state: BaseState, now: float, speed: float) -> tuple[Homing, Velocity]:
-    """Return what to remember and how to move after a report; ``speed`` (m/s) is that of the drive to the dock."""
+    """Return the next state and the velocity to send; ``speed`` (m/s) is that of the drive to the dock."""
     if state.dock.centre:
         homing = replace(homing, centre_heard_at=now)
     if state.dock:
@@ -139,7 +143,7 @@ def step(homing: Homing, state: BaseState, now: float, speed: float) -> tuple[Ho
 
 
 def _leave(homing: Homing, state: BaseState, now: float) -> tuple[Homing, Velocity]:
-    """Turn away until the dock is out of hearing: a sweep has to begin in silence."""
+    """Turn away until no beam is received: a sweep has to begin outside of the beams."""
     if now - homing.centre_heard_at < BEAM_HOLD_TIME:
         return homing, Velocity(0.0, -homing.side * MEASURE_RATE)
     return _enter_stage(homing, HomingEvent.SILENCE, state, now), ZERO_VELOCITY
@@ -209,28 +213,29 @@ def _back(homing: Homing, state: BaseState, now: float) -> tuple[Homing, Velocit
 
 
 def _restart_search(homing: Homing, state: BaseState, now: float) -> tuple[Homing, Velocity]:
-    """Look for the dock, and measure where it is."""
+    """Turn to search for the dock, and measure its direction."""
     return replace(
         _enter_stage(homing, HomingEvent.DOCK_LOST, state, now), first_heading=None, beams=NO_BEAMS
     ), ZERO_VELOCITY
 
 
 def _enter_stage(homing: Homing, event: HomingEvent, state: BaseState, now: float) -> Homing:
-    """Begin the stage that follows, here and now."""
+    """Enter the stage that follows ``event``, with the present pose and time as its origin."""
     return replace(homing, stage=TRANSITIONS[homing.stage, event], origin=state.pose, since=now, astray_since=None)
 
 
 def _sector_side(beams: DockBeam) -> float:
-    """Return to which side of the middle sector the base is: 1 for the dock's left, 0 for in front of it.
+    """Return on which side of the middle sector the base is: 1 for the dock's left, 0 for the middle, -1 for the right.
 
-    From the dock's left it has to go to its own left, as it looks at the dock.
+    The dock's left is the right as seen from a base that faces the dock, so from there the base must cross to its own
+    left.
     """
     left, right = bool(beams & LEFT_BEAMS), bool(beams & RIGHT_BEAMS)
     return 0.0 if left == right else 1.0 if left else -1.0
 
 
 def _steering(homing: Homing, state: BaseState) -> float:
-    """Return the turn rate that keeps it on its course."""
+    """Return the turn rate (rad/s) that keeps the base on its course."""
     return max(-0.5, min(0.5, 2.0 * (homing.course - state.pose.heading)))
 
 
@@ -239,31 +244,32 @@ def _distance_gone(homing: Homing, state: BaseState) -> float:
 
 
 CONTACT_SETTLE_TIME = 0.4
-"""Seconds on the contacts after which it is sure of them: twenty reports of a Kobuki."""
+"""Seconds on the contacts before docking counts as done: twenty reports of a Kobuki."""
 
 
 DOCK_ACTION = "dock"
-"""What a Create 3 offers for it."""
+"""Name of the docking action of a Create 3."""
 
 
 DOCK_TIME_LIMIT = 100.0
-"""Seconds in which a base finds its dock within hearing, and reaches it, at the third try perhaps, at 0.1 m/s."""
+"""Seconds to find a dock within range and to reach it, with three tries at 0.1 m/s."""
 
 
 class DockLeaf(DelegatedMotion):
-    """Drive the base onto its dock, by the dock's infrared beams, or by the robot's own action.
+    """Drive the base onto its dock, guided by infrared beams or by the robot's own action.
 
-    Running until the base stands on the contacts, then succeeds; at once, if it does so already. A robot of ROS 2 that
-    has an action `dock`, as a Create 3 does, goes there by that, and it ends as that does. For others, the dock must be
-    within hearing: some two metres, and not behind anything. Fails when it hears no dock in a full turn, when it has
-    missed the contacts three times, when something is in its way, at a cliff, when a wheel drops, and while the base is
-    stopped until somebody enables it. While somebody steers the base by hand it waits, then looks for the dock anew.
+    Running until the base stands on the contacts, then succeeds; at once if it is docked already. If a ROS 2 robot
+    offers an action `dock`, as a Create 3 does, the leaf uses that action and ends with its result. All other bases
+    must receive the dock's beams: about two metres away, with nothing in between. Fails if no beam is received in a
+    full turn, after three misses of the contacts, at an obstacle or cliff, when a wheel drops, and while the base is
+    latched. While a person steers the base, the leaf waits, then searches for the dock again.
     """
 
     tag = "dock"
-    output_doc = "how full the battery is (percent)"
+    example = "- dock"
+    output_doc = "the charge of the battery in percent"
     output_type = float
-    speed: float = argument("speed", "how fast until it is near", default=0.1, low=0.02, high=0.3)
+    speed: float = argument("speed", "speed of the approach, before the last part", default=0.1, low=0.02, high=0.3)
     _homing: Homing | None = None
     _docked_since: float | None = None
 

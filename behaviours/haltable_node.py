@@ -1,4 +1,4 @@
-"""The way of a leaf to rest: it is told to stop, has time to do so, and is stopped for it once that is over."""
+"""Halting of a leaf: terminate, grace period, forced stop of its actuators."""
 
 from typing import ClassVar
 
@@ -12,17 +12,17 @@ from drivers.errors import NotConnected
 IDLE = Status.INVALID
 
 UNPAUSED_PARTS = frozenset({"base", "voice", "screen"})
-"""Parts that nothing is done about when a leaf is not ticked: a base obeys no command for longer than its life."""
+"""Parts that need no stop when their leaf is not ticked: a base stops by itself after COMMAND_LIFE."""
 
 TIME_TOLERANCE = 1e-6
-"""Seconds by which sums of tick periods may fall short."""
+"""Tolerance in seconds for rounding errors in sums of tick periods."""
 
 AT_REST, STARTING, WORKING, HALTING = range(4)
-"""How far a leaf has come: ``initialise`` was called; it is through; ``terminate`` was called, to halt the leaf."""
+"""Stages of a leaf: at rest; ``initialise`` called; ``initialise`` returned; ``terminate`` called by a halt."""
 
 
 class HaltableNode(Node):
-    """The half of a leaf that brings it to rest; ``behaviours.leaf.Leaf`` says how it is used."""
+    """Halting half of ``behaviours.leaf.Leaf``."""
 
     drives: ClassVar[frozenset[str]] = frozenset()
     halt_limit: ClassVar[float] = 1.0
@@ -36,31 +36,31 @@ class HaltableNode(Node):
 
     @property
     def is_acting(self) -> bool:
-        """True from its start until it has ended or come to rest: while it may drive what it claims."""
+        """True from the start until the leaf has ended or come to rest, so while it may drive its actuators."""
         return self._leaf_stage != AT_REST
 
     @property
     def label(self) -> str:
-        """What it is and where it stands, for messages: "drive (line 4)"."""
+        """Name and line of the leaf for messages: "drive (line 4)"."""
         return f"{self.name} (line {self.line})" if self.line else self.name
 
     def halting(self) -> bool:
-        """Called at each tick after ``terminate(INVALID)``: True while it still needs time to stop cleanly.
+        """Return True while the leaf still needs time to stop. Called at each tick after ``terminate(INVALID)``.
 
-        After ``halt_limit`` seconds its actuators are stopped for it.
+        After ``halt_limit`` seconds its actuators are stopped anyway.
         """
         return False
 
     def on_pause(self) -> None:
-        """Bring to rest what it drives, once it was not ticked, or suspended, for ``COMMAND_TIMEOUT`` seconds.
+        """Stop the driven parts after ``COMMAND_LIFE`` seconds without a tick, or suspended. The next tick resumes.
 
-        Its next tick goes on. A base stops by itself then, and what sounds or is shown does no harm.
+        By default a base (it stops by itself), voice and screen are left alone.
         """
         if moving := self.drives - UNPAUSED_PARTS:
             self.run.safe_stop(moving)
 
     def _count_unticked_time(self) -> None:
-        """Count the time without a tick, and pause once it is over."""
+        """Count the time without a tick, and call ``on_pause`` once after COMMAND_LIFE."""
         now, tick = self.run.now(), self.run.tick
         if tick - self._unticked > 1:  # it was ticked in between
             self._unticked_since, self._paused = now if self.run.last_tick_at is None else self.run.last_tick_at, False
@@ -91,7 +91,7 @@ class HaltableNode(Node):
                 raise
 
     def _is_interrupt(self, error: BaseException) -> bool:
-        """True for a Ctrl-C, which is the user's and no fault of the leaf."""
+        """Return True for a Ctrl-C of the user, which is not an error of the leaf."""
         return self.run.interruptible and isinstance(error, KeyboardInterrupt)
 
     def _stop_safely(self) -> None:
@@ -102,7 +102,7 @@ class HaltableNode(Node):
                 log.exception("%s: its actuators could not be stopped", self.label)
 
     def abandon_halt(self) -> None:
-        """Forget a start, or a halt, that was under way."""
+        """Forget a start or halt in progress."""
         self._leaf_stage, self._halt_by = AT_REST, None
 
     def _has_stopped(self) -> bool:

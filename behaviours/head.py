@@ -1,4 +1,4 @@
-"""Leaves that turn the head to a place: by angles, or to a point."""
+"""Leaves that turn the head to angles or to a point, and the base of leaves that look for percepts."""
 
 import math
 from abc import abstractmethod
@@ -16,14 +16,14 @@ from perception.api import Percept
 P = TypeVar("P", bound=Percept)
 
 PICTURE_TIMEOUT = 2.0
-"""Seconds without a picture searched after which something is missed for want of pictures."""
+"""Seconds without a searched picture after which a failure names the camera as the cause."""
 
 DEFAULT_MAX_AGE = 0.5
-"""Seconds for which what was seen counts as in view, where nothing else is said."""
+"""Seconds for which a percept counts as in view by default."""
 
 
 class PerceptLeaf(Leaf, Generic[P]):
-    """Looks for one sort of percept. A subclass says which: ``percepts``, largest first, and ``noun``, its name."""
+    """Base of leaves that look for one type of percept. Subclasses set ``percepts`` (largest first) and ``noun``."""
 
     needs = frozenset({"camera"})
     noun: ClassVar[str] = ""
@@ -31,47 +31,47 @@ class PerceptLeaf(Leaf, Generic[P]):
     @property
     @abstractmethod
     def age_limit(self) -> float:
-        """How long ago (s) still counts."""
+        """Maximum age of a percept in seconds."""
 
     @abstractmethod
     def percepts(self) -> Sequence[P]:
-        """Return all that the eyes follow now of this sort, largest first."""
+        """Return all tracked percepts of the type, largest first."""
 
     def matches(self, percept: P) -> bool:
-        """Whether it is one of those that are looked for: any."""
+        """Return True if the leaf looks for this percept; all percepts match by default."""
         del percept
         return True
 
     def fresh_percepts(self, *, since: float = -math.inf) -> list[P]:
-        """Return those wanted that were seen lately enough to count, and not before ``since``, largest first."""
+        """Return the matching percepts that are recent enough and not older than ``since``, largest first."""
         oldest = max(since, self.run.now() - self.age_limit)
         return [percept for percept in self.percepts() if percept.stamp >= oldest and self.matches(percept)]
 
     def largest_fresh(self, *, since: float = -math.inf) -> P | None:
-        """Return the largest of those."""
+        """Return the largest of the ``fresh_percepts``, or None."""
         return next(iter(self.fresh_percepts(since=since)), None)
 
     def absence_reason(self, so_far: str = "") -> str:
-        """Say that none is seen; or that nothing is, which is another trouble."""
+        """Return the reason of a failed search: ``so_far``, "no ... in view", or that the camera sends no pictures."""
         looked = self.robot.sight.looked()
         blind = looked is None or self.run.now() - looked > PICTURE_TIMEOUT
         return "no pictures from the camera" if blind else so_far or f"no {self.noun} in view"
 
     def fail_absent(self, reason: str = "") -> Status:
-        """Fail because none is in view; suspended instead where no picture is new enough to tell."""
+        """Fail because no percept is in view, or suspend if no picture is recent enough to tell."""
         looked = self.robot.sight.looked()
         if looked is None or self.run.now() - looked > max(self.age_limit, DEFAULT_MAX_AGE):
             return self.suspend("camera")
         return self.fail(reason or self.absence_reason())
 
     def accept(self, percept: P) -> Status:
-        """Succeed with ``percept``."""
+        """Store ``percept`` as the result and return SUCCESS."""
         self.result = percept
         return SUCCESS
 
 
 class SeenLeaf(PerceptLeaf[P]):
-    """Succeeds with the largest that was seen lately, fails when there is none; suspended without pictures."""
+    """Base of conditions that succeed with the largest recent percept, and are suspended without pictures."""
 
     instant = True
 
@@ -81,20 +81,20 @@ class SeenLeaf(PerceptLeaf[P]):
 
 
 ARRIVAL_TOLERANCE = math.radians(1.0)
-"""Within this angle the head has arrived; a hobby servo takes whole degrees."""
+"""Radians from the goal within which the head has arrived; a hobby servo takes whole degrees."""
 
 SAG_TOLERANCE = math.radians(3.0)
-"""As far from its goal a measured head may come to rest: a servo under load stops short of it."""
+"""Radians from the goal within which a measured head may come to rest, since a loaded servo stops short."""
 
 SETTLE_TIME = 1.0
-"""Seconds without a change after which a head that has not arrived never will: no servo starts that late."""
+"""Seconds without motion after which a head that has not arrived never will: no servo starts later."""
 
 MIN_LOOK_DISTANCE = 0.02
-"""Metres from the camera within which nothing can be looked at."""
+"""Minimum distance in metres between the camera and a point to look at."""
 
 
 class ArrivalDetector:
-    """Watches a head on its way to its goals; ``within`` radians of one it has arrived."""
+    """Detects whether a moving head has arrived within ``within`` radians of its goal, or is ``stuck``."""
 
     def __init__(self, within: float = ARRIVAL_TOLERANCE) -> None:
         self._within = within
@@ -104,7 +104,7 @@ class ArrivalDetector:
         self.stuck = False
 
     def __call__(self, reading: Reading[HeadPose], goal: HeadPose, now: float) -> bool:
-        """Say whether the head is at ``goal``, as nearly as its servos can; ``stuck`` when it rests elsewhere."""
+        """Return True if the head is at ``goal``, or rests as close as its servos allow. Updates ``stuck``."""
         pose = reading.value
         if pose is None or not reading.good:
             self._seen, self.stuck = None, False
@@ -121,11 +121,11 @@ class ArrivalDetector:
 
 
 class _HeadTurnLeaf(Leaf):
-    """What turns to one pose and is done."""
+    """Base of leaves that turn the head to one pose."""
 
     needs = frozenset({"head"})
     drives = frozenset({"head"})
-    output_doc = "where the head looks: pan, tilt"
+    output_doc = "the pose of the head: pan, tilt"
     output_type = HeadPose
     _arrival: ArrivalDetector
 
@@ -133,7 +133,7 @@ class _HeadTurnLeaf(Leaf):
         self._arrival = ArrivalDetector()
 
     def turn(self, target: HeadPose) -> Status:
-        """Go on to ``target``; say where the head is, and where it cannot go further."""
+        """Send ``target`` to the head; SUCCESS on arrival, RUNNING on the way, FAILURE if the head is stuck."""
         # Said at every tick: a head that was gone for a moment has forgotten where to look.
         goal = self.robot.head.look(target)
         reading = self.robot.head.pose()
@@ -161,30 +161,34 @@ class _HeadTurnLeaf(Leaf):
 class LookLeaf(_HeadTurnLeaf):
     """Turn the head.
 
-    Running until the head looks there (or as near as its limits allow), then succeeds. Fails when the head comes to
-    rest elsewhere. Hobby servos do not report where they stand: their success says "(not measured)".
+    Running until the head looks there (or as near as its limits allow), then succeeds. Fails if the head comes to rest
+    elsewhere. Hobby servos do not report their position: the reason of a success then ends with "(not measured)".
     """
 
     tag = "look"
-    pan: float = argument("angle", "positive is to the left", default=0.0, principal=True, low=-math.pi, high=math.pi)
-    tilt: float = argument("angle", "positive is down", default=0.0, low=-math.pi / 2, high=math.pi / 2)
-    on: str = argument("head", "which head it turns, of a robot that has several", default="head")
+    example = "- look: {pan: 30 deg, tilt: -10 deg}"
+    pan: float = argument(
+        "angle", "pan; positive is to the left", default=0.0, principal=True, low=-math.pi, high=math.pi
+    )
+    tilt: float = argument("angle", "tilt; positive is down", default=0.0, low=-math.pi / 2, high=math.pi / 2)
+    on: str = argument("head", "head to turn, for robots with several", default="head")
 
     def update(self) -> Status:
         return self.turn(HeadPose(self.pan, self.tilt))
 
 
 class LookAt(_HeadTurnLeaf):
-    """Turn the head to a point: metres from the middle of the base on the floor, as the robot stands now.
+    """Turn the head to a point, in metres from the middle of the base on the floor, as the robot stands now.
 
-    Running until the camera looks at it, then succeeds. Fails when the point is out of the head's reach, or when the
-    head comes to rest elsewhere.
+    Running until the camera looks at the point, then succeeds. Fails if the point is beyond the head's limits, or if
+    the head comes to rest elsewhere.
     """
 
     tag = "look_at"
-    x: float = argument("length", "how far ahead", low=-100.0, high=100.0)
-    y: float = argument("length", "how far to the left", low=-100.0, high=100.0)
-    z: float = argument("length", "how high above the floor", low=-100.0, high=100.0)
+    example = "- look_at: {x: 2 m, y: 0 m, z: 1.6 m}"
+    x: float = argument("length", "distance ahead", low=-100.0, high=100.0)
+    y: float = argument("length", "distance to the left", low=-100.0, high=100.0)
+    z: float = argument("length", "height above the floor", low=-100.0, high=100.0)
 
     def update(self) -> Status:
         target = pose_towards(self.robot.camera_position, (self.x, self.y, self.z))
@@ -200,9 +204,9 @@ class LookAt(_HeadTurnLeaf):
 
 
 def pose_towards(eye: tuple[float, float, float], point: tuple[float, float, float]) -> HeadPose | None:
-    """Return the pose in which a camera at ``eye`` has ``point`` (both metres, robot's frame) on its axis.
+    """Return the head pose in which a camera at ``eye`` has ``point`` (both in metres, robot's frame) on its axis.
 
-    None for a point so near that it lies in no direction.
+    Returns None if the point is closer than MIN_LOOK_DISTANCE.
     """
     x, y, z = (there - here for there, here in zip(point, eye, strict=True))
     if math.hypot(x, y, z) < MIN_LOOK_DISTANCE:
@@ -211,23 +215,23 @@ def pose_towards(eye: tuple[float, float, float], point: tuple[float, float, flo
 
 
 def has_arrived(reading: Reading[HeadPose], goal: HeadPose, within: float = ARRIVAL_TOLERANCE) -> bool:
-    """True when the head is known to be at ``goal``, within so many radians: as nearly as its servos can."""
+    """Return True if a good reading is within ``within`` radians of ``goal`` on both axes."""
     pose = reading.value
     return pose is not None and reading.good and pose_difference(pose, goal) <= within
 
 
 def unmeasured_note(head: Head) -> str:
-    """Return the note that belongs to each success on a head whose servos report nothing."""
+    """Return the note " (not measured)" for a head whose servos do not report their position, else an empty text."""
     return "" if head.limits.measured else " (not measured)"
 
 
 def pose_difference(one: HeadPose, other: HeadPose) -> float:
-    """Return how far two poses are apart in the axis in which they differ more, in radians."""
+    """Return the larger of the differences in pan and tilt, in radians."""
     return max(abs(one.pan - other.pan), abs(one.tilt - other.tilt))
 
 
 def pose_text(pose: HeadPose) -> str:
-    """Write a pose for a reason: "+20, -5 deg"."""
+    """Return a pose as text: "+20, -5 deg"."""
     return f"{round(math.degrees(pose.pan)):+d}, {round(math.degrees(pose.tilt)):+d} deg"
 
 

@@ -1,4 +1,4 @@
-"""Leaves that say something with the head: yes, no, and looking to and fro."""
+"""Leaves that swing the head: nodding, shaking, and looking back and forth."""
 
 import math
 from dataclasses import replace
@@ -12,11 +12,11 @@ from drivers.api import HeadPose
 
 
 class _HeadSwing(Leaf):
-    """What all have in common: they swing about where the head looks, along one axis."""
+    """Base of leaves that swing the head on one axis about its start pose."""
 
     needs = frozenset({"head"})
     drives = frozenset({"head"})
-    on: str = argument("head", "which head it turns, of a robot that has several", default="head")
+    on: str = argument("head", "head to turn, for robots with several", default="head")
     amplitude: float
     period: float
     _home: HeadPose | None = None  # where it looked before, and looks again in the end
@@ -27,7 +27,7 @@ class _HeadSwing(Leaf):
         self._home = self._paused_at = None
 
     def start_pose(self) -> HeadPose | None:
-        """Return where the head looked when it began; None as long as that is not known."""
+        """Return the pose of the head at the start, or None until it is known."""
         if self._home is None:
             self._home, self._since_home = self.robot.head.pose().value, self.run.now()
         elif self._paused_at is not None:
@@ -37,11 +37,11 @@ class _HeadSwing(Leaf):
 
     @property
     def swing_time(self) -> float:
-        """Seconds since it knows where it swings about."""
+        """Seconds of swinging so far, without pauses."""
         return self.run.now() - self._since_home
 
     def swing_range(self, home: HeadPose, axis: str) -> tuple[float, float]:
-        """Return the middle and the amplitude of the swing, in radians: moved, then cut, to keep within the limits."""
+        """Return middle and amplitude of the swing in radians, shifted and then cut to keep the head's limits."""
         limits = self.robot.head.limits
         low, high = limits.pan if axis == "pan" else limits.tilt
         amplitude = min(self.amplitude, (high - low) / 2)
@@ -49,7 +49,7 @@ class _HeadSwing(Leaf):
         return min(max(middle, low + amplitude), high - amplitude), amplitude
 
     def turn(self, home: HeadPose, axis: str, angle: float) -> HeadPose:
-        """Turn one axis to ``angle``, the other to where it was."""
+        """Send a goal with one axis at ``angle`` and the other as in ``home``."""
         return self.robot.head.look(replace(home, pan=angle) if axis == "pan" else replace(home, tilt=angle))
 
     def on_pause(self) -> None:
@@ -62,7 +62,7 @@ class _HeadSwing(Leaf):
 
 
 class _HeadGesture(_HeadSwing):
-    """A gesture: to one side and to the other, a few times, and back to where the head looked."""
+    """Base of gestures: to one side and to the other, ``times`` times, then back to the start pose."""
 
     axis: ClassVar[str] = ""
     times: int
@@ -78,7 +78,7 @@ class _HeadGesture(_HeadSwing):
         self._arrival = ArrivalDetector()
 
     def _measure_swing(self, home: HeadPose) -> None:
-        """Note how far the head has turned."""
+        """Update the largest measured angle from the start pose."""
         here = self.robot.head.pose()
         if here.good and here.value is not None:
             self._swing_angle = max(self._swing_angle, abs(getattr(here.value, self.axis) - getattr(home, self.axis)))
@@ -111,50 +111,51 @@ class _HeadGesture(_HeadSwing):
 
 
 class Nod(_HeadGesture):
-    """Nod: down and up, and back to where the head looked.
+    """Nod: turn the head down and up, then back to its start pose.
 
-    Running until that is done, then succeeds. A head that cannot do it that fast takes longer. Fails when the head does
-    not turn, or does not come back.
+    Running until done, then succeeds. A slow head takes longer. Fails if the head does not turn, or does not come back.
     """
 
     tag = "nod"
+    example = "- nod: 2"
     axis = "tilt"
-    times: int = argument("count", "how many times", default=2, principal=True, low=1, high=20)
+    times: int = argument("count", "number of nods", default=2, principal=True, low=1, high=20)
     amplitude: float = argument(
-        "angle", "how far down and up", default=math.radians(8), low=math.radians(2), high=math.radians(45)
+        "angle", "angle up and down", default=math.radians(8), low=math.radians(2), high=math.radians(45)
     )
-    period: float = argument("duration", "for once down and up", default=0.8, low=0.2)
+    period: float = argument("duration", "duration of one nod", default=0.8, low=0.2)
 
 
 class ShakeHead(_HeadGesture):
-    """Shake the head: left and right, and back to where it looked.
+    """Shake the head: turn it left and right, then back to its start pose.
 
-    Running until that is done, then succeeds. A head that cannot do it that fast takes longer. Fails when the head does
-    not turn, or does not come back.
+    Running until done, then succeeds. A slow head takes longer. Fails if the head does not turn, or does not come back.
     """
 
     tag = "shake_head"
+    example = "- shake_head: 3"
     axis = "pan"
-    times: int = argument("count", "how many times", default=2, principal=True, low=1, high=20)
+    times: int = argument("count", "number of shakes", default=2, principal=True, low=1, high=20)
     amplitude: float = argument(
-        "angle", "how far to each side", default=math.radians(15), low=math.radians(2), high=math.radians(90)
+        "angle", "angle to each side", default=math.radians(15), low=math.radians(2), high=math.radians(90)
     )
-    period: float = argument("duration", "for once left and right", default=1.0, low=0.2)
+    period: float = argument("duration", "duration of one shake", default=1.0, low=0.2)
 
 
 class SweepHead(_HeadSwing):
-    """Let the head swing to and fro about where it looks, as a sine, until it is stopped.
+    """Swing the head back and forth about its start pose, as a sine, until halted.
 
-    Running until it is halted; it never succeeds. A head that cannot swing that fast swings more slowly.
+    Running until it is halted; it never succeeds. A slow head swings more slowly.
     """
 
     tag = "sweep_head"
+    example = "- sweep_head: 40 deg\n  timeout: 20 s"
     ends = frozenset({"failure"})
-    vertical: bool = argument("flag", "up and down instead of left and right", default=False)
+    vertical: bool = argument("flag", "swing up and down instead of left and right", default=False)
     amplitude: float = argument(
-        "angle", "how far to each side", default=math.radians(45), principal=True, low=math.radians(1), high=math.pi / 2
+        "angle", "angle to each side", default=math.radians(45), principal=True, low=math.radians(1), high=math.pi / 2
     )
-    period: float = argument("duration", "for once to and fro", default=8.0, low=0.5)
+    period: float = argument("duration", "duration of one cycle", default=8.0, low=0.5)
 
     def update(self) -> Status:
         home, axis = self.start_pose(), "tilt" if self.vertical else "pan"

@@ -1,4 +1,4 @@
-"""Leaves that listen."""
+"""Leaves that listen for phrases."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -9,52 +9,53 @@ from behaviours.leaf import SUCCESS, Leaf, argument
 from perception.api import Words
 
 MAX_LISTENING_DELAY = 1.0
-"""Seconds for which the robot may be behind with listening; more, and it does not listen at all."""
+"""Seconds that the recogniser may lag behind; with more, the robot counts as deaf."""
 
 DEFAULT_MAX_AGE = 3.0
-"""Seconds for which something heard counts as heard, unless a mission says otherwise."""
+"""Seconds for which a phrase counts as heard by default."""
 
 MAX_AGE = 30.0
 """Seconds for which every ``perception.api.Hearing`` keeps words."""
 
 
 class HearingLeaf(Leaf):
-    """Hears phrases, among all those that the mission listens for."""
+    """Base of leaves that wait for phrases, out of all the phrases that the mission listens for."""
 
     needs = frozenset({"microphone"})
-    output_doc = "the phrase, as the mission writes it"
+    output_doc = "the phrase, as written in the mission"
     output_type = str
     phrases: Mapping[str, str]  # as the mission writes them, by how they are listened for
 
     def newest_phrase(self, since: float) -> Words | None:
-        """Return the newest of the phrases that was begun at ``since`` (s, on the run's clock) or later."""
+        """Return the newest of the phrases that began at ``since`` (s, on the run's clock) or later, or None."""
         words = self.robot.hearing.words()
         return next((each for each in words if each.start >= since and each.phrase in self.phrases), None)
 
     def accept(self, words: Words) -> Status:
-        """Succeed with what was heard."""
+        """Store the phrase as the result and return SUCCESS."""
         self.result = self.phrases[words.phrase]
         self.feedback_message = f'heard "{words.phrase}"'
         return SUCCESS
 
     def deafness_reason(self) -> str:
-        """Say that the robot does not hear anything at all, whatever is missing; nothing where it does."""
+        """Return why the robot hears nothing at all, or an empty text if it hears."""
         listened = self.robot.hearing.listened()
         there = listened is not None and self.run.now() - listened <= MAX_LISTENING_DELAY
         return "" if there else "no sound from the microphone, or no recogniser: see the notices"
 
 
 class Listen(HearingLeaf):
-    """Wait until somebody says one of some phrases.
+    """Wait until a person says one of some phrases.
 
-    Running until it is heard, then succeeds; fails after `timeout` without. What was begun before it started does not
-    count, nor does what the robot says itself. All phrases of the mission, in small letters, are listened for at all
-    times: what is not one of them is refused, and another step's are ignored.
+    Running until a phrase is heard, then succeeds; fails after `timeout`. Phrases that began before the leaf started do
+    not count, and neither does the robot's own speech. The robot always listens for all phrases of the mission, in
+    small letters: other words are refused, and phrases of other steps are ignored.
     """
 
     tag = "listen"
-    phrases: Mapping[str, str] = argument("phrases", "what may be said", name="for", principal=True)
-    timeout: float | None = argument("duration", "how long to wait; else for ever", default=None, low=0.1)
+    example = '- listen: {for: ["yes", "no"], timeout: 10 s}\n  as: answer'
+    phrases: Mapping[str, str] = argument("phrases", "phrases to wait for", name="for", principal=True)
+    timeout: float | None = argument("duration", "maximum waiting time; no limit by default", default=None, low=0.1)
 
     def update(self) -> Status:
         words = self.newest_phrase(self.started_at)
@@ -65,7 +66,7 @@ class Listen(HearingLeaf):
         return self.wait(self.deafness_reason() or self._other_words() or "listening")
 
     def _other_words(self) -> str:
-        """Say what else was heard; empty where nothing was."""
+        """Return the words that were heard instead as a text, or an empty text."""
         hearing = self.robot.hearing
         others: Sequence[Words] = [
             each for each in (*hearing.words(), *hearing.refused()) if each.start >= self.started_at
@@ -78,16 +79,19 @@ class Listen(HearingLeaf):
 
 
 class HeardLeaf(HearingLeaf):
-    """Was something said just now?
+    """Check whether a phrase was said recently.
 
-    Succeeds when it was heard lately, fails when not. It never runs, so that a mission can do something else until
-    then; it is suspended while there is no sound.
+    Succeeds if the phrase was heard within the last `within` seconds, fails if not. It never runs, so a mission can do
+    other things in the meantime. It is suspended while there is no sound.
     """
 
     tag = "heard"
+    example = "- heard: {phrase: stop, within: 2 s}"
     instant = True
-    phrases: Mapping[str, str] = argument("phrases", "what counts", name="phrase", principal=True)
-    within: float = argument("duration", "how long ago still counts", default=DEFAULT_MAX_AGE, low=0.01, high=MAX_AGE)
+    phrases: Mapping[str, str] = argument("phrases", "phrases that count", name="phrase", principal=True)
+    within: float = argument(
+        "duration", "maximum time since the phrase", default=DEFAULT_MAX_AGE, low=0.01, high=MAX_AGE
+    )
 
     def update(self) -> Status:
         now = self.run.now()

@@ -1,4 +1,4 @@
-"""What leaves that move joints along a path have in common: they look before they move, and never leap."""
+"""Base of leaves that move joints along a path, with limited steps, and the measurement of the tracking error."""
 
 import math
 from abc import abstractmethod
@@ -18,7 +18,7 @@ from drivers.api.joints import ActiveCouplings
 
 @dataclass(frozen=True, slots=True)
 class JointSample:
-    """Where a joint should have been, and was (radians), ``time`` seconds after the motion began."""
+    """Planned and measured position of a joint (radians), ``time`` seconds after the motion began."""
 
     time: float
     joint: str
@@ -27,15 +27,15 @@ class JointSample:
 
     @property
     def error(self) -> float:
-        """How far beyond its goal it was, in radians."""
+        """Measured minus planned position in radians."""
         return self.position - self.goal
 
 
 @dataclass(frozen=True, slots=True)
 class JointError:
-    """How far a joint was off over a whole motion, in radians: ``rms`` the root of the mean square, ``worst`` the most.
+    """Tracking error of a joint over a whole motion, in radians: root mean square ``rms`` and maximum ``worst``.
 
-    ``at`` is when that was, in seconds after the motion began; ``readings`` how often it was measured.
+    ``at`` is the time of the maximum in seconds after the motion began; ``readings`` is the number of measurements.
     """
 
     rms: Angle
@@ -45,21 +45,21 @@ class JointError:
 
 
 class TrackingErrors:
-    """Gathers what is measured during one motion. ``samples`` are all of it, in the order in which they came."""
+    """Collects the samples of one motion, in the order in which they arrive."""
 
     def __init__(self) -> None:
         self.samples: list[JointSample] = []
         self._newest: dict[str, float] = {}
 
     def add(self, samples: Iterable[JointSample]) -> None:
-        """Take in those that are new: a reading that is asked for twice was measured once."""
+        """Add samples. A sample that is not newer than the last one of its joint is ignored."""
         for sample in samples:
             if sample.time > self._newest.get(sample.joint, -math.inf):
                 self._newest[sample.joint] = sample.time
                 self.samples.append(sample)
 
     def errors(self) -> Mapping[str, JointError]:
-        """Return how far off each joint was; a joint that was never measured is left out."""
+        """Return the error of each joint; joints without a measurement are left out."""
         by_joint: dict[str, list[JointSample]] = {}
         for sample in self.samples:
             by_joint.setdefault(sample.joint, []).append(sample)
@@ -73,26 +73,26 @@ def _error(samples: Sequence[JointSample]) -> JointError:
 
 
 MIN_SPEED = 0.1
-"""rad/s: under load, slower orders do not move a small servo evenly."""
+"""Minimum speed in rad/s: a small servo under load does not move evenly below it."""
 
 
 def has_range(limits: JointLimits) -> bool:
-    """Whether a joint has a range that it may lead another through."""
+    """Return True if the limits of a joint span a range."""
     return limits.upper > limits.lower
 
 
 def range_coupling(leader: str, leader_limits: JointLimits, follower: str, follower_limits: JointLimits) -> Coupling:
-    """Return what brings a joint as far through its range as the one that leads it, which ``has_range`` one."""
+    """Return the coupling that maps the leader's range (see ``has_range``) onto the follower's range."""
     scale = (follower_limits.upper - follower_limits.lower) / (leader_limits.upper - leader_limits.lower)
     return Coupling(leader, follower, scale, follower_limits.lower - scale * leader_limits.lower)
 
 
 class JointMirror:
-    """Sends the joints of ``follower`` where those of ``leader`` stand, as ``couplings`` say.
+    """Sends the joints of ``follower`` to the positions of ``leader``, as ``couplings`` say.
 
-    Followers are brought over slowly at first, and after a pause. A leader that is not heard of leads nobody: its
-    followers come to rest by themselves. Whoever turns it seldom gives each way ``time`` (s) to be gone, so that it is
-    gone evenly; else all go as fast as they may. For one thread.
+    Followers approach slowly at first, and after a pause. If a leader does not report, its followers come to rest. If
+    ``step`` is called seldom, ``time`` (s) is the duration of each move, so that the motion is even; 0 moves at full
+    speed. For one thread.
     """
 
     def __init__(self, leader: Joints, follower: Joints, couplings: Sequence[Coupling], *, time: float = 0.0) -> None:
@@ -102,7 +102,7 @@ class JointMirror:
         self._following = ActiveCouplings(couplings)
 
     def step(self, now: float) -> Mapping[str, float]:
-        """Send the followers on; return the goals that they were sent (radians). Raises NotConnected, DeviceFault."""
+        """Send goals to the followers and return them (radians). Raises NotConnected, DeviceFault."""
         goals = self._following.goals(_known_positions(self._leader))
         if not goals:
             return {}
@@ -116,39 +116,39 @@ class JointMirror:
         return self._follower.move(goals, speeds=speeds)
 
     def pause(self) -> None:
-        """Take note that the follower was away: its joints are brought over anew."""
+        """Note that the follower was disconnected: its joints approach slowly again."""
         self._following.mark_paused()
 
 
 def _known_positions(arm: Joints) -> dict[str, float]:
-    """Return where joints stand that are heard of."""
+    """Return the positions (radians) of the joints with a good reading."""
     states = arm.states().items()
     return {joint: state.value.position for joint, state in states if state.good and state.value is not None}
 
 
 GOAL_LEAD_TIME = 0.05
-"""Seconds that the goals run ahead of the time: a tick and the bus."""
+"""Seconds by which goals are ahead of the path's time: one tick and the bus."""
 
 MAX_STEP_TIME = 0.1
-"""Seconds: a tick counts for no longer, so that after a late one, a pause or a lost arm nothing leaps."""
+"""Maximum seconds that one tick counts, so that joints do not jump after a late tick, a pause or a disconnect."""
 
 RUN_IN_SPEED = math.radians(50)
-"""rad/s at most on the way to where a movement begins, wherever the joints were left."""
+"""Maximum speed in rad/s on the way to the first pose of a movement."""
 
 CATCH_UP_TIME = 0.2
-"""Seconds within which a joint makes up for what it lags behind its path."""
+"""Seconds within which a joint catches up with its path."""
 
 SPEED_MARGIN = 1.1
-"""By how much faster than its path a joint may go: one that is at each goal a little early keeps up with the next."""
+"""Ratio of the permitted speed to the speed of the path, so that joints arrive slightly early and keep up."""
 
 REPORT_TIMEOUT = 3.0
-"""Seconds for which joints are waited for that do not report, on an arm that is there: a servo restarts in one."""
+"""Seconds to wait for joints that do not report on a connected arm; a servo restarts in one second."""
 
 
 class ReportWait:
-    """Bounds the wait for joints that do not report although their arm is there: their servos may not be driven.
+    """Timeout for joints that do not report although their arm is connected, for example because a servo is not driven.
 
-    While the arm is away no time counts, for then it is waited for.
+    Time does not count while the arm is disconnected.
     """
 
     def __init__(self) -> None:
@@ -156,7 +156,7 @@ class ReportWait:
         self._seen_at: float | None = None
 
     def timeout_reason(self, arm: Joints, silent: Collection[str], now: float) -> str:
-        """Return why ``silent`` joints are waited for no longer, with what helps; empty while they are."""
+        """Return the reason and a hint if ``silent`` joints have not reported in time, else an empty text."""
         health = arm.health()
         if not health.online:
             self._waited_seconds, self._seen_at = 0.0, None
@@ -171,11 +171,11 @@ class ReportWait:
 
 
 ARM_ARGUMENT: str = argument("arm", "which arm, of a robot that has several", default="arm")
-"""The argument of leaves that move or feel joints, under the name ``on``."""
+"""Argument ``on`` of leaves that move or read joints."""
 
 
 class JointPath(Protocol):
-    """Where joints are to be over time."""
+    """Positions of joints over time."""
 
     def at(self, time: float) -> Mapping[str, float]:
         """Return the positions (radians) at ``time`` seconds after the start."""
@@ -183,9 +183,9 @@ class JointPath(Protocol):
 
 
 class JointMotion(Leaf):
-    """Moves joints along a path: laid out from where they are, followed at its own time, and held where it is halted.
+    """Base of leaves that move joints along a path from their present positions, and hold them when halted.
 
-    A subclass says which joints are ``moved_joints``, lays out the ``path``, and says in ``follow`` how far it has come.
+    Subclasses implement ``moved_joints``, ``path`` and ``follow``.
     """
 
     needs = frozenset({"arm"})
@@ -202,15 +202,15 @@ class JointMotion(Leaf):
 
     @abstractmethod
     def moved_joints(self) -> tuple[str, ...]:
-        """Return the joints that it moves."""
+        """Return the joints that the leaf moves."""
 
     @abstractmethod
     def path(self, start: Mapping[str, float]) -> JointPath:
-        """Return the path of its joints from where they are."""
+        """Return the path from the present positions ``start`` (radians)."""
 
     @abstractmethod
     def follow(self, time: float, samples: Mapping[str, JointSample]) -> Status:
-        """Say how far it has come, ``time`` seconds after the start; ``samples`` are what was measured, by joint."""
+        """Return the status ``time`` seconds after the start; ``samples`` are the new measurements by joint."""
 
     def update(self) -> Status:
         if self._path is None:
@@ -227,7 +227,7 @@ class JointMotion(Leaf):
         return self._send_goals(self._path)
 
     def _send_goals(self, path: JointPath) -> Status:
-        """Order where to be at the next tick."""
+        """Send the goals for the next tick and return the status."""
         now = self.run.now()
         passed = now - self._moved_at
         if passed > MAX_STEP_TIME:
@@ -246,7 +246,7 @@ class JointMotion(Leaf):
         return self.follow(time, samples)
 
     def _new_samples(self, path: JointPath, time: float, now: float) -> dict[str, JointSample]:
-        """Return the newest readings, each beside where its joint should have been when it was measured."""
+        """Return the newest readings with the planned position at the time of each measurement."""
         samples = {}
         planned: dict[float, Mapping[str, float]] = {}  # most readings were taken at the same time
         states = self.robot.arm.states()
@@ -270,7 +270,7 @@ class JointMotion(Leaf):
 
 
 def positions(arm: Joints) -> dict[str, float]:
-    """Return where the joints are now (radians), as far as that is known."""
+    """Return the known positions of the joints in radians."""
     found = {joint: _position(state) for joint, state in arm.states().items()}
     return {joint: position for joint, position in found.items() if position is not None}
 

@@ -1,4 +1,4 @@
-"""What an arm has, and how far and fast it goes: joints by name and group, for leaves and for the checker."""
+"""Joints of an arm by name and group, with their limits, and the declaration of leaf arguments."""
 
 import difflib
 import math
@@ -13,23 +13,28 @@ from drivers.errors import BadRequest
 # The arguments of a leaf, declared once, in its class: for the checker, the catalogue, the schema and the docs.
 
 REQUIRED: Any = object()
-"""The default of an argument that must be given."""
+"""Default of an argument that must be given."""
 
 
 @dataclass(frozen=True, slots=True)
 class Argument:
-    """One argument of a leaf.
+    """Argument of a leaf.
 
-    ``kind`` is a dimension ("angle", "length", "duration", ...), "text", "number", "count", "flag", "value" (anything),
-    "outcomes" (a list of statuses), "joint" (a name), "joints" (a joint, a group of them, or a list of both), or
-    "gesture", "move", "gait", "controller" or "object" (looked up by name), "new move" (the name of what is to be
-    recorded), "file" (a path from the mission's folder), "face" (a variable that holds one, or nothing), "phrases"
-    (what may be said: one text, or a list of them, known before the mission starts), "choice" (one of the words in
-    ``choices``), or a kind of part of which a robot may have several, "head" or "arm": its name, and the leaf sees that
-    one as its robot's only one.
-    ``span`` asks for two values, [low, high]; ``by_joint`` for one value for each of some joints, {elbow: 30 deg}.
-    ``low`` and ``high`` are bounds in SI units. The ``principal`` one may be written without its name.
-    ``attribute`` is the leaf's attribute that holds the value.
+    ``kind`` is one of these:
+
+    - a dimension: "angle", "length", "duration"...
+    - a plain value: "text", "number", "count", "flag", "value" (anything), "choice" (a word of ``choices``)
+    - "outcomes": a list of statuses
+    - "joint" (a name), or "joints" (a joint, a group, or a list of both)
+    - a name in the library: "gesture", "move", "gait", "controller", "object"
+    - "new move" (name of a recording to make), "file" (a path, relative to the mission's folder)
+    - "face" (a variable with a face, or nothing)
+    - "phrases" (a text or list of texts, known before the mission starts)
+    - "head" or "arm": a part of which a robot may have several; the leaf sees that one as its robot's only one
+
+    ``span`` takes two values, [low, high]; ``by_joint`` takes a value per joint, {elbow: 30 deg}. ``low`` and ``high``
+    are bounds in SI units. A ``principal`` argument may be written without its name. ``attribute`` is the leaf's
+    attribute that holds the value.
     """
 
     name: str
@@ -46,34 +51,33 @@ class Argument:
 
     @property
     def required(self) -> bool:
-        """True when a mission must give it."""
+        """True if a mission must give it."""
         return self.default is REQUIRED
 
 
 def argument(kind: str, help: str, *, name: str = "", **options: Any) -> Any:  # noqa: A002 - as argparse and click
     """Declare an argument of a leaf, as a class attribute.
 
-    ``speed: float = argument("speed", "how fast", default=0.2)``. When the leaf starts, the attribute holds the value:
-    SI floats for quantities, a pair of them for a span, a mapping for values by joint, a tuple of names for joints, and
-    for phrases a mapping from how each is listened for to how it is written.
-    ``called`` is its name in missions where that cannot be the attribute's, as ``name``, which every node has.
+    ``speed: float = argument("speed", "maximum speed", default=0.2)``. When the leaf starts, the attribute holds the value: SI floats for quantities, a pair for a span, a mapping for
+    values by joint, a tuple of names for joints. For phrases it is a mapping from the normalised to the written form.
+    ``name`` is the name in missions if the attribute cannot have it; every node has the attribute ``name``, for
+    example.
     """
     return Argument(name=name, kind=kind, help=help, **options)
 
 
 MIN_SIMILARITY = 0.75
-"""As much of two names must be alike for a slip: what is proposed moves, and an elbow is not the right elbow."""
+"""Minimum similarity (0..1) for "did you mean". It is high because a wrong joint would move."""
 
 LIMIT_TOLERANCE = 1e-6
-"""Radians by which an angle may lie beyond a limit: what is written in degrees is not exact."""
+"""Radians by which an angle may exceed a limit, since values in degrees are rounded."""
 
 
 @dataclass(frozen=True, slots=True)
 class JointRanges:
-    """The range of each joint, by name, in the order of the robot file; ``groups`` of joints go by one name.
+    """Limits of each joint by name, in the order of the robot file, and the joint ``groups`` by name.
 
-    ``arms`` are those of all arms of a robot that has several, by name, for what has to do with two; ``name`` is what
-    this one is called in messages.
+    ``arms`` are the ranges of all arms of a robot with several, by name; ``name`` is the name of this arm in messages.
     """
 
     joints: Mapping[str, JointLimits]
@@ -82,11 +86,11 @@ class JointRanges:
     name: str = "arm"
 
     def of_arm(self, arm: str | None) -> "JointRanges":
-        """Return those of another ``arm`` of the robot, which has it; these where it is None."""
+        """Return the ranges of the named arm, or these ranges if ``arm`` is None."""
         return self if arm is None else replace(self.arms[arm], name=arm)
 
     def unknown_names(self, names: Iterable[str]) -> list[str]:
-        """Return a mistake for each name that means neither a joint nor a group."""
+        """Return an error for each name that is neither a joint nor a group."""
         known = {*self.joints, *self.groups}
         return [
             f"the {self.name} has no joint or group '{name}'{_similar_name(name, known)}"
@@ -95,13 +99,13 @@ class JointRanges:
         ]
 
     def missing_joints(self, joints: Iterable[str]) -> list[str]:
-        """Return what is wrong with the names that are none of a joint."""
+        """Return errors for the names that are not joints."""
         return self._no_joints(name for name in dict.fromkeys(joints) if name not in self.joints)
 
     def resolve(self, names: Iterable[str]) -> tuple[str, ...]:
-        """Return the joints that ``names`` mean, groups spelt out, each once; all joints where there is no name.
+        """Return the joints of ``names`` with groups expanded, each once; all joints if there are no names.
 
-        Raises BadRequest with every name that means nothing.
+        Raises BadRequest that lists every unknown name.
         """
         names = tuple(names)
         if wrong := self.unknown_names(names):
@@ -111,7 +115,7 @@ class JointRanges:
         return tuple(dict.fromkeys(joint for name in names for joint in self.groups.get(name, (name,))))
 
     def limit_violations(self, poses: Iterable[Mapping[str, float]]) -> list[str]:
-        """Return a mistake for the joints in ``poses`` (radians) that the arm lacks, and for each asked too far."""
+        """Return an error for each joint in ``poses`` (radians) that the arm lacks or that exceeds its limits."""
         poses = list(poses)
         wrong: dict[str, str] = {}
         for pose in poses:
@@ -125,7 +129,7 @@ class JointRanges:
         return [*self.missing_joints(joint for pose in poses for joint in pose), *wrong.values()]
 
     def speed_violations(self, speeds: Mapping[str, float]) -> list[str]:
-        """Return a mistake for each joint that is to go faster (rad/s) than it can."""
+        """Return an error for each joint whose speed (rad/s) exceeds its limit."""
         return [
             f"{joint} at {degrees_text(speed)}/s is faster than it goes ({degrees_text(self.joints[joint].speed)}/s)"
             for joint, speed in speeds.items()
@@ -147,5 +151,5 @@ def _similar_name(name: str, known: Iterable[str]) -> str:
 
 
 def degrees_text(angle: float) -> str:
-    """Write an angle (radians) for a message: "12.5 deg"."""
+    """Return an angle (radians) as text: "12.5 deg"."""
     return f"{round(math.degrees(angle), 1) + 0.0:g} deg"

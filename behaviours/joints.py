@@ -1,4 +1,4 @@
-"""Leaves that order joints about: to angles, to be stiff, to be limp."""
+"""Leaves that move joints to angles or switch their torque, and conditions on joints."""
 
 import math
 from abc import abstractmethod
@@ -15,20 +15,21 @@ from drivers.api import Angle, Duration, JointState
 
 
 class JointAt(Leaf):
-    """Is a joint at an angle?
+    """Check whether a joint is at an angle.
 
-    Succeeds when it was measured there lately, fails when not. It never runs; suspended while the joint does not
-    report.
+    Succeeds if the newest measurement is within `tolerance`, fails if not. It never runs, and is suspended while the
+    joint does not report.
     """
 
     tag = "joint_at"
+    example = "- joint_at: {joint: elbow, angle: 30 deg}"
     needs = frozenset({"arm"})
     instant = True
-    output_doc = "where the joint is, in radians"
+    output_doc = "the angle of the joint in radians"
     output_type = Angle
-    joint: str = argument("joint", "which one")
-    angle: float = argument("angle", "where")
-    tolerance: float = argument("angle", "how near is there", default=math.radians(3), low=0.0)
+    joint: str = argument("joint", "name of the joint")
+    angle: float = argument("angle", "expected angle")
+    tolerance: float = argument("angle", "maximum difference", default=math.radians(3), low=0.0)
     on: str = ARM_ARGUMENT
 
     def joint_violations(self, reach: JointRanges) -> list[str]:
@@ -48,11 +49,11 @@ class JointAt(Leaf):
 
 
 class _AnyJoint(Leaf):
-    """Asks several joints something, and succeeds when it is so for one of them."""
+    """Base of conditions that succeed if one of several joints fulfils them."""
 
     needs = frozenset({"arm"})
     instant = True
-    output_doc = "the joints of which it is so, as a list"
+    output_doc = "the joints that fulfil the condition, as a list"
     output_type = list[str]
     joints: tuple[str, ...]
     on: str = ARM_ARGUMENT
@@ -62,15 +63,15 @@ class _AnyJoint(Leaf):
 
     @abstractmethod
     def holds(self, state: JointState) -> bool:
-        """Say whether it is so for a joint that feels this."""
+        """Return True if a joint in this state fulfils the condition."""
 
     @abstractmethod
     def rank(self, state: JointState) -> float:
-        """Return how near it is to being so: the nearest joint is told of where it is so for none."""
+        """Return how close a joint is to fulfilling the condition; a failure names the closest joint."""
 
     @abstractmethod
     def state_text(self, state: JointState) -> str:
-        """Say what was asked of a joint that feels this."""
+        """Return the relevant part of the state as text."""
 
     def update(self) -> Status:
         states, names = self.robot.arm.states(), self.robot.joint_ranges.resolve(self.joints)
@@ -88,14 +89,15 @@ class _AnyJoint(Leaf):
 
 
 class JointHot(_AnyJoint):
-    """Is a joint hot?
+    """Check whether a joint is hot.
 
-    Succeeds when one of them, or of all, is hotter than that, fails when none is. It never runs.
+    Succeeds if one of `joints` is hotter than `over`, fails if none is. It never runs.
     """
 
     tag = "joint_hot"
-    joints: tuple[str, ...] = argument("joints", "which; else all", default=(), principal=True)
-    over: float = argument("temperature", "from where on it is hot", default=60.0, low=0.0, high=150.0)
+    example = "- joint_hot: {over: 55 degC}"
+    joints: tuple[str, ...] = argument("joints", "joints to check; all by default", default=(), principal=True)
+    over: float = argument("temperature", "temperature above which a joint is hot", default=60.0, low=0.0, high=150.0)
 
     def holds(self, state: JointState) -> bool:
         return state.temperature > self.over
@@ -108,14 +110,15 @@ class JointHot(_AnyJoint):
 
 
 class JointLoaded(_AnyJoint):
-    """Does a joint have to push hard, either way?
+    """Check whether a joint carries a high load, in either direction.
 
-    Succeeds when one of them, or of all, is loaded more than that, fails when none is. It never runs.
+    Succeeds if the load of one of `joints` exceeds `over`, fails if none does. It never runs.
     """
 
     tag = "joint_loaded"
-    joints: tuple[str, ...] = argument("joints", "which; else all", default=(), principal=True)
-    over: float = argument("share", "from which part of its greatest torque on", default=0.5, low=0.0, high=1.0)
+    example = "- joint_loaded: {joints: elbow, over: 40 %}"
+    joints: tuple[str, ...] = argument("joints", "joints to check; all by default", default=(), principal=True)
+    over: float = argument("share", "load, as a share of the maximum torque", default=0.5, low=0.0, high=1.0)
 
     def holds(self, state: JointState) -> bool:
         return abs(state.load) > self.over
@@ -128,13 +131,14 @@ class JointLoaded(_AnyJoint):
 
 
 class JointMoving(_AnyJoint):
-    """Does a joint move?
+    """Check whether a joint is moving.
 
-    Succeeds when one of them, or of all, is on its way to a goal, fails when none is. It never runs.
+    Succeeds if one of `joints` is on its way to a goal, fails if none is. It never runs.
     """
 
     tag = "joint_moving"
-    joints: tuple[str, ...] = argument("joints", "which; else all", default=(), principal=True)
+    example = "- joint_moving: elbow"
+    joints: tuple[str, ...] = argument("joints", "joints to check; all by default", default=(), principal=True)
 
     def holds(self, state: JointState) -> bool:
         return state.moving
@@ -147,30 +151,34 @@ class JointMoving(_AnyJoint):
 
 
 CONFIRMATION_TIMEOUT = 2.0
-"""Seconds within which joints report that they are stiff or limp: several rounds, even of the slow registers."""
+"""Seconds within which joints must report the new torque state: several rounds, even of the slow registers."""
 
 RESEND_INTERVAL = 0.5
-"""Seconds after which an order is given again: a servo that was gone for a moment has forgotten it."""
+"""Seconds after which a torque command is sent again, since a servo loses it when it is disconnected for a moment."""
 
 
 class MoveJoints(Leaf):
-    """Move joints to angles, all at once.
+    """Move joints to angles, all at the same time.
 
-    Running until each has been measured at its angle, then succeeds. Fails before anything moves when the arm lacks a
-    joint, or one is asked to go too far or too fast; and when a joint has not arrived, with how far it is off.
+    Running until each joint has been measured at its angle, then succeeds. Fails before anything moves if the arm lacks
+    a joint, or if an angle or the speed exceeds a limit. Fails later if a joint has not arrived in time, and says how
+    far it is off.
     """
 
     tag = "move_joints"
+    example = "- move_joints: {to: {elbow: 30 deg}, speed: 40 deg/s}"
     needs = frozenset({"arm"})
     drives = frozenset({"arm"})
-    output_doc = "how long it took, in seconds"
+    output_doc = "the duration in seconds"
     output_type = Duration
-    to: Mapping[str, float] = argument("angle", "where each joint is to go", by_joint=True)
+    to: Mapping[str, float] = argument("angle", "goal of each joint", by_joint=True)
     speed: float | None = argument(
-        "turn rate", "how fast; else each as fast as the robot file allows", default=None, low=math.radians(1)
+        "turn rate", "speed; by default each joint's limit in the robot file", default=None, low=math.radians(1)
     )
-    tolerance: float = argument("angle", "how near is there", default=math.radians(3), low=math.radians(0.2))
-    patience: float = argument("duration", "how much longer than the way should take it may take", default=3.0, low=0.1)
+    tolerance: float = argument(
+        "angle", "difference from the goal that counts as arrived", default=math.radians(3), low=math.radians(0.2)
+    )
+    patience: float = argument("duration", "extra time beyond the expected duration", default=3.0, low=0.1)
     on: str = ARM_ARGUMENT
     _goals: Mapping[str, float] | None = None
     _limit = 0.0  # how long it may take
@@ -217,7 +225,7 @@ class MoveJoints(Leaf):
         return self.robot.arm.limits[joint].speed if self.speed is None else self.speed
 
     def _shortfall_text(self, joint: str) -> str:
-        """Say how far a joint is from where it was to go."""
+        """Return how far a joint is from its goal, as text."""
         at, goal = positions(self.robot.arm).get(joint), self.to[joint]
         detail = self.robot.arm.health().detail
         why = f" ({detail})" if joint in detail else ""
@@ -235,17 +243,18 @@ class MoveJoints(Leaf):
 
 
 class Torque(Leaf):
-    """Make joints stiff where they stand (`torque: on`), or limp, to be moved by hand (`torque: off`).
+    """Switch the torque of joints: `torque: on` holds them in place, `torque: off` makes them limp.
 
-    Running until all report that they are, then succeeds. Fails when one does not; the others stay as they were told.
-    Halted before, they are held.
+    Running until all joints report the new state, then succeeds. Fails if one does not; the others keep the new state.
+    If it is halted before, the joints are held.
     """
 
     tag = "torque"
+    example = "- torque: off"
     needs = frozenset({"arm"})
     drives = frozenset({"arm"})
-    stiff: bool = argument("flag", "on, or off for limp", principal=True)
-    joints: tuple[str, ...] = argument("joints", "which; else all", default=())
+    stiff: bool = argument("flag", "on to hold, off for limp", principal=True)
+    joints: tuple[str, ...] = argument("joints", "joints to switch; all by default", default=())
     on: str = ARM_ARGUMENT
     _names: tuple[str, ...] = ()
     _begun_at: float | None = None  # None while there is nobody to ask

@@ -1,4 +1,4 @@
-"""Keyframes as smooth motion, joint by joint, within the joints' speeds, and what plays them."""
+"""Smooth motion through keyframes within the joints' speed limits, and the leaves that play and record movements."""
 
 import math
 from abc import abstractmethod
@@ -27,18 +27,21 @@ from drivers.api.fast_dataclass import dataclass
 from drivers.errors import BadRequest
 
 PEAK_SPEED_FACTORS: Mapping[Interpolation, float] = {"minimum_jerk": 1.875, "cubic": 1.5, "linear": 1.0}
-"""How much faster than its mean a motion between two keyframes is at its fastest: minimum-jerk (Flash and Hogan, 1985);
-a monotone cubic whose slopes at both ends are no steeper than its mean, that is between zero slopes."""
+"""Ratio of peak to mean speed between two keyframes.
+
+minimum_jerk: Flash and Hogan, 1985. cubic: a monotone cubic whose end slopes are at most its mean slope; its peak is
+that between zero slopes.
+"""
 
 JointValues = Mapping[str, float]
-"""Joints and their angles (radians), or how fast these change (rad/s)."""
+"""Angles (radians) or speeds (rad/s) by joint."""
 
 
 @dataclass(frozen=True, slots=True)
 class KeyframeMotion:
-    """A laid-out motion: times in seconds, and the positions of every joint at each of them (radians).
+    """Laid-out motion: times in seconds, and the positions of all joints (radians) at each time.
 
-    ``slopes`` are the joints' speeds (rad/s) at each time of a cubic motion.
+    ``slopes`` are the joint speeds (rad/s) at each time of a cubic motion.
     """
 
     times: tuple[float, ...]
@@ -53,11 +56,11 @@ class KeyframeMotion:
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """The joints that it moves."""
+        """Joints that the motion moves."""
         return tuple(self.positions[0])
 
     def at(self, time: float) -> JointValues:
-        """Return the joints' positions at ``time``; before the start and after the end, the first and the last."""
+        """Return the joint positions (radians) at ``time``, clamped to the first and the last keyframe."""
         if time <= self.times[0]:
             return self.positions[0]
         if time >= self.times[-1]:
@@ -88,10 +91,10 @@ def lay_out(
     interpolation: Interpolation = "minimum_jerk",
     run_in: float = math.inf,
 ) -> KeyframeMotion:
-    """Lay out ``keyframes`` from ``start``, each segment long enough for the joints' ``speeds`` (rad/s).
+    """Lay out ``keyframes`` from ``start``, with each segment long enough for the joints' ``speeds`` (rad/s).
 
-    A joint that a keyframe does not name stays where the one before had it. ``pace`` divides all times. On the way from
-    the start to the first keyframe, where it comes to rest in any case, no joint goes faster than ``run_in`` (rad/s).
+    A joint that a keyframe does not name keeps its position. ``pace`` divides all times. The joints come to rest at the
+    first keyframe, and no joint moves faster than ``run_in`` (rad/s) on the way there.
     """
     times, positions = [0.0], [dict(start)]
     before, cap = 0.0, run_in
@@ -110,10 +113,10 @@ def lay_out(
 
 
 def _slopes(times: Sequence[float], positions: Sequence[JointValues]) -> tuple[JointValues, ...]:
-    """Return how fast each joint is to go at each time: at rest at the start, at the first keyframe and in the end.
+    """Return the speed of each joint at each time: zero at the start, at the first keyframe and at the end.
 
-    Between, it is the harmonic mean of the speeds before and behind, and zero where the joint turns back: so nothing
-    overshoots a keyframe (Fritsch and Butland, 1984).
+    In between it is the harmonic mean of the mean speeds before and after, and zero where the joint reverses. So no
+    joint overshoots a keyframe (Fritsch and Butland, 1984).
     """
     rest = dict.fromkeys(positions[0], 0.0)
     means = [
@@ -131,25 +134,28 @@ def _harmonic(one: float, other: float) -> float:
 
 
 def _minimum_jerk(share: float) -> float:
-    """Return how far along a minimum-jerk motion is after ``share`` of its time, both 0..1."""
+    """Return the share (0..1) of the distance after ``share`` (0..1) of the time of a minimum-jerk motion."""
     return share**3 * (10 - 15 * share + 6 * share**2)
 
 
 def _hermite(share: float) -> tuple[float, float, float]:
-    """Return what the way, and the slopes at its beginning and end, count after ``share`` (0..1) of a cubic's time."""
+    """Return the weights of distance, start slope and end slope after ``share`` (0..1) of a cubic's time."""
     left = 1 - share
     return share**2 * (3 - 2 * share), share * left**2, -(share**2) * left
 
 
 ARRIVAL_TOLERANCE = 0.06
-"""Radians from the last keyframe within which a joint has arrived: an AX-12A under load stays a few ticks short."""
+"""Radians from the last keyframe within which a joint has arrived: a loaded AX-12A stays a few ticks short."""
 
 ARRIVAL_TIMEOUT = 1.5
-"""Seconds after the last keyframe that the joints have to arrive."""
+"""Seconds after the last keyframe within which the joints must arrive."""
 
 
 class PlaybackLeaf(JointMotion):
-    """Plays a movement, at ``speed`` times its own; to its first pose no joint goes faster than ``run_in`` (rad/s)."""
+    """Base of leaves that play a movement at ``speed`` times its recorded speed.
+
+    No joint moves faster than ``run_in`` (rad/s) to the first pose.
+    """
 
     speed: float
     run_in = math.inf
@@ -159,7 +165,7 @@ class PlaybackLeaf(JointMotion):
     @property
     @abstractmethod
     def movement(self) -> Movement:
-        """What is played."""
+        """Movement to play."""
 
     def joint_violations(self, reach: JointRanges) -> list[str]:
         return reach.limit_violations(frame.positions for frame in self.movement.keyframes)
@@ -200,14 +206,17 @@ class PlaybackLeaf(JointMotion):
 class GestureLeaf(PlaybackLeaf):
     """Play a gesture with the arm.
 
-    Running until the last keyframe is reached, then succeeds. A gesture that the joints cannot follow is slowed down.
-    Fails before anything moves when the arm lacks a joint or a keyframe lies outside its limits, and in the end when a
-    joint did not arrive.
+    Running until the last keyframe is reached, then succeeds. A gesture that is too fast for the joints is slowed down.
+    Fails before anything moves if the arm lacks a joint or a keyframe exceeds its limits, and in the end if a joint has
+    not arrived.
     """
 
     tag = "gesture"
-    gesture: Movement = argument("gesture", "which one", principal=True)
-    speed: float = argument("number", "1 plays it as recorded, 0.5 at half the speed", default=1.0, low=0.1, high=2.0)
+    example = "- gesture: hello"
+    gesture: Movement = argument("gesture", "gesture: a name, or a file", principal=True)
+    speed: float = argument(
+        "number", "factor of the recorded speed; 0.5 is half the speed", default=1.0, low=0.1, high=2.0
+    )
     on: str = ARM_ARGUMENT
 
     @property
@@ -219,18 +228,21 @@ class GestureLeaf(PlaybackLeaf):
 
 
 class Play(PlaybackLeaf):
-    """Play a movement that was recorded, or that a spreadsheet holds.
+    """Play a movement from a recording or a spreadsheet.
 
-    Running while it comes to the first pose, slowly, and then until the last one is reached, then succeeds. A movement
-    that the joints cannot follow is slowed down. Fails before anything moves when the arm lacks a joint or a pose lies
-    outside its limits, and in the end when a joint did not arrive.
+    Running on the slow way to the first pose and until the last pose is reached, then succeeds. A movement that is too
+    fast for the joints is slowed down. Fails before anything moves if the arm lacks a joint or a pose exceeds its
+    limits, and in the end if a joint has not arrived.
     """
 
     tag = "play"
-    output_doc = "how well it was followed, by joint: rms, worst (radians), at (seconds), readings"
+    example = "- play: {move: hello, speed: 0.5}"
+    output_doc = "the tracking error by joint: rms, worst (radians), at (seconds), readings"
     output_type = Mapping[str, JointError]
-    move: Movement = argument("move", "which one: a name, or a file: .yaml, .csv, .xls, .xlsx or .ods", principal=True)
-    speed: float = argument("number", "1 plays it as recorded, 0.5 at half the speed", default=1.0, low=0.05, high=2.0)
+    move: Movement = argument("move", "movement: a name, or a file (.yaml, .csv, .xls, .xlsx or .ods)", principal=True)
+    speed: float = argument(
+        "number", "factor of the recorded speed; 0.5 is half the speed", default=1.0, low=0.05, high=2.0
+    )
     on: str = ARM_ARGUMENT
     run_in = RUN_IN_SPEED
     tracking: TrackingErrors
@@ -254,28 +266,28 @@ class Play(PlaybackLeaf):
 
 
 class MoveRecording(Protocol):
-    """A movement while it is made."""
+    """Movement that is being recorded."""
 
     @property
     def seconds(self) -> float:
-        """How long it is by now."""
+        """Length so far in seconds."""
         ...
 
     def add(self, states: Mapping[str, Reading[JointState]], now: float) -> None:
-        """Take the newest readings. Raises drivers.errors.NoReply once they have stayed away for too long."""
+        """Add the newest readings. Raises drivers.errors.NoReply if they are missing for too long."""
         ...
 
     def write(self) -> None:
-        """Write it to its file. Raises drivers.errors.BadRequest where that cannot be, or nothing has moved."""
+        """Write the file. Raises drivers.errors.BadRequest if that fails, or if nothing has moved."""
         ...
 
 
 class MoveDestination(Protocol):
-    """A file that a movement is recorded into, by the name that the mission gives it."""
+    """File to record a movement into."""
 
     @property
     def path(self) -> Path:
-        """Where it will be."""
+        """Path of the file."""
         ...
 
     def begin(self, joints: Sequence[str]) -> MoveRecording:
@@ -284,22 +296,23 @@ class MoveDestination(Protocol):
 
 
 class RecordMove(Leaf):
-    """Record what joints do, to be played again, into a file that must not be there yet.
+    """Record the motion of joints into a new file, to play it later.
 
-    Running until it is halted, or for that long; then the file is written. It drives nothing: let `torque: off` make
-    the joints limp before, to be moved by hand, or another behaviour move them meanwhile. Fails when the file is there
-    already or cannot be written, when joints fall silent, and when nothing has moved.
+    Running until it is halted, or for `duration`; then the file is written. It moves nothing: make the joints limp with
+    `torque: off` before, to move them by hand, or let another behaviour move them. Fails if the file exists or cannot
+    be written, if joints stop reporting, and if nothing has moved.
     """
 
     tag = "record_move"
+    example = "- record_move: {move: my_wave, duration: 10 s}"
     needs = frozenset({"arm"})
     output_doc = "the path of the file"
     output_type = str
-    move: MoveDestination = argument(
-        "new move", "a name, for NAME.yaml in the current folder, or a path", principal=True
+    move: MoveDestination = argument("new move", "name, for NAME.yaml in the current folder, or a path", principal=True)
+    joints: tuple[str, ...] = argument("joints", "joints to record; all by default", default=())
+    duration: float | None = argument(
+        "duration", "length of the recording; records until halted by default", default=None, low=0.1
     )
-    joints: tuple[str, ...] = argument("joints", "which; else all", default=())
-    duration: float | None = argument("duration", "how long; else until it is halted", default=None, low=0.1)
     on: str = ARM_ARGUMENT
     _recording: MoveRecording
 

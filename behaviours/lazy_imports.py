@@ -1,6 +1,6 @@
-"""Parts of py_trees that no run needs: its demos, and drawing with pydot. They are loaded once somebody uses them.
+"""Lazy import of the parts of py_trees that no run needs: its demos, and drawing with pydot.
 
-py_trees imports all of itself, and pydot, in more than a third of the time that its import takes.
+py_trees imports all its modules, and pydot, which takes more than a third of its import time.
 """
 
 from collections.abc import Sequence
@@ -12,9 +12,9 @@ LAZY_MODULES = frozenset({"py_trees.demos", "py_trees.display", "py_trees.progra
 
 
 class LazyModuleFinder:
-    """Finds the modules of these ``names`` where Python finds them; they are run when an attribute is first asked for.
+    """Import hook for ``sys.meta_path`` that delays the execution of modules until their first attribute access.
 
-    One for ``sys.meta_path``, as importlib's documentation has it under LazyLoader.
+    It follows the LazyLoader recipe in importlib's documentation; ``names`` are the modules.
     """
 
     def __init__(self, names: frozenset[str]) -> None:
@@ -23,7 +23,7 @@ class LazyModuleFinder:
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Return how to load a module, later; None for one that is not to wait."""
+        """Return a lazy spec for a module in ``names``, else None."""
         if name not in self._names:
             return None
         spec = PathFinder.find_spec(name, path, target)

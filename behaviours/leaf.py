@@ -1,4 +1,4 @@
-"""The common base of all leaves, and the one declaration that the checker, the catalogue and the docs read."""
+"""Base class of all leaves. Its class attributes declare a leaf to the checker, the catalogue and the docs."""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
@@ -18,13 +18,13 @@ from drivers.errors import DriverError, NotConnected, SensorSilent
 
 
 def error_text(error: BaseException) -> str:
-    """Return an exception's type and words; the type alone where it has none, or cannot say them."""
+    """Return the type and message of an exception, or the type alone if the message is empty or `str` fails."""
     words = message_of(error)
     return f"{type(error).__name__}: {words}" if words else type(error).__name__
 
 
 def message_of(error: BaseException) -> str:
-    """Return an exception's words; none where it cannot say them, which may raise whatever there is."""
+    """Return `str(error)`, or an empty text if `str` raises."""
     try:
         return str(error)
     except BaseException:  # as in Leaf.on_tick
@@ -32,7 +32,7 @@ def message_of(error: BaseException) -> str:
 
 
 def short_repr(value: object) -> str:
-    """Return what a leaf gave, whatever that is, for a message."""
+    """Return the first 80 characters of `repr(value)`, or the type name if `repr` raises."""
     try:
         return repr(value)[:80]
     except BaseException:  # as in message_of
@@ -45,35 +45,43 @@ __all__ = ["FAILURE", "IDLE", "REQUIRED", "RUNNING", "SUCCESS", "Argument", "Lea
 RUNNING, SUCCESS, FAILURE, IDLE = Status.RUNNING, Status.SUCCESS, Status.FAILURE, Status.INVALID
 
 
+RENAMED = {"word": "tag", "uses": "optional_parts", "stores": "output_doc"}
+"""Old names of declarations, each with the new one. An error names both, since a leaf without a tag is ignored."""
+
+
 class Leaf(HaltableNode):
-    """A behaviour that senses or acts. A subclass declares itself and says what to do.
+    """Base of leaves: an action or condition of the robot. Subclasses declare it in class attributes.
 
-    Its docstring is its entry in the catalogue: the first line what it does, the rest when it is running, succeeds
-    and fails. ``tag`` is its name in missions. ``claims`` are the actuators it drives (``base``, ``head``, ``arm``,
-    ``voice``), ``needs`` the parts without which it is of no use, ``optional_parts`` those that it makes use of where the robot
-    has them (``range``); of one that needs the ``camera``, ``senses`` say what it looks for (``faces``, ``names`` of
-    people, ``things``, ``markers``, ``motion``). ``output_doc`` says what ``as: NAME`` keeps, ``output_type``
-    of which type that always is, as an annotation says it (``Face``, ``drivers.api.Length``), so that the checker knows
-    its members and its dimension; the subclass puts it into ``result``, in SI units: it is
-    kept when the leaf succeeds, and while it runs as soon as there is one. An
-    ``open_ended`` leaf takes any names: their values come in ``values``.
+    The docstring is the help text of the leaf: the first line says what it does, the rest when it is running, succeeds
+    and fails.
 
-    ``ends`` is how it can end, for the checker to see what is never reached; one that is ``instant`` never runs for
-    longer than a tick, but while it is suspended.
+    ``tag`` is the name in missions, and ``example`` a step with it. ``drives`` are the actuators that the leaf claims
+    (``base``, ``head``, ``arm``, ``voice``), ``needs`` the required parts and ``optional_parts`` the optional ones
+    (``range``). A leaf with the part ``camera`` lists its detectors in ``senses`` (``faces``, ``names`` of people,
+    ``things``, ``markers``, ``motion``).
 
-    A leaf that cannot answer, only because a sensor has not reported, is *suspended*: it returns ``self.suspend("range
-    finder")``, or raises ``drivers.errors.SensorSilent``, which a plain py_trees behaviour can do as well. An
-    ``instant`` leaf that drives nothing is suspended by NotConnected, too; for others that is an ordinary wait.
+    ``output_doc`` describes the value that ``as: NAME`` stores, and ``output_type`` is its type as in an annotation
+    (``Face``, ``drivers.api.Length``), from which the checker knows its members and dimension. The leaf assigns the
+    value, in SI units, to ``result``. It is stored on success, and while running as soon as it is not None. An
+    ``open_ended`` leaf takes any argument names; the values are in ``values``.
 
-    It implements py_trees' ``initialise``, ``update`` and ``terminate``: a leaf that moved something stops it in
-    ``terminate`` unless it succeeded; of one without a ``terminate``, what it drives is stopped for it when it fails or
-    is halted. ``initialise`` is called again while it raises NotConnected; once it was called,
-    ``terminate`` follows, whether it got to its end or not. Nothing in it may block or sleep. While a composite stands
-    still for a silent sensor it is not ticked; ``on_pause`` is called then, and the next tick goes on.
+    ``ends`` are the possible results, so the checker finds unreachable steps. An ``instant`` leaf never runs for longer
+    than a tick, except while it is suspended.
+
+    A leaf whose sensor has not reported is *suspended*: it returns ``self.suspend("range finder")`` or raises
+    ``drivers.errors.SensorSilent``, as a plain py_trees behaviour can. NotConnected suspends an ``instant`` leaf that
+    drives nothing; all other leaves keep running.
+
+    Subclasses implement ``initialise``, ``update`` and ``terminate`` of py_trees. None of them may block or sleep.
+    ``initialise`` is called again if it raises NotConnected. ``terminate`` follows every call of ``initialise`` and
+    must stop the actuators unless the leaf succeeded. If a class has no ``terminate``, its actuators are stopped on
+    failure and halt. If a reactive composite waits for a silent sensor, the leaf is not ticked: ``on_pause`` is called,
+    and the next tick resumes.
     """
 
     lasting_state: ClassVar[tuple[str, ...]] = ("result", "_halt_by", "_leaf_stage")
     tag: ClassVar[str] = ""
+    example: ClassVar[str] = ""
     needs: ClassVar[frozenset[str]] = frozenset()
     optional_parts: ClassVar[frozenset[str]] = frozenset()
     senses: ClassVar[frozenset[str]] = frozenset({"faces"})
@@ -96,8 +104,11 @@ class Leaf(HaltableNode):
     _started_at: float | None = None
 
     def __init_subclass__(cls) -> None:
-        """Collect the arguments that the class declares, after those of its bases."""
+        """Collect the declared arguments, those of base classes first. Raises TypeError for an old name."""
         super().__init_subclass__()
+        for old, new in RENAMED.items():
+            if isinstance(vars(cls).get(old), str | frozenset) and new not in vars(cls):
+                raise TypeError(f"{cls.__name__}: the attribute '{old}' of a leaf is called '{new}' now")
         declared: dict[str, Argument] = {}
         for base in reversed(cls.__mro__):
             declared |= vars(base).get("arguments", {})
@@ -111,16 +122,15 @@ class Leaf(HaltableNode):
 
     @classmethod
     def senses_for(cls, arguments: Collection[str]) -> frozenset[str]:
-        """Return what it looks for with the camera where these arguments have a value: its ``senses``, or more."""
+        """Return the detectors that the leaf uses if the named ``arguments`` are given; ``senses`` by default."""
         del arguments
         return cls.senses
 
     @classmethod
     def with_part(cls, kind: str, name: str, *, additional: bool = False) -> "type[Leaf]":
-        """Return the leaf that means the part of this name, of a kind of which robots may have several.
+        """Return a subclass that uses the part ``name`` as its part of ``kind``, for robots with several of a kind.
 
-        That one it needs and claims, and sees as its robot's only one; or needs and claims as well, ``beside`` the one
-        that it means already.
+        The subclass needs and claims that part. With ``additional``, it also keeps the part that it used before.
         """
         words, first = ("needs", "drives", "optional_parts"), cls.named_parts.get(kind, kind)
         if additional:
@@ -135,14 +145,15 @@ class Leaf(HaltableNode):
 
     @property
     def claims(self) -> frozenset[str]:
-        """The actuators it drives."""
+        """Actuators that the leaf drives."""
         return self.drives
 
     @property
     def started_at(self) -> float:
-        """When it started, on the run's clock: read when first asked for, at the end of its first tick at the latest.
+        """Start time in seconds on the run's clock.
 
-        So a leaf that ends in the tick in which it starts, as most do, need not read the clock.
+        The clock is read at the first access, or at the end of the first tick. So most leaves, which end in their first
+        tick, never read it.
         """
         if self._started_at is None:
             self._started_at = self.run.now()
@@ -150,32 +161,32 @@ class Leaf(HaltableNode):
 
     @property
     def elapsed(self) -> float:
-        """Seconds since it started."""
+        """Seconds since the leaf started."""
         since = self.started_at  # which may not have been read before
         return self.run.now() - since
 
     def joint_violations(self, _reach: JointRanges, /) -> list[str]:
-        """Say what joints that reach so far cannot do of what it asks; the checker asks, where all that is known."""
+        """Return error texts for demands that the joints cannot fulfil. The checker calls it for a known robot."""
         return []
 
     def update(self) -> Status:
-        """Do one tick's work; running unless a subclass says otherwise."""
+        """Do the work of one tick. Returns RUNNING by default."""
         return RUNNING
 
     def fail(self, reason: str) -> Status:
-        """Fail, and say why: ``return self.fail("no face seen")``."""
+        """Set the reason and return FAILURE: ``return self.fail("no face seen")``."""
         self.feedback_message = reason
         return FAILURE
 
     def wait(self, reason: str) -> Status:
-        """Go on running, and say what for: ``return self.wait("no face yet")``."""
+        """Set the reason and return RUNNING: ``return self.wait("no face yet")``."""
         self.feedback_message = reason
         return RUNNING
 
     def suspend(self, sensor: str) -> Status:
-        """Wait for a sensor that has not reported: ``return self.suspend("range finder")``.
+        """Suspend the leaf because a sensor has not reported: ``return self.suspend("range finder")``.
 
-        Fails once that has lasted for the sensor timeout of the robot file, tick after tick.
+        Returns FAILURE after the sensor timeout of the robot file, RUNNING before.
         """
         return self._suspend(f"the {sensor} does not report")
 
@@ -195,13 +206,13 @@ class Leaf(HaltableNode):
         return self.status
 
     def _pass_unticked_time(self) -> None:
-        """Let time pass in which it does nothing, and pause once that is too long."""
+        """Count time without a tick, and pause the leaf after COMMAND_LIFE seconds."""
         before, self.run.active_leaf = self.run.active_leaf, self
         self._count_unticked_time()
         self.run.active_leaf = before
 
     def halt(self) -> bool:
-        """Stop, if running: terminate once, then wait for ``halting`` to end, for ``halt_limit`` seconds at most."""
+        """Terminate the leaf if it runs, then wait up to ``halt_limit`` seconds for ``halting`` to be False."""
         if self.status is not RUNNING:
             return True
         if self._leaf_stage != AT_REST and not self._come_to_rest():
@@ -210,16 +221,16 @@ class Leaf(HaltableNode):
         return True
 
     def _come_to_rest(self) -> bool:
-        """Terminate, then ask ``halting`` once a tick; True once it, or its time, has ended."""
+        """Terminate, then poll ``halting`` each tick; return True at rest, or after ``halt_limit`` seconds."""
         before, self.run.active_leaf = self.run.active_leaf, self  # another may be waiting for it to make way
         at_rest = self._has_stopped()
         self.run.active_leaf = before
         return at_rest
 
     def on_tick(self) -> Status:
-        """Start if need be, update once, and turn whatever goes wrong into a failure with a reason.
+        """Start the leaf if necessary, update once, and convert every exception into a failure with a reason.
 
-        This is the hot path of every tick: what is rarely needed is asked for with one comparison.
+        This is the hot path of every tick: rare cases cost one comparison each.
         """
         run = self.run
         run.active_leaf = self
@@ -251,13 +262,13 @@ class Leaf(HaltableNode):
         return status
 
     def _finish(self, status: Status) -> None:
-        """Be at rest after an end: terminate, if the class has that to do."""
+        """Return to AT_REST after success or failure, and call ``terminate`` if necessary."""
         self._leaf_stage = AT_REST
         if self._has_terminate or (self._prepares and status is FAILURE):
             self._terminate(status)
 
     def _store_output(self, name: str, status: Status) -> None:
-        """Store the result, if there is one, with its dimension where it has one, and say so if it is a new one."""
+        """Store the result in the scope under ``name``, and flag the change if the value is a new object."""
         if status is not SUCCESS and (status is not RUNNING or self.result is None):
             return
         result = self.result if self.output_converter is None else self.output_converter(self.result)
@@ -266,7 +277,7 @@ class Leaf(HaltableNode):
             self.run.variables_changed = True
 
     def _enter_and_update(self) -> Status:
-        """Start, then update for the first time."""
+        """Start the leaf, then update for the first time."""
         if self._leaf_stage == HALTING and not self._come_to_rest():
             return self.wait("still stopping")
         if self.computed:
@@ -287,19 +298,19 @@ class Leaf(HaltableNode):
         return self.update()
 
     def _checked_status(self, status: Status) -> Status:
-        """Return a failure for what is no status; put a text in the place of a reason that is none."""
+        """Return FAILURE for a value that is not a status. Replaces a feedback message that is not a text."""
         if status is RUNNING or status is SUCCESS or status is FAILURE:
             self.feedback_message = short_repr(self.feedback_message)
             return status
         return self.fail(f"{self.label}: returned {short_repr(status)} instead of a status")
 
     def _overrun_failure(self, seconds: float) -> Status:
-        """Return a failure for a tick that was held for so long."""
+        """Fail, and record the overrun, for a tick that the watchdog ended after so many seconds."""
         self.run.overrun_failure = self.key, round(seconds, 1)
         return self.fail(f"{self.label}: held the tick for {seconds:.1f} s")
 
     def _handle_exception(self, error: BaseException) -> Status:
-        """Return the status after an exception, with a reason; a Ctrl-C goes on to the user."""
+        """Return the status that follows from an exception. Raises KeyboardInterrupt again if it came from the user."""
         if isinstance(error, SensorSilent) or (isinstance(error, NotConnected) and self.instant and not self.drives):
             return self._suspend(message_of(error))
         if isinstance(error, NotConnected):
@@ -313,7 +324,7 @@ class Leaf(HaltableNode):
         return self.fail(f"{self.label}: {error_text(error)}")
 
     def _compute_arguments(self) -> str:
-        """Compute the arguments that are known only now; return what is wrong with them."""
+        """Evaluate the arguments that are expressions, and return an error text or an empty text."""
         found = {}
         for name, compute in self.computed.items():
             try:

@@ -1,4 +1,4 @@
-"""Leaves for legs beside walking: to stand, to sit, to get up, and to play a gait by name."""
+"""Leaves for robots with legs: walk, turn, stand, sit, get up, play a gait; and a condition for falls."""
 
 import math
 from collections.abc import Mapping
@@ -19,28 +19,28 @@ from drivers.api.gait import GaitKeys
 # Leaves for a base that walks: so far, so long, round on the spot; and whether it has fallen.
 
 APPROACH_TIME = 1.0
-"""Seconds that what is left takes at the speed of the approach: steps cannot be shorter than they are."""
+"""Time constant in seconds of the approach to a goal: the speed is the remaining distance divided by it."""
 
 STOP_DELAY = 0.25
-"""Seconds of its present speed that a walk still goes on for after it was told to stop, on average."""
+"""Seconds of its present speed that a walk continues after a stop command, on average."""
 
 MIN_WALK_SPEED, MIN_TURN_RATE = 0.03, math.radians(2)
-"""How slowly (m/s, rad/s) a walk comes to its goal."""
+"""Minimum speed (m/s) and turn rate (rad/s) of an approach."""
 
 STAND_TIMEOUT = 4.0
-"""Seconds that a walk has to come to a stand."""
+"""Seconds that a walk may take to come to a stand."""
 
 READY_TIMEOUT = 15.0
-"""Seconds in which the legs come to a stand before a walk begins."""
+"""Seconds that the legs may take to reach a stand before a walk begins."""
 
 
 class WalkMotion(BaseMotion):
-    """Walks towards a goal, and ends in a stand; halted, it still makes the steps by which it comes to one."""
+    """Base of walks that end in a stand. A halt lets the legs finish the steps that lead to a stand."""
 
     halt_limit = STAND_TIMEOUT
 
     def approach_speed(self, left: float, speed: float, now: float, *, slowest: float) -> float:
-        """Return how fast to go with ``left`` to go, at ``speed`` at most; 0 when it is time to stop."""
+        """Return the speed with ``left`` to go, at most ``speed``, given the present speed ``now``; 0 to stop."""
         if self._stopping or left <= STOP_DELAY * abs(now) / 2:
             return 0.0
         return min(speed, max(slowest, left / APPROACH_TIME))
@@ -54,24 +54,25 @@ class WalkMotion(BaseMotion):
 
 
 def seconds_to_walk(distance: float, speed: float, limit: float) -> float:
-    """Return how long a walk (m) or turn (rad) by steps can take: it stands up before, and comes to a stand."""
+    """Return the seconds that a walk (m) or turn (rad) may take, including the stand before and after it."""
     return abs(distance) / max(min(abs(speed), limit), 1e-6) + READY_TIMEOUT + STAND_TIMEOUT
 
 
 class WalkLeaf(WalkMotion):
-    """Walk: so far, or on and on.
+    """Walk a distance, or until halted.
 
-    With a distance, running until the steps have covered it and it stands, then succeeds; negative is backwards.
-    Without one, it walks until it is halted. Halted, it comes to a stand within two steps. Fails when it has fallen,
-    when it bumps into something where the base feels that, and while the base is stopped until somebody enables it.
+    With a distance, running until the steps have covered it and the robot stands, then succeeds; a negative distance is
+    backwards. Without a distance, it walks until it is halted. A halt brings it to a stand within two steps. Fails
+    after a fall, after a bump if the base has bumpers, and while the base is latched.
     """
 
     tag = "walk"
-    output_doc = "how far it went, by its steps (m; negative backwards)"
+    example = "- walk: 0.5 m"
+    output_doc = "the distance walked, by the steps (m; negative backwards)"
     output_type = Length
-    distance: float | None = argument("length", "how far; else until it is halted", default=None, principal=True)
-    velocity: float = argument("speed", "how fast; without a distance, negative is backwards", default=0.15)
-    turn: float = argument("turn rate", "how fast it turns on the way; positive is to the left", default=0.0)
+    distance: float | None = argument("length", "distance; walks until halted by default", default=None, principal=True)
+    velocity: float = argument("speed", "speed; without a distance, negative is backwards", default=0.15)
+    turn: float = argument("turn rate", "turn rate on the way; positive is to the left", default=0.0)
     _at: Pose2D | None = None
     _distance_gone = 0.0
     _distance_before = 0.0  # when its clock began
@@ -119,16 +120,19 @@ class WalkLeaf(WalkMotion):
 
 
 class TurnInPlace(WalkMotion):
-    """Turn on the spot by steps: to the left for a positive angle.
+    """Turn on the spot by steps; a positive angle is to the left.
 
-    Running until the steps have turned it so far and it stands, then succeeds. Fails as `walk` does.
+    Running until the steps have turned the robot by the angle and it stands, then succeeds. Fails as `walk` does.
     """
 
     tag = "turn_in_place"
-    output_doc = "how far it turned, by its steps (rad)"
+    example = "- turn_in_place: 90 deg"
+    output_doc = "the angle turned, by the steps (rad)"
     output_type = Angle
-    angle: float = argument("angle", "how far; positive is to the left", principal=True)
-    speed: float = argument("turn rate", "how fast", default=math.radians(30), low=math.radians(1), high=math.pi)
+    angle: float = argument("angle", "angle; positive is to the left", principal=True)
+    speed: float = argument(
+        "turn rate", "maximum turn rate", default=math.radians(30), low=math.radians(1), high=math.pi
+    )
 
     def seconds_needed(self, state: BaseState, start: Pose2D) -> float:
         left = self.angle - (state.pose.heading - start.heading)
@@ -150,13 +154,14 @@ class TurnInPlace(WalkMotion):
 
 
 class Fallen(BaseCondition):
-    """Has it fallen?
+    """Check whether the robot has fallen.
 
-    Succeeds while the base leans too far to be standing, or is about to; without an IMU, while its legs bear nothing
-    though they should. Fails when not, and where nothing measures that. It never runs.
+    Succeeds while the base leans too far to stand, or is about to fall. Without an IMU, it succeeds while the legs
+    carry no load although they should. Fails otherwise, and if no sensor measures either. It never runs.
     """
 
     tag = "fallen"
+    example = "- fallen"
 
     def judge(self, state: BaseState) -> Status:
         if state.lean is None and state.fallen:
@@ -169,20 +174,20 @@ class Fallen(BaseCondition):
 
 
 MAX_SIDE_PITCH = math.radians(30)
-"""How little the trunk is pitched when it lies on its side."""
+"""Pitch of the trunk in radians below which a fallen robot counts as lying on its side."""
 
 ACT_TIME_LIMIT = 20.0
-"""Seconds that a stand or a sit can take."""
+"""Seconds that standing up or sitting down may take."""
 
 DEFAULT_CYCLE_TIME = 2.0
-"""Seconds of a cycle of a gait that does not say how long it is."""
+"""Seconds of a cycle of a gait without a period."""
 
 UPRIGHT_TIMEOUT = 2.0
-"""Seconds after the last pose of a movement by which it is up, or it has failed."""
+"""Seconds after the last pose of a movement within which the robot must be upright."""
 
 
 class LegActLeaf(WalkMotion):
-    """Lets the legs perform an ``act``."""
+    """Base of leaves that let the legs perform an ``act``."""
 
     needs = frozenset({"base", "legs"})
     act: ClassVar[str]
@@ -201,40 +206,44 @@ class LegActLeaf(WalkMotion):
 
 
 class Stand(LegActLeaf):
-    """Stand: bring the legs to where a walk begins, slowly, from upright, from a sit, or from between.
+    """Stand: move the legs slowly to the pose in which a walk begins.
 
-    Running until it stands, then succeeds, and stays stiff. Fails for legs that are elsewhere, as of one that lies or
-    sits on a chair, when it has fallen, for a base without legs, and while that is stopped. Halted, it stays as it is.
+    Running until the robot stands, then succeeds; the legs stay stiff. It works from upright, from a sit, or in
+    between. Fails if the legs are elsewhere (the robot lies, or sits on a chair), after a fall, for a base without
+    legs, and while the base is latched. A halt keeps the legs where they are.
     """
 
     tag = "stand"
+    example = "- stand"
     act = "stand"
 
 
 class Sit(LegActLeaf):
-    """Sit down on its heels, slowly, with its weight over the soles all the way; `stride.sit` says how low.
+    """Sit down on the heels, slowly, with the weight over the soles; `stride.sit` sets how low.
 
-    Running until it sits, then succeeds, and stays stiff. It fails, and is halted, as `stand`.
+    Running until the robot sits, then succeeds; the legs stay stiff. Fails, and is halted, as `stand`.
     """
 
     tag = "sit"
+    example = "- sit"
     act = "sit"
 
 
 class PlayGait(WalkMotion):
-    """Play a gait of `config/gaits`, or of a file: the cycle of its joints over and over, without balance.
+    """Play a gait of `config/gaits` or of a file: the joint cycle over and over, without balance control.
 
-    It stands first; the gait grows out of the stand within a cycle, and shrinks back into it within another. Running
-    until it has played so many cycles and stands again, then succeeds. Halted, it ends in a stand too. Fails for a gait
-    that its legs cannot do, with the joint and the time, and as `stand`.
+    The robot stands first. The gait grows out of the stand within a cycle, and returns to it within another. Running
+    until it has played all cycles and stands again, then succeeds. A halt ends in a stand too. Fails if the legs cannot
+    perform the gait, and names the joint and the time; also fails as `stand`.
     """
 
     tag = "play_gait"
+    example = "- play_gait: {gait: curve, cycles: 4}"
     needs = frozenset({"base", "legs"})
-    output_doc = "how many cycles it has played"
+    output_doc = "the number of cycles played"
     output_type = float
-    gait: GaitKeys = argument("gait", "which: a name, or a file (.yaml)", principal=True)
-    cycles: int | None = argument("count", "how many; else until it is halted", default=None, low=1)
+    gait: GaitKeys = argument("gait", "gait: a name, or a file (.yaml)", principal=True)
+    cycles: int | None = argument("count", "number of cycles; plays until halted by default", default=None, low=1)
     _begun = False
 
     def initialise(self) -> None:
@@ -267,21 +276,24 @@ class PlayGait(WalkMotion):
 
 
 class GetUp(PlaybackLeaf):
-    """Get up by a movement of its joints, after a fall: by `front` when it lies on its face, `back` on its back.
+    """Get up after a fall: play `front` if the robot lies on its face, `back` if it lies on its back.
 
-    Running until it has played it and is upright, then succeeds, and its base takes commands again. Fails when it has
-    not fallen, when it lies on its side or in a way for which it was given no movement, when it is not upright in the
-    end, and while somebody has stopped it. Halted, its joints are held as they are.
+    Running until the movement is over and the robot is upright, then succeeds, and the base accepts commands again.
+    Fails if the robot has not fallen, if it lies on its side, if the movement for its position is not given, if it is
+    not upright in the end, and while the base is latched for another reason. A halt holds the joints where they are.
     """
 
     tag = "get_up"
+    example = "- get_up: {front: get_up_front}"
     needs = frozenset({"arm", "base", "imu"})
     drives = frozenset({"arm", "base"})
     halt_limit = STAND_TIMEOUT
     run_in = RUN_IN_SPEED
-    front: Movement | None = argument("move", "the movement from its face: a name, or a file", default=None)
-    back: Movement | None = argument("move", "the movement from its back: a name, or a file", default=None)
-    speed: float = argument("number", "1 plays it as recorded, 0.5 at half the speed", default=1.0, low=0.05, high=2.0)
+    front: Movement | None = argument("move", "movement to get up from the face: a name, or a file", default=None)
+    back: Movement | None = argument("move", "movement to get up from the back: a name, or a file", default=None)
+    speed: float = argument(
+        "number", "factor of the recorded speed; 0.5 is half the speed", default=1.0, low=0.05, high=2.0
+    )
     _chosen: Movement | None = None
 
     @property

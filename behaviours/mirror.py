@@ -1,4 +1,4 @@
-"""Leaves in which joints follow others that somebody moves by hand: led by their driver's own loop, or by each tick."""
+"""Leaves in which joints follow other joints that a person moves by hand, in the driver's loop or at each tick."""
 
 import math
 from abc import abstractmethod
@@ -20,28 +20,28 @@ from behaviours.leaf import Leaf, argument
 from drivers.api import Coupling, Joints, JointState
 
 LIMP_TIMEOUT = 1.0
-"""Seconds for which a follower may be limp: whoever is led is stiff, unless it has shut down."""
+"""Seconds for which a follower may be limp before the leaf fails: a servo that has shut down is limp."""
 
 LEADING_TOLERANCE = math.radians(5)
-"""Within this angle of where it belongs a follower may be led at full speed; farther away it comes slowly."""
+"""Angle in radians from its goal within which a follower follows at full speed; farther away it approaches slowly."""
 
 GOAL_TIME = 0.1
-"""Seconds for each way that a tick sends a follower of another arm: two ticks, so that it goes evenly."""
+"""Seconds of each move that a tick sends to a follower of another arm: two ticks, for an even motion."""
 
 
 class _LeaderFollowerLeaf(Leaf):
-    """Makes leaders limp and lets followers follow them, until it is halted; then all are as stiff as they were.
+    """Base of leaves that make leaders limp and let followers follow them, until halted.
 
-    Whatever comes between (a pause holds every joint), it begins anew; so it does after a lost bus, when the driver
-    itself has brought the followers over slowly and leads them again. Followers of another arm than their leaders' are
-    sent on with each tick, since no driver has both.
+    A halt restores the torque of the leaders. After an interruption (a pause holds all joints), the followers approach
+    slowly again. After a lost bus, the driver itself does that and resumes. If leaders and followers are on different
+    arms, no driver has both, so each tick sends the goals.
     """
 
     needs = frozenset({"arm"})
     drives = frozenset({"arm"})
     ends = frozenset({"failure"})
     on: str = ARM_ARGUMENT
-    leader_arm: str | None = argument("arm", "the arm of the leaders, where that is another than `on`", default=None)
+    leader_arm: str | None = argument("arm", "arm of the leaders, if it is another arm than `on`", default=None)
     _couplings: tuple[Coupling, ...] = ()
     _stiff: tuple[str, ...] = ()  # the leaders that were not limp before
     _leading_arm: Joints
@@ -54,7 +54,7 @@ class _LeaderFollowerLeaf(Leaf):
 
     @abstractmethod
     def couplings(self, reach: JointRanges) -> tuple[Coupling, ...]:
-        """Return who is to follow whom."""
+        """Return the couplings of leaders and followers."""
 
     def initialise(self) -> None:
         self._couplings, self._stiff = (), ()
@@ -69,7 +69,7 @@ class _LeaderFollowerLeaf(Leaf):
 
     @property
     def other_leader_arm(self) -> str | None:
-        """The arm of the leaders, where that is another than the followers'."""
+        """Arm of the leaders if it differs from the followers' arm, else None."""
         return None if self.leader_arm == self.on else self.leader_arm
 
     def update(self) -> Status:
@@ -106,7 +106,7 @@ class _LeaderFollowerLeaf(Leaf):
         return self.wait(self.state_text())
 
     def _wait_timeout_reason(self, silent: list[str]) -> str:
-        """Return why ``silent`` joints are waited for no longer; empty while they are."""
+        """Return the reason if ``silent`` joints have not reported in time, else an empty text."""
         mark = "" if self.other_leader_arm is None else f"{self.other_leader_arm}."
         led = [name for name in silent if not mark or not name.startswith(mark)]
         leading = [name for name in silent if name not in led]
@@ -118,7 +118,7 @@ class _LeaderFollowerLeaf(Leaf):
     def _silent_joints(
         self, couplings: tuple[Coupling, ...], leading: Mapping[str, JointState], led: Mapping[str, JointState]
     ) -> list[str]:
-        """Return the joints of which nothing is heard; the leaders by the name of their arm, where that is another."""
+        """Return the joints that do not report; leaders of another arm are prefixed with the name of the arm."""
         of = "" if self.other_leader_arm is None else f"{self.other_leader_arm}."
         silent = []
         for each in couplings:
@@ -127,7 +127,7 @@ class _LeaderFollowerLeaf(Leaf):
         return list(dict.fromkeys(silent))
 
     def _start_following(self, stiff: tuple[str, ...], *, restart: bool) -> None:
-        """Make the leaders limp that are ``stiff``, and let the others follow, unless they do."""
+        """Make the ``stiff`` leaders limp, and start the followers unless they follow already."""
         if stiff:
             self._leading_arm.relax(stiff)
         if stiff or restart:
@@ -136,7 +136,7 @@ class _LeaderFollowerLeaf(Leaf):
             self._following = self.begin()
 
     def begin(self) -> bool:
-        """Let the joints follow; return False where that has to wait."""
+        """Start the followers; return False if that has to wait."""
         if self._mirroring is None:
             self.robot.arm.follow(self._couplings)
         else:
@@ -145,12 +145,12 @@ class _LeaderFollowerLeaf(Leaf):
 
     @property
     def is_leading(self) -> bool:
-        """True once the followers have begun to move."""
+        """True after the followers have begun to move."""
         return True
 
     @abstractmethod
     def state_text(self) -> str:
-        """Say what is going on."""
+        """Return the present activity as text."""
 
     def terminate(self, new_status: Status) -> None:
         del new_status
@@ -166,34 +166,35 @@ class _LeaderFollowerLeaf(Leaf):
 
 
 class Mirror(_LeaderFollowerLeaf):
-    """Let one arm copy another that is moved by hand, joint by joint.
+    """Let one arm copy another arm that a person moves by hand, joint by joint.
 
-    The first joint of the one leads the first of the other, and so on. The leaders become limp; the followers come
-    slowly to where they belong, then follow at once. Running until it is halted; it never succeeds. In the end the
-    followers stay where they are, and the leaders are as stiff as before. Fails before anything moves when an arm
-    lacks a joint, or the two have not as many; and when a follower has shut down. With `leader_arm` another arm of the
-    robot leads: then the joints of one name belong together, unless some are named.
+    The first leader leads the first follower, and so on. The leaders become limp; the followers approach slowly, then
+    follow at once. Running until it is halted; it never succeeds. In the end the followers stay where they are, and the
+    leaders get back their torque. Fails before anything moves if an arm lacks a joint or if the numbers of leaders and
+    followers differ. Fails later if a follower has shut down. With `leader_arm`, another arm of the robot leads; by
+    default, joints of the same name then belong together.
     """
 
     tag = "mirror"
+    example = "- mirror: {leader: left_arm, follower: right_arm}\n  timeout: 1 min"
     leader: tuple[str, ...] = argument(
-        "joints", "which are moved by hand: a group, a joint, or a list; else those named as the followers", default=()
+        "joints", "joints moved by hand: a group, a joint, or a list; by default the names of the followers", default=()
     )
     follower: tuple[str, ...] = argument(
-        "joints", "which copy them, in the same order; else those named as the leaders", default=()
+        "joints", "joints that copy them, in the same order; by default the names of the leaders", default=()
     )
     scale: float = argument(
-        "number", "how much farther they go; -1 is the other way round", default=1.0, low=-5, high=5
+        "number", "factor from the leader's angle to the follower's; -1 reverses it", default=1.0, low=-5, high=5
     )
-    offset: float = argument("angle", "what is added", default=0.0, low=-math.pi, high=math.pi)
+    offset: float = argument("angle", "angle added to the follower's goal", default=0.0, low=-math.pi, high=math.pi)
     scales: Mapping[str, float] = argument(
-        "number", "a scale of its own for some of the followers", default={}, by_joint=True, low=-5, high=5
+        "number", "scale of single followers", default={}, by_joint=True, low=-5, high=5
     )
     offsets: Mapping[str, float] = argument(
-        "angle", "an offset of its own for some of the followers", default={}, by_joint=True, low=-math.pi, high=math.pi
+        "angle", "offset of single followers", default={}, by_joint=True, low=-math.pi, high=math.pi
     )
     by_range: tuple[str, ...] = argument(
-        "joints", "followers that go as far through their range as their leader, not to the same angle", default=()
+        "joints", "followers that map the leader's whole range to their own, instead of the same angle", default=()
     )
 
     def joint_violations(self, reach: JointRanges) -> list[str]:
@@ -223,7 +224,7 @@ class Mirror(_LeaderFollowerLeaf):
         ]
 
     def _joints(self, reach: JointRanges) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Return who leads, and who follows; where the one are not named, they are called as the others."""
+        """Return leaders and followers; if only one side is named, the other side has the same names."""
         leading = reach.of_arm(self.other_leader_arm)
         leaders = leading.resolve(self.leader) if self.leader else ()
         followers = reach.resolve(self.follower) if self.follower else ()
@@ -240,7 +241,7 @@ class Mirror(_LeaderFollowerLeaf):
         )
 
     def begin(self) -> bool:
-        """Bring the followers slowly to where they belong, then let them follow."""
+        """Move the followers slowly to their goals, then start following; return False on the way."""
         arm, goals, off = self.robot.arm, {}, 0.0
         for each in self._couplings:
             leader, at = self._at[each]
@@ -257,23 +258,24 @@ class Mirror(_LeaderFollowerLeaf):
 
 
 class FollowJoint(_LeaderFollowerLeaf):
-    """Let one joint follow another that is moved by hand, once that has been turned far enough.
+    """Let one joint follow another joint that a person moves by hand, after the leader has passed an angle.
 
-    The leading joint becomes limp. Running until it is halted; it never succeeds. In the end the follower stays where
-    it is, and the leader is as stiff as before. Fails before anything moves when the arm lacks one of the two, and when
+    The leader becomes limp. Running until it is halted; it never succeeds. In the end the follower stays where it is,
+    and the leader gets back its torque. Fails before anything moves if the arm lacks one of the joints, and later if
     the follower has shut down.
     """
 
     tag = "follow_joint"
-    leader: str = argument("joint", "which is moved by hand")
-    follower: str = argument("joint", "which follows it")
+    example = "- follow_joint: {leader: elbow, follower: wrist, past: 10 deg}\n  timeout: 1 min"
+    leader: str = argument("joint", "joint moved by hand")
+    follower: str = argument("joint", "joint that follows it")
     past: float = argument(
-        "angle", "how far the leader is to be turned, either way, before it begins", default=0.0, low=0.0
+        "angle", "angle that the leader must be turned, either way, before the follower starts", default=0.0, low=0.0
     )
     scale: float = argument(
-        "number", "how much farther it goes; -1 is the other way round", default=1.0, low=-5, high=5
+        "number", "factor from the leader's angle to the follower's; -1 reverses it", default=1.0, low=-5, high=5
     )
-    offset: float = argument("angle", "what is added", default=0.0, low=-math.pi, high=math.pi)
+    offset: float = argument("angle", "angle added to the follower's goal", default=0.0, low=-math.pi, high=math.pi)
     _origin: float | None = None  # where the leader was in the beginning
     _turned = 0.0
     _passed = False
@@ -296,7 +298,7 @@ class FollowJoint(_LeaderFollowerLeaf):
         return (Coupling(self.leader, self.follower, self.scale, self.offset),)
 
     def begin(self) -> bool:
-        """Let it follow once its leader was turned far enough; one that had begun before goes on at once."""
+        """Start following once the leader has been turned far enough; return False before."""
         at, _ = self._at[self._couplings[0]]
         if self._origin is None:
             self._origin = at
@@ -306,7 +308,7 @@ class FollowJoint(_LeaderFollowerLeaf):
 
     @property
     def is_leading(self) -> bool:
-        """True once the leader has passed the threshold."""
+        """True after the leader has passed the threshold."""
         return self._passed
 
     def state_text(self) -> str:
@@ -316,7 +318,7 @@ class FollowJoint(_LeaderFollowerLeaf):
 
 
 def _known_states(arm: Joints) -> dict[str, JointState]:
-    """Return the states of the joints that are heard of."""
+    """Return the states of the joints with a good reading."""
     readings = arm.states().items()
     return {joint: reading.value for joint, reading in readings if reading.value is not None and reading.good}
 

@@ -1,9 +1,9 @@
-"""The node that all our behaviours and composites are: a py_trees behaviour that is ticked without generators.
+"""Base of all our behaviours and composites: a py_trees behaviour that is ticked without generators.
 
 py_trees drives its nodes through ``tick()``, a generator, and stops them through ``stop()``, which it also sends to
-nodes that have ended already. Ours are driven through three plain methods instead: ``execute_tick``, ``halt``
-(stop what is running, once, if need be over several ticks) and ``reset`` (forget an old result). ``tick()`` and
-``stop()`` still work, so py_trees' own tools do too.
+nodes that have ended. Our nodes have three plain methods instead: ``execute_tick``, ``halt`` (stop a running node once,
+over several ticks if necessary) and ``reset`` (clear an old result). ``tick()`` and ``stop()`` still work, so py_trees'
+own tools do too.
 """
 
 from abc import abstractmethod
@@ -26,10 +26,10 @@ NO_REPORT_SUFFIX = " does not report"
 
 @dataclass(frozen=True, slots=True)
 class Suspension:
-    """Why a node is suspended: ``reason`` is such as "the range finder does not report".
+    """Suspension of a node because a sensor has not reported; ``reason`` is such as "the range finder does not report".
 
-    ``timed_out`` is true in the tick in which the suspension has lasted for the run's sensor timeout. The node has failed
-    then, or what is around it counts that otherwise (``retry`` tries again); a reactive composite above it fails.
+    ``timed_out`` is true in the tick in which the suspension has lasted for the run's sensor timeout. Then the node
+    fails, unless a node around it handles that (``retry`` tries again). A reactive composite above it fails.
     """
 
     reason: str
@@ -37,7 +37,7 @@ class Suspension:
 
 
 def sensor_timeout_reason(reason: str, seconds: float) -> str:
-    """Return the reason for a failure after a suspension of so many seconds."""
+    """Return the reason of a failure after a suspension of so many seconds."""
     limit = f"{seconds:g} s"
     if reason.endswith(NO_REPORT_SUFFIX):
         return f"{reason.removesuffix(NO_REPORT_SUFFIX)} has not reported for {limit}"
@@ -48,15 +48,15 @@ RUNNING, IDLE = Status.RUNNING, Status.INVALID  # looked up once: that takes ten
 
 
 class Node(Behaviour):
-    """A py_trees behaviour with a place in a mission.
+    """Base of all nodes: a py_trees behaviour with a place in a mission.
 
-    ``key`` is its stable id within the tree ("1.2"), ``kind`` the word of the mission language, ``line`` where it
-    stands in ``file``. ``scope`` holds the variables of its mission. ``feedback_message``, py_trees' own, is the
-    reason: why it failed, or what it waits for. ``visited_tick`` is the tick in which it was ticked last. ``suspension`` is
-    why it could not answer then, where only a silent sensor was the cause.
+    ``key`` is its id within the tree ("1.2"), ``kind`` its tag in the mission language, ``line`` its line in ``file``.
+    ``scope`` holds the variables of its mission. ``feedback_message`` (of py_trees) is the reason of a failure or a
+    wait. ``visited_tick`` is the number of the last tick of the node. ``suspension`` is set if a silent sensor
+    prevented a result in that tick.
 
-    Each class declares which attributes of its own decide what it does next: ``run_state`` while it runs, and
-    ``lasting_state`` at any time. ``mission verify`` takes nodes that are equal in these for the same.
+    Each class lists the attributes that decide its next status: ``run_state`` while it runs, ``lasting_state`` at any
+    time. ``mission verify`` treats nodes with equal values as the same state.
     """
 
     run_state: ClassVar[tuple[str, ...]] = ()
@@ -73,22 +73,22 @@ class Node(Behaviour):
 
     @property
     def reason(self) -> str:
-        """Why it failed, or what it is waiting for."""
+        """Reason of a failure, or the event that the node waits for."""
         return self.feedback_message
 
     @property
     def is_suspended(self) -> bool:
-        """True while it runs only because a sensor has not reported."""
+        """True while the node runs only because a sensor has not reported."""
         return self.status is RUNNING and self.suspension is not None
 
     @property
     def is_skipped(self) -> bool:
-        """True where it has succeeded without a start of its behaviour, which a condition has skipped."""
+        """True if the node succeeded because a condition skipped its behaviour."""
         return False
 
     @property
     def claims(self) -> frozenset[str]:
-        """The actuators that it, or anything below it, may drive."""
+        """Actuators that the node, or any node below it, may drive."""
         return frozenset().union(*(child.claims for child in self.children if isinstance(child, Node)))
 
     def execute_tick(self) -> Status:
@@ -100,14 +100,14 @@ class Node(Behaviour):
 
     @abstractmethod
     def on_tick(self) -> Status:
-        """Do one tick's work and return the new status, without publishing it yet."""
+        """Do the work of one tick and return the new status without publishing it."""
 
     def update(self) -> Status:
-        """Do one tick's work, for py_trees, whose own tick asks for it; ours does not."""
+        """Do the work of one tick when py_trees ticks the node; our own ticks call ``on_tick``."""
         return self.on_tick()
 
     def pass_time(self) -> Status:
-        """Let time pass in place of a tick, and return the new status; for a node that runs."""
+        """Let time pass instead of a tick, and return the new status; only for a running node."""
         before = self.suspension
         status = self.on_time_passed()
         if status is not self.status or (self.suspension is None) is not (before is None):
@@ -115,18 +115,18 @@ class Node(Behaviour):
         return status
 
     def on_time_passed(self) -> Status:
-        """Return the new status when only time has passed: deadlines count, nothing starts, no leaf is ticked."""
+        """Return the new status after time without a tick. Deadlines count; nothing starts, no leaf is ticked."""
         return self.status
 
     def suspension_for(self, reason: str) -> Suspension:
-        """Return the suspension of this tick; it is lost once the node was suspended for the sensor timeout."""
+        """Return the suspension for this tick; it has timed out after the run's sensor timeout."""
         now = self.run.now()
         if self._silent_since is None:
             self._silent_since = now
         return Suspension(reason, timed_out=now - self._silent_since >= self.run.sensor_timeout)
 
     def show_suspension(self, status: Status, before: Suspension | None) -> None:
-        """Tell whoever watches where it is suspended now, or no more. A new ``status`` is told by who has ticked it."""
+        """Publish the begin or end of a suspension. The caller publishes a changed ``status`` itself."""
         if self.suspension is None:
             self._silent_since = None
         elif status is not RUNNING and not self.suspension.timed_out:  # it has an answer all the same
@@ -135,7 +135,7 @@ class Node(Behaviour):
             self.publish(RUNNING)
 
     def publish(self, status: Status) -> None:
-        """Take on a new status, and tell whoever watches."""
+        """Set a new status and notify the observer."""
         self.status = status
         if status is not RUNNING:
             self._silent_since = None
@@ -147,14 +147,14 @@ class Node(Behaviour):
 
     @abstractmethod
     def halt(self) -> bool:
-        """Stop, if running; True once it is at rest. Call it again at the next tick while it is False."""
+        """Stop the node if it runs. Returns False while it still needs time; call it again at the next tick then."""
 
     def reset(self) -> None:
-        """Forget the result of a run that has ended, and the results below. Nothing is told to stop: it has stopped."""
+        """Clear the results of this node and of all nodes below. They must have ended: no actuator is stopped."""
         reset_all((self,))
 
     def clear_results(self, cleared: list["Node"]) -> None:
-        """Forget what ``reset`` is to forget, and add each node that had a result to ``forgotten``; tell nobody yet."""
+        """Clear the result without notifying the observer, and append each node that had one to ``cleared``."""
         status = self.status
         if status is not IDLE:
             if status is RUNNING:
@@ -166,15 +166,15 @@ class Node(Behaviour):
 
     @abstractmethod
     def abandon_halt(self) -> None:
-        """Forget a halt that is under way: it takes too long, and the actuators were brought to rest for it."""
+        """Forget a halt in progress that takes too long; the caller has stopped the actuators."""
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick as py_trees does: execute one tick, then yield every node that has a status, this one last."""
+        """Tick as py_trees does: execute one tick, then yield every node that has a status, this node last."""
         self.execute_tick()
         yield from (node for node in self.iterate() if node is self or node.status is not IDLE)
 
     def stop(self, new_status: Status = IDLE) -> None:
-        """Stop as py_trees does, which does not ask again: what takes more time is brought to rest for it."""
+        """Stop as py_trees does, in one call. If the halt needs more time, the actuators are stopped at once."""
         if not self.halt():
             self.run.safe_stop(self.claims)
             self.reset()
@@ -183,7 +183,7 @@ class Node(Behaviour):
 
 
 def reset_all(nodes: Iterable[Node]) -> None:
-    """Reset several nodes at once; whoever watches is told of all together."""
+    """Reset several nodes, with one notification to the observer."""
     forgotten: list[Node] = []
     for node in nodes:
         node.clear_results(forgotten)

@@ -1,4 +1,4 @@
-"""Leaves that look for other robots, by the markers that they wear: a condition, and a search with the head."""
+"""Leaves that detect other robots by their markers: a condition, and a search with the head."""
 
 from collections.abc import Sequence
 
@@ -8,23 +8,24 @@ from behaviours.search import HeadSearch
 from perception.api import Marker
 
 _OUTPUT_DOC = "the robot: id, number, name, yaw, pitch, distance, heading"
-_WHICH_HELP = "its marker's number, or its name; else any"
+_WHICH_HELP = "number of its marker, or its name; any robot by default"
 
 
 class RobotSeenLeaf(SeenLeaf[Marker]):
-    """Is another robot in view?
+    """Check whether another robot is in view.
 
-    `robot_seen: 7` or `robot_seen: R2`. Succeeds when its marker was seen lately, fails when not. It never
-    runs; suspended while no picture is new enough to tell.
+    `robot_seen: 7` or `robot_seen: R2`. Succeeds if its marker was seen within the last `within` seconds, fails if not.
+    It never runs, and is suspended while no picture is recent enough.
     """
 
     tag = "robot_seen"
+    example = "- robot_seen: 7"
     noun = "robot"
     senses = frozenset({"markers"})
     output_doc = _OUTPUT_DOC
     output_type = Marker
     which: str = argument("text", _WHICH_HELP, default="", principal=True)
-    within: float = argument("duration", "how long ago still counts", default=DEFAULT_MAX_AGE, low=0.01)
+    within: float = argument("duration", "maximum age of the sighting", default=DEFAULT_MAX_AGE, low=0.01)
 
     @property
     def age_limit(self) -> float:
@@ -41,13 +42,14 @@ class RobotSeenLeaf(SeenLeaf[Marker]):
 
 
 class FindRobot(HeadSearch[Marker]):
-    """Look around with the head for another robot: first where it looks now, then row by row, to and fro.
+    """Search for another robot with the head: first straight at the present pose, then row by row, back and forth.
 
-    `find_robot: 7` or `find_robot: R2`. Running until its marker is seen, then succeeds and the head stays on it. Fails
-    after `scans` rounds without it; by default it goes on looking, so give it a `timeout`.
+    `find_robot: 7` or `find_robot: R2`. Running until its marker is seen; then it succeeds and the head stays on it.
+    Fails after `scans` rounds without it. By default it searches for ever, so give it a `timeout`.
     """
 
     tag = "find_robot"
+    example = "- find_robot: {which: 7, scans: 2}"
     noun = "robot"
     senses = frozenset({"markers"})
     output_doc = _OUTPUT_DOC
@@ -62,5 +64,5 @@ class FindRobot(HeadSearch[Marker]):
 
 
 def is_worn_by(marker: Marker, which: str) -> bool:
-    """Say whether a marker is that of the robot with this number or name; of any for an empty text."""
+    """Return True if the robot with this number or name wears the marker; always True for an empty text."""
     return which.strip() in {"", str(marker.number), marker.name}

@@ -1,4 +1,4 @@
-"""Plain py_trees behaviours as leaves: a class becomes a word of the language, its parameters become arguments."""
+"""Plain py_trees behaviours as leaves: a class gets a tag, and its constructor parameters become arguments."""
 
 import inspect
 import re
@@ -16,29 +16,29 @@ from py_trees.common import Status
 from behaviours.leaf import REQUIRED, Argument, Leaf
 
 ARGUMENT_KINDS: dict[object, str] = {float: "number", int: "count", str: "text", bool: "flag"}
-"""The kind of argument that a parameter becomes, by its annotation; without one it takes anything."""
+"""Argument kind by parameter annotation; a parameter without annotation takes any value."""
 
 
 class PyTreesLeaf(Leaf):
-    """A leaf around a behaviour, or a whole tree, that py_trees ticks by its own rules.
+    """Base of leaves around a behaviour, or a whole tree, that py_trees ticks by its own rules.
 
-    Statuses and calls are those of py_trees' own ``tick_once``, but for these, which are meant:
+    Statuses and calls are those of py_trees' own ``tick_once``, with these intended exceptions:
 
     =================================  ================================  =======================================
-    what happens                       py_trees alone                    here
+     event                              py_trees alone                    here
     =================================  ================================  =======================================
-    halted while it does not run       ``terminate(INVALID)`` once more  nothing: it is at rest already
-    something in it raises             the exception goes through;       ``stop(INVALID)`` of what had started; it has
-                                       nothing is terminated             failed with the exception as its reason
-    its tick gives INVALID             INVALID                           a failure whose reason says so
-    before its first tick              nothing                           ``setup`` of everything in it
+     halted while it does not run       ``terminate(INVALID)`` once more  nothing: it is at rest already
+     an exception                       the exception propagates;         ``stop(INVALID)`` of all started nodes; the
+                                        nothing is terminated             leaf fails with the exception as its reason
+     the tick returns INVALID           INVALID                           a failure whose reason says so
+     before the first tick              nothing                           ``setup`` of all nodes in it
     =================================  ================================  =======================================
 
-    A behaviour that raises ``drivers.errors.SensorSilent("the thermometer does not report")`` is suspended: py_trees
-    ticks it again at the next tick, and initialises it again unless it was running.
+    A behaviour that raises ``drivers.errors.SensorSilent("the thermometer does not report")`` is suspended. py_trees
+    then ticks it again at the next tick, and initialises it again unless it was running.
 
-    A behaviour is made when the leaf starts for the first time, and kept; made afresh only where its arguments differ.
-    Running, success and failure are its own.
+    The behaviour is created when the leaf starts for the first time, and again only if its arguments have changed.
+    Running, success and failure are those of the behaviour.
     """
 
     inner: Behaviour | None = None
@@ -46,10 +46,10 @@ class PyTreesLeaf(Leaf):
 
     @abstractmethod
     def current_behaviour(self) -> Behaviour:
-        """Return what is to be ticked from this start on."""
+        """Return the behaviour to tick from this start on."""
 
     def initialise(self) -> None:
-        """See to it that there is a behaviour, set up and with the arguments of now."""
+        """Create and set up the behaviour with the present arguments, if necessary."""
         found = self.current_behaviour()
         if found is not self.inner:
             found.setup_with_descendants()
@@ -57,7 +57,7 @@ class PyTreesLeaf(Leaf):
             self.children = [found]
 
     def update(self) -> Status:
-        """Tick it once, and take on its status and feedback."""
+        """Tick the behaviour once, and copy its status and feedback."""
         if self.inner is None:
             return self.fail("it was not started")
         self._failed_path = ()
@@ -70,7 +70,7 @@ class PyTreesLeaf(Leaf):
         return self.inner.status
 
     def terminate(self, new_status: Status) -> None:
-        """Stop it if it runs, or if it raised; one that has ended has been told so by py_trees."""
+        """Stop the behaviour if it runs or has raised; py_trees has already terminated a behaviour that has ended."""
         del new_status
         raised, self._failed_path = self._failed_path, ()
         # Where the tick raised, py_trees does not know yet that these, and what runs below them, have started.
@@ -82,7 +82,7 @@ class PyTreesLeaf(Leaf):
 
 
 class WrappedInstance(PyTreesLeaf):
-    """A leaf around a behaviour, or the root of a tree, that was made already."""
+    """Leaf around an existing behaviour or tree."""
 
     tag = "py_trees"
 
@@ -92,19 +92,18 @@ class WrappedInstance(PyTreesLeaf):
         self.children = [inner]
 
     def current_behaviour(self) -> Behaviour:
-        """Return what was given."""
         return self._behaviour
 
 
 class WrappedClass(PyTreesLeaf):
-    """A leaf that makes its behaviour of a class, with the arguments that stand in the mission."""
+    """Leaf that creates its behaviour from a class, with the arguments of the mission."""
 
     make: ClassVar[Callable[..., Behaviour]]
     takes_name: ClassVar[bool] = False
     _arguments_used: dict[str, Any] | None = None
 
     def current_behaviour(self) -> Behaviour:
-        """Make it with the arguments of now, unless it was made with the same ones before."""
+        """Return a behaviour with the present arguments, a new one only if they have changed."""
         arguments = {name: getattr(self, name) for name in self.arguments}
         if self.inner is not None and arguments == self._arguments_used:
             return self.inner
@@ -124,15 +123,15 @@ def _ticked_path(error: BaseException) -> list[Behaviour]:
 
 
 def tag_of(cls: type) -> str:
-    """Return the word for a class: ``TrackFace`` is ``track_face``, ``LEDBlink`` is ``led_blink``."""
+    """Return the tag of a class: ``TrackFace`` is ``track_face``, ``LEDBlink`` is ``led_blink``."""
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", cls.__name__).lower()
 
 
 def leaf_of(cls: type[Behaviour]) -> type[Leaf]:
-    """Return a leaf for a plain py_trees class; its docstring is the entry in the catalogue.
+    """Return a leaf class for a plain py_trees class; its docstring is the entry in the catalogue.
 
-    The constructor's parameters, ``name`` apart, become arguments by their annotations. Raises TypeError for one that
-    must be given and that a mission cannot give, such as a child.
+    The constructor's parameters, except ``name``, become arguments by their annotations. Raises TypeError for a
+    required parameter that a mission cannot give, such as a child.
     """
     parameters = inspect.signature(cls).parameters
     hints = typing.get_type_hints(cls.__init__) if inspect.isfunction(cls.__init__) else {}
@@ -157,7 +156,7 @@ def leaf_of(cls: type[Behaviour]) -> type[Leaf]:
 
 
 def _argument(cls: type, parameter: inspect.Parameter, hint: object) -> Argument | None:
-    """Return the argument that a parameter becomes; None for one that has a default and that a mission cannot give."""
+    """Return the argument for a parameter, or None for an optional parameter that a mission cannot give."""
     required = parameter.default is parameter.empty
     union = typing.get_origin(hint) in (typing.Union, types.UnionType)
     options = [option for option in typing.get_args(hint) if option is not type(None)] if union else []

@@ -1,4 +1,4 @@
-"""Leaves for the nodes of ROS 2: driving to places by Nav2, services, topics, actions of any kind."""
+"""Leaves for ROS 2 nodes: Nav2 goals, services, topics, and actions of any type."""
 
 import json
 import math
@@ -15,10 +15,10 @@ from drivers.errors import BadRequest
 
 
 class _DrivingRequestLeaf(Ros2RequestLeaf):
-    """A request that may drive the base: none is begun while that is latched, and one under way is cancelled.
+    """Base of requests that may drive the base: none starts while the base is latched, and a latch cancels it.
 
-    Paused, it is cancelled as well. One that is ``repeatable`` begins again at the next tick, others fail: their goal
-    may be a distance, and twice begun be twice as far.
+    A pause cancels it too. A ``repeatable`` request starts again at the next tick; others fail, since their goal may be
+    a distance, which would be driven twice.
     """
 
     drives = frozenset({"base"})
@@ -54,21 +54,22 @@ class _DrivingRequestLeaf(Ros2RequestLeaf):
 
 
 class Navigate(_DrivingRequestLeaf):
-    """Have Nav2 drive to a place of the map, by name or by its figures.
+    """Drive to a place of the map with Nav2, by name or by coordinates.
 
-    Running until it is there, then succeeds. Fails with Nav2's reason, where the place is not known, where the goal is
-    rejected, and where Nav2 goes away: whether the robot drives on then is not known. Fails and cancels the goal while
-    the base is stopped until somebody enables it. Halted, it cancels the goal and waits for its end.
+    Running until the robot is there, then succeeds. Fails with Nav2's reason, for an unknown place, and if Nav2 rejects
+    the goal or disconnects; whether the robot drives on then is unknown. Fails and cancels the goal while the base is
+    latched. A halt cancels the goal and waits for its end.
     """
 
     tag = "navigate"
+    example = "- navigate: {x: 2 m, y: 1 m, heading: 90 deg}"
     repeatable = True
     needs = frozenset({"ros2", "base"})
-    output_doc = "what Nav2 says in the end"
-    to: str = argument("text", "the name of a place: `mission ros2 place list`", default="", principal=True)
-    x: float | None = argument("length", "where it is on the map", default=None)
-    y: float | None = argument("length", "where it is on the map", default=None)
-    heading: float | None = argument("angle", "how to stand there; else as the place says, or 0", default=None)
+    output_doc = "the result that Nav2 reports"
+    to: str = argument("text", "name of a place: `mission ros2 place list`", default="", principal=True)
+    x: float | None = argument("length", "x on the map", default=None)
+    y: float | None = argument("length", "y on the map", default=None)
+    heading: float | None = argument("angle", "final heading; by default that of the place, or 0", default=None)
 
     def begin(self) -> int:
         place, frame = self._place()
@@ -98,14 +99,15 @@ class Navigate(_DrivingRequestLeaf):
 
 
 class NavigateThrough(Navigate):
-    """Have Nav2 drive through places of the map, one after another, without a stop.
+    """Drive through several places of the map with Nav2, without stopping.
 
-    As `navigate`, for several.
+    Otherwise as `navigate`.
     """
 
     tag = "navigate_through"
-    through: Any = argument("value", "the names of the places, in their order", default=(), principal=True)
-    to: str = argument("text", "the name of the last place, if it is not among them", default="")
+    example = "- navigate_through: [hall, kitchen]"
+    through: Any = argument("value", "names of the places, in order", default=(), principal=True)
+    to: str = argument("text", "name of the last place, if it is not in the list", default="")
 
     def begin(self) -> int:
         names = [self.through] if isinstance(self.through, str) else list(self.through)
@@ -120,7 +122,7 @@ class NavigateThrough(Navigate):
 
 
 def find_place(places: Any, name: str) -> tuple[float, float, float, str]:
-    """Return a place by its name. Raises BadRequest with those that there are."""
+    """Return x, y, heading and frame of a place. Raises BadRequest that lists the known places."""
     if name not in places:
         there = ", ".join(sorted(places)) or "none yet"
         raise BadRequest(f"there is no place '{name}': there are {there}", hint=f"mission ros2 place add {name}")
@@ -129,17 +131,18 @@ def find_place(places: Any, name: str) -> tuple[float, float, float, str]:
 
 
 class CallService(Ros2RequestLeaf):
-    """Ask a service of ROS 2.
+    """Call a ROS 2 service.
 
-    Running until it has answered, then succeeds; what it answered is kept. Fails where no answer comes. Whether the
-    answer is a good one, a condition says: `${answer.success}`.
+    Running until the response arrives, then succeeds; the response is the output. Fails if there is no response. To
+    check the response, use a condition: `${answer.success}`.
     """
 
     tag = "call_service"
-    output_doc = "the answer"
-    service: str = argument("text", "its name", principal=True)
-    type: str = argument("text", "its type, `std_srvs/srv/Trigger`; else that of who offers it", default="")
-    values: Any = argument("value", "what it is asked, by field", default=None)
+    example = "- call_service: {service: /reset, type: std_srvs/srv/Trigger}\n  as: answer"
+    output_doc = "the response"
+    service: str = argument("text", "name of the service", principal=True)
+    type: str = argument("text", "type, `std_srvs/srv/Trigger`; by default that of the server", default="")
+    values: Any = argument("value", "request by field", default=None)
 
     def halting(self) -> bool:
         return False  # a service cannot be cancelled: nothing would come of waiting
@@ -149,35 +152,36 @@ class CallService(Ros2RequestLeaf):
 
 
 class Ros2Action(_DrivingRequestLeaf):
-    """Have a node of ROS 2 do an action of any type. It counts as one that drives the base.
+    """Run a ROS 2 action of any type. It counts as driving the base.
 
-    Running until it is over; what it says in the end is kept. Fails where it is rejected, aborted or cancelled, and
-    where its server goes away, and while the base is stopped until somebody enables it. Halted, it cancels the action
-    and waits for its end.
+    Running until the action is over; its result is the output. Fails if it is rejected, aborted or cancelled, if its
+    server disconnects, and while the base is latched. A halt cancels the action and waits for its end.
     """
 
     tag = "ros2_action"
+    example = "- ros2_action: {action: /dock, type: irobot_create_msgs/action/Dock}"
     output_doc = "the result"
-    action: str = argument("text", "its name", principal=True)
-    type: str = argument("text", "its type, `irobot_create_msgs/action/Dock`; else that of who offers it", default="")
-    goal: Any = argument("value", "the goal, by field", default=None)
+    action: str = argument("text", "name of the action", principal=True)
+    type: str = argument("text", "type, `irobot_create_msgs/action/Dock`; by default that of the server", default="")
+    goal: Any = argument("value", "goal by field", default=None)
 
     def begin(self) -> int:
         return self.robot.ros2.begin(self.action, self.type, as_json(self.goal))
 
 
 class Publish(Leaf):
-    """Send a message on a topic of ROS 2.
+    """Publish a message on a ROS 2 topic.
 
-    Succeeds at once; who hears it is not known.
+    Succeeds at once, whether or not there is a subscriber.
     """
 
     tag = "publish"
+    example = "- publish: {topic: /chatter, type: std_msgs/msg/String, values: {data: Hello}}"
     needs = frozenset({"ros2"})
     ends = frozenset({"success", "failure"})
-    topic: str = argument("text", "the topic", principal=True)
-    type: str = argument("text", "its type, `std_msgs/msg/String`; else that of who listens", default="")
-    values: Any = argument("value", "the message, by field", default=None)
+    topic: str = argument("text", "name of the topic", principal=True)
+    type: str = argument("text", "type, `std_msgs/msg/String`; by default that of the subscriber", default="")
+    values: Any = argument("value", "message by field", default=None)
 
     def update(self) -> Status:
         self.robot.ros2.publish(self.topic, self.type, as_json(self.values))
@@ -185,22 +189,25 @@ class Publish(Leaf):
 
 
 class TopicLeaf(Leaf):
-    """Does a field of a topic's newest message say so?
+    """Check a field of a topic's newest message.
 
-    Succeeds while it does, fails when not. With no bounds it asks whether the field is there and not false, zero or
-    empty. It never runs, and is suspended while no message is there, or none new enough.
+    Succeeds while the field is within the bounds, fails if not. Without bounds, it checks that the field exists and is
+    not false, zero or empty. It never runs, and is suspended while no message is recent enough.
     """
 
     tag = "topic"
+    example = "- topic: {topic: /battery_state, field: percentage, above: 0.2}"
     needs = frozenset({"ros2"})
     instant = True
-    output_doc = "what the field says"
-    topic: str = argument("text", "the topic", principal=True)
-    field: str = argument("text", "the field, `pose.pose.position.x` or `ranges[0]`; else all of it", default="")
-    above: float | None = argument("number", "it is above that", default=None)
-    below: float | None = argument("number", "it is below that", default=None)
-    equals: Any = argument("value", "it is that", default=None)
-    within: Duration = argument("duration", "how new the message is to be", default=Duration(2.0), low=0.0)
+    output_doc = "the value of the field"
+    topic: str = argument("text", "name of the topic", principal=True)
+    field: str = argument(
+        "text", "field, `pose.pose.position.x` or `ranges[0]`; by default the whole message", default=""
+    )
+    above: float | None = argument("number", "lower bound of the field", default=None)
+    below: float | None = argument("number", "upper bound of the field", default=None)
+    equals: Any = argument("value", "expected value of the field", default=None)
+    within: Duration = argument("duration", "maximum age of the message", default=Duration(2.0), low=0.0)
 
     def update(self) -> Status:
         reading = self.robot.ros2.latest(self.topic)
@@ -228,7 +235,7 @@ class TopicLeaf(Leaf):
 
 
 def field_value(value: Any, path: str) -> Any:
-    """Return a field of a message by its path. Raises LookupError with what there is."""
+    """Return a field of a message by its path. Raises LookupError that lists the existing fields."""
     for part in path.replace("[", ".[").split(".") if path else ():
         if part.startswith("["):
             try:
@@ -248,7 +255,7 @@ def _length(value: Any) -> int:
 
 
 def as_json(values: Any) -> str:
-    """Return values of a mission as JSON. Raises BadRequest for what has no form there."""
+    """Return values of a mission as JSON. Raises BadRequest for values that JSON cannot represent."""
     try:
         return json.dumps({} if values is None else values)
     except (TypeError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""Asking the nodes of ROS 2 for something that takes its time: begun, watched, cancelled, and waited for."""
+"""Base of leaves that send a request to a ROS 2 node, follow its progress, and cancel it when halted."""
 
 import json
 from abc import abstractmethod
@@ -11,17 +11,17 @@ from drivers.api import GoalState, Progress, Ros2
 from drivers.errors import DeviceFault
 
 CANCEL_TIMEOUT = 3.0
-"""Seconds after a cancel within which an action has ended."""
+"""Seconds within which an action must end after a cancel request."""
 
 CANCELLED_STATES = frozenset({GoalState.CANCELLED, GoalState.FAILED})
-"""How an action ends that was cancelled: some servers abort it."""
+"""States in which a cancelled action may end; some servers abort it."""
 
 
 class Ros2RequestLeaf(Leaf):
-    """A leaf around one request. ``begin`` sends it; halted, it cancels it and waits for its end.
+    """Base of leaves with one request. ``begin`` sends it; a halt cancels it and waits for its end.
 
-    Running until the request is over; succeeds and fails as that does, with its reason. While nobody offers what it
-    asks for it waits, as for a part that is unplugged.
+    Running until the request is over; then it succeeds or fails with the request's reason. If no node offers the
+    service or action, it waits, as for an unplugged part.
     """
 
     needs = frozenset({"ros2"})
@@ -34,7 +34,7 @@ class Ros2RequestLeaf(Leaf):
 
     @abstractmethod
     def begin(self) -> int:
-        """Send the request; return its number."""
+        """Send the request and return its number."""
 
     def update(self) -> Status:
         if self._request_number is None:
@@ -42,7 +42,7 @@ class Ros2RequestLeaf(Leaf):
         return self.follow(self._request_number)
 
     def follow(self, number: int) -> Status:
-        """Do one tick's work with a request."""
+        """Return the status that belongs to the progress of a request."""
         progress = self.robot.ros2.progress(number)
         if progress.state is GoalState.SUCCEEDED:
             self.result = parse_json(progress.result)
@@ -52,7 +52,7 @@ class Ros2RequestLeaf(Leaf):
         return self.wait(self.progress_text(progress))
 
     def progress_text(self, progress: Progress) -> str:
-        """Say how far it has come."""
+        """Return the progress as a text for people."""
         return f"{progress.state}: {progress.feedback[:80]}" if progress.feedback else str(progress.state)
 
     def terminate(self, new_status: Status) -> None:
@@ -64,7 +64,7 @@ class Ros2RequestLeaf(Leaf):
 
 
 def has_ended(nodes: Ros2, number: int, since: float) -> bool:
-    """Return whether an action has ended that was cancelled ``since`` seconds ago. Raises DeviceFault if it goes on."""
+    """Return True if an action has ended, ``since`` seconds after its cancel. Raises DeviceFault on timeout."""
     progress = nodes.progress(number)
     if not progress.is_final and since > CANCEL_TIMEOUT:
         raise DeviceFault(f"the action was cancelled {since:.0f} s ago, and has not ended", hint="look at its node")
@@ -72,5 +72,5 @@ def has_ended(nodes: Ros2, number: int, since: float) -> bool:
 
 
 def parse_json(text: str) -> Any:
-    """Return what a text of JSON says; nothing for an empty one."""
+    """Return the value of a JSON text, or an empty dict for an empty text."""
     return json.loads(text) if text else {}

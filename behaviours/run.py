@@ -1,4 +1,4 @@
-"""What all nodes of one run share: the clock, the variables, and who watches."""
+"""Shared state of the nodes of one run: clock, variables and observer."""
 
 import logging
 import random
@@ -17,63 +17,63 @@ if TYPE_CHECKING:
 log = logging.getLogger("missiontree")
 
 DEAD_RECKONING_REASON = "by dead reckoning: nothing measured how far the base went"
-"""Reason of a motion that succeeded on a base that measures nothing, and of its run."""
+"""Reason of a motion, and of its run, that succeeded on a base without odometry."""
 
 SENSOR_TIMEOUT = 5.0
-"""Seconds after which a node fails that waits for a sensor to report, unless the robot file says otherwise."""
+"""Default of the robot file's `sensor_timeout` in seconds: then a node that waits for a sensor fails."""
 
 
 class NodeObserver(Protocol):
-    """Who is told of every new status, at once and within the tick: it must neither wait nor raise.
+    """Observer of status changes. It is called within the tick, so it must neither wait nor raise.
 
-    ``time`` is that of the change, on the run's clock; ``tick`` the tick that it came in.
+    ``time`` is the time of the change on the run's clock; ``tick`` is the number of the tick.
     """
 
     def on_status(self, time: float, tick: int, node: "Node", status: Status, reason: str) -> None:
-        """Hear that a node has a new status, and why."""
+        """Handle a new status of a node, with its reason."""
 
     def on_reset(self, time: float, tick: int, nodes: "Sequence[Node]") -> None:
-        """Hear that several nodes, or one, have forgotten their results, in this order: all are idle now."""
+        """Handle the reset of nodes, in this order: all are idle now."""
 
 
 class NodeCallback:
-    """An observer that only wants to know which node has a new status; the node itself says which, and why."""
+    """Observer that calls a function with each node whose status has changed."""
 
     def __init__(self, callback: Callable[["Node"], object]) -> None:
         self._callback = callback
 
     def on_status(self, time: float, tick: int, node: "Node", status: Status, reason: str) -> None:
-        """See Observer."""
         del time, tick, status, reason
         self._callback(node)
 
     def on_reset(self, time: float, tick: int, nodes: "Sequence[Node]") -> None:
-        """See Observer."""
         del time, tick
         for node in nodes:
             self._callback(node)
 
 
 class RunState:
-    """The shared state of one run of a mission.
+    """Shared state of one run of a mission.
 
-    ``variables`` holds the params and what behaviours have stored; ``tick`` counts from 1, 0 before the first.
-    ``observer`` is told of every new status. ``preemptible`` are the running nodes that give way as soon as a leaf of
-    higher priority is about to drive an actuator. ``safe_stop`` brings the named actuators to rest when a leaf did not
-    manage to in time. ``notify(text)`` tells somebody who is not there. ``wait(seconds)`` waits for so long or
-    until woken, which it says: simulated time replaces it.
-    ``sensor_timeout`` is how long (s) a node may be suspended because a sensor has not reported.
-    ``wake_event`` is set by whatever should not wait for the next scheduled tick. ``interruptible`` is true while a Ctrl-C
-    comes as a KeyboardInterrupt.
+    - ``variables``: the params, and the outputs of behaviours
+    - ``tick``: number of the tick, from 1; 0 before the first
+    - ``observer``: is notified of every new status
+    - ``preemptible``: running nodes that are halted when a leaf of higher priority is about to drive an actuator
+    - ``safe_stop``: stops the named actuators if a leaf did not do so in time
+    - ``notify(text)``: sends a notice to a person
+    - ``wait(seconds)``: waits until the time is over or ``wake_event`` is set, and returns whether it is set; simulated time replaces it
+    - ``sensor_timeout``: seconds for which a node may be suspended
+    - ``wake_event``: starts the next tick early
+    - ``interruptible``: true while a Ctrl-C arrives as a KeyboardInterrupt
+    - ``tick_time``: time at which the clock is frozen during a tick, else None
+    - ``last_tick_at``: time of the tick before, None in the first
+    - ``variables_changed``: set when variables may have changed; the reporter clears it
+    - ``dead_reckoned``: set when a motion has succeeded by dead reckoning
 
-    While the executive ticks, time stands still: ``now`` is what it is ``tick_time`` at then; ``last_tick_at`` is when it
-    ticked before, None in the first tick. ``variables_changed`` says that variables
-    may have changed; who tells of that sets it back. ``dead_reckoned`` says that a motion has succeeded by dead reckoning.
-
-    For who watches from another thread, by the ``wall`` clock (the run's own, unless that is a simulated one):
-    ``heartbeat_at`` is when the loop last showed that it goes on, ``active_leaf`` the leaf that has the word now. ``overrun``
-    says back which leaf held which tick for too long, and since when; ``overrun_failure`` the key of the leaf that has
-    failed for it, and the seconds.
+    For observers in other threads, on the ``wall`` clock (the run's own, unless that is simulated): ``heartbeat_at`` is
+    the time of the loop's last heartbeat, ``active_leaf`` the leaf that executes now. The watchdog sets ``overrun``:
+    leaf, tick and start of a tick that takes too long. ``overrun_failure`` is the key of the leaf that failed for it,
+    and the seconds.
     """
 
     def __init__(self, clock: Clock, *, seed: int = 0, wall: Clock | None = None) -> None:
@@ -100,23 +100,23 @@ class RunState:
         self.sensor_timeout = SENSOR_TIMEOUT
 
     def now(self) -> float:
-        """The time in seconds on the run's clock, for the thread that ticks; others ask the ``clock``."""
+        """Return the time in seconds on the run's clock, for the ticking thread; other threads read ``clock``."""
         held = self.tick_time
         return self.clock.now() if held is None else held
 
     def record_heartbeat(self) -> None:
-        """Show that the loop goes on."""
+        """Record that the loop is alive."""
         self.heartbeat_at = self.wall.now()
 
     def wake(self) -> None:
-        """Tick at once: something has happened that a behaviour may wait for. From any thread."""
+        """Tick at once, because of an event that a behaviour may wait for. Thread-safe."""
         self.wake_event.set()
 
     def _wait(self, seconds: float) -> bool:
         return self.wake_event.wait(seconds)
 
     def preempt(self) -> bool:
-        """Halt what gives way to a leaf that is about to drive an actuator; False while that takes more ticks."""
+        """Halt all preemptible nodes, for a leaf that is about to drive; False while that takes more ticks."""
         at_rest = True
         for node in self.preemptible:
             at_rest &= node.halt()
@@ -124,7 +124,7 @@ class RunState:
 
 
 def _log_notice(text: str) -> None:
-    """Log it: nobody watches this run."""
+    """Log the notice: no one is there to receive it."""
     log.info("notice: %s", text)
 
 

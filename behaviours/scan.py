@@ -1,4 +1,4 @@
-"""The leaf that lets the head go over an area, row by row."""
+"""Leaf that scans an area with the head, row by row."""
 
 import itertools
 import math
@@ -13,34 +13,35 @@ from behaviours.search import serpentine
 from drivers.api import HeadPose
 
 MAX_STEP_TIME = 0.1
-"""Seconds: a tick counts for no longer, so that after a late one, or a head that was gone, nothing leaps."""
+"""Maximum seconds that one tick counts, so that the head does not jump after a late tick or a disconnect."""
 
 
 class Scan(Leaf):
-    """Look over an area with the head: row by row from the lowest, to and fro, as far as the limits allow.
+    """Scan an area with the head: row by row from the lowest, back and forth, within the head's limits.
 
-    Running until all of it was looked at, `scans` times, then succeeds and the head stays there. Fails when
-    nothing of the area is within the limits, or when the head comes to rest where it should not.
+    Running until the area was scanned `scans` times, then succeeds; the head stays at the last pose. Fails if no part
+    of the area is within the limits, or if the head comes to rest elsewhere.
     """
 
     tag = "scan"
+    example = "- scan: {pan: [-60 deg, 60 deg], tilt: [-20 deg, 5 deg], scans: 1}"
     needs = frozenset({"head"})
     drives = frozenset({"head"})
-    output_doc = "where the head looks: pan, tilt"
+    output_doc = "the pose of the head: pan, tilt"
     output_type = HeadPose
     pan: tuple[float, float] = argument(
-        "angle", "from right (negative) to left", default=(-math.pi / 2, math.pi / 2), span=True
+        "angle", "range from right (negative) to left", default=(-math.pi / 2, math.pi / 2), span=True
     )
     tilt: tuple[float, float] = argument(
-        "angle", "from up (negative) to down", default=(-math.radians(25), math.radians(10)), span=True
+        "angle", "range from up (negative) to down", default=(-math.radians(25), math.radians(10)), span=True
     )
-    step: float = argument("angle", "from look to look, at most", default=math.radians(30), low=math.radians(2))
-    rows: int = argument("count", "how many rows; 0 is as many as the step asks for", default=0, low=0, high=50)
-    dwell: float = argument("duration", "how long to look each time", default=0.5, low=0.0)
-    smooth: bool = argument("flag", "go along each row without a halt, instead of look by look", default=False)
-    speed: float = argument("turn rate", "how fast", default=math.radians(60), low=math.radians(1))
-    scans: int = argument("count", "how many times; 0 is for ever", default=1, low=0)
-    on: str = argument("head", "which head it turns, of a robot that has several", default="head")
+    step: float = argument("angle", "maximum angle from look to look", default=math.radians(30), low=math.radians(2))
+    rows: int = argument("count", "number of rows; 0 computes it from the step", default=0, low=0, high=50)
+    dwell: float = argument("duration", "duration of each look", default=0.5, low=0.0)
+    smooth: bool = argument("flag", "move along each row without stopping, instead of look by look", default=False)
+    speed: float = argument("turn rate", "turn rate of the head", default=math.radians(60), low=math.radians(1))
+    scans: int = argument("count", "number of scans; 0 scans for ever", default=1, low=0)
+    on: str = argument("head", "head to turn, for robots with several", default="head")
     _arrival: ArrivalDetector
     _targets: tuple[HeadPose, ...] = ()
     _route: Iterator[tuple[int, HeadPose]] = iter(())
@@ -99,11 +100,11 @@ class Scan(Leaf):
         self._arrived_at = None
 
     def _has_passed(self, *, sent: bool, arrived: bool) -> bool:
-        """Say whether it goes on from its place without a halt: from the last one it does not, and has to be there."""
+        """Return True if a smooth scan goes on to the next target; at the last target the head must have arrived."""
         return arrived if self._next_target[1] is None else sent
 
     def _has_dwelt(self, arrived: bool, now: float) -> bool:
-        """Say whether the head has been at its place for long enough."""
+        """Return True if the head has been at its target for ``dwell`` seconds."""
         if not arrived:
             self._arrived_at = None
         elif self._arrived_at is None:
@@ -111,7 +112,7 @@ class Scan(Leaf):
         return self._arrived_at is not None and now - self._arrived_at >= self.dwell
 
     def _serpentine(self) -> tuple[HeadPose, ...]:
-        """Return the places of one round; the ends of the rows alone where it goes smoothly."""
+        """Return the targets of one round; only the ends of the rows for a smooth scan."""
         limits = self.robot.head.limits
         pan = max(self.pan[0], limits.pan[0]), min(self.pan[1], limits.pan[1])
         highest, lowest = max(self.tilt[0], limits.tilt[0]), min(self.tilt[1], limits.tilt[1])
@@ -129,7 +130,7 @@ class Scan(Leaf):
 
 
 def step_towards(goal: HeadPose, start: HeadPose, angle: float) -> HeadPose:
-    """Return the pose on the straight way from ``here`` to ``goal`` that is ``reach`` radians on, or the goal."""
+    """Return the pose ``angle`` radians from ``start`` on the straight line to ``goal``, but not beyond the goal."""
     way = pose_difference(goal, start)
     if way <= angle:
         return goal

@@ -1,4 +1,4 @@
-"""Leaves that ask what the picture shows as a whole: whether it is blank, whether it is dark, whether it moves."""
+"""Conditions on the whole picture: uniform, dark, or moving."""
 
 from abc import abstractmethod
 
@@ -9,7 +9,7 @@ from perception.api import Scene
 
 
 class _PictureCondition(Leaf):
-    """Judges the newest picture; suspended until there is one that is new enough."""
+    """Base of conditions on the newest picture; suspended until a picture is recent enough."""
 
     instant = True
     needs = frozenset({"camera"})
@@ -25,22 +25,23 @@ class _PictureCondition(Leaf):
 
     @abstractmethod
     def judge(self, scene: Scene) -> Status:
-        """Succeed or fail by what the picture shows."""
+        """Return SUCCESS, or fail with a reason, for a picture."""
 
 
 class SceneUniform(_PictureCondition):
-    """Does the camera show nothing but one even surface: a blank wall, or a covered lens?
+    """Check whether the picture is uniform, as of a blank wall or a covered lens.
 
-    Succeeds when the newest picture has no edges, fails when it has. It never runs, and is suspended until there is a
-    picture that is new enough.
+    Succeeds if the newest picture has no edges, fails if it has. It never runs, and is suspended until a picture is
+    recent enough.
     """
 
     tag = "scene_uniform"
+    example = "- scene_uniform: 1 s"
     within: float = argument(
-        "duration", "how old the picture may be; 0 s waits for one from now on", default=0.5, principal=True, low=0.0
+        "duration", "maximum age of the picture; 0 s waits for a new one", default=0.5, principal=True, low=0.0
     )
     contrast: float = argument(
-        "number", "grey levels (of 255) that neighbouring spots may differ by", default=6.0, low=0.0, high=255.0
+        "number", "maximum difference of neighbouring spots in grey levels of 255", default=6.0, low=0.0, high=255.0
     )
 
     def judge(self, scene: Scene) -> Status:
@@ -51,17 +52,16 @@ class SceneUniform(_PictureCondition):
 
 
 class Dark(_PictureCondition):
-    """Is it dark?
+    """Check whether it is dark.
 
-    Succeeds when the newest picture is darker than that, as a whole, fails when not. It never runs, and is suspended
-    until there is a picture that is new enough.
+    Succeeds if the mean brightness of the newest picture is below `below`, fails if not. It never runs, and is
+    suspended until a picture is recent enough.
     """
 
     tag = "dark"
-    below: float = argument(
-        "share", "how bright the picture may be, 100 % being white", default=0.2, principal=True, low=0.0, high=1.0
-    )
-    within: float = argument("duration", "how old the picture may be; 0 s waits for one", default=0.5, low=0.0)
+    example = "- dark: 15 %"
+    below: float = argument("share", "brightness limit; 100 % is white", default=0.2, principal=True, low=0.0, high=1.0)
+    within: float = argument("duration", "maximum age of the picture; 0 s waits for a new one", default=0.5, low=0.0)
 
     def judge(self, scene: Scene) -> Status:
         share = scene.brightness / 255
@@ -70,19 +70,24 @@ class Dark(_PictureCondition):
 
 
 class MotionSeenLeaf(_PictureCondition):
-    """Does something move?
+    """Check whether something moves in the picture.
 
-    Succeeds when that share of the newest picture has changed since the one before, fails when not. That the camera
-    turns is taken off, but for a rest of 1 %: ask for `2 %` while the robot moves. It never runs, and is suspended
-    until there is a picture that is new enough.
+    Succeeds if at least `share` of the newest picture has changed since the one before, fails if not. The camera's own
+    motion is compensated to about 1 %: use `2 %` while the robot moves. It never runs, and is suspended until a picture
+    is recent enough.
     """
 
     tag = "motion_seen"
+    example = "- motion_seen: 2 %"
     senses = frozenset({"motion"})
     share: float = argument(
-        "share", "how much must have changed; somebody who walks by at 2 m: 1 %", default=0.005, principal=True, low=0.0
+        "share",
+        "share of the picture that must have changed; a person who walks by at 2 m makes 1 %",
+        default=0.005,
+        principal=True,
+        low=0.0,
     )
-    within: float = argument("duration", "how old the picture may be; 0 s waits for one", default=0.5, low=0.0)
+    within: float = argument("duration", "maximum age of the picture; 0 s waits for a new one", default=0.5, low=0.0)
 
     def judge(self, scene: Scene) -> Status:
         if scene.motion is None:

@@ -1,4 +1,4 @@
-"""Leaves that show a face and words on the robot's screen."""
+"""Leaves that show a face and text on the robot's screen."""
 
 from py_trees.common import Status
 
@@ -9,13 +9,13 @@ MOODS = tuple(mood.value for mood in Mood)
 
 
 class ScreenLeaf(Leaf):
-    """Shows something: for a time, or until something else is shown."""
+    """Base of leaves that show content for a time, or until other content replaces it."""
 
     needs = frozenset({"screen"})
     drives = frozenset({"screen"})
     ends = frozenset({"success"})
     seconds: float | None = argument(
-        "duration", "for how long; else until something else is shown", name="for", default=None, low=0.1
+        "duration", "display time; by default until other content replaces it", name="for", default=None, low=0.1
     )
 
     def update(self) -> Status:
@@ -23,14 +23,15 @@ class ScreenLeaf(Leaf):
 
 
 class FaceLeaf(ScreenLeaf):
-    """Look like a mood.
+    """Show a mood on the robot's face.
 
-    Succeeds at once, and the face stays so. With `for` it is running for so long; then, or when it is halted, the face
-    is what it was before.
+    Succeeds at once, and the mood stays. With `for`, it runs for that time; then, or when it is halted, the mood is the
+    one from before.
     """
 
     tag = "face"
-    mood: str = argument("choice", "which", principal=True, choices=MOODS)
+    example = "- face: happy"
+    mood: str = argument("choice", "mood of the face", principal=True, choices=MOODS)
     _before = Mood.NEUTRAL
 
     def initialise(self) -> None:
@@ -43,14 +44,15 @@ class FaceLeaf(ScreenLeaf):
 
 
 class Show(ScreenLeaf):
-    """Show words below the face.
+    """Show text below the face.
 
-    Succeeds at once, and the words stay there; an empty text takes them away. With `for` it is running for so long;
-    then, or when it is halted, there are none.
+    Succeeds at once, and the text stays; an empty text clears it. With `for`, it runs for that time; then, or when it
+    is halted, the text is cleared.
     """
 
     tag = "show"
-    text: str = argument("text", "what to show", principal=True)
+    example = "- show: {text: Welcome, for: 5 s}"
+    text: str = argument("text", "text to show; empty clears it", principal=True)
 
     def initialise(self) -> None:
         self.robot.screen.show(self.text)

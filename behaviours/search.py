@@ -1,4 +1,4 @@
-"""The search with the head that finds people, things and other robots."""
+"""Head search for people, objects and other robots, and the leaves for objects."""
 
 import itertools
 import math
@@ -13,22 +13,22 @@ from perception.api import Thing, ThingSpec
 
 
 class HeadSearch(PerceptLeaf[P]):
-    """Looks around with the head: first where it looks now, then row by row, to and fro.
+    """Base of searches with the head: first straight at the present pose, then row by row, back and forth.
 
-    Running until something wanted is seen, then it succeeds and the head stays on it. Fails after ``scans`` rounds.
+    Running until a matching percept is seen; then it succeeds and the head stays on it. Fails after ``scans`` rounds.
     """
 
     needs = frozenset({"camera", "head"})
     drives = frozenset({"head"})
     pan: tuple[float, float] = argument(
-        "angle", "how far to each side", default=(-math.radians(60), math.radians(60)), span=True
+        "angle", "range of the pan", default=(-math.radians(60), math.radians(60)), span=True
     )
     tilt: tuple[float, float] = argument(
-        "angle", "how far up (negative) and down", default=(-math.radians(25), math.radians(5)), span=True
+        "angle", "range of the tilt; negative is up", default=(-math.radians(25), math.radians(5)), span=True
     )
-    step: float = argument("angle", "from look to look", default=math.radians(30), low=math.radians(2))
-    pause: float = argument("duration", "how long to look each time", default=0.3, low=0.05)
-    scans: int = argument("count", "how many rounds; 0 is for ever", default=0, low=0)
+    step: float = argument("angle", "angle from look to look", default=math.radians(30), low=math.radians(2))
+    pause: float = argument("duration", "duration of each look", default=0.3, low=0.05)
+    scans: int = argument("count", "number of rounds; 0 searches for ever", default=0, low=0)
     _route: Iterator[HeadPose] = iter(())
     _goal: HeadPose | None = None
     arrived_at: float | None = None  # when the head arrived where it looks now
@@ -38,12 +38,12 @@ class HeadSearch(PerceptLeaf[P]):
         return DEFAULT_MAX_AGE
 
     def keeps_looking(self) -> bool:
-        """Whether it goes on looking where it looks now, though it has looked there for long enough."""
+        """Return True to stay at the present pose although ``pause`` is over."""
         return False
 
     @property
     def counted_since(self) -> float:
-        """Since when (s, on the run's clock) what is seen counts."""
+        """Time (s, on the run's clock) from which percepts count."""
         return self.started_at
 
     def initialise(self) -> None:
@@ -72,7 +72,7 @@ class HeadSearch(PerceptLeaf[P]):
         self.robot.head.stop()
 
     def _looked_long_enough(self) -> bool:
-        """True once the pictures taken since the head arrived, and searched, span the pause: no matter what is late."""
+        """Return True if the pictures searched since the head's arrival span ``pause``, however late they come."""
         looked = self.robot.sight.looked()
         return self.arrived_at is not None and looked is not None and looked - self.arrived_at >= self.pause
 
@@ -82,7 +82,7 @@ class HeadSearch(PerceptLeaf[P]):
 
 
 def serpentine(pan: tuple[float, float], tilt: tuple[float, float], step: float) -> Iterator[HeadPose]:
-    """Yield poses row by row from the lowest: from the right to the left, up a row, and back (as Rodney scans)."""
+    """Yield poses row by row from the lowest: right to left, up a row, and back (as Rodney scans)."""
     columns = _steps(*pan, step)
     for row, down in enumerate(reversed(_steps(*tilt, step))):
         for across in columns if row % 2 == 0 else reversed(columns):
@@ -90,7 +90,7 @@ def serpentine(pan: tuple[float, float], tilt: tuple[float, float], step: float)
 
 
 def _steps(low: float, high: float, step: float) -> list[float]:
-    """Divide [low, high] evenly into steps of at most ``step``, both ends included."""
+    """Divide [low, high] evenly into steps of at most ``step``, including both ends."""
     count = math.ceil(abs(high - low) / step - 1e-9)
     return [low + (high - low) * place / count for place in range(count)] + [high]
 
@@ -101,18 +101,19 @@ _OUTPUT_DOC = "the object: id, name, colour, shape, yaw, pitch, distance"
 
 
 class ObjectSeenLeaf(SeenLeaf[Thing]):
-    """Is a coloured object in view?
+    """Check whether a coloured object is in view.
 
-    `object_seen: red ball`. Succeeds when one was seen lately, fails when not. It never runs. It is
-    suspended while no picture is new enough to tell.
+    `object_seen: red ball`. Succeeds if one was seen within the last `within` seconds, fails if not. It never runs, and
+    is suspended while no picture is recent enough.
     """
 
     tag = "object_seen"
+    example = "- object_seen: red ball"
     senses = frozenset({"things"})
     output_doc = _OUTPUT_DOC
     output_type = Thing
-    what: ThingSpec = argument("object", "a colour and a shape, or the name of an object", principal=True)
-    within: float = argument("duration", "how long ago still counts", default=DEFAULT_MAX_AGE, low=0.01)
+    what: ThingSpec = argument("object", "colour and shape, or the name of an object", principal=True)
+    within: float = argument("duration", "maximum age of the sighting", default=DEFAULT_MAX_AGE, low=0.01)
 
     @property
     def age_limit(self) -> float:
@@ -126,23 +127,24 @@ class ObjectSeenLeaf(SeenLeaf[Thing]):
 
 
 class FindObject(HeadSearch[Thing]):
-    """Look around with the head for a coloured object: first where it looks now, then row by row, to and fro.
+    """Search for a coloured object with the head: first straight at the present pose, then row by row, back and forth.
 
-    `find_object: red ball`. Running until one is seen, then succeeds and the head stays on it. Fails after `scans`
-    rounds without one; by default it goes on looking, so give it a `timeout`.
+    `find_object: red ball`. Running until one is seen; then it succeeds and the head stays on it. Fails after `scans`
+    rounds without one. By default it searches for ever, so give it a `timeout`.
     """
 
     tag = "find_object"
+    example = "- find_object: {what: big red box, scans: 2}"
     noun = "object"
     senses = frozenset({"things"})
     output_doc = _OUTPUT_DOC
     output_type = Thing
-    what: ThingSpec = argument("object", "a colour and a shape, or the name of an object", principal=True)
+    what: ThingSpec = argument("object", "colour and shape, or the name of an object", principal=True)
 
     def percepts(self) -> Sequence[Thing]:
         return matching_things(self.robot.sight.things(), self.what)
 
 
 def matching_things(things: Sequence[Thing], wanted: ThingSpec) -> list[Thing]:
-    """Return those of ``things`` that were looked for by that name."""
+    """Return the things that the detector found under the name of ``wanted``."""
     return [thing for thing in things if thing.name == wanted.name]

@@ -1,6 +1,7 @@
-"""Leaves that look for people: three conditions, and a search with the head.
+"""Leaves that look for people: conditions on faces, a search with the head, and recognition.
 
-Whom the robot has met, and where, is kept: nobody is taken for somebody new when the camera comes round again.
+A search for new people remembers the people whom the robot has met, with their positions, and so recognises them when
+they come into view again.
 """
 
 import math
@@ -17,15 +18,12 @@ from drivers.api.fast_dataclass import dataclass
 from perception.api import UNKNOWN, Face
 
 SAME_PERSON_ANGLE = math.radians(15)
-"""Whoever is seen this near to where somebody was met is taken for them: half a step aside at two metres."""
+"""Angle in radians within which a face counts as that of a person met before: half a step at two metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class Meeting:
-    """Somebody who was met: the id of the face then, and the place (metres, odometry frame) where it was.
-
-    ``name`` is theirs as far as the robot knew it.
-    """
+    """Record of a person met: id of the face, position (metres, odometry frame), and ``name`` if known."""
 
     id: int
     x: float
@@ -34,15 +32,15 @@ class Meeting:
 
     @classmethod
     def of(cls, face: Face, base: Pose2D) -> Self:
-        """Remember ``face`` as it is seen from ``base``."""
+        """Return the meeting for ``face`` as seen from ``base``."""
         x, y = base.x + face.distance * math.cos(face.yaw), base.y + face.distance * math.sin(face.yaw)
         return cls(face.id, x, y, face.name)
 
     def is_with(self, face: Face, base: Pose2D) -> bool:
-        """Say whether ``face``, seen from ``base``, is the same person's: by its id, by its name, or by where it is.
+        """Return True if ``face``, seen from ``base``, belongs to the same person, by id, name or position.
 
-        An id is forgotten soon after its face was out of view. Two names that are known decide; else the place does,
-        which lasts as far as people stay where they are.
+        Ids are lost soon after a face is out of view. If both names are known, they decide. Otherwise the position
+        decides, so people must have stayed where they were.
         """
         if face.id == self.id:
             return True
@@ -53,36 +51,36 @@ class Meeting:
 
 
 def is_known(name: str) -> bool:
-    """Say whether a face's name is that of somebody: neither undecided nor unknown."""
+    """Return True if a face has the name of a known person: not undecided and not unknown."""
     return name not in ("", UNKNOWN)
 
 
 def is_same_person(face: Face, stored_face: Face) -> bool:
-    """Say whether ``face`` is that of the person whose face was ``kept``: by id, or by a name that both have.
+    """Return True if ``face`` belongs to the person of ``stored_face``, by id or by a known name.
 
-    A name outlasts the id, which is forgotten soon after the face was out of view.
+    A name outlasts the id, which is lost soon after the face is out of view.
     """
     return face.id == stored_face.id or (is_known(face.name) and face.name == stored_face.name)
 
 
 def may_be_same_person(face: Face, stored_face: Face) -> bool:
-    """Say whether ``face`` can be that of the person whose face was ``kept``: unless it is known to be another's."""
+    """Return False if ``face`` is known to belong to another person than ``stored_face``."""
     return not (face.name and is_known(stored_face.name)) or face.name == stored_face.name
 
 
-FACE_OUTPUT_DOC = "the face: id, name where one was asked for, yaw, pitch, distance"
-"""What is kept of a face."""
+FACE_OUTPUT_DOC = "the face: id, name (if names are used), yaw, pitch, distance"
+"""Description of a face as output."""
 
 NAME_TIMEOUT = 2.0
-"""Seconds for which a search waits for a name to be decided; most take half a second."""
+"""Seconds for which a search waits until the name of a face is decided; most take half a second."""
 
 
 class FacePerceptLeaf(PerceptLeaf[Face]):
-    """Looks for faces, or for those of one name."""
+    """Base of leaves that look for faces, or for the faces of one person."""
 
     noun = "face"
     person_name: str = argument(
-        "text", "only of this person; `unknown` is any stranger, without a name anybody", name="name", default=""
+        "text", "name of the person; `unknown` is any stranger, and by default anybody counts", name="name", default=""
     )
 
     @classmethod
@@ -102,17 +100,21 @@ class FacePerceptLeaf(PerceptLeaf[Face]):
 
 
 class FaceSeenLeaf(FacePerceptLeaf):
-    """Is a face in view?
+    """Check whether a face is in view.
 
-    Succeeds when one was seen lately, fails when not. It never runs; suspended while no picture is new enough to tell.
+    Succeeds if a face was seen within the last `within` seconds, fails if not. It never runs, and is suspended while no
+    picture is recent enough.
     """
 
     tag = "face_seen"
+    example = "- face_seen: 1 s"
     output_doc = FACE_OUTPUT_DOC
     output_type = Face
     instant = True
-    within: float = argument("duration", "how long ago still counts", default=DEFAULT_MAX_AGE, principal=True, low=0.01)
-    nearer: float | None = argument("length", "only this near or nearer; else at any distance", default=None, low=0.1)
+    within: float = argument(
+        "duration", "maximum age of the sighting", default=DEFAULT_MAX_AGE, principal=True, low=0.01
+    )
+    nearer: float | None = argument("length", "maximum distance; any distance by default", default=None, low=0.1)
 
     @property
     def age_limit(self) -> float:
@@ -127,18 +129,19 @@ class FaceSeenLeaf(FacePerceptLeaf):
 
 
 class FacesAtLeast(FacePerceptLeaf):
-    """Are several faces in view?
+    """Check whether several faces are in view.
 
-    Succeeds when so many were seen lately, fails when not. It never runs; suspended while no picture is new enough to
-    tell.
+    Succeeds if at least `number` faces were seen within the last `within` seconds, fails if not. It never runs, and is
+    suspended while no picture is recent enough.
     """
 
     tag = "faces_at_least"
+    example = "- faces_at_least: 2"
     output_doc = "the faces, as a list, the largest first"
     output_type = list[Face]
     instant = True
-    number: int = argument("count", "how many", principal=True, low=1)
-    within: float = argument("duration", "how long ago still counts", default=DEFAULT_MAX_AGE, low=0.01)
+    number: int = argument("count", "minimum number of faces", principal=True, low=1)
+    within: float = argument("duration", "maximum age of the sightings", default=DEFAULT_MAX_AGE, low=0.01)
 
     @property
     def age_limit(self) -> float:
@@ -153,19 +156,22 @@ class FacesAtLeast(FacePerceptLeaf):
 
 
 class FaceCentred(FacePerceptLeaf):
-    """Is the face in the middle of the picture?
+    """Check whether a face is in the middle of the picture.
 
-    Succeeds when the largest face, or the one that is named, is within that angle of the camera's axis, fails when
-    not. It never runs; suspended while no picture is new enough to tell.
+    Succeeds if the largest face, or the given one, is within that angle of the camera's axis, fails if not. It never
+    runs, and is suspended while no picture is recent enough.
     """
 
     tag = "face_centred"
+    example = "- face_centred: 8 deg"
     output_doc = FACE_OUTPUT_DOC
     output_type = Face
     instant = True
-    within: float = argument("angle", "how far from the axis still counts", default=math.radians(5), principal=True)
-    max_age: float = argument("duration", "how long ago still counts", default=DEFAULT_MAX_AGE, low=0.01)
-    face: Face | None = argument("face", "whose, as `as` has kept them; else the largest", default=None)
+    within: float = argument("angle", "maximum angle from the axis", default=math.radians(5), principal=True)
+    max_age: float = argument("duration", "maximum age of the sighting", default=DEFAULT_MAX_AGE, low=0.01)
+    face: Face | None = argument(
+        "face", "face from the output of another behaviour; the largest by default", default=None
+    )
 
     @property
     def age_limit(self) -> float:
@@ -185,17 +191,18 @@ class FaceCentred(FacePerceptLeaf):
 
 
 class FindFace(FacePerceptLeaf, HeadSearch[Face]):
-    """Look around with the head for a face: first where it looks now, then row by row, to and fro.
+    """Search for a face with the head: first straight at the present pose, then row by row, back and forth.
 
-    Running until a face is seen, then succeeds and the head stays on it. Where a name is asked for, it stays on each
-    face until it is decided whose that is. Fails after `scans` rounds without one; by default it goes on looking, so
-    give it a `timeout`.
+    Running until a face is seen; then it succeeds and the head stays on it. With a name, the head stays on each face
+    until its name is decided. Fails after `scans` rounds without a match. By default it searches for ever, so give it a
+    `timeout`.
     """
 
     tag = "find_face"
+    example = "- find_face: {scans: 2}\n  as: person"
     output_doc = FACE_OUTPUT_DOC
     output_type = Face
-    new: bool = argument("flag", "only somebody whom it has not found before in this run", default=False)
+    new: bool = argument("flag", "only people whom this step has not found before in this run", default=False)
     _meetings: tuple[Meeting, ...] = ()  # outlives a restart: that is what `new` is for
 
     def matches(self, percept: Face) -> bool:
@@ -212,7 +219,7 @@ class FindFace(FacePerceptLeaf, HeadSearch[Face]):
 
     @property
     def counted_since(self) -> float:
-        """Since when a face counts: where it is must be known to tell people apart, so then the head must stand."""
+        """Time from which a face counts. With ``new`` the head must stand, since positions tell people apart."""
         if not self.new:
             return self.started_at
         return math.inf if self.arrived_at is None else self.arrived_at
@@ -222,13 +229,13 @@ class FindFace(FacePerceptLeaf, HeadSearch[Face]):
         return any(meeting.is_with(percept, stand) for meeting in self._meetings)
 
     def _base_pose(self) -> Pose2D:
-        """Return where the base is, as far as there is one that tells."""
+        """Return the pose of the base, or the origin if there is none."""
         state = None if self.robot.base_part is None else self.robot.base.state().value
         return Pose2D(0.0, 0.0, 0.0) if state is None else state.pose
 
 
 def face_argument(value: object) -> Face | None:
-    """Return the face that a mission names, None where it names none. Raises ValueError for what is no face."""
+    """Return the face in an argument, or None. Raises ValueError for any other value."""
     if value is None or isinstance(value, Face):
         return value
     raise ValueError(f"'face' needs a face that a behaviour has found, such as ${{person}}, got {value!r}")
@@ -237,22 +244,25 @@ def face_argument(value: object) -> Face | None:
 # The leaf that makes out who somebody is.
 
 FACE_TIMEOUT = 1.0
-"""Seconds without the face after which it gives up: as long as a face keeps its id out of view."""
+"""Seconds without the face before a failure: a face keeps its id for as long out of view."""
 
 
 class Identify(PerceptLeaf[Face]):
-    """Make out who somebody is, by their face.
+    """Identify a person by their face.
 
-    Running until that is decided, then succeeds; `name` of what it keeps is a name that the robot knows, or `unknown`.
-    Fails once no such face was in view for a second.
+    Running until the identity is decided, then succeeds; the `name` of its output is that of a known person, or
+    `unknown`. Fails if no matching face was in view for a second.
     """
 
     tag = "identify"
+    example = "- find_face:\n  as: person\n- identify: ${person}\n  as: known"
     noun = "face"
     senses = frozenset({"faces", "names"})
     output_doc = FACE_OUTPUT_DOC
     output_type = Face
-    face: Face | None = argument("face", "whose, as `as` has kept them; else the largest", default=None, principal=True)
+    face: Face | None = argument(
+        "face", "face from the output of another behaviour; the largest by default", default=None, principal=True
+    )
     _seen_at = 0.0
 
     @property

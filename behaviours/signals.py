@@ -1,4 +1,4 @@
-"""Leaves that make the base heard and seen: its tunes, and its two lights."""
+"""Leaves for the sounder and the two lights of the base."""
 
 from py_trees.common import Status
 
@@ -7,16 +7,19 @@ from drivers.api import Lamp, Tune
 
 
 class SoundLeaf(Leaf):
-    """Play one of the base's tunes, or a tone.
+    """Play a tune of the base, or a tone.
 
-    Succeeds at once; what sounds goes on by itself. A tone lasts for 255 ms at most.
+    Succeeds at once; the sound plays on. A tone lasts for at most 255 ms.
     """
 
     tag = "sound"
+    example = "- sound: cleaning_end"
     needs = frozenset({"base", "sounds"})
-    tune: str | None = argument("choice", "which tune", default=None, choices=tuple(Tune), principal=True)
-    tone: float | None = argument("frequency", "a tone instead", default=None, low=6.0, high=20_000.0)
-    duration: float = argument("duration", "how long the tone is", default=0.1, low=0.005, high=0.255)
+    tune: str | None = argument("choice", "name of the tune", default=None, choices=tuple(Tune), principal=True)
+    tone: float | None = argument(
+        "frequency", "frequency of a tone, instead of a tune", default=None, low=6.0, high=20_000.0
+    )
+    duration: float = argument("duration", "duration of the tone", default=0.1, low=0.005, high=0.255)
 
     def update(self) -> Status:
         if (self.tune is None) == (self.tone is None):
@@ -31,13 +34,14 @@ class SoundLeaf(Leaf):
 class Led(Leaf):
     """Switch a light of the base.
 
-    Succeeds at once; the light stays so.
+    Succeeds at once; the light stays as it is.
     """
 
     tag = "led"
+    example = "- led: {colour: green, number: 2}"
     needs = frozenset({"base", "lights"})
-    colour: str = argument("choice", "what it shows", choices=tuple(Lamp), principal=True)
-    number: int = argument("count", "which: 1 or 2", default=1, low=1, high=2)
+    colour: str = argument("choice", "colour of the light", choices=tuple(Lamp), principal=True)
+    number: int = argument("count", "number of the light: 1 or 2", default=1, low=1, high=2)
 
     def update(self) -> Status:
         self.robot.lights.light(self.number, Lamp(self.colour))

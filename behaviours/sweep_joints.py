@@ -1,4 +1,4 @@
-"""The leaf that moves joints to and fro between two angles: evenly, or as sines with a phase for each."""
+"""Leaf that moves joints back and forth between two angles, linearly or as sines with a phase per joint."""
 
 import math
 from collections.abc import Mapping
@@ -13,9 +13,9 @@ from drivers.api import Keyframe
 
 
 class SwingPath:
-    """To and fro between ``low`` and ``high`` (radians) every ``period`` seconds, from ``low`` on, after a run-in.
+    """Motion between ``low`` and ``high`` (radians) with ``period`` seconds, from ``low`` on, after a run-in.
 
-    ``phases`` say how far ahead of that each joint is, in radians of a full turn.
+    ``phases`` are the lead of each joint in radians of a full cycle.
     """
 
     def __init__(self, low: float, high: float, period: float, phases: Mapping[str, float], *, sine: bool) -> None:
@@ -26,11 +26,11 @@ class SwingPath:
 
     @property
     def max_speed(self) -> float:
-        """The highest speed of a joint, in rad/s."""
+        """Highest speed of a joint in rad/s."""
         return (math.pi if self._sine else 2.0) * self._way / self._period
 
     def at(self, time: float) -> Mapping[str, float]:
-        """Return where the joints are to be."""
+        """Return the positions (radians) at ``time`` seconds."""
         if self.run_in is not None:
             if time < self.run_in.duration:
                 return self.run_in.at(time)
@@ -44,20 +44,22 @@ class SwingPath:
 
 
 class SweepLeaf(JointMotion):
-    """Move joints to and fro between two angles until it is stopped: evenly, or as sines that follow one another.
+    """Move joints back and forth between two angles until halted, linearly or as phase-shifted sines.
 
-    Running until it is halted; it never succeeds. It comes slowly to where it begins. Joints that cannot go that fast
-    take longer. Fails before anything moves when the arm lacks a joint, or an angle lies outside its limits.
+    Running until it is halted; it never succeeds. The joints approach the first pose slowly. If they are too slow for
+    the period, the period is longer. Fails before anything moves if the arm lacks a joint or an angle exceeds its
+    limits.
     """
 
     tag = "sweep"
+    example = "- sweep: {joints: elbow, between: [-20 deg, 20 deg], period: 3 s}\n  timeout: 12 s"
     ends = frozenset({"failure"})
-    joints: tuple[str, ...] = argument("joints", "a joint, a group of them, or a list")
-    between: tuple[float, float] = argument("angle", "from where to where", span=True)
-    period: float = argument("duration", "for once to and fro", default=4.0, low=0.1)
-    sine: bool = argument("flag", "as a sine, instead of evenly with a turn at both ends", default=False)
+    joints: tuple[str, ...] = argument("joints", "a joint, a group, or a list")
+    between: tuple[float, float] = argument("angle", "the two angles", span=True)
+    period: float = argument("duration", "duration of one cycle", default=4.0, low=0.1)
+    sine: bool = argument("flag", "move as a sine, instead of linearly", default=False)
     phases: Mapping[str, float] = argument(
-        "angle", "how far ahead a joint is, where 360 deg is once to and fro", default={}, by_joint=True
+        "angle", "lead of single joints; 360 deg is one cycle", default={}, by_joint=True
     )
     on: str = ARM_ARGUMENT
 

@@ -14,13 +14,14 @@ EMOTICONS = {
     Mood.SAD: r"[:=]'?-?[(\[]+",
     Mood.SURPRISED: r"[:=]-?[Oo]",
 }
+"""Emoticons of each mood as patterns."""
 EMOJI = {
     Mood.HAPPY: "\u263a\U0001f600-\U0001f60a\U0001f642\U0001f643\U0001f929\U0001f970",
     Mood.SAD: "\u2639\U0001f61e\U0001f61f\U0001f622\U0001f625\U0001f62d\U0001f641",
     Mood.SURPRISED: "\U0001f62e\U0001f62f\U0001f632\U0001f633",
     Mood.ASLEEP: "\U0001f62a\U0001f634\U0001f4a4",
 }
-"""The signs of each mood, as patterns and as sets of letters."""
+"""Emoji of each mood as character sets."""
 
 SMILEY = re.compile(
     r"\s*(?:(?<![\w/])(?:"
@@ -29,11 +30,11 @@ SMILEY = re.compile(
     + "|".join(f"(?P<{mood.name}_>[{signs}])\ufe0f?" for mood, signs in EMOJI.items())
     + ")"
 )
-"""One of them, with the space before it. In "at 8:00", "a list:[1]" and addresses there are none."""
+"""Pattern of an emoticon or emoji with the space before it; no match in "at 8:00", "a list:[1]", addresses."""
 
 
 def split_mood(text: str) -> tuple[str, Mood | None]:
-    """Return ``text`` without its smileys, and the mood of the last one; None where there is none."""
+    """Return ``text`` without its smileys, and the mood of the last one or None."""
     found = list(SMILEY.finditer(text))
     if not found:
         return text, None
@@ -42,14 +43,14 @@ def split_mood(text: str) -> tuple[str, Mood | None]:
 
 PRIORITIES = tuple(each.name.lower() for each in Priority)
 MIN_WORDS_PER_MINUTE, MAX_WORDS_PER_MINUTE = 80, 450
-"""Words a minute that synthesisers can speak."""
+"""Range of speech rates that synthesisers support."""
 
 
 class SpeechLeaf(Leaf):
-    """Something that is heard: running until it was, silent when it is halted.
+    """Base of leaves that play audio: RUNNING until playback ends, cancelled on halt.
 
-    Where the voice has gone before the end, it is waited for, and all of it is heard once more; what is broken off
-    again fails.
+    If the voice disconnects before the end, the leaf waits for it and repeats the audio once. A second interruption is
+    a failure.
     """
 
     needs = frozenset({"voice"})
@@ -60,12 +61,12 @@ class SpeechLeaf(Leaf):
 
     @abstractmethod
     def utter(self, priority: Priority) -> Utterance:
-        """Begin."""
+        """Start playback."""
 
     @property
     @abstractmethod
     def activity(self) -> str:
-        """What it does, in words."""
+        """Present activity as text."""
 
     def initialise(self) -> None:
         self._again, self._utterance = False, None
@@ -92,27 +93,27 @@ class SpeechLeaf(Leaf):
 
 
 class Say(SpeechLeaf):
-    """Speak.
+    """Say a text.
 
-    Running until it is spoken, then succeeds. Falls silent when it is halted. What has a higher priority is heard at
-    once; what it breaks off is said again from its beginning afterwards, and so is what a voice that was unplugged has
-    broken off; the second time that fails. A smiley in the text is not spoken: it sets the mood of the face. The mouth
-    moves with the words.
+    Running until it is spoken, then succeeds; a halt silences it. Speech with a higher priority starts at once, and the
+    interrupted text is repeated from its beginning afterwards. The same holds for a voice that was unplugged. A second
+    interruption is a failure. Smileys are not spoken: they set the mood of the face. The mouth moves with the words.
     """
 
     tag = "say"
+    example = "- say: Hello"
     optional_parts = frozenset({"screen"})
-    text: str = argument("text", "what to say", principal=True)
-    voice: str | None = argument("text", "whose voice, such as en-us+f2; else as the robot file says", default=None)
+    text: str = argument("text", "text to say", principal=True)
+    voice: str | None = argument("text", "voice, such as en-us+f2; by default that of the robot file", default=None)
     speed: float | None = argument(
         "number",
-        "words per minute; else as the robot file says",
+        "words per minute; by default as in the robot file",
         default=None,
         low=MIN_WORDS_PER_MINUTE,
         high=MAX_WORDS_PER_MINUTE,
     )
-    language: str | None = argument("text", "such as de; else as the robot file says", default=None)
-    priority: str = argument("choice", "what it goes before", default="normal", choices=PRIORITIES)
+    language: str | None = argument("text", "language, such as de; by default that of the robot file", default=None)
+    priority: str = argument("choice", "priority over other speech", default="normal", choices=PRIORITIES)
 
     def utter(self, priority: Priority) -> Utterance:
         manner = SpeechStyle(self.voice or "", self.speed or 0.0, self.language or "")
@@ -127,15 +128,16 @@ class Say(SpeechLeaf):
 
 
 class PlaySound(SpeechLeaf):
-    """Play a sound.
+    """Play a sound file.
 
-    Running until it was heard, then succeeds; fails when the file is no sound. Silent when it is halted. It takes turns
-    with what is said, and is heard once more where the voice was unplugged before its end.
+    Running until it was played, then succeeds; a halt silences it. Fails if the file is not a sound. It takes turns
+    with speech. If the voice is unplugged before the end, the sound is played once more.
     """
 
     tag = "play_sound"
-    sound: Path = argument("file", "a .wav, .mp3, .flac or .ogg; from the folder of the mission", principal=True)
-    priority: str = argument("choice", "what it goes before", default="normal", choices=PRIORITIES)
+    example = "- play_sound: bell.wav"
+    sound: Path = argument("file", "file (.wav, .mp3, .flac or .ogg), relative to the mission's folder", principal=True)
+    priority: str = argument("choice", "priority over other speech", default="normal", choices=PRIORITIES)
 
     def utter(self, priority: Priority) -> Utterance:
         return self.robot.voice.play(self.sound, priority)

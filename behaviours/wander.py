@@ -1,4 +1,4 @@
-"""The leaf that drives about and runs into nothing."""
+"""Leaf that drives around without bumping into obstacles."""
 
 import math
 from collections import deque
@@ -13,11 +13,11 @@ from drivers.api import BASE_RADIUS, ZERO_VELOCITY, BaseState, Pose2D, Sides, St
 # Where a base has been, and what of the floor it has not seen yet.
 
 CELL_SIZE = 0.25
-"""Metres from one side of a cell to the other."""
+"""Edge length of a grid cell in metres."""
 
 
 class VisitedCells:
-    """A grid of cells on the floor, in the frame of the odometry, that the middle of a base has come to."""
+    """Grid of the floor cells that the base's middle has visited, in the odometry frame."""
 
     def __init__(self) -> None:
         self._cells: set[tuple[int, int]] = set()
@@ -26,11 +26,11 @@ class VisitedCells:
         return len(self._cells)
 
     def visit(self, pose: Pose2D) -> None:
-        """Take in where the base is."""
+        """Add the cell of a pose."""
         self._cells.add(_cell(pose.x, pose.y))
 
     def unvisited_share(self, pose: Pose2D, heading: float, length: float) -> float:
-        """Return the share 0..1 of the next ``length`` metres in a ``heading`` that lies in new cells."""
+        """Return the share 0..1 of the next ``length`` metres along ``heading`` that is in new cells."""
         steps = int(length / CELL_SIZE)
         c, s = CELL_SIZE * math.cos(heading), CELL_SIZE * math.sin(heading)
         new = sum(_cell(pose.x + k * c, pose.y + k * s) not in self._cells for k in range(1, steps + 1))
@@ -42,51 +42,52 @@ def _cell(x: float, y: float) -> tuple[int, int]:
 
 
 BLIND_SPEED = 0.1
-"""m/s at most without a range finder: as fast as it may bump into something."""
+"""Maximum speed in m/s without a range finder: slow enough to bump into obstacles."""
 
 BACK_OFF_DISTANCE, BACK_OFF_SPEED, BACK_OFF_TIMEOUT = 0.15, 0.1, 4.0
-"""Metres that it drives straight back after a bump or from an edge, how fast, and for how long (s) at most."""
+"""Distance (m), speed (m/s) and timeout (s) of backing off after a bump or at an edge."""
 
 HEADINGS = [math.radians(degrees) for degrees in range(-180, 180, 10)]
-"""The ways that it chooses from, from straight ahead."""
+"""Candidate headings in radians from straight ahead."""
 
 MAX_USEFUL_DISTANCE = 3.0
-"""Metres: more than that ahead is no better."""
+"""Free distance in metres beyond which more makes no difference."""
 
 SWITCH_FACTOR = 1.25
-"""How many times better another way must be than the one that it goes."""
+"""Factor by which another heading must be better than the present one."""
 
 CHOICE_INTERVAL = 0.4
-"""Seconds after which it thinks about its way anew."""
+"""Seconds between two choices of the heading."""
 
 MAX_DRIVING_ANGLE = math.radians(30)
-"""So far beside its way it only turns."""
+"""Heading error in radians beyond which the base only turns."""
 
 TURN_GAIN, MAX_TURN_RATE = 2.0, math.radians(80)
-"""rad/s for each radian beside its way, and rad/s at most."""
+"""Gain of the heading controller in 1/s, and its maximum turn rate in rad/s."""
 
 SHUT_IN_TIMEOUT = 5.0
-"""Seconds without a way out after which it gives up."""
+"""Seconds without a free heading before a failure."""
 
 MAX_REMEMBERED_HITS = 60
-"""How many of the places where it bumped, or found an edge, it keeps in mind."""
+"""Number of remembered positions of bumps and edges."""
 
 _BUMPERS = {"left": math.radians(55), "centre": 0.0, "right": math.radians(-55)}
 
 
 class Wander(BaseMotion):
-    """Drive about without running into things, and where it has not been rather than where it has.
+    """Drive around without bumping into obstacles, and prefer floor that was not visited yet.
 
-    With a range finder it sees things in time, as far as they are as high as that. Without one it drives at 0.1 m/s at
-    most, and finds out by its bumpers. From a bump or an edge it drives straight back, and remembers the place.
-    Running all the time; it never succeeds. Fails when there is no way out, when a wheel drops, and while the base is
-    stopped until somebody enables it. While somebody steers the base by hand it waits.
+    With a range finder it avoids obstacles that are as high as the finder. Without one it drives at no more than 0.1
+    m/s and finds obstacles with its bumpers. At a bump or an edge it backs off and remembers the position. Running all
+    the time; it never succeeds. Fails if there is no free heading, when a wheel drops, and while the base is latched.
+    It waits while a person steers the base.
     """
 
     tag = "wander"
+    example = "- wander: {speed: 0.2 m/s}\n  timeout: 2 min"
     optional_parts = frozenset({"range"})
     ends = frozenset({"failure"})
-    speed: float = argument("speed", "how fast", default=0.3, low=0.05, high=0.7)
+    speed: float = argument("speed", "maximum speed", default=0.3, low=0.05, high=0.7)
     _lookout: ObstacleView
     _visited: VisitedCells
     _course: float | None = None  # the heading to keep, by odometry
@@ -137,7 +138,7 @@ class Wander(BaseMotion):
     # --- where to ---------------------------------------------------------------------------------------------------
 
     def _choose(self, pose: Pose2D, things: Points) -> float | None:
-        """Return the heading to keep: a new one where the present one is blocked, or another is much better."""
+        """Return the heading to keep; a new one only if the present one is blocked or another one is much better."""
         ways = [free_distance(things, heading) for heading in HEADINGS]
         if max(ways) <= CLEARANCE_MARGIN:
             return None
@@ -151,25 +152,25 @@ class Wander(BaseMotion):
         return pose.heading + HEADINGS[best]
 
     def _score(self, pose: Pose2D, heading: float, way: float) -> float:
-        """Return what a way is worth: how far it leads, how much of that is new, how little one has to turn."""
+        """Return the score of a heading: its free distance, its share of new floor, and the turn that it needs."""
         length = min(way, MAX_USEFUL_DISTANCE)
         new = self._visited.unvisited_share(pose, pose.heading + heading, length)
         return length * (0.2 + new) * (1.0 - 0.4 * abs(heading) / math.pi)
 
     def _speed(self, off: float, way: float, *, blind: bool) -> float:
-        """Return how fast it may drive with so much room ahead, and so far off its course."""
+        """Return the speed for a free distance and a heading error."""
         safe = safe_speed(way, braking=self.braking, reaction=REACTION_TIME)
         return min(self.speed, safe, BLIND_SPEED if blind else math.inf) * max(0.0, 1.0 - abs(off) / MAX_DRIVING_ANGLE)
 
     # --- what is there ----------------------------------------------------------------------------------------------
 
     def _obstacles(self, pose: Pose2D, seen: Points | None) -> Points:
-        """Return all that is to be gone round: what is seen, and what was met before."""
+        """Return the obstacles in view and the remembered ones, relative to the base."""
         known = rotate_points([(x - pose.x, y - pose.y) for x, y in self._hits], pose.heading)
         return known if seen is None else seen + known
 
     def _remember_hit(self, pose: Pose2D, where: Sides) -> None:
-        """Remember a thing, or an edge, at the rim of the base, and begin to drive back from it."""
+        """Remember an obstacle or edge at the rim of the base, and begin to back off."""
         sides = [angle for name, angle in _BUMPERS.items() if getattr(where, name)]
         if self._last_hit is None:
             for angle in sides:
@@ -178,7 +179,7 @@ class Wander(BaseMotion):
         self._last_hit, self._course = (self._last_hit or (pose, self.run.now())), None
 
     def _must_back_off(self, pose: Pose2D, origin: Pose2D, since: float, things: Points) -> bool:
-        """Say whether it has to drive farther back, and can."""
+        """Return True if the base has to back off farther, and can."""
         gone = math.hypot(pose.x - origin.x, pose.y - origin.y)
         room = free_distance(things, math.pi)
         return gone < BACK_OFF_DISTANCE and room > 0.0 and self.run.now() - since < BACK_OFF_TIMEOUT

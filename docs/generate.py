@@ -101,7 +101,7 @@ def entry(leaf: type[Leaf]) -> str:
     """Return the section of one leaf: facts and arguments."""
     facts = [f"Drives {', '.join(sorted(leaf.drives))}."] if leaf.drives else []
     facts += [f"Needs {', '.join(sorted(leaf.needs))}."] if leaf.needs else []
-    facts += [f"Uses {', '.join(sorted(leaf.optional_parts))} if there is one."] if leaf.optional_parts else []
+    facts += [f"Uses {', '.join(sorted(leaf.optional_parts))} if the robot has them."] if leaf.optional_parts else []
     facts += [f"`as` stores {leaf.output_doc}."] if leaf.output_doc else []
     parts = [f"## {leaf.tag}", summary(leaf), details(leaf), " ".join(facts)]
     rows = [
@@ -115,7 +115,11 @@ def entry(leaf: type[Leaf]) -> str:
         for each in leaf.arguments.values()
     ]
     if rows:
-        parts.append(markdown_table(("argument", "takes", "limits", "default", "what it is"), rows))
+        parts.append(markdown_table(("argument", "takes", "limits", "default", "meaning"), rows))
+    language = (
+        "" if any(each.kind == "file" for each in leaf.arguments.values()) else "yaml"
+    )  # no such file: not checked
+    parts.append(f"```{language}\n{leaf.example}\n```")
     return "\n\n".join(part for part in parts if part)
 
 

@@ -1,1 +1,1 @@
-"""Leaves that drive the base, closed over its odometry."""
+"""Leaves that drive the base in closed loop over its odometry."""

@@ -1,4 +1,4 @@
-"""The leaf that drives to a place."""
+"""Leaf that drives to a place, and the base of motions that a ROS 2 action can take over."""
 
 import math
 from abc import abstractmethod
@@ -24,16 +24,16 @@ from drivers.api.ros2 import START_FRAME
 # Motions that nodes of ROS 2 do where the robot has some that can: begun, watched, cancelled, and waited for.
 
 MIN_PROGRESS_DISTANCE, MIN_PROGRESS_ANGLE = 0.05, math.radians(10)
-"""Metres and radians that count as progress."""
+"""Distance in metres and angle in radians that count as progress."""
 
 NO_PROGRESS_REASON = f"no progress for {NO_PROGRESS_TIMEOUT:g} s"
 
 
 class DelegatedMotion(BaseMotion):
-    """A motion that ends as the action that ``delegate`` has begun; without one, by itself.
+    """Base of motions that use a ROS 2 action if the robot offers one, and drive by themselves otherwise.
 
-    While the base is latched it begins none; latched under way, it fails. Halted, it cancels that and waits for its
-    end, and it cancels it where it fails. Paused, it cancels it as well, and begins it again at the next tick.
+    While the base is latched, no action starts; a latch under way is a failure. A halt or failure cancels the action,
+    and a halt waits for its end. A pause cancels the action too, and the next tick starts it again.
     """
 
     optional_parts = frozenset({"ros2"})
@@ -50,16 +50,16 @@ class DelegatedMotion(BaseMotion):
 
     @abstractmethod
     def delegate(self, nodes: Ros2) -> int | None:
-        """Begin an action, where ``nodes`` offer it; return its number."""
+        """Start an action if ``nodes`` offer it, and return its number, else None."""
 
     def is_finished(self, state: BaseState | None) -> bool:
-        """Whether nothing is left to be entrusted after a pause."""
+        """Return True if there is nothing left to delegate after a pause."""
         del state
         return False
 
     @abstractmethod
     def update_progress(self, state: BaseState) -> str:
-        """Keep what it has come to; say what is done."""
+        """Store the progress in ``result``, and return it as text."""
 
     def update(self) -> Status:
         latched = latch_reason(self.robot.base)
@@ -81,7 +81,7 @@ class DelegatedMotion(BaseMotion):
         return SUCCESS if progress.state is GoalState.SUCCEEDED else self.fail(progress.reason or str(progress.state))
 
     def _delegate_again(self) -> Status:
-        """Begin the action anew, without driving there by itself should nobody offer it any more."""
+        """Start the action again. Fails if it is no longer offered, rather than driving without it."""
         goal = self.delegate(self.robot.ros2)
         if goal is None and not self.is_finished(self.state()):
             return self.fail("the action is not offered any more: what drove the base has gone")
@@ -97,7 +97,7 @@ class DelegatedMotion(BaseMotion):
         self.robot.base.stop()
 
     def _is_stuck(self, state: BaseState | None) -> bool:
-        """Return whether the base has stood still for too long."""
+        """Return True if the base has made no progress for too long."""
         if state is None:
             self._clock.stop()
             return False
@@ -118,39 +118,39 @@ class DelegatedMotion(BaseMotion):
 
 
 MAX_TURN_RATE = math.radians(60)
-"""rad/s at which it turns at most."""
+"""Maximum turn rate in rad/s."""
 
 TURN_GAIN = 2.5
-"""rad/s for each radian that the place is beside straight ahead."""
+"""Gain from the bearing of the place to the turn rate, in 1/s."""
 
 MAX_DRIVING_BEARING = math.radians(20)
-"""With the place further aside it turns on the spot."""
+"""Bearing in radians beyond which the base turns on the spot."""
 
 MAX_TRIES = 3
-"""How often it drives up to the place, should it miss it."""
+"""Number of misses of the place before a failure."""
 
 
 class GoTo(DelegatedMotion, Spin):
-    """Drive to a place in a straight line, by odometry, and turn to a heading there.
+    """Drive straight to a place by odometry, and turn to a heading there.
 
-    Running until it stands there, then succeeds. A robot of ROS 2 that has Nav2 drives there by that, around what is
-    in the way and at Nav2's own speed; then it ends as `navigate` does. Others know of nothing that is in the way: it
-    fails when it bumps into something or comes to a cliff, when a wheel drops, while the base is stopped until somebody
-    enables it, and when it has missed the place three times. While somebody steers the base by hand it waits, then
-    drives there from elsewhere. On a base that measures nothing it ends where its commands should have led it, and
-    says so: "by dead reckoning".
+    Running until the base stands there, then succeeds. A ROS 2 robot with Nav2 uses Nav2, which drives around obstacles
+    at its own speed; the leaf then ends as `navigate` does. All other bases drive straight: the leaf fails after a
+    bump, at a cliff, when a wheel drops, while the base is latched, and after three misses of the place. While a person
+    steers the base, it waits, then drives there from the new position. A base without odometry ends where its commands
+    should have led it, and the reason says "by dead reckoning".
     """
 
     tag = "go_to"
-    output_doc = "how far from the place it stands, by odometry (m)"
+    example = "- go_to: {x: 1 m, y: 0.5 m, heading: 90 deg}"
+    output_doc = "the distance to the place by odometry (m)"
     output_type = Length
-    x: float = argument("length", "metres ahead of where the base started: what `base.x` will be")
-    y: float = argument("length", "metres to the left of where it started: what `base.y` will be")
+    x: float = argument("length", "position ahead of the base's start, as `base.x`")
+    y: float = argument("length", "position to the left of the base's start, as `base.y`")
     heading: float | None = argument(
-        "angle", "how to stand there, as `base.heading` counts; else as it comes", default=None
+        "angle", "final heading, as `base.heading`; by default the heading of arrival", default=None
     )
-    speed: float = argument("speed", "how fast", default=0.2, low=0.01, high=0.7)
-    tolerance: float = argument("length", "how far beside the place is near enough", default=0.02, low=0.005)
+    speed: float = argument("speed", "maximum speed", default=0.2, low=0.01, high=0.7)
+    tolerance: float = argument("length", "distance from the place that counts as arrived", default=0.02, low=0.005)
     _at_place = False
     _turns = True  # to the place, before it drives there
     _facing: float | None = None  # the heading to turn to, among those that are the same the nearest
@@ -208,7 +208,7 @@ class GoTo(DelegatedMotion, Spin):
         return self._on_arrival(near=near, state=state)
 
     def _on_arrival(self, *, near: bool, state: BaseState) -> Status:
-        """Go on to the heading; or once more to the place, where it was missed."""
+        """Turn to the heading, or try again if the place was missed."""
         self._stopping = False
         if near:
             self._at_place = True

@@ -1,4 +1,4 @@
-"""What all leaves that drive the base have in common: they look at it at each tick, and stop it unless they succeed."""
+"""Base of leaves that drive the base, with time limits and obstacle checks, and the leaves for simple motions."""
 
 import math
 from abc import abstractmethod
@@ -26,60 +26,60 @@ from drivers.api import (
 # The time limit of a motion: the time that it can take plus a margin, on a clock that slows while it is held up.
 
 TIME_LIMIT_FACTOR, TIME_LIMIT_MARGIN = 1.5, 5.0
-"""A motion may take so many times as long as it can take, and so many seconds more."""
+"""Factor and margin (seconds) from the expected duration of a motion to its time limit."""
 
 MAX_TICK_TIME = 1.0
-"""Seconds between two ticks that count at most: a run that is paused is not ticked, so a pause counts as one second."""
+"""Maximum seconds that count between two ticks; a paused run is not ticked, so a pause counts as one second."""
 
 NO_PROGRESS_TIMEOUT = 30.0
-"""Seconds for which a motion that a node of ROS 2 does may stand still. Nav2 gives up after 10 s by itself."""
+"""Seconds for which a base under a ROS 2 action may stand still. Nav2 itself gives up after 10 s."""
 
 UNHINDERED_REASONS = ("", "limited")
-"""Reasons for which a base goes slower than wanted that do not stop the clock."""
+"""Reasons for a reduced speed that do not slow the clock of the time limit."""
 
 
 def seconds_for(distance: float, speed: float, limit: float, acceleration: float) -> float:
-    """Return how long a way (m or rad) takes from rest to rest: two ramps, and braking that is half as hard."""
+    """Return the duration of a distance (m or rad) from rest to rest, with the braking ramp half as steep."""
     fastest = max(min(abs(speed), limit), 1e-6)
     return abs(distance) / fastest + 3 * fastest / acceleration
 
 
 def seconds_to_drive(distance: float, speed: float, limits: BaseLimits) -> float:
-    """Return how long it takes to drive a way in metres."""
+    """Return the duration in seconds of driving a distance in metres."""
     return seconds_for(distance, speed, limits.speed, limits.acceleration)
 
 
 def seconds_to_turn(angle: float, speed: float, limits: BaseLimits) -> float:
-    """Return how long it takes to turn by an angle in radians."""
+    """Return the duration in seconds of turning by an angle in radians."""
     return seconds_for(angle, speed, limits.turn, limits.turn_acceleration)
 
 
 class MotionClock:
-    """Counts the seconds in which a motion could go on."""
+    """Clock of a motion: counts seconds, slower while the base is held up."""
 
     def __init__(self) -> None:
         self.spent = 0.0
         self._at: float | None = None
 
     def restart(self) -> None:
-        """Begin at 0."""
+        """Reset to 0."""
         self.spent, self._at = 0.0, None
 
     def stop(self) -> None:
-        """Stand still until the next ``run``: a person has the wheels, or nothing is known of the base."""
+        """Pause until the next ``run``, while a person has control or the base does not report."""
         self._at = None
 
     def grant(self, seconds: float) -> None:
-        """Give so many seconds more, for work that the limit does not know of."""
+        """Extend the time by some seconds, for work that the limit does not include."""
         self.spent -= seconds
 
     def scale(self, before: float, limit: float) -> None:
-        """Keep the share that is spent of a limit when it changes from ``before`` to ``limit`` seconds."""
+        """Keep the spent share when the limit changes from ``before`` to ``limit`` seconds."""
         if isfinite(before) and isfinite(limit):
             self.spent *= limit / before
 
     def run(self, now: float, steering: Steering) -> float:
-        """Go on until ``now``, as fast as the base may of what is wanted; return the seconds spent."""
+        """Count the time until ``now``, scaled by the permitted share of the speed, and return the seconds spent."""
         if self._at is not None:
             self.spent += min(now - self._at, MAX_TICK_TIME) * _permitted_share(steering)
         self._at = now
@@ -87,12 +87,12 @@ class MotionClock:
 
 
 def time_limit(seconds: float) -> float:
-    """Return the time limit of a motion that can be done in so many seconds."""
+    """Return the time limit of a motion with this expected duration in seconds."""
     return TIME_LIMIT_FACTOR * seconds + TIME_LIMIT_MARGIN
 
 
 def _permitted_share(steering: Steering) -> float:
-    """Return which share of what is wanted the base may do: less where something holds it up, such as an obstacle."""
+    """Return the share of the requested velocity that the base permits, less than 1 at an obstacle, for example."""
     if steering.reason in UNHINDERED_REASONS or steering.fault:
         return 1.0
     wanted, given = _size(steering.requested), _size(steering.allowed)
@@ -104,33 +104,33 @@ def _size(velocity: Velocity) -> float:
 
 
 BRAKING_SHARE, TURN_BRAKING_SHARE = 0.5, 0.34
-"""Which share of the base's greatest acceleration, and turn acceleration, the approach to a goal counts on."""
+"""Shares of the base's acceleration and turn acceleration that an approach uses for braking."""
 
 CRAWL_SPEED = 0.02
-"""Speed in m/s of the last bit: what the base still rolls after it was told to stop is then a few millimetres."""
+"""Speed in m/s of the last part of an approach, so that the base rolls on for only a few millimetres."""
 
 CRAWL_TURN_RATE = math.radians(4)
-"""The same in rad/s."""
+"""Turn rate in rad/s of the last part of a turn."""
 
 REACTION_TIME = 0.25
-"""Seconds from a report to the motion that answers it: the Kobuki's dead time (users measured 0.2 s) and a tick."""
+"""Seconds from a report to the motion that follows it: the Kobuki's dead time (users measured 0.2 s) and a tick."""
 
 RANGE_GUARD_TIMEOUT = 5.0
-"""Seconds for which a leaf waits while the range guard keeps the base from moving: people walk on."""
+"""Seconds to wait while the range guard stops the base, since people usually walk on."""
 
 SETTLING_TIMEOUT = 4.0
-"""Seconds for which a motion waits for the drift of the gyro: a little longer than a driver needs to give up."""
+"""Seconds to wait for the gyro's drift estimate, slightly longer than a driver's own timeout."""
 
 STANDSTILL_SPEED = 0.01
-"""Below this speed (m/s or rad/s) it has stopped."""
+"""Speed (m/s or rad/s) below which the base stands still."""
 
 
 DEAD_RECKONING_NOTE = " (dead reckoning)"
-"""Said of all that is done on a base that measures nothing."""
+"""Suffix of all reasons on a base without odometry."""
 
 
 class MotionDirection(Enum):
-    """Where a motion leads; what the base feels matters accordingly."""
+    """Direction of a motion; it decides which obstacles stop it."""
 
     AHEAD = "ahead"
     ROUND = "round"  # on the spot, or back in a curve
@@ -138,12 +138,11 @@ class MotionDirection(Enum):
 
 
 class BaseMotion(Leaf):
-    """Drives the base as ``go`` says, from a start pose, in a ``motion_direction``; it stops it unless it has succeeded.
+    """Base of leaves that drive the base; subclasses implement ``go``. The base stops unless the leaf succeeds.
 
-    It fails by what the base feels in its way, and while the base is latched. While a person, or a reflex, has the
-    wheels it waits, and goes on from where the base is then. What the base refuses for any other reason, such as an
-    edge that it has not left behind, fails it too; what the range guard sees in its way, once it has stayed there; and
-    its time limit, see ``behaviours.driving.motion``.
+    It fails at an obstacle in its ``motion_direction``, and while the base is latched. While a person or a reflex has
+    control, it waits, then continues from the new pose. It also fails if the base refuses a command for another reason,
+    if the range guard stops the base for too long, and at its time limit.
     """
 
     needs = frozenset({"base"})
@@ -191,25 +190,25 @@ class BaseMotion(Leaf):
         return status
 
     def seconds_needed(self, state: BaseState, start: Pose2D) -> float | None:
-        """Return how long it can take from ``state`` on; None for a motion that goes on until it is halted.
+        """Return the expected duration from ``state`` on, or None for a motion that runs until it is halted.
 
-        Called with the state in which its clock began, and again with the same one when the base's limits change.
+        Called with the state at the start of the clock, and again with the same state if the base's limits change.
         """
         del state, start
         return None
 
     def _may_settle(self) -> bool:
-        """Return whether there is time left to wait for the drift of the gyro."""
+        """Return True while there is time left to wait for the gyro's drift estimate."""
         now = self.run.now()
         if self._settling_since is None:
             self._settling_since = now
         return now - self._settling_since <= SETTLING_TIMEOUT
 
     def _time_limit_reason(self, state: BaseState, steering: Steering) -> str:
-        """Say that it takes longer than it can take, or nothing.
+        """Return the reason if the time limit is over, else an empty text.
 
-        When the limits of the base change, so does the time limit; the share of it that is spent stays spent, so no
-        series of changes keeps a motion alive.
+        If the limits of the base change, the time limit changes too, but the spent share stays. So a series of changes
+        cannot extend a motion for ever.
         """
         if self._start is None:
             return ""
@@ -231,24 +230,24 @@ class BaseMotion(Leaf):
 
     @property
     def motion_direction(self) -> MotionDirection:
-        """Where it leads now."""
+        """Present direction of the motion."""
         return MotionDirection.AHEAD
 
     @abstractmethod
     def go(self, state: BaseState, start: Pose2D) -> Status:
-        """Do one tick's work with what the base reports, from where it started."""
+        """Do the work of one tick with the newest report; ``start`` is the pose at the start."""
 
     def stop_reason(self, state: BaseState, steering: Steering) -> str:
-        """Say why it cannot go on, or nothing."""
+        """Return why the motion cannot continue, or an empty text."""
         return obstacle_reason(state, self.motion_direction, steering)
 
     def resume(self, state: BaseState) -> None:
-        """Forget what was begun: somebody else has the wheels, and has brought the base to where it is now."""
+        """Forget the progress: a person or reflex has moved the base to a new pose."""
         del state
         self._stopping = False
 
     def state(self) -> BaseState | None:
-        """Return the base's newest report, None while there is no fresh one; the first one is where it starts."""
+        """Return the newest report of the base, or None if it is too old. The first report sets the start pose."""
         reading = self.robot.base.state()
         if not reading.good or reading.value is None:
             return None
@@ -257,9 +256,9 @@ class BaseMotion(Leaf):
         return reading.value
 
     def steer(self, velocity: Velocity, activity: str) -> Status:
-        """Tell the base to move so, and go on; fail once it has refused all of it for longer than a reaction takes.
+        """Send a velocity to the base and keep running. Fails if the base refuses it for longer than REACTION_TIME.
 
-        While the range guard keeps it from moving, fail after ``RANGE_GUARD_TIMEOUT`` seconds.
+        While the range guard stops the base, the leaf waits for RANGE_GUARD_TIMEOUT instead.
         """
         given = self.robot.base.drive(velocity)
         if given != ZERO_VELOCITY or velocity == ZERO_VELOCITY:
@@ -275,18 +274,18 @@ class BaseMotion(Leaf):
         return self.fail(because if guarded else f"the base does not move: {because}")
 
     def come_to_rest(self, speed: float) -> Status:
-        """Stop, and succeed once it stands still."""
+        """Stop the base, and return SUCCESS when ``speed`` is below STANDSTILL_SPEED."""
         if not self._stopping:
             self._stopping = True
             self.robot.base.stop()
         return SUCCESS if abs(speed) < STANDSTILL_SPEED else self.wait("stopping")
 
     def approach(self, left: float, *, braking: float, crawl: float) -> float:
-        """Return how fast to go with ``left`` (m or rad) to go; 0 when it is time to stop.
+        """Return the speed with ``left`` (m or rad) to go; 0 when it is time to stop.
 
-        A motion that ends at the goal with an even deceleration b has v^2 / 2b left. A command that acts a time T
-        after its report meets v + b T at that report, hence (v + b T)^2 / 2b. How long T really is, matters little: the
-        last bit is done at a crawl, and half of what that covers in T is where to stop.
+        With a constant deceleration b, the remaining distance is v^2 / 2b. A command takes effect a time T after its
+        report, so the remaining distance at that report is (v + b T)^2 / 2b. The exact T matters little: the last part
+        is at crawl speed, and the base stops at half the distance that it crawls in T.
         """
         if self._stopping or left <= crawl * REACTION_TIME / 2:
             return 0.0
@@ -294,12 +293,12 @@ class BaseMotion(Leaf):
 
     @property
     def braking(self) -> float:
-        """The deceleration in m/s^2 that an approach counts on."""
+        """Deceleration in m/s^2 of an approach."""
         return BRAKING_SHARE * self.robot.base.limits.acceleration
 
     @property
     def turn_braking(self) -> float:
-        """The same in rad/s^2."""
+        """Deceleration in rad/s^2 of a turn."""
         return TURN_BRAKING_SHARE * self.robot.base.limits.turn_acceleration
 
     def terminate(self, new_status: Status) -> None:
@@ -308,20 +307,20 @@ class BaseMotion(Leaf):
 
 
 def latch_reason(base: Base) -> str:
-    """Say why a base does not move at all until somebody enables it, or nothing."""
+    """Return why the base is latched, or an empty text."""
     return f"the base is stopped: {base.latched}" if base.latched else ""
 
 
 def motion_fault_reason(steering: Steering) -> str:
-    """Say why a mission's command was stopped because the base did not do it, or nothing."""
+    """Return the fault for which the base stopped a mission's command, or an empty text."""
     return steering.fault if steering.source in (Source.MISSION, None) else ""
 
 
 def obstacle_reason(state: BaseState, direction: MotionDirection, steering: Steering | None = None) -> str:
-    """Say what stops a base from going on in a way, or nothing.
+    """Return what stops a base from moving in a direction, or an empty text.
 
-    What is ahead matters only where it goes there; but at an edge there is no way but straight back: with a turn it
-    would fall. A base that ``steering`` says is backing off has bumped, though it may have left that behind already.
+    A bump stops motions ahead only. A cliff stops every motion but straight back, since a turn could fall over the
+    edge. If the safety reflex has control, the base counts as bumped, even if it has backed off already.
     """
     if state.wheel_drop:
         return "a wheel has dropped"
@@ -335,7 +334,7 @@ def obstacle_reason(state: BaseState, direction: MotionDirection, steering: Stee
 
 
 def override_reason(steering: Steering) -> str:
-    """Say who goes before a mission and has the wheels now, or nothing."""
+    """Return who has control of the base instead of the mission, or an empty text."""
     if steering.source is Source.TELEOP:
         return "teleoperation has the wheels"
     if steering.source is Source.SAFETY:
@@ -346,23 +345,23 @@ def override_reason(steering: Steering) -> str:
 # Turning on the spot to a heading, exactly: what all leaves do the same way that end with a turn.
 
 HEADING_TOLERANCE = math.radians(0.1)
-"""Radians beside the heading that are near enough."""
+"""Heading error in radians that is ignored."""
 
 NUDGE_RATE = CRAWL_TURN_RATE / 2
-"""Turn rate of a correction in rad/s: the wheels of a Kobuki turn at 4 mm/s then, of which it knows whole ones."""
+"""Turn rate of a correction in rad/s: a Kobuki's wheels then turn at 4 mm/s, and it accepts whole mm/s."""
 
 MAX_NUDGE_TIME = 5.0
-"""Seconds by which a correction extends the time limit at most: with rare odometry a turn ends degrees beside."""
+"""Maximum seconds by which a correction extends the time limit: with rare odometry a turn can end degrees off."""
 
 MAX_NUDGES = 3
-"""Corrections at most: where they do not help, more of them will not."""
+"""Maximum number of corrections."""
 
 
 class Spin(BaseMotion):
-    """A motion that turns to a heading.
+    """Base of motions that turn to a heading, with corrections.
 
-    How late the base obeys is not known, so it stops up to half a degree beside the heading. What is left it does in
-    nudges: for a time that is reckoned before, so that the lag does not matter.
+    The base's reaction time is not known exactly, so a turn stops up to half a degree beside the heading. Corrections
+    turn for a computed time instead, so that the reaction time does not matter.
     """
 
     _nudges = 0
@@ -378,9 +377,9 @@ class Spin(BaseMotion):
         self._nudges, self._nudge = 0, None
 
     def turn_to(self, heading: float, direction: float, speed: float, state: BaseState, activity: str) -> Status:
-        """Turn to ``heading`` (radians), left for a positive ``direction``, at ``speed`` rad/s at most.
+        """Turn to ``heading`` (radians), to the left if ``direction`` is positive, at no more than ``speed`` rad/s.
 
-        Succeeds once it stands still.
+        Returns SUCCESS when the base stands still.
         """
         left, now = heading - state.pose.heading, self.run.now()
         if self._nudge is not None:
@@ -406,26 +405,26 @@ class Spin(BaseMotion):
 # The leaf that drives straight ahead or back.
 
 STEERING_GAIN = 2.0
-"""rad/s for each radian off the line: a degree is turned back within about a second."""
+"""Gain from the heading error to the turn rate in 1/s: a degree is corrected within about a second."""
 
 MAX_STEERING_RATE = 0.5
-"""rad/s at most."""
+"""Maximum turn rate in rad/s."""
 
 
 class DriveLeaf(BaseMotion):
-    """Drive straight ahead, or back for a negative distance.
+    """Drive straight ahead, or straight back for a negative distance.
 
-    Running until the distance is covered by odometry and the base stands still, then succeeds.
-    Fails when it bumps into something or comes to a cliff, when a wheel drops, once the range guard has seen something
-    in its way for 5 s, and while the base is stopped until somebody enables it. While somebody steers the base by hand
-    it waits, then goes on along its line.
+    Running until odometry has measured the distance and the base stands still, then succeeds. Fails after a bump, at a
+    cliff, when a wheel drops, after 5 s at an obstacle that the range guard sees, and while the base is latched. While
+    a person steers the base, it waits, then continues along its line.
     """
 
     tag = "drive"
-    output_doc = "how far it went, by odometry (m; negative backwards)"
+    example = "- drive: 0.5 m"
+    output_doc = "the distance driven, by odometry (m; negative backwards)"
     output_type = Length
-    distance: float = argument("length", "how far; negative is backwards", principal=True)
-    speed: float = argument("speed", "how fast", default=0.2, low=0.01, high=0.7)
+    distance: float = argument("length", "distance; negative is backwards", principal=True)
+    speed: float = argument("speed", "maximum speed", default=0.2, low=0.01, high=0.7)
     _direction = 1.0
 
     @property
@@ -457,7 +456,7 @@ class DriveLeaf(BaseMotion):
 
 
 def distance_along(start: Pose2D, now: Pose2D) -> float:
-    """Return how far ``now`` lies ahead of ``start`` along its heading, in metres."""
+    """Return how far ``now`` lies ahead of ``start`` along the heading of ``start``, in metres."""
     return (now.x - start.x) * math.cos(start.heading) + (now.y - start.y) * math.sin(start.heading)
 
 
@@ -465,19 +464,20 @@ def distance_along(start: Pose2D, now: Pose2D) -> float:
 
 
 class Arc(BaseMotion):
-    """Drive forwards along a part of a circle: to the left for a positive angle, to the right for a negative one.
+    """Drive forwards along an arc: to the left for a positive angle, to the right for a negative angle.
 
-    Running until the base has turned by the angle, by the gyro, and stands still, then succeeds.
-    Fails when it bumps into something or comes to a cliff, when a wheel drops, and while the base is stopped until
-    somebody enables it. While somebody steers the base by hand it waits, then goes on until it has turned so far.
+    Running until the gyro has measured the angle and the base stands still, then succeeds. Fails after a bump, at a
+    cliff, when a wheel drops, and while the base is latched. While a person steers the base, it waits, then continues
+    to its angle.
     """
 
     tag = "arc"
-    output_doc = "how far round it went, by the gyro (rad)"
+    example = "- arc: {radius: 0.5 m, angle: 180 deg}"
+    output_doc = "the angle driven, by the gyro (rad)"
     output_type = Angle
-    radius: float = argument("length", "of the circle", low=0.05, high=10.0)
-    angle: float = argument("angle", "how far round; positive is to the left", default=math.tau)
-    speed: float = argument("speed", "how fast along the circle", default=0.2, low=0.01, high=0.7)
+    radius: float = argument("length", "radius of the arc", low=0.05, high=10.0)
+    angle: float = argument("angle", "angle of the arc; positive is to the left", default=math.tau)
+    speed: float = argument("speed", "speed along the arc", default=0.2, low=0.01, high=0.7)
 
     def seconds_needed(self, state: BaseState, start: Pose2D) -> float:
         left, limits = self.angle - (state.pose.heading - start.heading), self.robot.base.limits
@@ -504,16 +504,17 @@ class Arc(BaseMotion):
 
 
 class Cruise(BaseMotion):
-    """Keep the base at a speed and a turn rate, until it is halted.
+    """Drive with a speed and a turn rate until halted.
 
-    Running all the time; it never succeeds. Fails when it bumps into something or comes to a cliff ahead, when a wheel
-    drops, and while the base is stopped until somebody enables it. While somebody steers the base by hand it waits.
+    Running all the time; it never succeeds. Fails after a bump, at a cliff ahead, when a wheel drops, and while the
+    base is latched. It waits while a person steers the base.
     """
 
     tag = "velocity"
+    example = "- velocity: {speed: 0.1 m/s, turn: 20 deg/s}\n  timeout: 5 s"
     ends = frozenset({"failure"})
-    speed: float = argument("speed", "how fast; negative is backwards", default=0.0, low=-0.7, high=0.7)
-    turn: float = argument("turn rate", "how fast to turn; positive is to the left", default=0.0, low=-3.5, high=3.5)
+    speed: float = argument("speed", "speed; negative is backwards", default=0.0, low=-0.7, high=0.7)
+    turn: float = argument("turn rate", "turn rate; positive is to the left", default=0.0, low=-3.5, high=3.5)
 
     @property
     def motion_direction(self) -> MotionDirection:
@@ -531,16 +532,17 @@ class Cruise(BaseMotion):
 # The leaf that stops the base.
 
 STOP_TIMEOUT = 5.0
-"""Seconds within which a base must stand that was stopped."""
+"""Seconds within which a stopped base must stand still."""
 
 
 class StopLeaf(BaseMotion):
     """Stop the base.
 
-    Running until it stands still, then succeeds; fails when it still moves after 5 s.
+    Running until the base stands still, then succeeds; fails if it still moves after 5 s.
     """
 
     tag = "stop"
+    example = "- stop"
 
     def initialise(self) -> None:
         super().initialise()
@@ -567,18 +569,21 @@ class StopLeaf(BaseMotion):
 
 
 class TurnLeaf(Spin):
-    """Turn on the spot: to the left for a positive angle, to the right for a negative one.
+    """Turn on the spot: to the left for a positive angle, to the right for a negative angle.
 
-    Running until the angle is reached by the gyro and the base stands still, then succeeds.
-    Fails at a cliff, where the only way is straight back, when a wheel drops, and while the base is stopped until
-    somebody enables it. While somebody steers the base by hand it waits, then goes on to its angle.
+    Running until the gyro has measured the angle and the base stands still, then succeeds. Fails at a cliff (the base
+    may then only drive straight back), when a wheel drops, and while the base is latched. While a person steers the
+    base, it waits, then continues to its angle.
     """
 
     tag = "turn"
-    output_doc = "how far it turned, by the gyro (rad)"
+    example = "- turn: 90 deg"
+    output_doc = "the angle turned, by the gyro (rad)"
     output_type = Angle
-    angle: float = argument("angle", "how far; positive is to the left", principal=True)
-    speed: float = argument("turn rate", "how fast", default=math.radians(60), low=math.radians(1), high=math.pi)
+    angle: float = argument("angle", "angle; positive is to the left", principal=True)
+    speed: float = argument(
+        "turn rate", "maximum turn rate", default=math.radians(60), low=math.radians(1), high=math.pi
+    )
     _direction = 1.0
 
     @property

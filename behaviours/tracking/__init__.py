@@ -1,1 +1,1 @@
-"""Following a face: the fuzzy controller and the behaviour around it."""
+"""Following of a target: fuzzy controllers, prediction, and the leaves."""

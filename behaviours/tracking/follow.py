@@ -1,8 +1,9 @@
-"""Following a target with head and base: from where it will be to the next commands, by rules. Pure arithmetic.
+"""Follower of a target with head and base: from predicted offsets to the next commands, by rules. Pure arithmetic.
 
-The head is told positions. The rules say how fast its aim should turn, and the follower adds that up into a goal; it
-aims at where the target will be when the command acts, so neither a walking person nor a turning base makes the head
-lag. The base turns by the head's pan: the head leads, the base follows. A base without a head turns by the target.
+The rules set the turn rate of the head's aim, and the follower integrates it into a goal. It aims at the predicted
+position of the target at the time when the command takes effect, so the head does not lag behind a walking person or a
+turning base. The base turns by the head's pan: the head leads, the base follows. A base without a head turns by the
+target.
 """
 
 import math
@@ -20,7 +21,7 @@ from perception.api import Face, Percept
 
 @dataclass(frozen=True, slots=True)
 class Offset:
-    """How far left and down of the aim a target is (radians), and two rates (rad/s) that go with it."""
+    """Angles (radians) by which a target is to the left and below the aim, and their rates (rad/s)."""
 
     left: float = 0.0
     down: float = 0.0
@@ -29,10 +30,10 @@ class Offset:
 
 
 class OffsetSource(Protocol):
-    """A way to see a target."""
+    """Source of the offset of a target."""
 
     def offset(self, target: Percept, *, time: float, base: TurnState, aim: HeadPose) -> Offset:
-        """Return how far off the target is at ``time``, when the base stands as ``base`` says and the aim is ``aim``.
+        """Return the offset of the target from ``aim`` at ``time``, for a base in the state ``base``.
 
         ``aim`` is in the robot's frame, radians.
         """
@@ -40,9 +41,9 @@ class OffsetSource(Protocol):
 
 
 class PredictedOffset:
-    """Where a target will be, as far as that can be foreseen. The rates are its own, as seen from a base that turns.
+    """Offset of the target's predicted position. The rates are the target's own, seen from the turning base.
 
-    ``acceleration`` (rad/s^2) is what head or base are able to.
+    ``acceleration`` (rad/s^2) is the limit of head or base.
     """
 
     def __init__(self, acceleration: float) -> None:
@@ -51,7 +52,7 @@ class PredictedOffset:
         self._yaw = self._pitch = MotionPredictor(acceleration)
 
     def offset(self, target: Percept, *, time: float, base: TurnState, aim: HeadPose) -> Offset:
-        """Return how far it will be from the aim."""
+        """Return the predicted offset from the aim."""
         if target.id != self._id:
             self._id, self._yaw, self._pitch = (
                 target.id,
@@ -69,16 +70,13 @@ class PredictedOffset:
 
 
 class PictureOffset:
-    """The offset that pictures show, with nothing foreseen: how far off the camera's axis it was in the newest of them.
-
-    The rates are how fast that changes from picture to picture.
-    """
+    """Offset from the camera's axis in the newest picture; the rates are differences of pictures."""
 
     def __init__(self) -> None:
         self._newest: tuple[int, float, Offset] | None = None
 
     def offset(self, target: Percept, *, time: float, base: TurnState, aim: HeadPose) -> Offset:
-        """Return how far it was from the camera's axis."""
+        """Return the offset from the camera's axis in the newest picture."""
         del time, base, aim
         found = Offset(target.bearing, target.elevation)
         if self._newest is not None:
@@ -96,35 +94,34 @@ class PictureOffset:
 __all__ = ["FollowCommand", "Follower", "RuleBases", "TurnState"]
 
 MAX_STEP_TIME = 0.1
-"""Seconds: a step counts for no longer, so that a late tick makes no leap."""
+"""Maximum seconds that one step counts, so that the head does not jump after a late tick."""
 
 RESTART_TIMEOUT = 0.5
-"""Seconds without a step after which the follower starts afresh: someone else may have moved the head."""
+"""Seconds without a step after which the follower restarts, since something else may have moved the head."""
 
 HEAD_LAG = 0.01
-"""Seconds from telling a head where to look to its servos standing there: they need some milliseconds a degree."""
+"""Seconds from a head command to its effect: servos need some milliseconds per degree."""
 
 ON_TARGET_ANGLE = math.radians(1)
-"""Radians within which a head is with its target: servos that know whole degrees stand no closer."""
+"""Radians within which a head counts as on target: servos that take whole degrees stand no closer."""
 
 MAX_STANDING_TURN_RATE = math.radians(5)
-"""rad/s: a base that turns faster takes part in catching up, by as much as is not known before its lag is."""
+"""Turn rate in rad/s above which a base takes part in catching up, by an amount that is unknown until its lag is."""
 
 
 @dataclass(frozen=True, slots=True)
 class FollowCommand:
-    """Where the head should look (radians), and how fast the base should turn (rad/s)."""
+    """Pose for the head (radians) and turn rate for the base (rad/s)."""
 
     head: HeadPose
     turn: float
 
 
 class Follower:
-    """Follows one target. Call ``step`` at every tick for as long as there is one.
+    """Follows one target. Call ``step`` at every tick while there is one.
 
-    ``limits`` are the head's, None for a robot without one; ``max_turn`` in rad/s, 0 for a robot without a base.
-    ``lag`` is what is known of how long the base takes to begin what it is told, and learns more of it; without one it
-    is learnt from nothing.
+    ``limits`` are the head's, None without a head; ``max_turn`` is in rad/s, 0 without a base. ``lag`` estimates the
+    command lag of the base and is updated; by default, a new estimator is used.
     """
 
     def __init__(
@@ -147,11 +144,11 @@ class Follower:
         self._last = -math.inf
 
     def step(self, now: float, target: Percept, *, head: HeadPose, base: TurnState) -> FollowCommand:
-        """Return what to command now, to follow ``target``.
+        """Return the command that follows ``target`` at time ``now``.
 
-        ``head`` is the pose last commanded, and matters for a first step, or one after a pause. ``base`` is how the
-        base was last known to stand and turn, in the odometry frame of the target. Raises ValueError for a target or a
-        base with a value that is not finite; the goal stays as it was.
+        ``head`` is the pose last sent, used in the first step and after a pause. ``base`` is the last known state of
+        the base, in the target's odometry frame. Raises ValueError for values that are not finite; the goal is
+        unchanged then.
         """
         yaw, pitch = target.predict(now)
         if not all(map(math.isfinite, (yaw, pitch, target.bearing, target.elevation, base.heading, base.rate))):
@@ -176,13 +173,13 @@ class Follower:
         return FollowCommand(self._goal, turn)
 
     def _restart(self, head: HeadPose) -> None:
-        """Start afresh from where the head looks."""
+        """Restart from the present pose of the head."""
         self._goal = HeadPose(0.0, 0.0) if self._limits is None else self._limits.clamp(head)
         self._lag.forget_commands()
         self._offset_source = PredictedOffset(self._acceleration) if self._rules.predict else PictureOffset()
 
     def _turn(self, now: float, target: Percept, base: TurnState, span: float, known: dict[str, float]) -> float:
-        """Return how fast a base without a head should turn."""
+        """Return the turn rate of a base without a head."""
         # A turn rate is in force until the next one: what counts is the middle of that time.
         time = now + self._lag.seconds + span / 2
         there = self._base_predictor.at(time, base)
@@ -201,7 +198,7 @@ class Follower:
         known: dict[str, float],
         limits: HeadLimits,
     ) -> float:
-        """Move the head's goal on; return how fast the base should turn after it."""
+        """Advance the head's goal, and return the turn rate of the base."""
         rules, goal = self._rules, self._goal
         # A head has come to its goal for the most part of the time until the next one: it is meant for the middle.
         time = now + HEAD_LAG - span / 2
@@ -218,9 +215,9 @@ class Follower:
         return _law_output(rules.base, {**across, PAN: self._goal.pan})
 
     def _stride(self, law: ControlLaw | None, known: dict[str, float], span: float, limits: HeadLimits) -> float:
-        """Return how far the aim moves in ``span`` seconds: never past where the target will be at their end.
+        """Return how far the aim moves in ``span`` seconds, but not beyond the target's predicted position.
 
-        That keeps any rules from swinging about a target that is foreseen, however steep they are and slow the ticks.
+        So the head cannot oscillate about a predicted target, however steep the rules and slow the ticks are.
         """
         stride = min(max(_law_output(law, known), -limits.speed), limits.speed) * span
         if not self._rules.predict:
@@ -230,15 +227,15 @@ class Follower:
 
 
 def _law_output(law: ControlLaw | None, known: dict[str, float]) -> float:
-    """Return what a law asks for; nothing, where there is none."""
+    """Return the output of a control law, or 0 without a law."""
     return 0.0 if law is None else law(known)
 
 
 def _lead(rate: float, behind: float, limits: HeadLimits) -> float:
-    """Return how far beyond a target that moves at ``rate`` the goal of a head belongs that is ``behind`` it.
+    """Return how far (radians) the goal of a head must be ahead of a target that moves at ``rate``.
 
-    A head brakes for its goal. This one comes to rest where a head would that closes in as fast as it may, if it is to
-    go with the target from the moment when it has caught up.
+    A head brakes for its goal. The goal is placed where a head comes to rest that closes in at full speed, such that
+    the head moves with the target once it has caught up.
     """
     trail = rate * abs(rate) / (2 * limits.acceleration)
     if rate * behind <= 0.0:

@@ -1,7 +1,7 @@
-"""Fuzzy control: rules between words, and the smooth surface that they make.
+"""Fuzzy control: rules on fuzzy terms, and their tabulated control surface.
 
-A rule fires as strongly as its conditions hold together; the output combines what the rules conclude, as Sugeno or as
-Mamdani do (see ``terms``). The surface is a grid of heights with straight lines between, quick enough for any loop.
+A rule fires with the strength of the conjunction of its conditions; the output combines the conclusions by Sugeno's or
+Mamdani's method (see ``terms``). The surface is a grid with linear interpolation, fast enough for any loop.
 """
 
 import math
@@ -18,9 +18,9 @@ from drivers.api.fast_dataclass import dataclass
 
 @dataclass(frozen=True, slots=True)
 class LookupTable:
-    """A surface as ``heights`` over a grid of rising ``axes``, the last varying fastest, interpolated between.
+    """Surface of ``heights`` over a grid of rising ``axes``, the last varying fastest, with linear interpolation.
 
-    Raises ValueError for an axis of fewer than two places, or another number of heights than the grid has nodes.
+    Raises ValueError for an axis with fewer than two points, or a wrong number of heights.
     """
 
     axes: tuple[tuple[float, ...], ...]
@@ -32,7 +32,7 @@ class LookupTable:
             raise ValueError(f"a table over a grid of {' x '.join(map(str, sizes))} cannot have {len(self.heights)}")
 
     def __call__(self, *values: float) -> float:
-        """Return the height at one value for each axis, in their order, clamped. Raises ValueError for NaN."""
+        """Return the height at one value per axis, clamped to the grid. Raises ValueError for NaN."""
         if len(values) == 2 == len(self.axes):  # what the loop asks for, again and again
             return self._plane(*values)
         if len(values) != len(self.axes):
@@ -40,7 +40,7 @@ class LookupTable:
         return self._height(values, 0, 0)
 
     def _plane(self, down: float, across: float) -> float:
-        """The same for two axes, written out: with bounds for ``bisect``, the outer cells take what lies beyond."""
+        """Return the height over two axes, written out for speed; values beyond the grid fall into the outer cells."""
         rows, columns = self.axes
         heights, width = self.heights, len(columns)
         row = bisect_right(rows, down, 1, len(rows) - 1) - 1
@@ -70,7 +70,7 @@ class LookupTable:
 
 
 def _clamp_share(share: float) -> float:
-    """Return the nearest of 0..1. Raises ValueError for NaN."""
+    """Return ``share`` clamped to 0..1. Raises ValueError for NaN."""
     if isnan(share):
         raise ValueError("a value is not a number (NaN)")
     return min(max(share, 0.0), 1.0)
@@ -78,16 +78,16 @@ def _clamp_share(share: float) -> float:
 
 Conjunction = Callable[[Iterable[float]], float]
 CONJUNCTIONS: Mapping[str, Conjunction] = {"product": math.prod, "min": min}
-"""How strongly conditions hold together, from their grades."""
+"""Conjunctions of grades by name."""
 
 METHODS: Mapping[str, tuple[Callable[[str, Any], OutputVariable], str]] = {
     "sugeno": (Singletons, "product"),
     "mamdani": (FuzzySets.from_points, "min"),
 }
-"""How conclusions become one number: what makes the output, and the conjunction that goes with it by tradition."""
+"""Constructor of the output and default conjunction of each inference method."""
 
 TABLE_PIECES = 8
-"""Into how many pieces a table cuts the way from corner to corner."""
+"""Number of table cells between two corners."""
 
 _CONDITION = re.compile(r"(\w+) is (\w+)")
 _SENTENCE = re.compile(r"if (\w+ is \w+(?: and \w+ is \w+)*) then (\w+) is (\w+)")
@@ -95,7 +95,7 @@ _SENTENCE = re.compile(r"if (\w+ is \w+(?: and \w+ is \w+)*) then (\w+) is (\w+)
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """If every input in ``conditions`` is the term that stands there, then the output is ``conclusion``."""
+    """Rule: if each input in ``conditions`` is its term, the output is ``conclusion``."""
 
     conditions: Mapping[str, str]
     conclusion: str
@@ -107,7 +107,10 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class Controller:
-    """Rules from inputs to an output. Raises ValueError for unknown names, and cases decided twice or not at all."""
+    """Fuzzy controller: rules from inputs to an output.
+
+    Raises ValueError for unknown names, and for cases that have two rules or none.
+    """
 
     name: str
     inputs: tuple[FuzzyVariable, ...]
@@ -128,14 +131,14 @@ class Controller:
 
     @classmethod
     def from_mapping(cls, name: str, mapping: Mapping[str, Any]) -> "Controller":
-        """Make a controller of plain values, as a controller file holds them.
+        """Create a controller from the plain values of a controller file.
 
-        ``inputs`` maps each input to its terms (see ``Variable.from_points``). ``output`` maps one name to its terms:
-        numbers for the ``method`` "sugeno" (unless told otherwise), points (see ``FuzzySets.from_points``) for "mamdani".
-        ``rules`` lists sentences, "if error is left and rate is steady then turn is slow_left", or is a table: its
-        first row, "error / rate", heads the columns with terms of the second input; each further row is a term of the
-        first with its conclusions. ``and`` is "product" or "min"; unless told otherwise, as the method has it.
-        Raises ValueError that names the controller and what is wrong in it.
+        ``inputs`` maps each input to its terms (see ``FuzzyVariable.from_points``). ``output`` maps one name to its
+        terms: numbers for the ``method`` "sugeno" (the default), points (see ``FuzzySets.from_points``) for "mamdani".
+        ``rules`` lists sentences, "if error is left and rate is steady then turn is slow_left", or is a table. The
+        first row of a table, "error / rate", heads the columns with terms of the second input; each further row is a
+        term of the first input with its conclusions. ``and`` is "product" or "min"; the default depends on the method.
+        Raises ValueError that names the controller and the error.
         """
         inputs, output, rules = (mapping.get(key, {}) for key in ("inputs", "output", "rules"))
         if not (
@@ -158,15 +161,15 @@ class Controller:
         return cls(name, variables, conclusion, found, CONJUNCTIONS[joined])
 
     def __call__(self, *values: float) -> float:
-        """Infer the output from one value for each input, in their order. Raises ValueError for NaN."""
+        """Return the output for one value per input, in their order. Raises ValueError for NaN."""
         return self.output.combine(self.firing_strengths(values))
 
     @property
     def multilinear(self) -> bool:
-        """True when the surface bends at the corners of the terms only: a table of them is exact.
+        """True if the surface bends only at the corners of the terms, so that a table is exact.
 
-        So it is for Sugeno's method where the grades of each input add up to 1, "and" is the product, and each case has
-        a rule of its own.
+        That holds for Sugeno's method if the grades of each input add up to 1, "and" is the product, and each case has
+        its own rule.
         """
         whole = all(len(rule.conditions) == len(self.inputs) for rule in self.rules)
         cases = math.prod(len(variable.terms) for variable in self.inputs)
@@ -174,10 +177,10 @@ class Controller:
         return smooth and whole and len(self.rules) == cases and all(variable.is_partition for variable in self.inputs)
 
     def tabulate(self, pieces: int | None = None) -> LookupTable:
-        """Work the surface out beforehand: at every corner, and at ``pieces - 1`` places between each two of them.
+        """Return the surface as a table, with ``pieces`` cells between two corners.
 
-        Unless told otherwise that is 1 piece for a surface that is multilinear, else ``TABLE_PIECES``: then the table is off
-        by up to 3 % of the output's range.
+        The default is 1 for a multilinear surface, else ``TABLE_PIECES``; the table is then off by up to 3 % of the
+        output's range.
         """
         if pieces is None:
             pieces = 1 if self.multilinear else TABLE_PIECES
@@ -185,7 +188,7 @@ class Controller:
         return LookupTable(axes, tuple(self(*node) for node in product(*axes)))
 
     def firing_strengths(self, values: Sequence[float]) -> Iterator[tuple[str, float]]:
-        """Yield the conclusion of each rule, and how strongly (0..1) it fires at ``values``."""
+        """Yield the conclusion and the strength (0..1) of each rule at ``values``."""
         grades = {variable.name: variable.grades(value) for variable, value in zip(self.inputs, values, strict=True)}
         for rule in self.rules:
             yield rule.conclusion, self.conjunction(grades[name][term] for name, term in rule.conditions.items())
@@ -240,7 +243,7 @@ PD_KEYS = ("p", "d", "most")
 
 @dataclass(frozen=True, slots=True)
 class ProportionalDerivative:
-    """A rate (rad/s) of ``p`` (1/s) times the error (radians) plus ``d`` times its rate (rad/s), ``most`` at most."""
+    """PD controller: ``p`` (1/s) times the error (radians) plus ``d`` times its rate, limited to ``most`` (rad/s)."""
 
     p: float
     d: float
@@ -248,9 +251,9 @@ class ProportionalDerivative:
 
     @classmethod
     def from_mapping(cls, name: str, mapping: Mapping[str, object]) -> "ProportionalDerivative":
-        """Make it of plain SI values: ``p``, ``d`` and perhaps ``most``.
+        """Create the controller from plain SI values: ``p``, ``d`` and optionally ``most``.
 
-        Raises ValueError, as ``name``, for a value that is no number of 0 or more, and for any other key.
+        Raises ValueError that begins with ``name`` for a negative or missing value, and for other keys.
         """
         if unknown := mapping.keys() - set(PD_KEYS):
             raise ValueError(f"{name}: a PD controller has no '{min(unknown)}'; known are: {', '.join(PD_KEYS)}")
@@ -264,7 +267,7 @@ class ProportionalDerivative:
         return cls(**found)
 
     def __call__(self, error: float, rate: float) -> float:
-        """Return the rate for an error and how fast it changes. Raises ValueError for NaN."""
+        """Return the turn rate for an error and its rate. Raises ValueError for NaN."""
         asked = self.p * error + self.d * rate
         if math.isnan(asked):
             raise ValueError("a value is not a number (NaN)")
@@ -279,32 +282,32 @@ INPUTS: Mapping[str, tuple[str, ...]] = {
     "base": (PAN, ERROR, RATE, EDGE),
     "turn": (ERROR, RATE, EDGE),
 }
-"""The rule bases that there are, and the inputs that each may use."""
+"""Rule bases and their possible inputs."""
 
 
 @dataclass(frozen=True, slots=True)
 class ControlLaw:
-    """A control law: a number out of some of the inputs, picked by name and handed to a ``surface`` in that order."""
+    """Control law: passes the named ``inputs`` to a ``surface``, in that order, and returns its output."""
 
     inputs: tuple[str, ...]
     surface: Callable[..., float]
 
     def __call__(self, known: Mapping[str, float]) -> float:
-        """Return the output for inputs by name. Raises ValueError for NaN, KeyError for an input that is missing."""
+        """Return the output for inputs by name. Raises ValueError for NaN, KeyError for a missing input."""
         return self.surface(*[known[name] for name in self.inputs])
 
 
 @dataclass(frozen=True, slots=True)
 class RuleBases:
-    """The rules to follow by; all outputs are rates in rad/s.
+    """Rule bases of a controller; all outputs are rates in rad/s.
 
-    ``pan`` and ``tilt`` turn the head's aim. ``base`` turns the base of a robot that has a head, ``turn`` that of one
-    whose camera sits on the base. None leaves its axis still.
+    ``pan`` and ``tilt`` turn the head's aim. ``base`` turns the base of a robot with a head, ``turn`` that of a robot
+    with the camera on the base. An axis with None stands still.
 
-    With ``predict``, ``error`` (radians) is from the aim to where the target will be when the command acts, and
-    ``rate`` (rad/s) the target's own, as seen from the base. Without, both are what the newest picture shows: how far
-    the target is off the camera's axis, and how fast that changes from picture to picture. ``pan`` (radians) is where
-    the head looks; ``edge`` the left edge of a face's box, in pixels of the picture, as the course's tracker had it.
+    With ``predict``, ``error`` (radians) is the angle from the aim to the predicted position of the target when the
+    command takes effect, and ``rate`` (rad/s) is the target's own, seen from the base. Without it, both come from the
+    newest picture: the offset from the camera's axis, and its change from picture to picture. ``pan`` (radians) is the
+    angle of the head; ``edge`` is the left edge of a face's box in pixels.
     """
 
     pan: ControlLaw | None = None
@@ -315,10 +318,10 @@ class RuleBases:
 
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, Any]) -> "RuleBases":
-        """Make them of plain SI values: up to four rule bases, and ``predict``.
+        """Create the rule bases from plain SI values: up to four rule bases, and ``predict``.
 
-        A rule base is fuzzy (see ``Controller.from_mapping``), or ``{p, d, most}`` for a PD controller of error and
-        rate. Raises ValueError for one that is wrong, for another name or input, and for nothing to turn by.
+        A rule base is fuzzy (see ``Controller.from_mapping``), or ``{p, d, most}`` for a PD controller. Raises
+        ValueError for an invalid rule base, an unknown name or input, and if there is neither ``pan`` nor ``turn``.
         """
         rest = dict(mapping)
         predict = rest.pop("predict", True)
@@ -332,7 +335,7 @@ class RuleBases:
 
 
 def controllers(mapping: Mapping[str, Any]) -> dict[str, Controller]:
-    """Return the fuzzy rule bases among the values of a controller file, by name. Raises as ``RuleBases`` does."""
+    """Return the fuzzy rule bases in the values of a controller file, by name. Raises as ``RuleBases`` does."""
     return {
         name: Controller.from_mapping(name, found)
         for name, found in mapping.items()

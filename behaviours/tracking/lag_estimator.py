@@ -1,7 +1,7 @@
-"""How long a base takes to begin what it is told, learnt from how it turned.
+"""Estimator of the command lag of a base, from its reported turns.
 
-For each lag that may be, the base is reckoned to approach what it was told that long ago, by its ramps. The likeliest
-lag is the one under which this agrees with the turn rates that the base reported: a grid filter after Bayes.
+For each candidate lag, the turn rate is simulated from the delayed commands with the base's ramps. The likeliest lag is
+the one whose simulation agrees with the reported turn rates: a Bayesian grid filter.
 """
 
 import math
@@ -11,50 +11,47 @@ from collections.abc import Sequence
 from drivers.api.fast_dataclass import dataclass
 
 LAG_GRID = tuple(step * 0.02 for step in range(26))
-"""The lags that may be, in seconds."""
+"""Candidate lags in seconds."""
 
 PRIOR_SIGMA = 0.1
-"""Seconds, one sigma: how far a lag may be from what it was believed to be."""
+"""Standard deviation of the prior in seconds."""
 
 TURN_RATE_SIGMA = 0.1
-"""rad/s, one sigma: how exactly a reported turn rate agrees with a reckoned one."""
+"""Standard deviation in rad/s of reported against simulated turn rates."""
 
 MIN_RATE_SPREAD = 0.05
-"""rad/s: where all lags mean nearly the same turn rate, nothing can be learnt."""
+"""Spread in rad/s of the simulated turn rates below which a report teaches nothing."""
 
 MAX_SQUARED_ERROR = 9.0
-"""A squared difference, in sigmas, counts no more than this: a person, a reflex or a wall has moved the base."""
+"""Upper bound of a squared error, in sigmas: a person, a reflex or a wall may have moved the base."""
 
 REPORT_WEIGHT = 0.3
-"""The weight of a report: those that follow each other within 20 ms do not err independently."""
+"""Weight of a report: errors of reports within 20 ms are not independent."""
 
 MEMORY_REPORTS = 500
-"""Reports after which evidence has faded to a third."""
+"""Number of reports after which evidence has decayed to a third."""
 
 HISTORY_DURATION = 1.0
-"""Seconds for which is kept what a base was told."""
+"""Seconds for which commands are stored."""
 
 MAX_REPORT_GAP = 0.3
-"""Seconds between two reports: after more, the reckoning begins afresh."""
+"""Maximum seconds between two reports before the simulation restarts."""
 
 
 TURN_ACCELERATION = 3.5
-"""rad/s^2: how quickly a base changes its turn, unless told otherwise; the 200 degrees/s^2 of the robot files."""
+"""Default turn acceleration in rad/s^2; the 200 degrees/s^2 of the robot files."""
 
 BRAKING_FACTOR = 1.2
-"""How much harder than it speeds up a base slows down: as its driver has it."""
+"""Ratio of deceleration to acceleration, as in the base's driver."""
 
 
 NO_COMMAND = (-math.inf, 0.0)
-"""When what was never told was told."""
+"""Time and turn rate that stand for a missing command."""
 
 
 @dataclass(frozen=True, slots=True)
 class TurnState:
-    """How the base stood, and turned, at ``stamp``: ``heading`` in radians (odometry frame), ``rate`` in rad/s.
-
-    It is ``reported`` by the base, or only reckoned.
-    """
+    """Heading (radians, odometry frame) and turn rate (rad/s) of a base at ``stamp``, ``reported`` or predicted."""
 
     heading: float
     rate: float
@@ -63,10 +60,10 @@ class TurnState:
 
 
 class LagEstimator:
-    """The commands of a base, and how many ``seconds`` it takes to begin one; ``spread`` says how surely (one sigma).
+    """Estimates the ``seconds`` from a command to its effect; ``spread`` is the standard deviation.
 
-    ``acceleration`` (rad/s^2) is how quickly the base changes its turn. ``command_at`` is what the lag is believed to be.
-    ``learnt`` says whether that is more than a guess, ``reports`` from how many it was learnt here.
+    ``acceleration`` (rad/s^2) is the base's turn acceleration. ``learnt`` is False while the lag is a guess;
+    ``reports`` is the number of reports used.
     """
 
     def __init__(self, seconds: float = 0.0, acceleration: float = TURN_ACCELERATION) -> None:
@@ -78,27 +75,27 @@ class LagEstimator:
         self.set_prior(seconds, learnt=False)
 
     def set_prior(self, seconds: float, *, learnt: bool) -> None:
-        """Begin with a lag of ``command_at`` seconds, a guess or ``learnt`` before."""
+        """Reset to a lag of ``seconds``, a guess or ``learnt`` in an earlier run."""
         self.seconds, self.spread, self.learnt = seconds, PRIOR_SIGMA, learnt
         self._costs = [((lag - seconds) / PRIOR_SIGMA) ** 2 for lag in LAG_GRID]
 
     def add_command(self, now: float, rate: float) -> None:
-        """The base was told at ``now`` to turn at ``rate`` rad/s from then on."""
+        """Add a command: the turn rate (rad/s) that was sent at ``now``."""
         self._commands.append((now, rate))
         while len(self._commands) > 1 and self._commands[1][0] <= now - HISTORY_DURATION:
             self._commands.popleft()
 
     def forget_commands(self) -> None:
-        """Somebody else has told it other things since: what it does next is not known."""
+        """Drop the commands, because another source has commanded the base since."""
         self._commands.clear()
         self._last_state = None
 
     def command_at(self, time: float, default: float) -> float:
-        """Return the turn rate that was the newest told at ``time``; ``otherwise`` before any was."""
+        """Return the newest turn rate that was sent by ``time``, or ``default`` if there is none."""
         return next((rate for when, rate in reversed(self._commands) if when <= time), default)
 
     def learn(self, state: TurnState) -> None:
-        """Take in how the base turned at a time; what it did not report itself teaches nothing."""
+        """Update the estimate with a reported state; other states are ignored."""
         before = self._last_state
         if not state.reported or (before is not None and state.stamp <= before.stamp):
             return
@@ -123,7 +120,7 @@ class LagEstimator:
             self._update_costs(means, (state.heading - before.heading) / span)
 
     def _update_costs(self, rates: Sequence[float], reported: float) -> None:
-        """Count for each lag how far its turn rate is from the one that was reported."""
+        """Add the error of each candidate's turn rate to its cost, and update the estimate."""
         self.reports += 1
         self.learnt = True
         for number, rate in enumerate(rates):
@@ -138,7 +135,7 @@ class LagEstimator:
 
 
 def ramp(rate: float, setpoint: float, max_change: float) -> float:
-    """Return the turn rate of a base on its way to the one that it was ``command_at``, ``most`` nearer to it."""
+    """Return the turn rate after a step towards ``setpoint`` by at most ``max_change``; braking is faster."""
     change = setpoint - rate
     max_change *= BRAKING_FACTOR if change * rate < 0 else 1.0
     return rate + math.copysign(min(abs(change), max_change), change)

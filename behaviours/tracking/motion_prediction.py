@@ -1,18 +1,15 @@
-"""How far a target's motion can be foreseen, learnt from how well it could be so far; and where a base will be.
+"""Prediction of a target's motion, weighted by past prediction errors, and of the state of a base.
 
-Three models foretell one angle; y is the angle when last seen, r its rate, m its slow mean, h the time ahead:
+Three models predict one angle; y is the angle when last seen, r its rate, m its slow mean, h the time ahead:
 
-- walk: the straight line through as many of the last moments as are on one, so that it is steady while somebody walks
-  on and quick when he turns (adaptive windowing after Janabi-Sharifi, Hayward and Chen, 2000); y + r h, with the rate
-  of the filter, where hardly any are;
-- swing: y + a r h + b (m - y), with a and b by least squares. For a swing of angular frequency w that is exact, with
-  a = sin(wh) / (wh) and b = 1 - cos(wh). How wide a swing is followed depends on what head or base are able to;
-- rest: m, for what cannot be foreseen.
+- walk: the straight line through as many of the last samples as fit one, so that it is steady while a person walks on and quick when they turn (adaptive windowing after Janabi-Sharifi, Hayward and Chen, 2000); y + r h, with the rate of the filter, if hardly any fit;
+- swing: y + a r h + b (m - y), with a and b by least squares. For a swing of angular frequency w that is exact, with a = sin(wh) / (wh) and b = 1 - cos(wh). The limits of head or base decide how wide a swing is followed;
+- rest: m, for motion that cannot be predicted.
 
-Each counts by how well it foretold the last seconds; a walk is what is believed before. What comes and goes faster than
-head or base are able to is followed by a share only, from the middle of its way.
+Each model is weighted by its errors of the last seconds; a walk is the prior. A motion back and forth that is too fast
+for head or base is followed in part, from the middle of its range.
 
-A base will be where it was told to go and has not been yet, when the next command acts.
+The state of a base is predicted from the commands that it has received but not yet carried out.
 """
 
 from collections import deque
@@ -23,59 +20,66 @@ from behaviours.tracking.lag_estimator import LagEstimator, TurnState, ramp
 from drivers.api.fast_dataclass import dataclass
 
 MEAN_TIME = 2.0
-"""Seconds over which the slow mean is formed, and for which the past is kept."""
+"""Seconds over which the slow mean is formed, and for which samples are kept."""
 
 LINE_DURATIONS = (0.7, 0.5, 0.35, 0.25)
-"""Seconds of the past that a straight line is put through: the longest that fits."""
+"""Seconds of past samples that a straight line is fitted to: the longest that fits."""
 
 MIN_LINE_PICTURES = 4
-"""Pictures that a line takes; through fewer the filter's rate is the better one."""
+"""Minimum number of pictures for a line; with fewer, the filter's rate is better."""
 
 LINE_TOLERANCE = radians(0.5)
-"""Radians that each may be beside it, the newest and nine of ten."""
+"""Maximum residual of a line in radians, for the newest picture and nine of ten."""
 
 START_THRESHOLDS = radians(0.4), radians(8)
-"""Radians by which the angle is beside the line before, and rad/s by which the filter's rate is, of one who sets off.
-No line is made of what was before any more."""
+"""Deviation from the line (radians) and in the filter's rate (rad/s) that show that a target sets off.
+
+Older samples are then dropped.
+"""
 
 MIN_STANDING_TIME, MAX_CAMERA_MOTION = 0.4, radians(0.6)
-"""Seconds for which he must have stood, within ``LINE_TOLERANCE``, and radians within which the camera stood, and is to stand.
-Otherwise it may be the camera that has set off, at another time than is believed."""
+"""Seconds for which the target must have stood, and radians within which the camera stands.
+
+The target must have stood within ``LINE_TOLERANCE``. Otherwise the camera may have moved, at another time than its
+stamps say.
+"""
 
 KEPT_EXPERIENCE_SHARE = 0.1
-"""The share that counts on of what was learnt of one who sets off: where he is foretold badly again and again, trust in
-what is foretold must not return each time."""
+"""Share of the past errors that counts after a target sets off.
+
+Repeated starts must not reset the distrust of bad predictions.
+"""
 
 MEMORY_TIME = 1.5
-"""Seconds after which experience has faded to a third."""
+"""Seconds after which the weight of past errors has decayed to a third."""
 
 EVIDENCE_SCALE = 4e-4
-"""rad^2: how much evidence moves the belief half-way from a walk to a swing."""
+"""Evidence in rad^2 that moves the belief half-way from a walk to a swing."""
 
 SURPRISE_ERROR = radians(1.5)
-"""Radians: what no model foretold counts the less the farther it is beyond this; it says nothing about any."""
+"""Error in radians above which a sample counts less, because no model predicted it."""
 
 NOISE_FLOOR = 20 * radians(0.5) ** 2
-"""rad^2: errors below this, over the samples that are remembered, are noise and do not tell models apart."""
+"""Sum of squared errors in rad^2 below which models are not distinguished."""
 
 MODEL_PENALTIES = (1.0, 2.0, 1.5)
-"""How many times better than a walk each model must foretell to count as much: walk, swing, rest."""
+"""Factor by which a model must predict better than a walk to get the same weight: walk, swing, rest."""
 
 INITIAL_MODEL_ERRORS = (1.0, 3.0, 3.0)
-"""Before anything was foretold, the errors of each model count as so many times FLOOR."""
+"""Initial errors of the models as multiples of NOISE_FLOOR."""
 
 MIN_SWING_RATIO = 1.5
-"""How many times as far as it got something must have gone to count as coming and going; a time more, and it does."""
+"""Ratio of path to range above which motion counts as back and forth; fully at 1 more."""
 
 ACCELERATION_SHARE = 0.7
-"""The share of the acceleration of head or base that following a swing may take."""
+"""Share of the acceleration of head or base that following a swing may use."""
 
 
 @dataclass(frozen=True, slots=True)
 class _PastSample:
-    """A target at a time: its angle and rate, its slow mean, and the line through the last moments (radians, rad/s).
+    """Target at a time: angle, rate, slow mean, and line through the last samples (radians, rad/s).
 
-    ``looks`` is where the camera looked.
+    ``looks`` is the camera's direction.
     """
 
     stamp: float
@@ -88,7 +92,7 @@ class _PastSample:
 
 
 class MotionPredictor:
-    """Foretells one angle of one target, in radians. ``acceleration`` (rad/s^2) is what head or base are able to."""
+    """Predicts one angle of one target in radians. ``acceleration`` (rad/s^2) is the limit of head or base."""
 
     def __init__(self, acceleration: float) -> None:
         self._acceleration = acceleration
@@ -96,7 +100,7 @@ class MotionPredictor:
         self._reset()
 
     def _reset(self) -> None:
-        """Know nothing of the target."""
+        """Forget all samples and errors."""
         self._past.clear()
         self._since = 0.0
         self._sums = [0.0] * 6
@@ -107,9 +111,9 @@ class MotionPredictor:
     def predict(
         self, stamp: float, angle: float, rate: float, ahead: float, camera: tuple[float, float] = (0.0, 0.0)
     ) -> tuple[float, float]:
-        """Return (angle, rate) as they will be ``ahead`` seconds after ``stamp``, when the target was as told.
+        """Return (angle, rate) ``ahead`` seconds after ``stamp``, given ``angle`` and ``rate`` at ``stamp``.
 
-        ``camera`` is where the camera looked then, and where it is to look by now (radians).
+        ``camera`` is the direction of the camera at the stamp and now, in radians.
         """
         if not self._past or stamp > self._past[-1].stamp:
             self._add_picture(stamp, angle, rate, ahead, camera)
@@ -124,7 +128,7 @@ class MotionPredictor:
         return self._middle + self._share * (there - self._middle), self._share * going
 
     def _add_picture(self, stamp: float, angle: float, rate: float, ahead: float, camera: tuple[float, float]) -> None:
-        """Take in a new picture, and judge by it what was foretold ``ahead`` seconds before."""
+        """Add a sample, and score the predictions made ``ahead`` seconds before."""
         span = stamp - self._past[-1].stamp if self._past else 0.0
         if span > MEAN_TIME:
             self._reset()
@@ -148,7 +152,7 @@ class MotionPredictor:
             self._judge(then, angle - then.angle, stamp - then.stamp, fade)
 
     def _has_set_off(self, stamp: float, angle: float, rate: float, camera: tuple[float, float]) -> bool:
-        """Say whether the target stood, before a camera that stands, and has just left the line that it was on."""
+        """Return True if a target that stood, seen by a camera that stands, has just left its line."""
         before = self._past[-1]
         off = angle - before.level - before.slope * (stamp - before.stamp)
         if (
@@ -163,7 +167,7 @@ class MotionPredictor:
         return bool(max(angles) - min(angles) < 2 * LINE_TOLERANCE and max(looked) - min(looked) < MAX_CAMERA_MOTION)
 
     def _line(self, stamp: float, angle: float, rate: float) -> tuple[float, float]:
-        """Return the straight line through the last moments that are on one: its value now, and its slope."""
+        """Return value and slope of the straight line through the last samples that fit one."""
         for window in LINE_DURATIONS:
             recent = [(past.stamp - stamp, past.angle) for past in self._past if stamp - past.stamp < window]
             recent.append((0.0, angle))
@@ -178,7 +182,7 @@ class MotionPredictor:
         return angle, rate
 
     def _limit(self) -> None:
-        """Find how much can be followed of what comes and goes."""
+        """Update the share of a motion back and forth that can be followed."""
         angles = [past.angle for past in self._past]
         low, high, time = min(angles), max(angles), self._past[-1].stamp - self._past[0].stamp
         self._middle = (low + high) / 2
@@ -192,7 +196,7 @@ class MotionPredictor:
         self._share = 1.0 - min(1.0, path / (high - low) - MIN_SWING_RATIO) * (1.0 - followed)
 
     def _judge(self, then: _PastSample, went: float, time: float, fade: float) -> None:
-        """Count how well each model foretold that it ``went`` so far in ``time`` seconds."""
+        """Update the errors of each model, given that the angle changed by ``went`` in ``time`` seconds."""
         by_rate, by_mean = then.rate * time, then.mean - then.angle
         off_line = went - (then.level + then.slope * time - then.angle)
         errors = (off_line, went - self._trust * by_rate - self._pull * by_mean, went - by_mean)
@@ -203,7 +207,7 @@ class MotionPredictor:
         self._fit()
 
     def _fit(self) -> None:
-        """Find the swing that fits best, how much of it can be followed, and what each model counts."""
+        """Update the best swing, the share of it that is followed, and the weights of the models."""
         rr, rm, mm, rw, mw, ww = self._sums
         # Ridge regression towards a walk: a = 1, b = 0.
         more_rr, more_mm, more_rw = rr + EVIDENCE_SCALE, mm + EVIDENCE_SCALE, rw + EVIDENCE_SCALE
@@ -220,23 +224,23 @@ class MotionPredictor:
 
 
 MAX_LOOKAHEAD = 1.0
-"""Seconds to look ahead at most: what lies beyond is of no use."""
+"""Maximum seconds of a prediction."""
 
 STEP = 0.02
-"""Seconds of one step of the reckoning: base drivers renew their command as often."""
+"""Step of the prediction in seconds, equal to the interval at which base drivers resend their command."""
 
 
 class BasePredictor:
-    """Foretells how a base will stand that begins what it is told ``lag.seconds`` later.
+    """Predicts the state of a base that starts each command ``lag.seconds`` late.
 
-    It approaches each turn rate that it was told at ``lag.acceleration``, by the ramps of its driver.
+    The base approaches each commanded turn rate at ``lag.acceleration``, with the ramps of its driver.
     """
 
     def __init__(self, lag: LagEstimator) -> None:
         self._lag = lag
 
     def at(self, time: float, known: TurnState) -> TurnState:
-        """Return how it will stand and turn at ``time``, from how it did when that was last known."""
+        """Return heading and turn rate at ``time``, from the last known state."""
         now, heading, rate = known.stamp, known.heading, known.rate
         if time < now:
             return TurnState(heading - rate * (now - time), rate, time)

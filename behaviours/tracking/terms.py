@@ -1,7 +1,7 @@
-"""Fuzzy terms, words for ranges of a value, and conclusions: how one number is made of several, or of fuzzy sets.
+"""Fuzzy terms and inputs, and outputs that combine conclusions by Sugeno's or Mamdani's method.
 
-A value belongs to a term to a degree: "left" holds of a bearing to one between 0 and 1. Numbers are in the units of
-the terms; a robot's are SI.
+A value belongs to a term to a degree from 0 to 1: a bearing can be "left" to 0.7. Numbers are in the units of the
+terms; a robot's are SI.
 """
 
 import math
@@ -15,9 +15,9 @@ from drivers.api.fast_dataclass import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Membership:
-    """A term's grades, a trapezoid: rises from ``start`` to ``full``, is 1 up to ``until``, falls to 0 at ``end``.
+    """Grade function of a term: rises from ``start`` to ``full``, is 1 up to ``until``, falls to 0 at ``end``.
 
-    A triangle has ``full`` and ``until`` in one place; a shoulder has its corners to one side at infinity.
+    A triangle has ``full`` equal to ``until``; a shoulder has its outer corners at infinity.
     """
 
     start: float
@@ -27,9 +27,10 @@ class Membership:
 
     @classmethod
     def from_points(cls, points: Sequence[float], owner: str = "a term") -> "Membership":
-        """Make a shoulder of 2 points (where it begins, where it is full for good), a triangle of 3, a trapezoid of 4.
+        """Create a shoulder from 2 points (foot, full from here on), a triangle from 3, a trapezoid from 4.
 
-        Raises ValueError, as ``who``, for another number of points, or points that do not rise or are not finite.
+        Raises ValueError that begins with ``owner`` for another number of points, and for points that do not rise or
+        are not finite.
         """
         if len(points) not in (2, 3, 4) or not all(map(math.isfinite, points)):
             raise ValueError(f"{owner} needs 2 to 4 finite points, not {list_text(points)}")
@@ -53,10 +54,10 @@ class Membership:
 
 @dataclass(frozen=True, slots=True)
 class FuzzyVariable:
-    """A quantity in words: its terms by name. It reaches from their first corner to their last; others are clamped.
+    """Input quantity with its terms by name. Values are clamped to the range of the corners.
 
-    ``corners`` are where some grade bends, in rising order: between two of them, every grade is a straight line.
-    Raises ValueError for fewer than two terms, or for a value within reach that belongs to none.
+    ``corners`` are the values at which some grade bends, in rising order; grades are linear in between. Raises
+    ValueError for fewer than two terms, and for a value in range that belongs to no term.
     """
 
     name: str
@@ -73,44 +74,47 @@ class FuzzyVariable:
 
     @classmethod
     def from_points(cls, name: str, terms: Mapping[str, float | Sequence[float]]) -> "FuzzyVariable":
-        """Make the terms of their points (see ``Membership.from_points``), or all of them of one peak each.
+        """Create the terms from their points (see ``Membership.from_points``), or from one peak each.
 
-        Between peaks, each term fades as its neighbour grows, so that the grades of a value add up to 1.
-        Raises ValueError that names the variable and the term.
+        Between peaks, each term fades as its neighbour grows, so the grades add up to 1. Raises ValueError that names
+        the variable and the term.
         """
         return cls(name, memberships(name, terms))
 
     @property
     def is_partition(self) -> bool:
-        """True when the grades of every value add up to 1."""
+        """True if the grades of every value add up to 1."""
         return all(math.isclose(sum(self.grades(value).values()), 1.0) for value in self.grid(2))
 
     def grid(self, pieces: int) -> tuple[float, ...]:
-        """Return the corners, and ``pieces - 1`` places between each two. What is 0 all over a grid of 2 is 0."""
+        """Return the corners, and ``pieces - 1`` points between each two.
+
+        A grade that is 0 on the whole grid of 2 is 0 everywhere.
+        """
         between = (low + (high - low) * n / pieces for low, high in pairwise(self.corners) for n in range(pieces))
         return (*between, self.corners[-1])
 
     def grades(self, value: float) -> dict[str, float]:
-        """Return how far ``value`` belongs to each term. Raises ValueError for NaN."""
+        """Return the grade of ``value`` for each term. Raises ValueError for NaN."""
         if math.isnan(value):
             raise ValueError("a value is not a number (NaN)")
         held = min(max(value, self.corners[0]), self.corners[-1])
         return {term: membership(held) for term, membership in self.terms.items()}
 
     def describe(self, value: float) -> str:
-        """Return ``value`` in words, by the term that it belongs to most."""
+        """Return ``value`` as text with its strongest term."""
         grades = self.grades(value)
         return f"{self.name} is {max(grades, key=grades.__getitem__)} ({value:.4g})"
 
 
 def corners(terms: Iterable[Membership]) -> tuple[float, ...]:
-    """Return where some of the terms bends, in rising order; none at infinity."""
+    """Return the finite corners of the terms in rising order."""
     found = {at for term in terms for at in (term.start, term.full, term.until, term.end)}
     return tuple(sorted(filter(math.isfinite, found)))
 
 
 def as_numbers(owner: str, value: object) -> list[float]:
-    """Return one number, or a list of them, as a list. Raises ValueError, as ``who``, for anything else."""
+    """Return a number, or a list of numbers, as a list. Raises ValueError, beginning with ``owner``, otherwise."""
     items = value if isinstance(value, list | tuple) else [value]
     found = [item for item in items if isinstance(item, int | float)]
     if len(found) < len(items):
@@ -119,17 +123,17 @@ def as_numbers(owner: str, value: object) -> list[float]:
 
 
 def list_text(items: Iterable[str | float]) -> str:
-    """Write words or numbers into a message."""
+    """Return words or numbers as a comma-separated text."""
     return ", ".join(item if isinstance(item, str) else f"{item:.4g}" for item in items) or "none"
 
 
 def memberships(
     name: str, terms: Mapping[str, float | Sequence[float]], *, whole: bool = False
 ) -> dict[str, Membership]:
-    """Make terms of their points, or all of them of one peak each: triangles from the peak before to the one after.
+    """Create terms from their points, or from one peak each: triangles between the neighbouring peaks.
 
-    The outermost ones end at their peaks, or with ``whole`` reach as far out as in. Raises ValueError that names the
-    variable, ``name``, and the term.
+    The outermost terms end at their peaks, or are symmetric with ``whole``. Raises ValueError that names the variable
+    ``name`` and the term.
     """
     points = {term: as_numbers(f"{name}: '{term}'", given) for term, given in terms.items()}
     if not all(len(given) == 1 for given in points.values()):
@@ -147,28 +151,28 @@ def memberships(
 
 
 class OutputVariable(Protocol):
-    """An output variable of a controller, with what is asked of it."""
+    """Output variable of a controller."""
 
     @property
     def name(self) -> str:
-        """The controller that it is the output of."""
+        """Name of the output."""
         ...
 
     @property
     def terms(self) -> Mapping[str, object]:
-        """The conclusions that there are, by name."""
+        """Possible conclusions by name."""
         ...
 
     def combine(self, strengths: Iterable[tuple[str, float]]) -> float:
-        """Return one number for (conclusion, strength) pairs. Raises ValueError when all strengths are 0."""
+        """Return one number for (conclusion, strength) pairs. Raises ValueError if all strengths are 0."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Singletons:
-    """An output whose terms are single numbers: zero-order Sugeno inference (Takagi and Sugeno 1985).
+    """Output whose terms are single numbers: zero-order Sugeno inference (Takagi and Sugeno 1985).
 
-    Raises ValueError for no terms, or one that is not finite.
+    Raises ValueError for no terms, and for a term that is not finite.
     """
 
     name: str
@@ -182,7 +186,7 @@ class Singletons:
             raise ValueError(f"{self.name}: needs terms with one finite number each, has {list_text(values)}")
 
     def combine(self, strengths: Iterable[tuple[str, float]]) -> float:
-        """Return the mean of the conclusions weighted by their strengths. Raises ValueError when all are 0."""
+        """Return the mean of the conclusions weighted by their strengths. Raises ValueError if all strengths are 0."""
         total = weighted = 0.0
         for term, strength in strengths:
             total += strength
@@ -194,11 +198,11 @@ class Singletons:
 
 @dataclass(frozen=True, slots=True)
 class FuzzySets:
-    """An output whose terms are fuzzy sets: the inference of Mamdani and Assilian (1975).
+    """Output whose terms are fuzzy sets: the inference of Mamdani and Assilian (1975).
 
     Each set is cut off at the strength of the strongest rule that concludes it; the output is the centroid of their
-    union. It is worked out exactly, piece by piece between the corners, not on a grid. What reaches farther than the
-    outermost corner is cut off there. Raises ValueError for no terms.
+    union, computed exactly between the corners, not on a grid. Sets are clipped to the outermost corners. Raises
+    ValueError for no terms.
     """
 
     name: str
@@ -212,15 +216,15 @@ class FuzzySets:
 
     @classmethod
     def from_points(cls, name: str, terms: Mapping[str, float | Sequence[float]]) -> "FuzzySets":
-        """Make the sets of their points, or of one peak each (see ``terms.memberships``).
+        """Create the sets from their points, or from one peak each (see ``terms.memberships``).
 
-        Then the outermost sets reach as far out as in, so that alone they mean what their peak says. Raises ValueError
-        that names the output and the term.
+        With peaks, the outermost sets are symmetric, so that alone they yield their peak. Raises ValueError that names
+        the output and the term.
         """
         return cls(name, memberships(name, terms, whole=True))
 
     def combine(self, strengths: Iterable[tuple[str, float]]) -> float:
-        """Return the centroid of the union of the sets, each cut off. Raises ValueError when all strengths are 0."""
+        """Return the centroid of the union of the cut sets. Raises ValueError if all strengths are 0."""
         cuts: dict[str, float] = {}
         for term, strength in strengths:
             if strength > cuts.get(term, 0.0):
@@ -244,7 +248,7 @@ class FuzzySets:
 
 
 def _bends(term: Membership, cut: float) -> tuple[float, float, float, float]:
-    """Return where a set that is cut off begins, is flat from and until, and ends."""
+    """Return start, begin and end of the flat part, and end of a set that is cut off."""
     flat_from = term.start + cut * (term.full - term.start) if term.start > -math.inf else -math.inf
     flat_until = term.end - cut * (term.end - term.until) if term.end < math.inf else math.inf
     return term.start, flat_from, flat_until, term.end

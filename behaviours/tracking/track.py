@@ -1,4 +1,4 @@
-"""The base class of leaves that follow something: the head first and the base behind it, or the base alone."""
+"""Leaves that follow a target: with the head first and the base after it, or with the base alone."""
 
 import math
 from abc import abstractmethod
@@ -28,27 +28,25 @@ from drivers.api import COMMAND_TIMEOUT, ZERO_VELOCITY, BaseState, HeadPose, Ste
 from perception.api import Face, Marker, Percept, Thing, ThingSpec
 
 COAST_TIME = 0.6
-"""Seconds without news of the target for which head and base go on turning after it; nothing drives on that long."""
+"""Seconds without a sighting for which head and base keep turning; driving stops earlier."""
 
 
 class TrackLeaf(Leaf):
-    """Follows one percept. A subclass says which: ``percepts``, largest first, and ``noun``, what it calls them.
+    """Base of leaves that follow one percept. Subclasses set ``percepts`` (largest first) and ``noun``.
 
-    Once it follows one it stays with that, by its id, for as long as it is in view; then with one that may be it. What
-    was not seen for a moment is taken to go on as it did; then head and base wait.
+    The leaf stays with its target by id while that is in view; afterwards it takes a percept that may be the same. For
+    a moment without sightings the motion is extrapolated; then head and base wait.
     """
 
     ends = frozenset({"failure"})
     needs = frozenset({"camera", "head"})
     drives = frozenset({"head", "base"})
-    controller: RuleBases = argument("controller", "the rules to follow by", default="face")
-    patience: float = argument("duration", "how long to go on while it is not seen", default=2.0, low=0.1)
+    controller: RuleBases = argument("controller", "controller: a name, or a file", default="face")
+    patience: float = argument("duration", "maximum time without a sighting", default=2.0, low=0.1)
     max_turn: float = argument(
-        "turn rate", "how fast the base may turn; 0 deg/s keeps it still", default=math.radians(110), low=0.0
+        "turn rate", "maximum turn rate of the base; 0 deg/s keeps it still", default=math.radians(110), low=0.0
     )
-    lag: float = argument(
-        "duration", "what the base takes to begin what it is told, until that is learnt", default=0.1, low=0.0, high=0.5
-    )
+    lag: float = argument("duration", "initial estimate of the base's command lag", default=0.1, low=0.0, high=0.5)
     noun: ClassVar[str] = ""
     _follower: Follower | None = None
     _target: Percept | None = None
@@ -95,30 +93,30 @@ class TrackLeaf(Leaf):
 
     @abstractmethod
     def percepts(self) -> Sequence[Percept]:
-        """Return what it may follow, largest first."""
+        """Return the possible targets, largest first."""
 
     def first_target(self) -> Percept | None:
-        """Return the one that it is to follow from the start; None for the largest."""
+        """Return the target to start with; None for the largest percept."""
         return None
 
     def may_be_target(self, percept: Percept, target: Percept) -> bool:
-        """Whether it may be followed in the place of ``target``, which is not in view: any may."""
+        """Return True if ``percept`` may replace ``target``, which is out of view; always True by default."""
         del percept, target
         return True
 
     def stop_reason(self) -> str:
-        """Return why it cannot go on, or nothing: for those that do more than turn."""
+        """Return why the leaf cannot continue, or an empty text; for subclasses that do more than turn."""
         return ""
 
     def forward_speed(self, target: Percept, pan: float) -> float:
-        """Return how fast the base is to drive (m/s) with the head turned by ``pan``: not at all, on the spot."""
+        """Return the speed (m/s) of the base with the head at ``pan``; 0 by default, to turn on the spot."""
         del target, pan
         return 0.0
 
     # --- the inside ---------------------------------------------------------------------------------------------------
 
     def _choose(self, percepts: Sequence[Percept]) -> Percept | None:
-        """Stay with the one that is followed, else take the largest that may be it."""
+        """Return the percept with the target's id, else the largest that may be the target."""
         target = self._target
         if target is None:
             return next(iter(percepts), None)
@@ -138,11 +136,11 @@ class TrackLeaf(Leaf):
         return self.wait(f"{self.noun} {target.id}, {off:.0f} deg off")
 
     def _motion_fault_reason(self) -> str:
-        """Say why the base was stopped because it did not do what it was told, or nothing."""
+        """Return the fault for which the base stopped, or an empty text."""
         return "" if self.robot.base_part is None else motion_fault_reason(self.robot.base.steering())
 
     def _base(self, now: float) -> TurnState:
-        """Return how the base stands and turns; a robot without a base stands still."""
+        """Return heading and turn rate of the base; a robot without a base stands still."""
         reading = None if self.robot.base_part is None else self.robot.base.state()
         if reading is None or reading.value is None:
             return TurnState(0.0, 0.0, now, reported=False)
@@ -163,18 +161,19 @@ class TrackLeaf(Leaf):
 class TrackFace(TrackLeaf):
     """Follow a face with the head, and turn the base when the head nears its limit.
 
-    Running while there is a face to follow; it never succeeds. Fails once none was seen for `patience`.
-    Once it follows somebody it stays with them, whoever else comes into view, until that face is lost; and then it
-    takes up nobody who is known to be another.
+    Running while there is a face to follow; it never succeeds. Fails if no face was seen for `patience`. It stays with
+    one person, whoever else comes into view, until the face is lost. Then it does not switch to a face that is known to
+    belong to another person.
     """
 
     tag = "track_face"
+    example = "- track_face: {controller: face, patience: 3 s}"
     noun = "face"
     output_doc = FACE_OUTPUT_DOC
     output_type = Face
-    controller: RuleBases = argument("controller", "the rules to follow by", default="face", principal=True)
+    controller: RuleBases = argument("controller", "controller: a name, or a file", default="face", principal=True)
     face: Face | None = argument(
-        "face", "whom to begin with, as `as` has kept them; else the largest face", default=None
+        "face", "face to start with, from the output of another behaviour; the largest by default", default=None
     )
 
     def percepts(self) -> Sequence[Face]:
@@ -190,33 +189,36 @@ class TrackFace(TrackLeaf):
 # The leaf that goes after a person: the face stays in the picture, and the person at a distance.
 
 SPEED_GAIN = 0.8
-"""Speed in m/s for each metre too far: with a Kobuki's dead time of 0.25 s it arrives without overshooting."""
+"""Speed in m/s per metre of distance error: with a Kobuki's dead time of 0.25 s there is no overshoot."""
 
 DISTANCE_TOLERANCE = 0.1
-"""Metres too far that are near enough: the distance is a guess from the size of the face, and trembles."""
+"""Distance error in metres that is ignored, since the distance is estimated from the size of the face and is noisy."""
 
 MIN_DISTANCE = 0.6
-"""Metres to people at least. A TurtleBot 2 (0.18 m) touches a person (0.25 m) at 0.43 m: told to stay 0.5 m behind, it
-bumps into people in the simulated rooms, told 0.6 m it does not; nearer by, a face leaves the picture of its camera."""
+"""Minimum distance to people in metres.
+
+A TurtleBot 2 (0.18 m) touches a person (0.25 m) at 0.43 m. In the simulated rooms it bumps into people with 0.5 m, but
+not with 0.6 m. Closer by, a face leaves the picture of its camera.
+"""
 
 MAX_DRIVING_PAN = math.radians(45)
-"""With the head turned further aside the base only turns: it would drive past the person."""
+"""Pan in radians beyond which the base only turns, since it would drive past the person."""
 
 
 class FollowPerson(TrackFace):
-    """Follow a person: the head and the base turn to their face, and the base drives after them up to `distance`.
+    """Follow a person: head and base turn to the face, and the base drives after the person up to `distance`.
 
     Running while there is a face to follow; it never succeeds. It never drives backwards. With a range finder it slows
-    down for whatever is in its way, and stops before it. Fails once no face was seen for `patience`, when it bumps into
-    something, comes to a cliff, or a wheel drops, once something has been in its way for 5 s, and while the base is
-    stopped until somebody enables it.
+    down and stops at obstacles. Fails if no face was seen for `patience`, after a bump, at a cliff, when a wheel drops,
+    after 5 s at an obstacle, and while the base is latched.
     """
 
     tag = "follow_person"
+    example = "- follow_person: {distance: 1.2 m, patience: 3 s}"
     needs = frozenset({"camera", "head", "base"})
     optional_parts = frozenset({"range"})
-    distance: float = argument("length", "how far to stay behind the person", default=1.0, low=MIN_DISTANCE, high=5.0)
-    speed: float = argument("speed", "how fast it may drive", default=0.3, low=0.01, high=0.7)
+    distance: float = argument("length", "distance to keep from the person", default=1.0, low=MIN_DISTANCE, high=5.0)
+    speed: float = argument("speed", "maximum speed", default=0.3, low=0.01, high=0.7)
 
     _lookout: ObstacleView | None = None
     _guarded_since: float | None = None
@@ -237,7 +239,7 @@ class FollowPerson(TrackFace):
         )
 
     def _range_guard_reason(self, steering: Steering) -> str:
-        """Say what the range guard sees in the way, once the base has stood for ``RANGE_GUARD_TIMEOUT`` seconds because of it."""
+        """Return the range guard's reason after it has stopped the base for RANGE_GUARD_TIMEOUT, else an empty text."""
         if not is_guarded(steering) or steering.allowed != ZERO_VELOCITY:
             self._guarded_since = None
             return ""
@@ -258,7 +260,7 @@ class FollowPerson(TrackFace):
         return speed * math.cos(pan * math.pi / 2 / MAX_DRIVING_PAN)
 
     def _safe_speed(self, state: BaseState) -> float:
-        """Return how fast it may drive straight ahead, as far as the range finder sees: not while it is silent."""
+        """Return the safe speed straight ahead by the range finder; 0 while the range finder does not report."""
         if self._lookout is None or self.robot.ranger_part is None:
             return math.inf
         seen = self._lookout.points_around(state, self.run.now())
@@ -274,16 +276,17 @@ class FollowPerson(TrackFace):
 class TrackObject(TrackLeaf):
     """Follow a coloured object with the head, and turn the base when the head nears its limit.
 
-    `track_object: red ball`. Running while there is one to follow; it never succeeds. Fails once none was seen for
-    `patience`. Once it follows one it stays with that, whatever else of the kind comes into view, until it is lost.
+    `track_object: red ball`. Running while there is one to follow; it never succeeds. Fails if none was seen for
+    `patience`. It stays with one object until that is lost.
     """
 
     tag = "track_object"
+    example = "- track_object: red ball"
     noun = "object"
     senses = frozenset({"things"})
     output_doc = "the object: id, name, colour, shape, yaw, pitch, distance"
     output_type = Thing
-    what: ThingSpec = argument("object", "a colour and a shape, or the name of an object", principal=True)
+    what: ThingSpec = argument("object", "colour and shape, or the name of an object", principal=True)
 
     def percepts(self) -> Sequence[Thing]:
         return matching_things(self.robot.sight.things(), self.what)
@@ -295,16 +298,17 @@ class TrackObject(TrackLeaf):
 class TrackRobot(TrackLeaf):
     """Follow another robot with the head, and turn the base when the head nears its limit.
 
-    `track_robot: 7` or `track_robot: R2`. Running while its marker is seen; it never succeeds. Fails once it was not
-    seen for `patience`.
+    `track_robot: 7` or `track_robot: R2`. Running while its marker is seen; it never succeeds. Fails if the marker was
+    not seen for `patience`.
     """
 
     tag = "track_robot"
+    example = "- track_robot: 7"
     noun = "robot"
     senses = frozenset({"markers"})
     output_doc = "the robot: id, number, name, yaw, pitch, distance, heading"
     output_type = Marker
-    which: str = argument("text", "its marker's number, or its name; else any", default="", principal=True)
+    which: str = argument("text", "number of its marker, or its name; any robot by default", default="", principal=True)
 
     def percepts(self) -> Sequence[Marker]:
         return [marker for marker in self.robot.sight.markers() if is_worn_by(marker, self.which)]

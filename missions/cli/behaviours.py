@@ -81,14 +81,18 @@ def _describe(leaf: type[Leaf]) -> None:
     click.echo(f"\n  claims: {', '.join(sorted(leaf.drives)) or 'nothing'}")
     click.echo(f"  needs:  {', '.join(sorted(leaf.needs)) or 'nothing'}")
     if leaf.optional_parts:
-        click.echo(f"  uses:   {', '.join(sorted(leaf.optional_parts))}, where there is one")
+        click.echo(f"  uses:   {', '.join(sorted(leaf.optional_parts))}, if the robot has them")
     if leaf.output_doc:
-        click.echo(f"  as:     keeps {leaf.output_doc}")
+        click.echo(f"  as:     stores {leaf.output_doc}")
     if leaf.arguments:
         click.echo("\n  arguments:")
     for argument in leaf.arguments.values():
         principal = "; may stand alone" if argument.principal else ""
         click.echo(f"    {argument.name}: {requirements_text(argument)}{principal}\n        {argument.help}")
+    if leaf.example:
+        click.echo("\n  example:")
+        for line in leaf.example.splitlines():
+            click.echo(f"    {line}")
 
 
 def _as_dict(leaf: type[Leaf]) -> dict[str, object]:

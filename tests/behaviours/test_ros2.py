@@ -195,7 +195,7 @@ def test_a_message_that_is_old_does_not_count() -> None:
     bench = LeafTestBench()
     leaf = put(bench, TopicLeaf("topic"), topic="/it")
     assert bench.tick(leaf) is RUNNING
-    assert (leaf.suspended, leaf.reason) == (True, "waiting: the topic /it does not report")
+    assert (leaf.is_suspended, leaf.reason) == (True, "waiting: the topic /it does not report")
     bench.ros2.messages["/it"] = Reading("{}", bench.clock.now() - 5.0, Quality.STALE)
     assert bench.tick(leaf) is RUNNING
-    assert leaf.suspended
+    assert leaf.is_suspended
