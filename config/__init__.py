@@ -1,3 +1,3 @@
-"""What the robot is: robot files, gestures, controllers and worlds, read and checked."""
+"""Reader of robot files, worlds, gestures, controllers and other files."""
 
 __project__ = "missiontree"

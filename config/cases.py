@@ -1,4 +1,4 @@
-"""The keys of test files: what a case may say of its run, of what it is given, and of what is expected."""
+"""Keys of test files: runs, their conditions, and their expectations."""
 
 import math
 from collections.abc import Mapping
@@ -8,10 +8,10 @@ from drivers.api import Mood
 from drivers.api.keys import inside, key, keys
 
 CASE_TIMEOUT = 120.0
-"""Seconds of simulated time after which a case that still runs has failed, unless its file says otherwise."""
+"""Default timeout of a case in seconds of simulated time."""
 
 DISTANCE_TOLERANCE = 0.1
-"""Metres from where it is expected within which a base is there, unless the file says otherwise."""
+"""Default tolerance of the base's position in metres."""
 
 GIVEN_HINT = "write 'gesture: fails twice' for a mock, or 'camera frozen from 5 s to 8 s'"
 SCRIPT_HINT = "such as 'fails twice, then succeeds'"
@@ -24,135 +24,136 @@ Count = Annotated[int, inside(low=0, wrong="how often '{}' has to start needs a 
 
 @keys
 class MockKeys:
-    """A mock with a result of its own."""
+    """Keys of a mock with a result."""
 
-    does: str = key(help="What it does.")
-    result: object = key(default=None, help="What `as` keeps, by name; what a mission returns; or a phrase.")
+    does: str = key(help="Outcomes of the mock.")
+    result: object = key(
+        default=None, help="Output: the value that `as` stores, the results of a mission, or a phrase."
+    )
 
 
 Script = Annotated[str, inside(wrong="what '{}' does instead is missing", hint=SCRIPT_HINT)]
 Mock = Mapping[str, Script | Annotated[MockKeys, inside(each="a mock")]]
 Given = Annotated[str | Mock, inside(wrong="neither a mock nor something that goes wrong", hint=GIVEN_HINT)]
-"""An entry of ``given``."""
+"""Entry of ``given``."""
 
 
 @keys
 class PoseKeys:
-    """Where a base is to be."""
+    """Keys of an expected pose of the base."""
 
-    near: tuple[float, float] = key("length", wrong="'{}' needs a place, such as [1 m, 0 m]", help="Where: [x, y].")
-    within: float = key("length", default=DISTANCE_TOLERANCE, low=0.0, help="How far from there it may be.")
-    heading: str = key(default="", help="Which way it looks: `90 deg`, or `90 deg +- 5 deg`; else 10 deg either way.")
+    near: tuple[float, float] = key("length", wrong="'{}' needs a place, such as [1 m, 0 m]", help="Position: [x, y].")
+    within: float = key("length", default=DISTANCE_TOLERANCE, low=0.0, help="Maximum distance from it.")
+    heading: str = key(default="", help="Heading: `90 deg`, or `90 deg +- 5 deg`; the default tolerance is 10 deg.")
 
 
 @keys
 class ExpectKeys:
-    """What must come of a run."""
+    """Keys of the expectations of a run."""
 
-    result: Result | None = key(default=None, help="How it ends.")
-    reason: str | None = key(default=None, help="A text that the reason contains.")
-    within: float | None = key("duration", default=None, low=0.0, help="The longest time that it may take.")
-    after: float | None = key("duration", default=None, low=0.0, help="The shortest.")
+    result: Result | None = key(default=None, help="Result of the run.")
+    reason: str | None = key(default=None, help="Text that the reason contains.")
+    within: float | None = key("duration", default=None, low=0.0, help="Maximum duration.")
+    after: float | None = key("duration", default=None, low=0.0, help="Minimum duration.")
     said: Texts = key(default=(), help="Texts that were said, in this order; `[]` for none.")
-    never_said: Texts = key(default=(), help="Texts that were not.")
+    never_said: Texts = key(default=(), help="Texts that were not said.")
     heard_by: Mapping[str, Texts] = key(
         default={},
         wrong="'{}' needs people and what they hear",
         hint="such as {Anna: [hello], Ben: []}",
-        help="What each person heard of it: `{Anna: [message], Ben: []}`, in this order; `[]` for nothing.",
+        help="Texts that each person heard, in this order: `{Anna: [message], Ben: []}`; `[]` for none.",
     )
     showed: Texts = key(
         default=(),
         blank=True,
-        help='Texts that were on the screen, in this order; `[]` for none, `""` for words that are taken away.',
+        help='Texts on the screen, in this order; `[]` for none, `""` for a cleared text.',
     )
-    moods: Texts = key(default=(), among=[*Mood], help="Moods that were, in this order; `[]` for none.")
+    moods: Texts = key(default=(), among=[*Mood], help="Moods on the screen, in this order; `[]` for none.")
     notified: Texts = key(default=(), help="Texts of `notify`, in this order; `[]` for none.")
     ran: Texts | Mapping[str, Count] = key(
-        default=(), help="Nodes that ran; with how often they started: `{gesture: 2}`."
+        default=(), help="Nodes that ran, optionally with the number of starts: `{gesture: 2}`."
     )
-    never_ran: Texts = key(default=(), help="Nodes that did not.")
+    never_ran: Texts = key(default=(), help="Nodes that did not run.")
     succeeded: Texts = key(default=(), help="Nodes that succeeded at least once.")
     failed: Texts = key(default=(), help="Nodes that failed at least once.")
-    order: Texts = key(default=(), help="What happened, in this order, whatever lies between.")
+    order: Texts = key(default=(), help="Events in this order, with any others in between.")
     faults: Texts = key(default=(), help="A text for each notice of the robot's parts; `[]` for none.")
     reflexes: Texts = key(default=(), help="Reflexes that fired, such as `bumper` or `bumper left`; `[]` for none.")
-    base: Literal["stopped"] | None = key(
-        default=None, help="The mission left the base standing, or had told it to stop."
-    )
-    pose: PoseKeys | None = key(default=None, help="Where the base truly is in the end.")
+    base: Literal["stopped"] | None = key(default=None, help="The base stands still at the end, or was told to stop.")
+    pose: PoseKeys | None = key(default=None, help="True pose of the base at the end.")
     joints: Mapping[str, str] = key(
         default={},
         wrong="'{}' needs joints and their angles",
         hint="such as {elbow: 30 deg +- 5 deg}",
-        help="Where joints truly are in the end: `{elbow: 30 deg +- 5 deg, right_arm.elbow: 0 deg}`; 3 deg where "
-        "nothing is said.",
+        help="True angles of joints at the end: `{elbow: 30 deg +- 5 deg, right_arm.elbow: 0 deg}`; the default tolerance is 3 deg.",
     )
     returns: Mapping[str, object] = key(
         default={},
         wrong="'{}' needs names and values",
         hint="such as {greeted: 2}",
-        help="The results of the mission: `{greeted: 2}`.",
+        help="Results of the mission: `{greeted: 2}`.",
     )
 
 
 @keys
 class CommonKeys:
-    """What cases can have in common."""
+    """Keys that cases may share."""
 
-    case: str = key(default="", help="Its title.")
-    params: Mapping[str, object] = key(default={}, help="The mission's params.")
-    robot: str | None = key(default=None, help="Its name or file; else the one that `mission run` takes.")
-    world: str | None = key(default=None, help="Its name or file; else the one that `mission run` takes.")
+    case: str = key(default="", help="Title.")
+    params: Mapping[str, object] = key(default={}, help="Params of the mission.")
+    robot: str | None = key(default=None, help="Robot, a name or file; by default that of `mission run`.")
+    world: str | None = key(default=None, help="World, a name or file; by default that of `mission run`.")
     eyes: Eyes = key(
-        default="pixels", help="With `pixels`, pictures are drawn and searched; with `truth`, faces are known: quicker."
+        default="pixels",
+        help="`pixels` draws and searches pictures; `truth` takes faces from the world, which is faster.",
     )
     physics: bool = key(
-        default=False, help="Whether the robot is a body with masses, by MuJoCo: `mission test --physics` for all."
+        default=False,
+        help="Simulate the robot as a body with masses by MuJoCo; `mission test --physics` does so for all cases.",
     )
-    seed: int = key(default=0, low=0, help="For what is drawn by chance.")
+    seed: int = key(default=0, low=0, help="Random seed.")
     timeout: float = key(
-        "duration", default=CASE_TIMEOUT, low=0.1, help="Simulated time after which a run that goes on has failed."
+        "duration", default=CASE_TIMEOUT, low=0.1, help="Simulated time after which the run has failed."
     )
-    given: tuple[Given, ...] = key(default=(), help="Mocks, and what goes wrong.")
-    expect: ExpectKeys | None = key(default=None, help="What must come of it.")
+    given: tuple[Given, ...] = key(default=(), help="Mocks and faults.")
+    expect: ExpectKeys | None = key(default=None, help="Expectations.")
 
 
 @keys
 class CaseKeys(CommonKeys):
-    """A case."""
+    """Keys of a case."""
 
-    case: str = key(help="Its title.")
-    expect: ExpectKeys = key(help="What must come of it.")
+    case: str = key(help="Title.")
+    expect: ExpectKeys = key(help="Expectations.")
 
 
 @keys
 class SuiteKeys:
-    """A test file."""
+    """Keys of a test file."""
 
-    tests: str = key(help="The mission that is tested; one beside the file goes before one of the library.")
+    tests: str = key(help="Mission to test; a file beside the test file takes precedence over the library.")
     behaviours: tuple[str, ...] = key(
-        default=(), wrong="'{}' needs a list of files of Python", help="Files with leaves of its own."
+        default=(), wrong="'{}' needs a list of files of Python", help="Python files with additional leaves."
     )
     shared: CommonKeys | None = key(
         default=None,
         word="with",
         wrong="'{}' needs what all cases have in common",
         hint="such as {world: living_room}",
-        help="What all cases have in common: keys of cases; what a case says itself goes before.",
+        help="Keys that all cases share; keys of a case take precedence.",
     )
-    cases: tuple[CommonKeys, ...] = key(each="a case", help="What is tried, each a run.")
+    cases: tuple[CommonKeys, ...] = key(each="a case", help="Cases, a run each.")
 
 
 @keys
 class JudgedSuiteKeys(SuiteKeys):
-    """A test file whose cases all say what they expect."""
+    """Keys of a test file whose cases all have expectations."""
 
-    cases: tuple[CaseKeys, ...] = key(each="a case", help="What is tried, each a run.")
+    cases: tuple[CaseKeys, ...] = key(each="a case", help="Cases, a run each.")
 
 
 HEADING_TOLERANCE = math.radians(10)
-"""Radians by which the heading of a base may be off, unless the file says otherwise."""
+"""Default tolerance of the base's heading in radians."""
 
 JOINT_TOLERANCE = math.radians(3)
-"""The same for a joint."""
+"""Default tolerance of a joint's angle in radians."""

@@ -1,4 +1,4 @@
-"""The colours that files name, as those who draw them and those who look for them mean them."""
+"""Colours by name, for drawing and for detection."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -18,4 +18,4 @@ COLOURS: Mapping[str, tuple[int, int, int]] = MappingProxyType(
         "grey": (140, 140, 140),
     }
 )
-"""Red, green and blue, each 0..255, in full light."""
+"""Red, green and blue (0..255) of each colour in full light."""

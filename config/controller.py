@@ -1,4 +1,4 @@
-"""Controller files: the rule bases of a controller as plain values in SI units, and the numbers in them to tune."""
+"""Controller files: rule bases as plain values in SI units, and the tunable numbers in them."""
 
 import json
 import re
@@ -16,10 +16,10 @@ from drivers.api.fast_dataclass import dataclass
 from drivers.api.keys import KeyDiagnostic, inside, key, keys
 
 DESCRIPTION_KEYS = ("controller", "summary")
-"""The keys that say what a file is; the others are what its rules are made of."""
+"""Keys that describe a file; the others hold its rules."""
 
 LIMIT_KEY = "most"
-"""The one number of a rule base that is a limit, and not to be tuned."""
+"""Number of a rule base that is a limit and not tuned."""
 
 _WRITTEN = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(\S*)")
 
@@ -29,30 +29,30 @@ Row = Annotated[tuple[str, ...], inside(wrong="row '{}' needs a list: [one concl
 
 @keys
 class RuleBaseKeys:
-    """A rule base: rules in words, or ``p`` and ``d``. What they mean, the controller checks."""
+    """Keys of a rule base: rules in words, or ``p`` and ``d``. The controller checks their meaning."""
 
     inputs: Mapping[str, Mapping[str, object]] = key(
-        default={}, help="What it listens to, each with its terms: `{error: {left: 6 deg, ahead: 0 deg}}`."
+        default={}, help="Inputs, each with its terms: `{error: {left: 6 deg, ahead: 0 deg}}`."
     )
-    output: Mapping[str, Mapping[str, object]] = key(default={}, help="What it turns, with the terms of that.")
+    output: Mapping[str, Mapping[str, object]] = key(default={}, help="Output, with its terms.")
     rules: tuple[str, ...] | Mapping[str, Row] = key(
         default=(), help="Sentences; or a table, whose first row names two inputs and heads the columns."
     )
     method: Literal["sugeno", "mamdani"] = key(
         default="sugeno",
-        help="How one number comes of the conclusions: terms of the output are numbers, or fuzzy sets.",
+        help="Inference method: the terms of the output are numbers (`sugeno`) or fuzzy sets (`mamdani`).",
     )
     joined: Literal["product", "min"] | None = key(
-        default=None, word="and", help="How conditions are joined; else `product` for `sugeno`, `min` for `mamdani`."
+        default=None,
+        word="and",
+        help="Conjunction of conditions; by default `product` for `sugeno`, `min` for `mamdani`.",
     )
-    p: float | None = key(
-        default=None, low=0.0, help="In the place of rules: how much of the error it turns by, in 1/s."
-    )
-    d: float | None = key(default=None, low=0.0, help="With `p`: how much of the error's rate.")
-    most: object = key(default=None, help="With `p`: the most that it turns by, such as `120 deg/s`.")
+    p: float | None = key(default=None, low=0.0, help="Proportional gain in 1/s, instead of rules.")
+    d: float | None = key(default=None, low=0.0, help="Derivative gain, with `p`.")
+    most: object = key(default=None, help="Maximum rate, with `p`, such as `120 deg/s`.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield every row of a table that is longer or shorter than its first one, which names the columns."""
+        """Yield rows of a table whose length differs from the first row, which names the columns."""
         table = self.rules if isinstance(self.rules, Mapping) else {}
         columns = len(next(iter(table.values()), ()))
         for name, row in table.items():
@@ -64,20 +64,20 @@ class RuleBaseKeys:
 
 @keys
 class ControllerFileKeys:
-    """The keys of a controller file."""
+    """Keys of a controller file."""
 
-    controller: str = key(help="What it is called.")
-    summary: str = key(default="", help="What it is, in a line.")
-    predict: bool = key(default=True, help="Whether it goes by where the target will be, or by the newest picture.")
-    pan: RuleBaseKeys | None = key(default=None, help="The rules by which a head turns.")
-    tilt: RuleBaseKeys | None = key(default=None, help="Those by which it looks up and down.")
-    base: RuleBaseKeys | None = key(default=None, help="Those by which a base turns that has a head.")
-    turn: RuleBaseKeys | None = key(default=None, help="Those by which a base without a head turns.")
+    controller: str = key(help="Name.")
+    summary: str = key(default="", help="Description in a line.")
+    predict: bool = key(default=True, help="Use the predicted position of the target, instead of the newest picture.")
+    pan: RuleBaseKeys | None = key(default=None, help="Rule base for the pan of a head.")
+    tilt: RuleBaseKeys | None = key(default=None, help="Rule base for the tilt of a head.")
+    base: RuleBaseKeys | None = key(default=None, help="Rule base for the base of a robot with a head.")
+    turn: RuleBaseKeys | None = key(default=None, help="Rule base for the base of a robot without a head.")
 
 
 @dataclass(frozen=True, slots=True)
 class ControllerConfig:
-    """A controller: its rule bases by name as plain values, every quantity an SI float, every rule as written."""
+    """Controller: rule bases by name as plain values, with quantities as SI floats and rules as written."""
 
     name: str
     summary: str
@@ -86,7 +86,7 @@ class ControllerConfig:
 
 @dataclass(frozen=True, slots=True)
 class TunableNumber:
-    """A number in a controller file: under which keys and at which ``mark`` it stands, in the unit written there."""
+    """Number in a controller file with its keys, its position ``mark``, and its unit as written."""
 
     keys: tuple[str, ...]
     mark: Mark
@@ -95,12 +95,12 @@ class TunableNumber:
 
 
 def load_controller(path: Path) -> ControllerConfig:
-    """Read a controller file. Raises InvalidFileError when it is none; what its rules mean, the controller checks."""
+    """Read a controller file. Raises InvalidFileError; the rules are checked by the controller, not here."""
     return parse_controller(read_source(path))
 
 
 def parse_controller(source: SourceText) -> ControllerConfig:
-    """Read the text of a controller file. Raises as ``load_controller``."""
+    """Return the controller in a text. Raises as ``load_controller``."""
     fields = fields_of(source, subject="a controller file")
     told = read_keys(fields, ControllerFileKeys)
     values = {key.text: _plain(node) for key, node in fields.entries() if key.text not in DESCRIPTION_KEYS}
@@ -110,7 +110,7 @@ def parse_controller(source: SourceText) -> ControllerConfig:
 
 
 def tunable_numbers(source: SourceText) -> list[TunableNumber]:
-    """Return the numbers of the rule bases, each once. Raises InvalidFileError for a file that cannot be read."""
+    """Return the numbers of the rule bases, each once. Raises InvalidFileError."""
     found: dict[Mark, TunableNumber] = {}
     for figure in _tunable_numbers(compose(source), ()):
         found.setdefault(figure.mark, figure)  # what an alias repeats stands where it was written first
@@ -118,7 +118,7 @@ def tunable_numbers(source: SourceText) -> list[TunableNumber]:
 
 
 def replace_words(source: SourceText, changes: Mapping[Mark, str]) -> str:
-    """Return the text of a file with other words at some marks; all else stays as it is, comments too."""
+    """Return the text of a file with other words at some marks; everything else, comments too, is unchanged."""
     lines = source.text.splitlines(keepends=True)
     for mark, word in sorted(changes.items(), reverse=True):
         line, start = lines[mark.line - 1], mark.column - 1
@@ -127,7 +127,7 @@ def replace_words(source: SourceText, changes: Mapping[Mark, str]) -> str:
 
 
 def name_changes(source: SourceText, name: str, summary: str) -> dict[Mark, str]:
-    """Return the changes that give the controller of a file another name and summary, where they fill no more lines."""
+    """Return the changes that set name and summary of a controller file, if they fit on their lines."""
     top, changes = compose(source), dict[Mark, str]()
     for word, text in zip(DESCRIPTION_KEYS, (name, summary), strict=True):
         node = top.get(word) if isinstance(top, yaml_nodes.Mapping) else None

@@ -1,4 +1,4 @@
-"""What a user wants where a command names nothing: one file, ``~/.config/missiontree/defaults.yaml``."""
+"""User defaults for commands, in ``~/.config/missiontree/defaults.yaml``."""
 
 import os
 from collections.abc import Mapping
@@ -18,13 +18,13 @@ HEADING = "# What `mission` takes where a command names nothing; docs/robots.md 
 
 @keys
 class DefaultsKeys:
-    """The keys of the file of defaults."""
+    """Keys of the defaults file."""
 
     robot: str = key(
         default="",
         help="This computer's robot, a name or a file: `--robot mine` moves it, other commands simulate it.",
     )
-    world: str = key(default="", help="The world in which commands simulate, a name or a file.")
+    world: str = key(default="", help="World of simulations, a name or a file.")
     folders: tuple[str, ...] = key(
         default=(),
         help="Folders of yours with `robots/`, `worlds/`, `missions/`, `gestures/`, `controllers/` or `objects/`: "
@@ -32,18 +32,18 @@ class DefaultsKeys:
     )
     record: bool = key(
         default=True,
-        help="Whether runs on a robot, and those from the studio, are recorded where nothing else is said.",
+        help="Record runs on a robot, and runs from the studio, by default.",
     )
 
 
 def home_folder() -> Path:
-    """Return the user's home; for a user without one, as in a container, a folder that does not exist."""
+    """Return the user's home, or a folder that does not exist for a user without one, as in a container."""
     found = Path(os.environ.get("HOME") or _registered_home())
     return found if found.is_absolute() else Path("/nonexistent")
 
 
 def _registered_home() -> str:
-    """Return the home of the user by the system's list of users, if it is there."""
+    """Return the home of the user from the system's user database, or an empty text."""
     import pwd  # noqa: PLC0415 - Python in a browser has no list, but HOME
 
     try:
@@ -53,13 +53,13 @@ def _registered_home() -> str:
 
 
 def config_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Return where the user's own files are, as the XDG base directory specification says."""
+    """Return the folder of the user's own files, following the XDG base directory specification."""
     named = environment.get("XDG_CONFIG_HOME", "")
     return (Path(named) if Path(named).is_absolute() else home_folder() / ".config") / "missiontree"
 
 
 def load_defaults() -> DefaultsKeys:
-    """Return the user's defaults; without the file, none. Raises InvalidFileError with every mistake in it."""
+    """Return the user's defaults; empty without the file. Raises InvalidFileError with all errors."""
     path = config_folder() / DEFAULTS_FILE
     if not path.is_file():
         return DefaultsKeys()
@@ -74,7 +74,7 @@ def load_defaults() -> DefaultsKeys:
 
 
 def set_default(word: str, value: str) -> Path:
-    """Write one default into the file, whose other lines stay. Raises InvalidFileError, NotEditableError, OSError."""
+    """Set a default in the file; other lines stay. Raises InvalidFileError, NotEditableError, OSError."""
     from config.yaml_edit import rewrite, with_value  # noqa: PLC0415 - most commands write no defaults
 
     load_defaults()
@@ -91,7 +91,7 @@ def set_default(word: str, value: str) -> Path:
 
 
 def remove_default(word: str) -> Path:
-    """Remove one default from the file, whose other lines stay; return the file.
+    """Remove a default from the file; other lines stay. Return the file.
 
     Raises InvalidFileError, NotEditableError, OSError.
     """
@@ -103,12 +103,12 @@ def remove_default(word: str) -> Path:
 
 
 def missing_folders() -> list[str]:
-    """Return the ``folders`` that are not there: nothing is found in them."""
+    """Return the ``folders`` of the defaults that do not exist."""
     return [each for each in load_defaults().folders if not Path(each).expanduser().is_dir()]
 
 
 def unreadable_folders(kind: str) -> list[str]:
-    """Return the user's own folders for files of a kind that are there and cannot be read, each with the reason."""
+    """Return the user's folders for files of a kind that exist but cannot be read, with the reason."""
     found = list[str]()
     for folder in _folders(kind):
         try:
@@ -121,14 +121,14 @@ def unreadable_folders(kind: str) -> list[str]:
 
 
 def _folders(kind: str) -> list[Path]:
-    """Return the user's own folders for files of a kind, whether they are there or not."""
+    """Return the user's folders for files of a kind, existing or not."""
     return [each / kind for each in (config_folder(), *(Path(each).expanduser() for each in load_defaults().folders))]
 
 
 def user_files(kind: str) -> dict[str, Path]:
-    """Return the user's own files of a kind by name: those beside the defaults, then those in their ``folders``.
+    """Return the user's own files of a kind by name: those beside the defaults, then those in ``folders``.
 
-    A folder that cannot be read holds none; ``unreadable_folders`` names it.
+    Unreadable folders are skipped; ``unreadable_folders`` lists them.
     """
     found: list[Path] = []
     for folder in _folders(kind):
@@ -138,5 +138,5 @@ def user_files(kind: str) -> dict[str, Path]:
 
 
 def _has_content(text: str) -> bool:
-    """Say whether a text holds more than comments."""
+    """Return True if a text has more than comments."""
     return any(line.strip() and not line.lstrip().startswith("#") for line in text.splitlines())

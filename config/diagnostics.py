@@ -1,4 +1,4 @@
-"""Mistakes in a file, each at its line and column, all reported in one go."""
+"""Diagnostics: errors in a file with line and column, all reported together, with suggestions."""
 
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -9,18 +9,18 @@ from unicodedata import combining, east_asian_width
 from drivers.api.secrets import without_secrets
 
 SHORT_WORD_LENGTH = 5
-"""Letters of a word in which only one slip is taken for one."""
+"""Length up to which a word must be one edit away (or a prefix) for a suggestion."""
 
 SMART_QUOTES = re.compile("[\u201c-\u201f\u00ab\u00bb]|^[\u2018-\u201b]|[\u2018-\u201b]$")
 ODD_SPACES = re.compile("[\u00a0\u2007\u202f\u3000\u200b\ufeff]")
 
 MAX_DIAGNOSTICS = 100
-"""A file with more mistakes than this is no file of the kind: reading stops there."""
+"""Number of errors at which reading stops, since the file is probably of another kind."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class Mark:
-    """A place in a file: ``line`` and ``column`` count from 1; ``length`` is how many characters to underline."""
+    """Position in a file: ``line`` and ``column`` count from 1; ``length`` is the number of characters to underline."""
 
     line: int = 1
     column: int = 1
@@ -29,13 +29,13 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class SourceText:
-    """A file's name, as the user gave it, and its text."""
+    """Name of a file, as given by the user, and its text."""
 
     name: str
     text: str
 
     def line(self, number: int) -> str:
-        """Return line ``number`` (from 1) without its end; empty past the last."""
+        """Return line ``number`` (from 1) without its end, or an empty text past the last line."""
         lines = self.text.splitlines()
         return lines[number - 1] if 0 < number <= len(lines) else ""
 
@@ -48,9 +48,10 @@ def mark_at(text: str, position: int) -> Mark:
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One mistake: where it is, what is wrong, and what to write instead where that is known.
+    """Error in a file: position, message, and a suggestion if there is one.
 
-    ``repaired_lines`` are the lines that are read otherwise than they are written because of it: nothing else is told of them.
+    ``repaired_lines`` are lines that the parser read differently because of this error; further errors in them are
+    dropped.
     """
 
     source: SourceText
@@ -65,7 +66,7 @@ class Diagnostic:
 
     @property
     def place(self) -> str:
-        """``FILE:LINE:COLUMN``, as editors and terminals make it a link."""
+        """Position as ``FILE:LINE:COLUMN``, which editors and terminals turn into a link."""
         return f"{self.source.name}:{self.mark.line}:{self.mark.column}"
 
     def __str__(self) -> str:
@@ -75,7 +76,7 @@ class Diagnostic:
         return "\n".join(lines)
 
     def _excerpt(self) -> list[str]:
-        """The line with carets under the mistake; of a long line, the piece around it."""
+        """Return the line with carets under the error; only a part of a long line."""
         line = without_secrets(self.source.line(self.mark.line).rstrip(), aligned=True)
         if not line:
             return []
@@ -91,11 +92,11 @@ class Diagnostic:
 
 
 class InvalidInputError(ValueError):
-    """Input of the user that cannot be used: ``mission`` prints the message, and exits with 2."""
+    """Unusable input of the user: ``mission`` prints the message and exits with 2."""
 
 
 class InvalidFileError(InvalidInputError):
-    """A file that cannot be used; ``diagnostics`` holds every mistake in it (MAX_FAULTS at most), in the file's order."""
+    """Unusable file; ``diagnostics`` are all errors (MAX_DIAGNOSTICS at most), in the order of the file."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         # What an alias repeats is one mistake, not two.
@@ -105,7 +106,7 @@ class InvalidFileError(InvalidInputError):
 
 
 def add_diagnostic(diagnostics: list[Diagnostic], diagnostic: Diagnostic) -> None:
-    """Add one mistake. Raises InvalidFileError with all of them once there are MAX_FAULTS."""
+    """Add an error. Raises InvalidFileError with all errors at MAX_DIAGNOSTICS."""
     if any(
         diagnostic.mark.line in other.repaired_lines and diagnostic.source.name == other.source.name
         for other in diagnostics
@@ -121,7 +122,7 @@ def add_diagnostic(diagnostics: list[Diagnostic], diagnostic: Diagnostic) -> Non
 
 
 def _word_processor_hint(fault: Diagnostic) -> str:
-    """Say what to write for signs of a word processor in what a mistake marks; nothing where there are none."""
+    """Return a hint if the error marks a typographic quote or an unusual space, else an empty text."""
     begin = fault.mark.column - 1
     marked = fault.source.line(fault.mark.line)[begin : begin + fault.mark.length]
     if (quote := SMART_QUOTES.search(marked)) is not None:
@@ -132,10 +133,10 @@ def _word_processor_hint(fault: Diagnostic) -> str:
 
 
 def closest(word: str, known: Iterable[str]) -> str:
-    """Return the known word that may be meant by ``word``, or the empty string.
+    """Return the known word that is closest to ``word``, or an empty text.
 
-    A short word has to be its beginning, or one slip away: of "dance", "race" has more than half the letters. Where
-    that is the opposite of ``word``, nothing is meant.
+    A short word must be a prefix, or one edit away: "race" shares more than half its letters with "dance". Opposites of
+    ``word`` are never suggested.
     """
     spelt = {each.lower(): each for each in known}
     meant = word.lower()
@@ -186,7 +187,7 @@ OPPOSITES = [
 
 
 def are_opposites(word: str, other: str) -> bool:
-    """Say whether two words differ by a negation, or by parts that are opposites: "undocked" and "docked"."""
+    """Return True if two words differ by a negation, or in parts that are opposites: "undocked" and "docked"."""
     parts, others = ([part for part in re.split(r"[\W_]+", each) if part] for each in (word, other))
     here, there = (set(a) - set(b) for a, b in ((parts, others), (others, parts)))
     if (here | there) & NEGATIONS:
@@ -197,13 +198,13 @@ def are_opposites(word: str, other: str) -> bool:
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return "did you mean 'x'?" for the known word that is closest, or the empty string."""
+    """Return "did you mean 'x'?" for the closest known word, or an empty text."""
     close = closest(word, known)
     return f"did you mean '{close}'?" if close else ""
 
 
 def is_one_edit(word: str, other: str) -> bool:
-    """Say whether one letter more, less or in the place of another makes ``other``, or two that change places."""
+    """Return True if inserting, deleting, replacing or swapping one letter turns ``word`` into ``other``."""
     same = next((at for at, (a, b) in enumerate(zip(word, other, strict=False)) if a != b), min(len(word), len(other)))
     word, other = word[same:], other[same:]
     swapped = word[:2] == other[1::-1] and word[2:] == other[2:]
@@ -211,13 +212,13 @@ def is_one_edit(word: str, other: str) -> bool:
 
 
 def suggest_from(word: str, known: Iterable[str]) -> str:
-    """Return the closest known word as a question, or the list of all that would be right."""
+    """Return the closest known word as a question, or the list of all known words."""
     words = sorted(set(known))
     return did_you_mean(word, words) or (f"known are: {', '.join(words)}" if words else "")
 
 
 def _width(text: str) -> int:
-    """Return how many columns of a terminal ``text`` takes."""
+    """Return the width of ``text`` in terminal columns."""
     return sum(0 if combining(c) else 2 if east_asian_width(c) in "WF" else 1 for c in text)
 
 
@@ -271,7 +272,7 @@ KEY_SYNONYMS: Mapping[str, str] = {
     "cases": "scenarios",
     "behaviours": "behaviors leaves plugins",
 }
-"""Our keys of files, each with what others call it. A word that a section knows itself is never taken for another."""
+"""Our keys with the names that other programs use. A key that the section has itself is never replaced."""
 
 
 def to_snake_case(word: str) -> str:
@@ -281,13 +282,13 @@ def to_snake_case(word: str) -> str:
 
 
 def own_words_for(word: str, table: Mapping[str, str], known: Iterable[str]) -> list[str]:
-    """Return what ``word`` is called here: those of ``known`` for which the table has it, in the table's order."""
+    """Return our names for ``word``: those of ``known`` for which the table has it, in the table's order."""
     known, word = set(known), to_snake_case(word)
     return [ours for ours, theirs in table.items() if key_of(ours) in known and word in theirs.split()]
 
 
 def suggest_key(word: str, known: Collection[str], table: Mapping[str, str] = KEY_SYNONYMS) -> str:
-    """Say which key may be meant by ``word``: what it is called here, else the closest, else all there are."""
+    """Return a suggestion for an unknown key: our name for it, else the closest key, else all keys."""
     if to_snake_case(word) in known:
         return f"did you mean '{to_snake_case(word)}'?"
     ours = own_words_for(word, table, known)
@@ -300,5 +301,5 @@ def alternatives_text(words: Iterable[str]) -> str:
 
 
 def key_of(ours: str) -> str:
-    """Return the word itself of ours with a value, such as ``invert: true``."""
+    """Return the key of an entry with a value, such as ``invert: true``."""
     return ours.partition(":")[0]

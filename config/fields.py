@@ -1,4 +1,4 @@
-"""Reading one mapping of a file, key by key, and noting everything that is wrong with it."""
+"""Reader of one mapping of a file, key by key, that collects all errors."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -18,10 +18,10 @@ from config.yaml_nodes import Listing, Mapping, Node, Scalar, compose, read_sour
 
 
 class Fields:
-    """The keys of one mapping, for whoever reads declared keys (``config.section_reader``).
+    """Keys of one mapping, for ``config.section_reader``.
 
-    Call ``report_unknown_keys`` at the end: keys that nobody asked for are faults too. Faults gather in the list that all sections of
-    a file share; ``wrong_places`` is where to note which keys are.
+    Call ``report_unknown_keys`` at the end. All sections of a file share the list ``diagnostics``; ``wrong_places`` are
+    the paths of invalid values.
     """
 
     def __init__(
@@ -46,12 +46,12 @@ class Fields:
             self.add_error(node.mark, f"{subject} must be a mapping of keys to values, such as 'name: value'", hint)
 
     def add_error(self, mark: Mark, message: str, suggestion: str = "", *, sure: bool = False) -> None:
-        """Note a mistake; where a line of the file could not be read, only what is ``sure`` whatever stood there."""
+        """Add an error. After an unreadable line, only errors that are ``sure`` are added."""
         if sure or not self.torn:
             add_diagnostic(self.diagnostics, Diagnostic(self.source, mark, message, suggestion))
 
     def node_of(self, key: str, *, required: bool = False, hint: str = "") -> Node | None:
-        """Return the node of ``key``, None where it is missing; ``hint`` says what to write where it is required."""
+        """Return the node of ``key``, or None; a missing ``required`` key is an error with ``hint``."""
         self._known.add(key)
         found = self.node.get(key) if isinstance(self.node, Mapping) else None
         if found is None and required and isinstance(self.node, Mapping):
@@ -62,7 +62,7 @@ class Fields:
     def measure(
         self, node: Node, key: str, dimension: str, *, low: float | None = None, high: float | None = None
     ) -> float:
-        """Return the quantity that ``node`` holds, between ``low`` and ``high`` (all SI); 0 for another value."""
+        """Return the quantity in ``node`` in SI units, clamped to ``low`` and ``high`` (SI); 0 for an invalid value."""
         try:
             value = si_value(value_of(node), dimension)
         except ValueError as error:
@@ -79,7 +79,7 @@ class Fields:
         high: float | None,
         show: Callable[[float], str] = str,
     ) -> float:
-        """Return a number, or the bound that it is beyond, which is noted."""
+        """Return ``value`` clamped to the bounds, with an error if it exceeds one."""
         if low is not None and value < low:
             self.add_error(mark, f"'{key}' must be at least {show(low)}")
             return low
@@ -89,7 +89,7 @@ class Fields:
         return value
 
     def section(self, key: str, *, hint: str = "") -> "Fields | None":
-        """Return the mapping under ``key``; ``hint`` says what to write where it is none."""
+        """Return the mapping under ``key``, or None; ``hint`` is the suggestion if the value is not a mapping."""
         node = self.node_of(key)
         what = f"'{key}'"
         return (
@@ -99,14 +99,14 @@ class Fields:
         )
 
     def entries(self) -> Iterator[tuple[Scalar, Node]]:
-        """Every key with its node, for a mapping whose keys are names that the file chooses."""
+        """Yield all keys with their nodes, for a mapping with freely chosen names."""
         if isinstance(self.node, Mapping):
             for key, value in self.node.entries:
                 self._known.add(key.text)
                 yield key, value
 
     def report_unknown_keys(self, unknown: str = "") -> None:
-        """Note every key that nobody asked for; ``unknown`` is the message, with {} for the key."""
+        """Add an error for each key that was not read; ``unknown`` is the message, with {} for the key."""
         if not isinstance(self.node, Mapping):
             return
         for key, _ in self.node.entries:
@@ -119,17 +119,17 @@ class Fields:
 
 
 def value_of(node: Node) -> object:
-    """Return what a scalar means; an empty list or mapping stands for one."""
+    """Return the value of a scalar, or an empty list or dict for a sequence or mapping."""
     return node.value if isinstance(node, Scalar) else [] if isinstance(node, Listing) else {}
 
 
 def read_fields(path: Path, *, subject: str, name: str | None = None) -> Fields:
-    """Read a YAML file whose top is one mapping. Raises InvalidFileError when it is not."""
+    """Read a YAML file with a mapping at the top. Raises InvalidFileError otherwise."""
     return fields_of(read_source(path, name), subject=subject)
 
 
 def fields_of(source: SourceText, *, subject: str) -> Fields:
-    """Read a text in YAML whose top is one mapping. Raises InvalidFileError when it is not."""
+    """Read a YAML text with a mapping at the top. Raises InvalidFileError otherwise."""
     faults: list[Diagnostic] = []
     fields = Fields(source, compose(source, faults), faults, subject=subject)
     if not isinstance(fields.node, Mapping):

@@ -1,7 +1,7 @@
-"""How files are read: regular ones alone, and noted for who keeps a record of what a run was made of.
+"""File access: regular files only, atomic replacement, and a record of all files that a run has read.
 
-What is read lies deep inside of what asks for it: a mission names a mission that names a gesture that names a sheet. So
-nobody hands a list down; who wants to know listens around the whole, in its own thread and task.
+Files are read deep inside nested calls: a mission names a mission, which names a gesture, which names a sheet. So a
+context variable of the thread or task collects them.
 """
 
 import errno
@@ -19,15 +19,15 @@ from typing import Any, BinaryIO
 # Files that are written whole or not at all: a full disk, a power cut or Ctrl-C leaves the file that was there.
 
 PRIVATE_MODE = 0o600
-"""The mode of a file that only its owner can read."""
+"""Mode of a file that only its owner can read."""
 
 
 @contextmanager
 def replace_file(path: Path, mode: int | None = None, *, durable: bool = True) -> Iterator[BinaryIO]:
-    """Open a file that takes the place of ``path`` once all of it is on the disk; links are followed.
+    """Open a file that replaces ``path`` when all of it is on the disk; symbolic links are followed.
 
-    ``mode`` None keeps that of the file that is there, or takes that of any new file. What is no regular file, such as
-    a pipe, is written as it is. Not ``durable``, it may be empty after a power cut. Raises OSError.
+    With ``mode`` None, the file keeps the mode of the old one, or gets that of a new file. Anything but a regular file,
+    such as a pipe, is written directly. Without ``durable``, the file may be empty after a power cut. Raises OSError.
     """
     target = Path(os.path.realpath(path))
     if target.exists() and not target.is_file():
@@ -57,13 +57,13 @@ def replace_file(path: Path, mode: int | None = None, *, durable: bool = True) -
 
 
 def save_file(path: Path, data: bytes | str, mode: int | None = None, *, durable: bool = True) -> None:
-    """Write a file as ``replace_file`` does, text as UTF-8. Raises OSError."""
+    """Write a file with ``replace_file``; text is encoded as UTF-8. Raises OSError."""
     with replace_file(path, mode, durable=durable) as file:
         file.write(data.encode(errors="backslashreplace") if isinstance(data, str) else data)
 
 
 def sync_folder(folder: Path) -> None:
-    """Wait until the names of files in a folder are on the disk. Raises OSError."""
+    """Wait until the directory entries of a folder are on the disk. Raises OSError."""
     number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(number)
@@ -75,7 +75,7 @@ def sync_folder(folder: Path) -> None:
 
 
 def _mode_of(path: Path) -> int:
-    """Return the mode of a file; that of a new one where there is none."""
+    """Return the mode of a file, or the mode that a new file gets."""
     if path.exists():
         return path.stat().st_mode
     # os.umask can only be asked by setting it, which a file of another thread would feel.
@@ -91,7 +91,7 @@ _READ_FILES: ContextVar[dict[Path, bytes] | None] = ContextVar("read", default=N
 
 @contextmanager
 def collect_read_files() -> Iterator[Mapping[Path, bytes]]:
-    """Collect every file that is read within, by its whole path, with its bytes as they were then."""
+    """Collect all files that are read within the context, by resolved path, with their bytes."""
     files: dict[Path, bytes] = {}
     token = _READ_FILES.set(files)
     try:
@@ -101,22 +101,22 @@ def collect_read_files() -> Iterator[Mapping[Path, bytes]]:
 
 
 def record_read(path: Path, data: bytes | None = None) -> None:
-    """Note that a file was read, where somebody collects; without ``data``, its bytes are read here. Raises OSError."""
+    """Record that a file was read, if a collector is active; without ``data`` the file is read here. Raises OSError."""
     files = _READ_FILES.get()
     if files is not None:
         files[path.resolve()] = path.read_bytes() if data is None else data
 
 
 def open_regular(path: Path) -> BinaryIO:
-    """Open a regular file to read its bytes. Raises OSError, also for a pipe, a socket or a device.
+    """Open a regular file for reading bytes. Raises OSError, also for a pipe, a socket or a device.
 
-    Those are not even opened: a pipe would be waited for, and a serial port or a watchdog timer takes notice.
+    Other files are not even opened: a pipe could block, and a serial port or watchdog timer reacts to it.
     """
     return open(path, "rb", opener=_regular)
 
 
 def read_regular(path: Path, max_bytes: int) -> bytes:
-    """Return what a regular file of at most ``most`` bytes holds. Raises OSError, as ``open_regular`` does."""
+    """Return the content of a regular file of at most ``max_bytes`` bytes. Raises OSError as ``open_regular``."""
     with open_regular(path) as file:
         data = file.read(max_bytes + 1) or b""  # None where the kernel's own files have nothing yet
     if len(data) > max_bytes:
@@ -125,14 +125,14 @@ def read_regular(path: Path, max_bytes: int) -> bytes:
 
 
 def read_regular_text(path: Path, max_bytes: int = 1_000_000) -> str:
-    """Return the text of a small regular file. Raises OSError, as ``open_regular`` does, and UnicodeDecodeError."""
+    """Return the text of a small regular file. Raises OSError as ``open_regular``, and UnicodeDecodeError."""
     return read_regular(path, max_bytes).decode("utf-8")
 
 
 def parse_json(text: str | bytes, *, strict: bool = False) -> Any:
-    """Return the value of a JSON text. Raises ValueError, also for brackets that are nested too deep.
+    """Return the value of a JSON text. Raises ValueError, also for too deep nesting.
 
-    Where it is ``strict``, also for a member that is there twice: of these, Python keeps the last.
+    With ``strict``, duplicate members raise ValueError; Python alone keeps the last.
     """
     try:
         return json.loads(text, object_pairs_hook=_unique_members if strict else None)
@@ -150,7 +150,7 @@ def _unique_members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def parse_object(text: str | bytes) -> dict[str, Any]:
-    """Return the members of a JSON object. Raises ValueError, also for any other value."""
+    """Return the members of a JSON object. Raises ValueError, also for other values."""
     found = parse_json(text)
     if not isinstance(found, dict):
         raise ValueError(f"not an object but a {type(found).__name__}")
@@ -158,7 +158,7 @@ def parse_object(text: str | bytes) -> dict[str, Any]:
 
 
 def regular_opener(path: str, flags: int) -> int:
-    """Open a regular file, or one that is not there yet: an ``opener`` of ``open``. Raises OSError for any other."""
+    """Open a regular or new file; an ``opener`` for ``open``. Raises OSError for other files."""
     if not os.path.lexists(path):
         return os.open(path, flags | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
     return _regular(path, flags)

@@ -1,4 +1,4 @@
-"""The file of a fleet, ``~/.config/missiontree/fleet.yaml``: where its robots find each other, and by which keys."""
+"""Fleet file ``~/.config/missiontree/fleet.yaml``: endpoints and certificates of the fleet."""
 
 from collections.abc import Iterator
 from dataclasses import fields
@@ -16,31 +16,31 @@ from drivers.api.keys import KeyDiagnostic, key, keys
 FLEET_FILE = "fleet.yaml"
 
 DEFAULT_PORT = 7450
-"""Where the robots of one computer find each other, unless a file says otherwise."""
+"""Default port, for robots on one computer."""
 
 SECURE_PROTOCOLS = ("tls", "quic")
 
 
 @keys
 class FleetKeys:
-    """The keys of the file of a fleet."""
+    """Keys of the fleet file."""
 
-    fleet: str = key(default="home", help="The name of the fleet: robots of another one are not seen.")
+    fleet: str = key(default="home", help="Name of the fleet; robots of other fleets are not visible.")
     mode: Literal["peer", "client"] = key(
         default="peer",
-        help="`peer` speaks with each of the others directly; `client` through a Zenoh router, for more than twenty.",
+        help="`peer` connects to each of the others directly; `client` uses a Zenoh router, for more than twenty.",
     )
-    listen: tuple[str, ...] = key(default=(), help="Where others reach this computer: `tls/0.0.0.0:7450`.")
+    listen: tuple[str, ...] = key(default=(), help="Endpoints of this computer: `tls/0.0.0.0:7450`.")
     connect: tuple[str, ...] = key(
-        default=(), help="Where others are, any of them: `tls/anna.local:7450`. None of them has to be there."
+        default=(), help="Endpoints of others: `tls/anna.local:7450`. They need not be online."
     )
-    ca: str = key(default="", help="The certificate (PEM) that has signed those of all in the fleet.")
-    certificate: str = key(default="", help="This computer's certificate (PEM).")
-    private_key: str = key(default="", help="The private key (PEM) of that certificate.")
-    robots: tuple[str, ...] = key(default=(), help="The names of the robots, so that one that is missing is told of.")
+    ca: str = key(default="", help="Certificate (PEM) of the authority that signed the certificates of the fleet.")
+    certificate: str = key(default="", help="Certificate (PEM) of this computer.")
+    private_key: str = key(default="", help="Private key (PEM) of that certificate.")
+    robots: tuple[str, ...] = key(default=(), help="Names of the robots, so that missing robots are reported.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Find what would be open to a network without keys."""
+        """Yield endpoints that would be open to the network without certificates."""
         for word in ("listen", "connect"):
             for number, endpoint in enumerate(getattr(self, word)):
                 if why := refusal_reason(endpoint, certified=bool(self.ca and self.certificate and self.private_key)):
@@ -54,7 +54,7 @@ SECURE_ENDPOINT_HINT = (
 
 
 def refusal_reason(endpoint: str, *, certified: bool) -> str:
-    """Return why an endpoint is not used; nothing for one that is within this computer, or secured by keys."""
+    """Return why an endpoint is not used; empty for a loopback endpoint and for one secured by certificates."""
     protocol, slash, place = endpoint.partition("/")
     host, colon, port = place.partition("#")[0].rpartition(":")
     if not (slash and colon and host and port.isdecimal()) or protocol not in ("tcp", *SECURE_PROTOCOLS):
@@ -72,9 +72,9 @@ def _is_loopback(host: str) -> bool:
 
 
 def load_fleet(path: Path | None = None) -> FleetKeys:
-    """Return the fleet of the file at ``path``, or of the user's; without one, that of this computer alone.
+    """Return the fleet in the file at ``path``, or in the user's file; by default a fleet of this computer alone.
 
-    Files of keys that are named are found beside it. Raises InvalidFileError with every mistake.
+    Certificates are looked up beside the file. Raises InvalidFileError with all errors.
     """
     path = config_folder() / FLEET_FILE if path is None else path
     if not path.is_file():

@@ -1,4 +1,4 @@
-"""Files of other programs: what each is, told from its content, and what can be done with it here."""
+"""Recognition of files of other programs by their content, with the commands that can use them."""
 
 import json
 import re
@@ -9,15 +9,15 @@ from typing import Any, NamedTuple
 from config.file_io import open_regular, read_regular
 
 MAX_HEAD_BYTES = 65_536
-"""Bytes by which a file is recognised, unless it is JSON."""
+"""Number of bytes by which a file is recognised, except JSON."""
 
 MAX_JSON_BYTES = 20_000_000
 
 
 class ForeignFile(NamedTuple):
-    """What a file is, in words with an article, and what can be done with it, with {0} for its path.
+    """Recognised file: ``description`` with an article, and ``usage`` with {0} for its path.
 
-    ``form`` names what ``mission servo import`` or ``play`` reads; empty for all other files.
+    ``form`` is the format name for ``mission servo import`` or ``play``; empty for all other files.
     """
 
     description: str
@@ -95,7 +95,7 @@ OLD_LEROBOT_KEYS = frozenset({"motor_names", "homing_offset", "drive_mode", "sta
 
 
 def recognise_file(path: Path) -> ForeignFile | None:
-    """Return what a file of another program is; None for one that is not recognised, or cannot be read."""
+    """Return the description of a file of another program, or None if it is unknown or unreadable."""
     if path.is_dir():
         if (path / "meta" / "info.json").is_file():
             return ForeignFile("a LeRobot dataset", _DATASET)
@@ -118,9 +118,9 @@ def recognise_file(path: Path) -> ForeignFile | None:
 
 
 def read_plain_data(path: Path, beginning: str = "") -> Any:
-    """Return what a file in JSON or YAML holds, as Python's own values; None where it is neither.
+    """Return the data of a JSON or YAML file as plain Python values, or None.
 
-    Of lines of JSON the first one counts.
+    Of JSON lines, the first line is returned.
     """
     try:
         if (beginning or "{").lstrip().startswith(("{", "[")):
@@ -144,7 +144,7 @@ def read_plain_data(path: Path, beginning: str = "") -> Any:
 
 
 def _plain(node: Any) -> Any:
-    """Return a node of YAML as Python's own values."""
+    """Return a YAML node as plain Python values."""
     from config.yaml_nodes import Listing, Scalar  # noqa: PLC0415 - as above
 
     if isinstance(node, Scalar):
@@ -155,14 +155,14 @@ def _plain(node: Any) -> Any:
 
 
 def _recognise_data(data: Any) -> ForeignFile | None:
-    """Recognise what a file in JSON or YAML holds, by its keys."""
+    """Return the description of JSON or YAML data by its keys, or None."""
     if not isinstance(data, Mapping):
         return None
     return next((found for fits, found in _SHAPES if fits(data)), None)
 
 
 def _has(*keys: str) -> Callable[[Data], bool]:
-    """Return a test for a mapping with all these keys."""
+    """Return a test for mappings with all these keys."""
     return lambda data: {*keys} <= data.keys()
 
 
@@ -171,14 +171,14 @@ def _has_one(*keys: str) -> Callable[[Data], bool]:
 
 
 def _each_has(*keys: str) -> Callable[[Data], bool]:
-    """Return a test for a mapping of which every value is a mapping with all these keys."""
+    """Return a test for mappings whose values all are mappings with all these keys."""
     return lambda data: (
         bool(data) and all(isinstance(part, Mapping) and {*keys} <= part.keys() for part in data.values())
     )
 
 
 def _some_has(*keys: str) -> Callable[[Data], bool]:
-    """Return a test for a mapping of which some value is a mapping with one of these keys."""
+    """Return a test for mappings with some value that is a mapping with one of these keys."""
     return lambda data: any(isinstance(part, Mapping) and {*keys} & part.keys() for part in data.values())
 
 
@@ -192,7 +192,7 @@ def _is_arbotix(data: Data) -> bool:
 
 
 def _is_motion(data: Data) -> bool:
-    """Whether it is a movement as dynamixel_workbench has them."""
+    """Return True for a movement in the format of dynamixel_workbench."""
     return _within("joint", _has("names"))(data) and _within("motion", _has("names"))(data)
 
 

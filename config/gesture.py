@@ -1,16 +1,16 @@
-"""Gesture files: movements of the joints as keyframes, in quantities with units.
+"""Gesture files: keyframes of joint angles, and gait files.
 
-A few poses or hundreds of them, written by hand or by a recording, it is one form::
+A gesture has a few keyframes written by hand, or hundreds from a recording, in the same form::
 
     gesture: nod
     summary: Nod once.
-    interpolation: minimum_jerk      # rest at every keyframe, as when there is none; or `cubic`, or `linear`
+    interpolation: minimum_jerk      # default: rest at every keyframe; or `cubic`, or `linear`
     keyframes:
       - {at: 0.5 s, neck: 30 deg}
       - {at: 1 s, neck: 0 deg, waist: -5 deg}
 
-A joint that a keyframe does not name stays where the one before had it. With ``cubic`` the first one may be at 0 s:
-that is where the movement begins.
+A joint that a keyframe does not name keeps its angle. With ``cubic`` the first keyframe may be at 0 s, which is where
+the movement begins.
 """
 
 from collections.abc import Iterator, Mapping
@@ -39,7 +39,7 @@ from drivers.api.keys import KeyDiagnostic, key, keys
 
 
 def load_gait(path: Path) -> GaitKeys:
-    """Read a gait file. Raises InvalidFileError with every mistake in it."""
+    """Read a gait file. Raises InvalidFileError with all errors."""
     fields = fields_of(read_source(path), subject="a gait file")
     found = read_keys(fields, GaitKeys)
     if fields.diagnostics:
@@ -48,31 +48,31 @@ def load_gait(path: Path) -> GaitKeys:
 
 
 LimitsByJoint = Mapping[str, tuple[float, float]]
-"""The lower and the upper limit (rad) of every joint that there is."""
+"""Lower and upper limit (rad) by joint."""
 
 
 @keys
 class KeyframeKeys:
-    """A keyframe: where some joints are at a time."""
+    """Keys of a keyframe: joint angles at a time."""
 
-    at: float = key("duration", low=0.0, help="When, from the beginning of the gesture.")
-    joints: Mapping[str, float] = key("angle", rest=True, help="Where a joint is then, by its name.")
+    at: float = key("duration", low=0.0, help="Time from the beginning of the gesture.")
+    joints: Mapping[str, float] = key("angle", rest=True, help="Angle of a joint, by its name.")
 
 
 @keys
 class GestureKeys:
-    """The keys of a gesture file."""
+    """Keys of a gesture file."""
 
-    gesture: str = key(help="What it is called.")
-    summary: str = key(default="", help="What it is, in a line.")
+    gesture: str = key(help="Name.")
+    summary: str = key(default="", help="Description in a line.")
     interpolation: Interpolation = key(
         default="minimum_jerk",
-        help="`minimum_jerk` rests at every keyframe, `cubic` goes through them, `linear` goes straight to each.",
+        help="`minimum_jerk` rests at every keyframe, `cubic` passes through them smoothly, `linear` moves straight to each.",
     )
-    keyframes: tuple[KeyframeKeys, ...] = key(each="a keyframe", help="Where it goes, one after another.")
+    keyframes: tuple[KeyframeKeys, ...] = key(each="a keyframe", help="Keyframes in the order of time.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield keyframes that do not follow one another."""
+        """Yield keyframes that are not in the order of time."""
         if not self.keyframes:
             message, hint = "'keyframes' needs at least one keyframe", "such as {at: 1 s, elbow: 90 deg}"
             yield KeyDiagnostic(message, ("keyframes",), hint=hint)
@@ -85,7 +85,7 @@ class GestureKeys:
             before = frame.at
 
     def limit_mistakes(self, limits: LimitsByJoint) -> Iterator[KeyDiagnostic]:
-        """Yield angles that the joints of an arm do not have, and joints that it lacks."""
+        """Yield angles outside the joints' limits, and unknown joints."""
         for place, frame in enumerate(self.keyframes):
             for joint, angle in frame.joints.items():
                 at = ("keyframes", place, joint)
@@ -100,7 +100,7 @@ class GestureKeys:
 
 @dataclass(frozen=True, slots=True)
 class GestureConfig:
-    """A gesture: (seconds since its start, joint angles in radians) in rising order of time."""
+    """Gesture: keyframes of (seconds since the start, joint angles in radians) in rising order of time."""
 
     name: str
     summary: str
@@ -109,23 +109,23 @@ class GestureConfig:
 
     @property
     def joints(self) -> frozenset[str]:
-        """The joints that it moves."""
+        """Joints that the gesture moves."""
         return frozenset(joint for _, positions in self.keyframes for joint in positions)
 
     @property
     def movement(self) -> Gesture:
-        """The same, as behaviours take it."""
+        """Gesture in the type that behaviours use."""
         keyframes = tuple(Keyframe(time, positions) for time, positions in self.keyframes)
         return Gesture(self.name, self.summary, keyframes, self.interpolation)
 
 
 def load_gesture(path: Path, limits: LimitsByJoint | None = None) -> GestureConfig:
-    """Read a gesture file. Raises InvalidFileError with every mistake in it; with ``reaches``, of its angles too."""
+    """Read a gesture file. Raises InvalidFileError with all errors; with ``limits``, also of angles."""
     return parse_gesture(read_source(path), limits)
 
 
 def parse_gesture(source: SourceText, limits: LimitsByJoint | None = None) -> GestureConfig:
-    """Read the text of a gesture file. Raises as ``load_gesture`` does."""
+    """Return the gesture in a text. Raises as ``load_gesture``."""
     fields = fields_of(source, subject="a gesture file")
     found = read_keys(fields, GestureKeys)
     if limits is not None:
@@ -137,7 +137,7 @@ def parse_gesture(source: SourceText, limits: LimitsByJoint | None = None) -> Ge
 
 
 def limit_error(joint: str, angle: float, limits: tuple[float, float]) -> str:
-    """Say that ``angle`` is outside a joint's limits, a millionth of a radian allowed; empty where it is not."""
+    """Return the error if ``angle`` exceeds a joint's limits by more than a microradian, else an empty text."""
     if limits[0] - 1e-6 <= angle <= limits[1] + 1e-6:
         return ""
     lower, upper = (quantity_text(end, "angle") for end in limits)

@@ -1,7 +1,4 @@
-"""Where files are found: by name in the folders that ship with MissionTree and in the user's own, or by path.
-
-A file says by its keys what it is, a mission, a world, a robot; so people are told what to type for it.
-"""
+"""Lookup of files by name, in the folders that ship with MissionTree and in the user's own, or by path."""
 
 import os
 import re
@@ -16,37 +13,37 @@ from config.units import quoted_value, with_article
 HERE = Path(__file__).parent
 
 LISTED_KINDS = ("missions", "robots", "worlds", "gestures", "controllers", "objects")
-"""The kinds that `mission list` knows."""
+"""Kinds that `mission list` shows."""
 
 DEFAULT_ROBOT = "turtlebot2_arm"
 DEFAULT_WORLD = "living_room"
-"""The robot and the world that are meant where none is named."""
+"""Default robot and world of commands."""
 
 SUFFIXES = (".yaml", ".yml")
 
 SHEET_SUFFIXES = (".csv", ".xls", ".xlsx", ".ods")
-"""How the names of spreadsheets end, with moves or gaits in them."""
+"""Suffixes of spreadsheets with moves or gaits."""
 
 OWN_ROBOT = "mine"
-"""The name of this computer's own robot, whichever that is."""
+"""Name that stands for this computer's own robot."""
 
 MAX_LISTED_NAMES = 5
-"""So many names are told at most where there are more."""
+"""Maximum number of names in a suggestion."""
 
 
 class UnknownNameError(LookupError):
-    """A name that is neither a file of the kind nor in the library; the message says what is there."""
+    """Unknown name; the message lists suggestions."""
 
 
 def shipped_files(kind: str) -> dict[str, Path]:
-    """Return the files of one kind (``robots``, ``gestures``, ``worlds``, ``controllers``) by name."""
+    """Return the shipped files of a kind (``robots``, ``gestures``, ``worlds``, ``controllers``) by name."""
     return {path.stem: path for path in sorted((HERE / kind).glob("*.yaml"))}
 
 
 def find_file(kind: str, name: str, *, library: dict[str, Path] | None = None, folder: Path = Path()) -> Path:
-    """Return the file that ``name`` means: in the library, a path, which goes from ``folder``, or the user's own.
+    """Return the file for ``name``: in the library, as a path relative to ``folder``, or among the user's own.
 
-    Raises UnknownNameError with the file or the name that may be meant, or with what a file is that is of another kind.
+    Raises UnknownNameError with a suggestion, or with the kind of the file if it is the wrong one.
     """
     known = shipped_files(kind) if library is None else library
     if name in known:
@@ -73,7 +70,7 @@ def find_file(kind: str, name: str, *, library: dict[str, Path] | None = None, f
 
 
 def _hint(kind: str, folder: Path, name: str, known: Collection[str]) -> str:
-    """Say what may be meant by a name that leads to no file; empty where nothing is close."""
+    """Return a suggestion for an unknown name, or an empty text."""
     if Path(name).suffix in SUFFIXES:
         return (
             _similar_file(kind, folder, name)
@@ -86,7 +83,7 @@ def _hint(kind: str, folder: Path, name: str, known: Collection[str]) -> str:
 
 
 def _find_user_file(kind: str, name: str) -> Path | None:
-    """Return the user's own file that a name means, None where there is none. Raises UnknownNameError."""
+    """Return the user's own file of that name, or None. Raises UnknownNameError."""
     from config.defaults import DEFAULTS_FILE, config_folder, load_defaults, user_files  # noqa: PLC0415 - few names are not in the library
 
     if kind == "robots" and name == OWN_ROBOT:
@@ -103,7 +100,7 @@ def _find_user_file(kind: str, name: str) -> Path | None:
 
 
 def _missing_folder_notes(kind: str) -> list[str]:
-    """Say which folders of the user's are not there, or not readable: a name may have been one of a file in them."""
+    """Return notes on the user's folders that are missing or unreadable, since the name may have been in one."""
     from config.defaults import DEFAULTS_FILE, config_folder, missing_folders, unreadable_folders  # noqa: PLC0415 - rarely needed
 
     missing = missing_folders()
@@ -114,7 +111,7 @@ def _missing_folder_notes(kind: str) -> list[str]:
 
 
 def is_file(path: Path) -> bool:
-    """Say whether a file is there that can be asked for."""
+    """Return True if a path is an accessible regular file."""
     try:
         return path.is_file()
     except (OSError, ValueError):  # a name that is too long, a folder that may not be read, a zero in the name
@@ -122,7 +119,7 @@ def is_file(path: Path) -> bool:
 
 
 def _similar_file(kind: str, folder: Path, name: str) -> str:
-    """Say which file is meant by a name that leads to none: one with another ending, or in the folder of its kind."""
+    """Return a suggestion for a file with another suffix, or in the folder of its kind."""
     bare = name.removesuffix(".yaml").removesuffix(".yml")
     for there in [f"{inside}{bare}{suffix}" for inside in ("", f"{kind}/") for suffix in SUFFIXES if Path(bare).name]:
         if is_file(folder / there):
@@ -131,7 +128,7 @@ def _similar_file(kind: str, folder: Path, name: str) -> str:
 
 
 def _similar_spelling(kind: str, folder: Path, name: str) -> str:
-    """Ask for the file beside ``name`` that is spelt alike."""
+    """Return a suggestion for a file beside ``name`` with a similar name."""
     bare = name.removesuffix(".yaml").removesuffix(".yml")
     spelt = {each.stem: each.name for each in _neighbour_files(folder / name) if kind in kinds_of(each)}
     close = closest(Path(bare).name, spelt)
@@ -147,7 +144,7 @@ def _neighbour_files(path: Path) -> list[Path]:
 
 
 def _similar_name(kind: str, name: str, known: Collection[str]) -> str:
-    """Ask for the name in the library that is closest, or for those of which ``name`` is a part."""
+    """Return a suggestion for the closest name in the library, or for the names that contain ``name``."""
     if hint := did_you_mean(name, known):
         return hint
     holding = [each for each in known if len(name) > 2 and name.lower() in each.lower()]
@@ -173,7 +170,7 @@ KIND_KEYS: Mapping[str, str] = {
     "controller": "controllers",
     "object": "objects",
 }
-"""The key that each kind of file must have, and the kind."""
+"""Key that identifies each kind of file."""
 
 KIND_USES: Mapping[str, str] = {
     "missions": "mission run {0}",
@@ -186,24 +183,24 @@ KIND_USES: Mapping[str, str] = {
     "objects": "write `find_object: {0}` in a mission",
     "records": "mission record replay {0}",
 }
-"""The command, or the line of a mission, for a file of each kind."""
+"""Command, or line of a mission, that uses a file of each kind."""
 
 RECORD_MAGIC = b"\x89MCAP0"
-"""The first bytes of a record."""
+"""First bytes of a record."""
 
 MAX_HEAD_BYTES = 65_536
-"""Bytes in which the keys are looked for."""
+"""Number of bytes that are searched for keys."""
 
 
 MOVEMENT_FORMS = ("pypot", "motion", "roboplus")
-"""The forms of other programs' files that are movements."""
+"""Formats of other programs' movements."""
 
 CALIBRATION_FORMS = ("lerobot",)
-"""The forms of those that say how servos were calibrated."""
+"""Formats of other programs' servo calibrations."""
 
 
 def wrong_kind_error(expected: str, path: Path) -> str:
-    """Say what a file is where it is clearly of another kind than the one ``asked`` for; nothing where it may be."""
+    """Return the kind and usage of a file that is not of the ``expected`` kind, or an empty text."""
     found = kinds_of(path)
     if not found:
         return _foreign_file_error(expected, path)
@@ -214,7 +211,7 @@ def wrong_kind_error(expected: str, path: Path) -> str:
 
 
 def _foreign_file_error(expected: str, path: Path) -> str:
-    """Say what a file of another program is, and what can be done with it; nothing where it may be one of ours."""
+    """Return the description and usage of a file of another program, or an empty text if it may be one of ours."""
     from config.foreign_files import read_plain_data, recognise_file  # noqa: PLC0415 - most files are ours
 
     if path.suffix.lower() in SHEET_SUFFIXES:
@@ -237,7 +234,7 @@ def _foreign_file_error(expected: str, path: Path) -> str:
 
 
 def kinds_of(path: Path) -> list[str]:
-    """Return the kinds of which a file can be, by its keys in their order; none where it says nothing of that."""
+    """Return the possible kinds of a file by its top-level keys, in their order."""
     try:
         with open_regular(path) as file:
             data = file.read(MAX_HEAD_BYTES) or b""

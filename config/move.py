@@ -1,24 +1,4 @@
-"""Move files: how the columns of a spreadsheet become a movement of the joints.
-
-A row of the sheet is a moment. A joint's angle comes out of a column, or out of three points of a body: it is the angle
-at the middle one, 180 degrees where the three lie in a line. A point ``elbow`` is three columns, ``elbow_x``,
-``elbow_y`` and ``elbow_z``, all in one unit of length::
-
-    move: reach
-    summary: A reach, as a camera saw it.
-    sheet: reach.xlsx            # beside this file; .xls, .xlsx, .ods or .csv
-    tab: Sheet1                  # the first of the workbook, where it is not given
-    rate: 50 Hz                  # rows a second; not where there is a column `time` (s)
-    unit: deg                    # of the columns of joints: rad, where it is not given
-    dead_band: 0.3 deg           # smaller changes are no change: the step of the joint's servo, where it is not given
-    joints:
-      left_elbow: {column: L_ELBOW, sign: -1, offset: 90 deg}
-      right_elbow: {points: [right_shoulder, right_elbow, right_wrist], sign: -1, offset: 180 deg}
-      right_shoulder_roll: {points: [right_hip, right_shoulder, right_elbow], plane: yz}
-
-What a column or three points give is multiplied by ``sign``, then ``offset`` is added. ``plane`` looks at the points
-along the third axis, so that, say, only what lifts an arm sideways counts.
-"""
+"""Move files: how the columns of a spreadsheet become a movement of joints."""
 
 import re
 from collections.abc import Collection, Iterator, Mapping
@@ -32,15 +12,15 @@ from config.section_reader import add_mistakes, read_keys
 from drivers.api.keys import KeyDiagnostic, inside, key, keys
 
 Plane = Literal["xyz", "xy", "xz", "yz"]
-"""The axes that count."""
+"""Axes of the points that count."""
 
 POINTS_ERROR = "'{}' needs three points, such as [shoulder, elbow, wrist]"
-"""What is said of points that are not three."""
+"""Error message for a value that is not three points."""
 
 
 @dataclass(frozen=True, slots=True)
 class JointSource:
-    """Where a joint's angle comes from: from ``column``, or from three ``points``; times ``sign``, plus ``offset``."""
+    """Source of a joint's angle: a ``column``, or three ``points``; times ``sign``, plus ``offset``."""
 
     column: str = ""
     points: tuple[str, str, str] | None = None
@@ -50,7 +30,7 @@ class JointSource:
 
     @property
     def headings(self) -> list[str]:
-        """The columns that it is made of; of points, every axis that counts, one point after the other."""
+        """Columns of the source; for points, every axis that counts, point by point."""
         if self.points is None:
             return [self.column]
         return [f"{point}_{axis}" for point in self.points for axis in self.plane]
@@ -58,18 +38,18 @@ class JointSource:
 
 @keys
 class SourceKeys:
-    """Where a joint's angle comes from."""
+    """Keys of the source of a joint's angle."""
 
-    column: str | None = key(default=None, help="The column that it is.")
+    column: str | None = key(default=None, help="Column with the angle.")
     points: tuple[str, ...] | None = key(
-        default=None, wrong=POINTS_ERROR, help="Three points of a body: it is the angle at the middle one."
+        default=None, wrong=POINTS_ERROR, help="Three points of a body, for the angle at the middle one."
     )
-    plane: Plane | None = key(default=None, help="The axes of the points that count; all, if not given.")
-    sign: Literal["1", "-1"] = key(default="1", help="What it is multiplied by.")
-    offset: float = key("angle", default=0.0, help="What is added then.")
+    plane: Plane | None = key(default=None, help="Axes of the points that count; all by default.")
+    sign: Literal["1", "-1"] = key(default="1", help="Factor of the angle.")
+    offset: float = key("angle", default=0.0, help="Angle added after the factor.")
 
     def source(self) -> JointSource:
-        """Return where it comes from."""
+        """Return the source."""
         first, middle, last = self.points or ("", "", "")
         points = None if self.points is None else (first, middle, last)
         return JointSource(self.column or "", points, self.plane or "xyz", int(self.sign), self.offset)
@@ -77,23 +57,23 @@ class SourceKeys:
 
 @keys
 class MoveKeys:
-    """The keys of a move file."""
+    """Keys of a move file."""
 
-    move: str = key(help="What it is called.")
-    summary: str = key(default="", help="What it is, in a line.")
-    sheet: str = key(help="The spreadsheet beside this file: .xls, .xlsx, .ods or .csv.")
-    tab: str | None = key(default=None, help="The sheet of the workbook; the first, if not given.")
+    move: str = key(help="Name.")
+    summary: str = key(default="", help="Description in a line.")
+    sheet: str = key(help="Spreadsheet beside this file: .xls, .xlsx, .ods or .csv.")
+    tab: str | None = key(default=None, help="Sheet of the workbook; the first by default.")
     rate: float | None = key(
-        "frequency", default=None, low=1.0, high=1000.0, help="Rows a second; not where there is a column `time` (s)."
+        "frequency", default=None, low=1.0, high=1000.0, help="Rows per second, unless there is a column `time` (s)."
     )
-    unit: Literal["rad", "deg"] = key(default="rad", help="Of the columns of joints.")
+    unit: Literal["rad", "deg"] = key(default="rad", help="Unit of the joint columns.")
     dead_band: float | None = key(
-        "angle", default=None, low=0.0, help="Smaller changes are no change: the step of the servo, if not given."
+        "angle", default=None, low=0.0, help="Changes below this are ignored; by default the step of the servo."
     )
-    joints: Mapping[str, Annotated[SourceKeys, inside(each="joint")]] = key(help="The joints that it moves.")
+    joints: Mapping[str, Annotated[SourceKeys, inside(each="joint")]] = key(help="Joints of the movement.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield what moves nothing, and joints that come from nowhere, or from two."""
+        """Yield a missing joint, and joints with no source or with two."""
         if not self.joints:
             hint = "such as elbow: {column: elbow}"
             yield KeyDiagnostic("'joints' needs at least one joint", ("joints",), hint=hint, about=(("joints",),))
@@ -111,7 +91,7 @@ class MoveKeys:
                 )
 
     def unknown_joint_mistakes(self, joints: Collection[str]) -> Iterator[KeyDiagnostic]:
-        """Yield joints that the robot lacks."""
+        """Yield joints that the robot does not have."""
         for name in self.joints:
             if name not in joints:
                 at = ("joints", name)
@@ -127,7 +107,7 @@ class MoveKeys:
 
 @dataclass(frozen=True, slots=True)
 class MoveConfig:
-    """How a sheet becomes a movement. ``tab``, ``rate`` (Hz) and ``dead_band`` (rad) are None where not given."""
+    """Mapping from a sheet to a movement. ``tab``, ``rate`` (Hz) and ``dead_band`` (rad) are None by default."""
 
     name: str
     summary: str
@@ -140,14 +120,14 @@ class MoveConfig:
 
 
 def is_move(source: SourceText) -> bool:
-    """Say whether a text in YAML is a move file, rather than one of a gesture."""
+    """Return True if a YAML text is a move file rather than a gesture file."""
     return re.search(r"^(move|sheet)\s*:", source.text, re.MULTILINE) is not None
 
 
 def parse_move(source: SourceText, folder: Path, joints: Collection[str] | None = None) -> MoveConfig:
-    """Read the text of a move file that lies in ``folder``; with ``joints``, it can move none but these.
+    """Return the move in a text; its sheet is in ``folder``, and ``joints`` are the only permitted joints.
 
-    Raises InvalidFileError with every mistake in it.
+    Raises InvalidFileError with all errors.
     """
     fields = fields_of(source, subject="a move file")
     told = read_keys(fields, MoveKeys)

@@ -1,16 +1,4 @@
-"""The ``notices`` of a robot file: where it is told how tasks went.
-
-A list; each entry is one way::
-
-    notices:
-      - terminal
-      - command: [notify-send, Robot]
-      - webhook: {url: "https://example.org/robot", headers: {Authorization: ROBOT_TOKEN}}
-      - mqtt: {host: broker.local, topic: home/robot, user: robot, password: MQTT_PASSWORD}
-
-Secrets do not stand in files: the values of headers, and ``password``, are names of environment variables. Where the
-address is the secret, as with many chat services, ``url_from`` names the variable that holds it.
-"""
+"""Section ``notices`` of a robot file: channels for notices about tasks."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -24,22 +12,19 @@ from drivers.api.keys import KeyDiagnostic, ValueConstraints, inside, key, keys
 
 @dataclass(frozen=True, slots=True)
 class TerminalNotice:
-    """To the terminal of `mission task serve`."""
+    """Channel to the terminal of `mission task serve`."""
 
 
 @dataclass(frozen=True, slots=True)
 class CommandNotice:
-    """To a program, as JSON on its standard input. ``command`` is its name and arguments; no shell reads them."""
+    """Channel to a program, as JSON on its standard input. ``command`` is its argument list; no shell reads it."""
 
     command: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class WebhookNotice:
-    """To a web server, which gets JSON by POST; ``headers`` name the environment variables with their values.
-
-    Its address is ``url``, or what the environment variable ``url_from`` holds: one of the two is empty.
-    """
+    """Channel to a web server, as JSON by POST; ``headers`` name the environment variables with their values."""
 
     url: str = ""
     headers: Mapping[str, str] = field(default_factory=dict)
@@ -48,7 +33,7 @@ class WebhookNotice:
 
 @dataclass(frozen=True, slots=True)
 class MqttNotice:
-    """To a topic of an MQTT broker; ``password`` names the environment variable that holds it."""
+    """Channel to a topic of an MQTT broker; ``password`` names the environment variable that holds it."""
 
     host: str
     topic: str
@@ -66,17 +51,17 @@ NOTICE_KINDS: Mapping[str, type[NoticeConfig]] = {
     "webhook": WebhookNotice,
     "mqtt": MqttNotice,
 }
-"""The ways by their words."""
+"""Channel types by key."""
 
 
 def encode_notice(config: NoticeConfig) -> str:
-    """Return a way as one line of JSON, the same for the same way."""
+    """Return a channel as one line of JSON; equal channels give equal lines."""
     (kind,) = (word for word, each in NOTICE_KINDS.items() if type(config) is each)
     return json.dumps({kind: asdict(config)}, sort_keys=True)
 
 
 def decode_notice(text: str) -> NoticeConfig:
-    """Return the way that ``encode_notice`` wrote. Raises ValueError for what it never writes."""
+    """Return the channel that ``encode_notice`` wrote. Raises ValueError for other texts."""
     try:
         ((kind, values),) = json.loads(text).items()
         found = NOTICE_KINDS[kind](**values)
@@ -86,7 +71,7 @@ def decode_notice(text: str) -> NoticeConfig:
 
 
 def public_text(text: str) -> str:
-    """Return a way that ``encode_notice`` wrote as people may see it, without secrets; another text as it is."""
+    """Return an encoded channel as text without secrets; other texts are unchanged."""
     try:
         match decode_notice(text):
             case CommandNotice(command):
@@ -102,9 +87,9 @@ def public_text(text: str) -> str:
 
 
 def site_of(url: str) -> str:
-    """Return the part of an address that is no secret: scheme, host and port. Raises ValueError for one that is none.
+    """Return scheme, host and port of an address. Raises ValueError for an invalid address.
 
-    One with a user is none, for a password would stand in it; nor is one with letters that have to be escaped.
+    An address with a user is invalid, since it could hold a password, and so is one with characters that need escaping.
     """
     parts = urlsplit(url)
     letters = url.isascii() and url.isprintable() and " " not in url
@@ -121,31 +106,31 @@ def site_of(url: str) -> str:
 
 @keys
 class WebhookKeys:
-    """A web server: its address, or where that is found."""
+    """Keys of a web server: its address, or the variable that holds it."""
 
-    url: str = key(default="", help="Its address.")
-    url_from: str = key(default="", help="The environment variable that holds the address, where that is a secret.")
+    url: str = key(default="", help="Address.")
+    url_from: str = key(default="", help="Environment variable with the address, if it is secret.")
     headers: Mapping[str, str] = key(default={}, help="Headers, each with the environment variable of its value.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield no address, or two."""
+        """Yield a missing or a double address."""
         if bool(self.url) == bool(self.url_from):
             yield KeyDiagnostic("'webhook' needs either 'url' or 'url_from'", hint="url_from: ROBOT_URL")
 
 
 @keys
 class MqttKeys:
-    """A topic of an MQTT broker."""
+    """Keys of a topic of an MQTT broker."""
 
-    host: str = key(default="localhost", help="The broker.")
-    topic: str = key(default="missiontree/tasks", help="The topic.")
-    port: int | None = key(default=None, low=1, high=65535, help="Its port: 1883, with `tls` 8883, if not given.")
-    tls: bool = key(default=False, help="Whether it is spoken to by TLS.")
-    user: str = key(default="", help="The user's name there.")
-    password: str = key(default="", help="The environment variable that holds the password.")
+    host: str = key(default="localhost", help="Broker.")
+    topic: str = key(default="missiontree/tasks", help="Topic.")
+    port: int | None = key(default=None, low=1, high=65535, help="Port; by default 1883, or 8883 with `tls`.")
+    tls: bool = key(default=False, help="Connect with TLS.")
+    user: str = key(default="", help="User name.")
+    password: str = key(default="", help="Environment variable with the password.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a topic that is many, and a password of nobody."""
+        """Yield a topic with wildcards, and a password without a user."""
         if any(sign in self.topic for sign in "+#"):
             message = f"'topic' names one topic, without + and #: '{self.topic}'"
             yield KeyDiagnostic(message, ("topic",), hint="home/robot", about=(("topic",),))
@@ -160,23 +145,23 @@ _COMMAND = ValueConstraints(
 
 @keys
 class NoticeKeys:
-    """One way for notices to go."""
+    """Keys of one channel for notices."""
 
     unknown = "a notice cannot go by '{}'"
 
     command: Annotated[tuple[str, ...], _COMMAND] | None = key(
-        default=None, help="A program and its arguments, which gets them as JSON on its standard input."
+        default=None, help="Program and its arguments; it gets notices as JSON on its standard input."
     )
-    webhook: str | WebhookKeys | None = key(default=None, help="A web server, which gets them as JSON by POST.")
-    mqtt: MqttKeys | None = key(default=None, help="An MQTT broker.")
+    webhook: str | WebhookKeys | None = key(default=None, help="Web server; it gets notices as JSON by POST.")
+    mqtt: MqttKeys | None = key(default=None, help="MQTT broker.")
 
     @property
     def address(self) -> WebhookKeys | None:
-        """The web server."""
+        """Keys of the web server, or None."""
         return WebhookKeys(url=self.webhook) if isinstance(self.webhook, str) else self.webhook
 
     def config(self) -> NoticeConfig:
-        """Return the way."""
+        """Return the channel."""
         if self.command is not None:
             return CommandNotice(self.command)
         if (web := self.address) is not None:
@@ -186,7 +171,7 @@ class NoticeKeys:
         return MqttNotice(to.host, to.topic, port, to.tls, to.user, to.password)
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield no way, or two, a command without a program, and an address that is none."""
+        """Yield a missing or second channel, a command without a program, and an invalid address."""
         if [self.command, self.webhook, self.mqtt].count(None) != 2:
             yield KeyDiagnostic(NO_CHANNEL_ERROR, hint=CHANNELS_HINT)
         if self.command is not None and not "".join(self.command[:1]).strip():
@@ -208,9 +193,9 @@ NoticeEntry = (
     Annotated[Literal["terminal"], inside(wrong=NO_CHANNEL_ERROR, hint=CHANNELS_HINT)]
     | Annotated[NoticeKeys, inside(each="a notice")]
 )
-"""An entry of the list."""
+"""Entry of the list."""
 
 
 def notice_of(entry: Literal["terminal"] | NoticeKeys) -> NoticeConfig:
-    """Return the way that an entry tells."""
+    """Return the channel of an entry."""
     return TerminalNotice() if isinstance(entry, str) else entry.config()

@@ -1,4 +1,4 @@
-"""Objects to look for: a phrase such as "big red box", or a file that gives one its name, colour, shape and size."""
+"""Objects to look for: a phrase such as "big red box", or a file with name, colour, shape and size."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,7 @@ from config.units import quantity_text, quoted_value
 from drivers.api.keys import key, keys
 
 HUES = ("red", "orange", "yellow", "green", "blue", "purple", "pink")
-"""The colours by which things can be told from a room. Brown is that of wood and skin, the rest that of walls."""
+"""Colours that can be told from a room. Brown is that of wood and skin, the others are those of walls."""
 
 SHAPES = {
     "ball": "ball",
@@ -22,31 +22,31 @@ SHAPES = {
     "object": "thing",
     "thing": "thing",
 }
-"""What the words for shapes mean: round from every side, with straight edges, or either."""
+"""Shapes by word: round from every side, with straight edges, or either."""
 
 FORMS = {"round": "ball", "square": "box"}
-"""Words that say the shape before "object" or "thing"."""
+"""Shapes by adjective before "object" or "thing"."""
 
 SIZES = {"small": 0.1, "big": 0.3}
-"""What the words for sizes mean, in metres across: that of an apple, and that of a crate."""
+"""Sizes by word in metres across: that of an apple, and that of a crate."""
 
 PHRASE_EXAMPLES = "such as 'red ball', 'big blue box' or 'yellow round object'"
 
 
 @keys
 class ObjectKeys:
-    """The keys of an object file."""
+    """Keys of an object file."""
 
-    object: str = key(help="What it is called.")
-    summary: str = key(default="", help="What it is, in a line.")
-    colour: str = key(among=HUES, help="Its colour.")
-    shape: str = key(default="thing", among=("ball", "box", "thing"), help="Its shape; `thing` is either.")
-    size: float | None = key("length", default=None, low=0.02, high=2.0, help="Across, where that is known.")
+    object: str = key(help="Name.")
+    summary: str = key(default="", help="Description in a line.")
+    colour: str = key(among=HUES, help="Colour.")
+    shape: str = key(default="thing", among=("ball", "box", "thing"), help="Shape; `thing` is either.")
+    size: float | None = key("length", default=None, low=0.02, high=2.0, help="Diameter or width, if it is known.")
 
 
 @dataclass(frozen=True, slots=True)
 class ObjectConfig:
-    """What to look for: ``shape`` is "ball", "box" or "thing" (either); ``size`` metres across, None if not known."""
+    """Object to look for: ``shape`` is "ball", "box" or "thing" (either); ``size`` in metres, None if unknown."""
 
     name: str
     summary: str
@@ -56,7 +56,7 @@ class ObjectConfig:
 
 
 def load_object(path: Path) -> ObjectConfig:
-    """Read an object file. Raises InvalidFileError with every mistake in it."""
+    """Read an object file. Raises InvalidFileError with all errors."""
     fields = read_fields(path, subject="an object file")
     found = read_keys(fields, ObjectKeys)
     if fields.diagnostics:
@@ -65,7 +65,7 @@ def load_object(path: Path) -> ObjectConfig:
 
 
 def read_phrase(text: str) -> ObjectConfig:
-    """Read ``[small|big] COLOUR [round|square] [ball|box|object...]``. Raises ValueError for anything else."""
+    """Return the object of ``[small|big] COLOUR [round|square] [ball|box|object...]``. Raises ValueError otherwise."""
     words = text.lower().split()
     name = " ".join(words)
     size = SIZES[words.pop(0)] if words and words[0] in SIZES else None
@@ -85,7 +85,7 @@ def read_phrase(text: str) -> ObjectConfig:
 
 
 def _missing_colour_error(words: list[str], text: str) -> str:
-    """Say why there is no colour where one must be."""
+    """Return the error for a phrase without a usable colour."""
     if not words:
         return f"{quoted_value(text)}: which colour? {PHRASE_EXAMPLES}"
     if words[0] in COLOURS:

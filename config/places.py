@@ -1,4 +1,4 @@
-"""Places by name: a file of them for each robot that finds its way on a map."""
+"""Places file of a robot: named poses on its map."""
 
 import json
 import re
@@ -12,28 +12,28 @@ from config.section_reader import read_keys
 from drivers.api.keys import key, keys
 
 PLACE_NAME = re.compile(r"[\w-]([\w -]{0,38}[\w-])?")
-"""Names of places: letters, digits, `-`, `_`, and spaces between them."""
+"""Pattern of place names: letters, digits, `-`, `_`, and spaces between them."""
 
 
 @keys
 class PlaceKeys:
-    """A place on the map."""
+    """Keys of a place on the map."""
 
     x: float = key("length", help="Metres along the map's x.")
     y: float = key("length", help="Metres along the map's y.")
-    heading: float = key("angle", default=0.0, help="How to stand there, anticlockwise from the map's x.")
-    frame: str = key(default="map", help="The frame that this is in.")
+    heading: float = key("angle", default=0.0, help="Heading, anticlockwise from the map's x.")
+    frame: str = key(default="map", help="Frame of the coordinates.")
 
 
 @keys
 class PlacesKeys:
-    """The keys of a file of places."""
+    """Keys of a places file."""
 
-    places: Mapping[str, PlaceKeys] = key(default={}, help="The places by name.")
+    places: Mapping[str, PlaceKeys] = key(default={}, help="Places by name.")
 
 
 def load_places(path: Path) -> Mapping[str, PlaceKeys]:
-    """Read a file of places; none where there is no such file. Raises InvalidFileError with every mistake in it."""
+    """Read a places file; empty without the file. Raises InvalidFileError with all errors."""
     if not path.is_file():
         return {}
     fields = read_fields(path, subject="a file of places")
@@ -44,7 +44,7 @@ def load_places(path: Path) -> Mapping[str, PlaceKeys]:
 
 
 def places_text(places: Mapping[str, PlaceKeys]) -> str:
-    """Return the text of a file of places."""
+    """Return the text of a places file."""
     lines = ["places:" if places else "places: {}"]
     for name, it in sorted(places.items()):
         at = f"x: {it.x:.3f} m, y: {it.y:.3f} m, heading: {degrees(it.heading):.1f} deg"

@@ -1,8 +1,4 @@
-"""Robot files: which parts a robot has, by which drivers, where they are plugged in, how far and fast they may go.
-
-A part that the file does not name is a part that the robot does not have. What a section may hold, its driver declares:
-so readers are given the table of drivers. SI units and radians throughout.
-"""
+"""Robot files: parts, drivers, ports and limits of a robot."""
 
 import re
 from collections.abc import Mapping
@@ -27,32 +23,31 @@ from drivers.api.sensor_sections import CameraKeys, MicrophoneKeys
 K = TypeVar("K")
 
 PART_NAME = "[a-z][a-z0-9_]*"
-"""What a part under a name of its own may be called."""
+"""Pattern of part names."""
 
 
 @keys
 class RobotKeys:
-    """The keys of a robot file beside its parts."""
+    """Keys of a robot file apart from its parts."""
 
-    robot: str = key(help="What the robot is called.")
-    summary: str = key(default="", help="What it is, in a line.")
-    rate: float = key("frequency", default=20.0, low=1.0, high=200.0, help="How often its missions are ticked at most.")
+    robot: str = key(help="Name of the robot.")
+    summary: str = key(default="", help="Description in a line.")
+    rate: float = key("frequency", default=20.0, low=1.0, high=200.0, help="Maximum tick rate of missions.")
     sensor_timeout: float = key(
         "duration",
         default=5.0,
         low=0.5,
         high=600.0,
-        help="How long a mission waits for a sensor that does not report; then what depends on it fails.",
+        help="Maximum time that a mission waits for a sensor; then the behaviours that need it fail.",
     )
-    notices: tuple[NoticeEntry, ...] = key(default=(), help="Where it tells how tasks went, each a word or a section.")
+    notices: tuple[NoticeEntry, ...] = key(
+        default=(), help="Channels for notices about tasks, each a word or a section."
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """What a robot file says of one part: its driver, and the keys of that.
-
-    ``name`` is what the part is called, where that is not its kind.
-    """
+    """Section of a part: its driver, and the driver's keys."""
 
     driver: Driver
     keys: Any
@@ -60,16 +55,16 @@ class Section:
 
     @property
     def part(self) -> str:
-        """What the part is called."""
+        """Name of the part."""
         return self.name or self.driver.kind
 
 
 @dataclass(frozen=True, slots=True)
 class RobotConfig:
-    """A whole robot. ``rate`` is the ceiling of ticks per second; ``notices`` say where it is told how tasks went.
+    """Robot. ``rate`` is the maximum tick rate in Hz; ``notices`` are the channels for notices about tasks.
 
-    ``sensor_timeout`` (s) is how long a node may be suspended. ``sections`` are its parts by name: their kind, or a
-    name of its own for one more of a kind. The properties are the keys that every driver of a kind has.
+    ``sensor_timeout`` (s) is how long a node may be suspended. ``sections`` are the parts by name: the kind, or a name
+    of its own for an additional part of a kind. The properties have the keys that all drivers of a kind share.
     """
 
     name: str
@@ -82,81 +77,81 @@ class RobotConfig:
 
     @property
     def parts(self) -> frozenset[str]:
-        """The names of the parts that it has."""
+        """Names of the parts."""
         return frozenset(self.sections)
 
     @property
     def extra_parts(self) -> Mapping[str, str]:
-        """The kinds of further parts, by their own names."""
+        """Kinds of the additional parts by name."""
         return {name: section.driver.kind for name, section in self.sections.items() if section.name}
 
     def kind_of(self, part: str) -> PartKind:
-        """Return the kind of a part that it has."""
+        """Return the kind of a part."""
         return KINDS[self.sections[part].driver.kind]
 
     def keys(self, cls: type[K]) -> K | None:
-        """Return the keys of the part whose keys are of a class: of a kind (``ArmKeys``), or of one driver."""
+        """Return the first section's keys that are of a class: of a kind (``ArmKeys``), or of one driver."""
         return next((each.keys for each in self.sections.values() if isinstance(each.keys, cls)), None)
 
     def with_keys(self, part: str, keys: object) -> Self:
-        """Return the robot with other keys of a part that it has."""
+        """Return the robot with other keys for a part."""
         return replace(self, sections={**self.sections, part: replace(self.sections[part], keys=keys)})
 
     @property
     def base(self) -> BaseKeys | None:
-        """The section ``base``."""
+        """Section ``base``."""
         return self.keys(BaseKeys)
 
     @property
     def head(self) -> HeadKeys | None:
-        """The section ``head``, not those of other heads."""
+        """Section ``head``, not those of additional heads."""
         found = self.sections.get("head")
         return None if found is None else found.keys
 
     @property
     def arm(self) -> ArmKeys | None:
-        """The section ``arm``, not those of other arms."""
+        """Section ``arm``, not those of additional arms."""
         found = self.sections.get("arm")
         return None if found is None else found.keys
 
     @property
     def range(self) -> RangeKeys | None:
-        """The section ``range``."""
+        """Section ``range``."""
         return self.keys(RangeKeys)
 
     @property
     def has_range_guard(self) -> bool:
-        """Whether its base keeps away from what its range finder sees."""
+        """True if the base stops at obstacles that the range finder sees."""
         return self.range is not None and self.base is not None and self.base.has_range_guard
 
     @property
     def camera(self) -> CameraKeys | None:
-        """The section ``camera``."""
+        """Section ``camera``."""
         return self.keys(CameraKeys)
 
     @property
     def microphone(self) -> MicrophoneKeys | None:
-        """The section ``microphone``."""
+        """Section ``microphone``."""
         return self.keys(MicrophoneKeys)
 
     @property
     def voice(self) -> VoiceKeys | None:
-        """The section ``voice``."""
+        """Section ``voice``."""
         return self.keys(VoiceKeys)
 
     @property
     def screen(self) -> ScreenKeys | None:
-        """The section ``screen``."""
+        """Section ``screen``."""
         return self.keys(ScreenKeys)
 
 
 def load_robot(path: Path, drivers: DriverCatalogue) -> RobotConfig:
-    """Read a robot file. Raises InvalidFileError with every mistake in it."""
+    """Read a robot file. Raises InvalidFileError with all errors."""
     return parse_robot(read_source(path), drivers, path)
 
 
 def parse_robot(source: SourceText, drivers: DriverCatalogue, path: Path | None = None) -> RobotConfig:
-    """Read the text of a robot file. Raises InvalidFileError with every mistake in it."""
+    """Return the robot in a text. Raises InvalidFileError with all errors."""
     fields = fields_of(source, subject="a robot file")
     kinds = {**KINDS, **_named_parts(fields)}
     read = {name: fields.section(name, hint=_driver_alone(fields, name, kind, drivers)) for name, kind in kinds.items()}
@@ -175,14 +170,14 @@ def parse_robot(source: SourceText, drivers: DriverCatalogue, path: Path | None 
 
 
 def _driver_alone(fields: Fields, name: str, kind: PartKind, drivers: DriverCatalogue) -> str:
-    """Say what to write where the name of a driver stands in the place of a section."""
+    """Return a hint if the name of a driver is written in place of a section."""
     node = fields.node.get(name) if isinstance(fields.node, MarkedMapping) else None
     known = isinstance(node, Scalar) and node.text in drivers.names(kind.name)
     return f"write {name}: {{driver: {node.text}}}, with its other keys" if isinstance(node, Scalar) and known else ""
 
 
 def _named_parts(fields: Fields) -> dict[str, PartKind]:
-    """Return the parts under names of their own, each with its kind: the sections that say one."""
+    """Return the additional parts with their kind: the sections with a key ``kind``."""
     several = {kind.name: kind for kind in KINDS.values() if kind.allows_several}
     found: dict[str, PartKind] = {}
     for name, node in fields.node.entries if isinstance(fields.node, MarkedMapping) else ():
@@ -201,7 +196,7 @@ def _named_parts(fields: Fields) -> dict[str, PartKind]:
 
 
 def _read_section(fields: Fields, name: str, kind: PartKind, drivers: DriverCatalogue) -> Section | None:
-    """Read the section of a part, by the driver that it names."""
+    """Return the section of a part, read with the keys of its driver."""
     named = "" if name == kind.name else name
     if named:
         fields.node_of("kind")
@@ -210,7 +205,7 @@ def _read_section(fields: Fields, name: str, kind: PartKind, drivers: DriverCata
 
 
 def _find_driver(fields: Fields, kind: PartKind, drivers: DriverCatalogue) -> Driver | None:
-    """Return the driver that a section names; where that is none, the one that is meant most likely."""
+    """Return the driver that a section names, or the most similar one after an error."""
     node = fields.node_of("driver", required=not kind.default_driver, hint="`mission list drivers` has all")
     named = kind.default_driver if node is None else node.text if isinstance(node, Scalar) else ""
     mark = fields.node.mark if node is None else node.mark
@@ -230,7 +225,7 @@ def _find_driver(fields: Fields, kind: PartKind, drivers: DriverCatalogue) -> Dr
 
 
 def _check_together(read: Mapping[str, Fields | None], sections: Mapping[str, Section]) -> None:
-    """Note what is wrong with a section together with others."""
+    """Add errors between sections: shared ports, and the checks of drivers."""
     keys = {kind: section.keys for kind, section in sections.items()}
     ports: dict[str, str] = {}
     for kind, section in sections.items():

@@ -1,4 +1,4 @@
-"""Reading a section of a file by the keys that a class declares: values, defaults, and mistakes at their places."""
+"""Reader of a section by the keys that a class declares: values, defaults, and errors at their positions."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
@@ -13,13 +13,13 @@ from drivers.api.keys import PERCENT, Form, Key, KeyDiagnostic, declared_keys
 K = TypeVar("K")
 
 KeyPath = tuple[str | int, ...]
-"""Where something stands in a section: words, and places in lists."""
+"""Path of a value in a section: keys, and indices of lists."""
 
 
 def read_keys(fields: Fields, cls: type[K]) -> K:
-    """Read a section whose keys ``cls`` declares, and note every mistake; harmless values stand where one is.
+    """Read a section with the keys that ``cls`` declares, and add all errors; invalid values get placeholders.
 
-    What ``cls`` finds beyond each key (its ``diagnostics``) is noted where the keys that it is about are right.
+    Errors that ``cls`` finds between keys (its ``mistakes``) are added if the keys involved are valid.
     """
     found = _read(fields, cls)
     fields.report_unknown_keys(getattr(cls, "unknown", ""))
@@ -28,7 +28,7 @@ def read_keys(fields: Fields, cls: type[K]) -> K:
 
 
 def read_value(key: Key, text: str) -> Any:
-    """Read one value of a key as somebody types it. Raises ValueError, in words."""
+    """Return the value of a key from a typed text. Raises ValueError with the error message."""
     try:
         fields = fields_of(SourceText("what was typed", f"{key.word}: {text}\n"), subject="it")
         node = fields.node_of(key.word)
@@ -42,7 +42,7 @@ def read_value(key: Key, text: str) -> Any:
 
 
 def add_mistakes(fields: Fields, mistakes: Iterable[KeyDiagnostic]) -> None:
-    """Note what was found in a section beyond its single keys, each where it stands in the file."""
+    """Add errors that involve several keys of a section, each at its position in the file."""
     for each in mistakes:
         about = each.about or ((),)
         if any(
@@ -57,7 +57,7 @@ def add_mistakes(fields: Fields, mistakes: Iterable[KeyDiagnostic]) -> None:
 
 
 def _read(fields: Fields, cls: type[K]) -> K:
-    """Read the keys, and keep in ``fields.wrong`` where those are that are wrong by themselves."""
+    """Read the keys, and add the paths of invalid keys to ``fields.wrong_places``."""
     values: dict[str, Any] = {}
     for each in declared_keys(cls):
         if each.form == "rest":
@@ -73,7 +73,7 @@ def _read(fields: Fields, cls: type[K]) -> K:
 
 
 def _value(fields: Fields, key: Key, word: str, node: Node, at: KeyPath) -> Any:
-    """Read what a key takes from a node ``at`` a path in the section; ``word`` is what messages call it."""
+    """Return the value of a node at path ``at``; ``word`` is its name in messages."""
     faults, wrong = len(fields.diagnostics), len(fields.wrong_places)
     found = (
         _read_form(fields, key, word, node, at) if _has_form(key, node) else _add_form_error(fields, key, word, node)
@@ -84,7 +84,7 @@ def _value(fields: Fields, key: Key, word: str, node: Node, at: KeyPath) -> Any:
 
 
 def _read_form(fields: Fields, key: Key, word: str, node: Node, at: KeyPath) -> Any:
-    """Read a value that has the form of the key."""
+    """Return the value of a node that has the form of the key."""
     match key.form:
         case "text":
             return node.text if isinstance(node, Scalar) else ""
@@ -104,7 +104,7 @@ def _read_form(fields: Fields, key: Key, word: str, node: Node, at: KeyPath) -> 
 
 
 def _read_collection(fields: Fields, key: Key, word: str, node: Node, at: KeyPath) -> Any:
-    """Read a list, values under names, or several quantities; else the plain value."""
+    """Return a list, a mapping of names, or several quantities; else the plain value."""
     items = node.items if isinstance(node, Listing) else []
     match key.form:
         case "span" | "vector":
@@ -122,7 +122,7 @@ def _read_collection(fields: Fields, key: Key, word: str, node: Node, at: KeyPat
 
 
 def _read_item(fields: Fields, key: Key, word: str, node: Node, at: KeyPath) -> Any:
-    """Read what stands in a list, or under a name."""
+    """Return the value of an item of a list or of a named entry."""
     inner = key.inner or key
     if inner.form != "section":
         return _value(fields, inner, word, node, at)
@@ -131,7 +131,7 @@ def _read_item(fields: Fields, key: Key, word: str, node: Node, at: KeyPath) -> 
 
 
 def _read_section(fields: Fields, key: Key, what: str, node: Node, at: KeyPath) -> Any:
-    """Read a section below another, which messages call ``what``."""
+    """Return the nested section, called ``what`` in messages."""
     faults = len(fields.diagnostics)
     section = Fields(fields.source, node, fields.diagnostics, subject=what, torn=fields.torn)
     found: Any = read_keys(section, key.of or object)
@@ -142,7 +142,7 @@ def _read_section(fields: Fields, key: Key, what: str, node: Node, at: KeyPath) 
 
 
 def _has_form(key: Key, node: Node) -> bool:
-    """Say whether a node has the form that a key needs; of a section, and of a quantity, that is told elsewhere."""
+    """Return True if a node has the form of a key. Sections and quantities report their errors elsewhere."""
     value = value_of(node)
     match key.form:
         case "text":
@@ -168,12 +168,12 @@ def _has_form(key: Key, node: Node) -> bool:
 
 
 def _is_text(node: Scalar, *, blank: bool) -> bool:
-    """Say whether a word is a text; where it may be ``blank``, all but nothing is."""
+    """Return True if a scalar is a text; with ``blank``, spaces count as a text."""
     return node.value is not None or bool(node.text) if blank else node.value is not None and bool(node.text.strip())
 
 
 def _may_have_form(key: Key, node: Node) -> bool:
-    """Say whether a node may be meant for one of several forms: it is a word, a list or a mapping, as that is."""
+    """Return True if the type of the node (scalar, list or mapping) fits the form of the key."""
     kind = {"list": Listing, "vector": Listing, "span": Listing, "named": MarkedMapping, "section": MarkedMapping}
     return isinstance(node, kind.get(key.form, Scalar))
 
@@ -191,11 +191,11 @@ FORM_TEXTS: Mapping[Form, str] = {
     "named": "a mapping of names to values",
     "section": "a mapping of keys to values",
 }
-"""What a key of each form needs, in the messages about values of another form."""
+"""Description of each form in error messages."""
 
 
 def _add_form_error(fields: Fields, key: Key, word: str, node: Node) -> Any:
-    """Note a value that has not the form of its key."""
+    """Add an error for a value without the form of its key, and return a placeholder."""
     mark, needs = node.mark, FORM_TEXTS.get(key.form, "")
     if key.form == "vector" and isinstance(node, Listing) and node.items:
         mark, needs = (mark if key.wrong else node.items[0].mark), "three lengths: [x, y, z]"
@@ -207,7 +207,7 @@ def _add_form_error(fields: Fields, key: Key, word: str, node: Node) -> Any:
 
 
 def _placeholder(fields: Fields, key: Key) -> Any:
-    """Return what stands for a value that is wrong, or that lacks."""
+    """Return the placeholder for an invalid or missing value."""
     zeros = (0.0,) * next(iter(key.sizes), 0)
     if key.form == "section":
         empty = Fields(fields.source, MarkedMapping(Mark()), [], subject="")
@@ -219,7 +219,7 @@ def _placeholder(fields: Fields, key: Key) -> Any:
 
 
 def _read_choice(fields: Fields, key: Key, word: str, node: Node) -> str:
-    """Read one of some words."""
+    """Return one of the key's words."""
     text = node.text if isinstance(node, Scalar) else ""
     if text not in key.among:
         hint = "; ".join(filter(None, (suggest_from(text, key.among), key.hint)))
@@ -229,7 +229,7 @@ def _read_choice(fields: Fields, key: Key, word: str, node: Node) -> str:
 
 
 def _read_quantity(fields: Fields, key: Key, word: str, node: Node) -> float | str:
-    """Read a quantity, or the word that may stand for one."""
+    """Return a quantity, or a word that may replace it."""
     if isinstance(node, Scalar) and node.text in key.among:
         return node.text
     if key.dimension != PERCENT:
@@ -239,7 +239,7 @@ def _read_quantity(fields: Fields, key: Key, word: str, node: Node) -> float | s
 
 
 def _read_rest(fields: Fields, key: Key, words: set[str]) -> dict[str, float]:
-    """Read what stands beside the other keys; values in a form of their own are for whoever knows that."""
+    """Return the remaining keys with their quantities."""
     others = [(name, node) for name, node in fields.entries() if name.text not in words]
     if not key.dimension:
         return {}
@@ -253,7 +253,7 @@ def _read_rest(fields: Fields, key: Key, words: set[str]) -> dict[str, float]:
 
 
 def _mark_at(node: Node, at: KeyPath, *, named: bool) -> Mark | None:
-    """Return where a path leads to in a section, to the value or to its name; None where the file has no such thing."""
+    """Return the mark of the value (or name) at a path, or None if the file does not have it."""
     for place, step in enumerate(at):
         if isinstance(node, MarkedMapping):
             entry = next((entry for entry in node.entries if entry[0].text == step), None)
@@ -270,5 +270,5 @@ def _mark_at(node: Node, at: KeyPath, *, named: bool) -> Mark | None:
 
 
 def nearest_mark(node: Node, at: KeyPath) -> Mark:
-    """Return where a path leads to in a section; where the file has no such thing, the mark of what is around it."""
+    """Return the mark at a path, or that of the closest enclosing node in the file."""
     return next(mark for end in range(len(at), -1, -1) if (mark := _mark_at(node, at[:end], named=False)) is not None)

@@ -1,4 +1,4 @@
-"""What the YAML parser stumbled on, in words that help."""
+"""Helpful messages for YAML syntax errors, and repairs that let the parser continue."""
 
 import re
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from config.diagnostics import SMART_QUOTES, Diagnostic, Mark, SourceText, mark_
 from drivers.api.fast_dataclass import dataclass
 
 _FORBIDDEN = re.compile("[^\t\n\r -~\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""What is not a printable character of YAML 1.1 (section 5.1 of its specification)."""
+"""Characters that are not printable in YAML 1.1 (section 5.1 of the specification)."""
 
 _INDENT = "indent with spaces"
 _QUOTES = "put quotes around the text"
@@ -24,13 +24,13 @@ _ERRORS_BY_CONTEXT = {
     "while parsing a block mapping": ("this line does not fit in here", "indent it as its neighbours"),
     "while parsing a block collection": ("this line does not fit in here", "indent it as its neighbours"),
 }
-"""What the parser was doing, and what the mistake mostly is then."""
+"""Message and hint for the usual error in each parser context."""
 
 _COLUMN_CONTEXTS = ("while parsing a block mapping", "while parsing a block collection")
-"""Where what stands in one column decides."""
+"""Contexts in which columns matter."""
 
 _MARKED_CONTEXTS = ("while scanning", "while parsing a flow")
-"""Where these begin is where to look, rather than where the parser gave up."""
+"""Contexts whose beginning is marked, rather than the position where the parser stopped."""
 
 
 # libyaml's parser is several times faster; PyYAML without it has the same events.
@@ -38,12 +38,12 @@ _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def events(text: str) -> Iterator[Any]:
-    """Yield the parser's events. Raises yaml.YAMLError at the first mistake."""
+    """Yield the parser's events. Raises yaml.YAMLError at the first error."""
     yield from yaml.parse(text, Loader=_LOADER)
 
 
 def forbidden_character(source: SourceText) -> Diagnostic | None:
-    """Return the first character that may not stand in YAML at all, such as NUL or an escape code."""
+    """Return a diagnostic for the first character that YAML does not allow, such as NUL or an escape code."""
     found = _FORBIDDEN.search(source.text)
     if found is None:
         return None
@@ -52,7 +52,7 @@ def forbidden_character(source: SourceText) -> Diagnostic | None:
 
 
 def syntax_diagnostic(source: SourceText, error: yaml.YAMLError) -> Diagnostic:
-    """Say what the parser stumbled on."""
+    """Return a diagnostic for a parser error."""
     if not isinstance(error, yaml.MarkedYAMLError):
         return Diagnostic(source, Mark(), f"not YAML: {error}")
     problem, context = error.problem or "cannot be read", error.context or ""
@@ -84,13 +84,13 @@ def syntax_diagnostic(source: SourceText, error: yaml.YAMLError) -> Diagnostic:
 
 
 def problem_line(error: yaml.YAMLError) -> int:
-    """Return the line (from 1) in which the parser gave up."""
+    """Return the line (from 1) at which the parser stopped."""
     mark = error.problem_mark or error.context_mark if isinstance(error, yaml.MarkedYAMLError) else None
     return 1 if mark is None else mark.line + 1
 
 
 def _common_error(source: SourceText, line: str, mark: Mark, problem: str) -> Diagnostic | None:
-    """Recognise what people get wrong most often."""
+    """Return a diagnostic for the most frequent errors."""
     if "\t" in line[: len(line) - len(line.lstrip())]:
         return Diagnostic(source, Mark(mark.line, line.index("\t") + 1), "a tab in the indentation", _INDENT)
     if "'\\t'" in problem or line[mark.column - 1 : mark.column] == "\t":
@@ -118,7 +118,7 @@ def _common_error(source: SourceText, line: str, mark: Mark, problem: str) -> Di
 
 
 def _key_above(source: SourceText, number: int) -> Diagnostic | None:
-    """Find two words and no colon in the column of this key, in the line above it: the first is meant to be a key."""
+    """Find a line above, in the column of this key, with words but no colon: its first word should be a key."""
     above, line = source.line(number - 1), source.line(number)
     word, _, rest = above.strip().partition(" ")
     alike = len(above) - len(above.lstrip()) == len(line) - len(line.lstrip())
@@ -129,9 +129,9 @@ def _key_above(source: SourceText, number: int) -> Diagnostic | None:
 
 
 def _under_dash(source: SourceText, number: int) -> Diagnostic | None:
-    """Find a key in the column of the dashes above it, which is meant to stand beside what follows the last dash.
+    """Find a key in the column of the dashes above, which should be indented under the last dash.
 
-    The parser gives up there, or at the next dash: until then the key may belong to what is around the list.
+    The parser stops at this key or at the next dash; before, the key could belong to the enclosing mapping.
     """
     line, key = source.line(number), None
     indent = len(line) - len(line.lstrip(" "))
@@ -156,7 +156,7 @@ def _of_key(source: SourceText, mark: Mark, word: str, behind_dash: str) -> Diag
 
 
 def _under_value(source: SourceText, line: str, mark: Mark) -> Diagnostic | None:
-    """Find a key that is indented below one which has its value behind it, such as ``timeout`` under ``say: Hello``."""
+    """Find a key that is indented below a key that has a value already, such as ``timeout`` under ``say: Hello``."""
     key = re.match(r"( *)(\w+):(?=\s|$)", line)
     above = re.match(r"( *(?:- +)*)(\w+): +[^\s#|>]", source.line(mark.line - 1))
     if key is None or above is None or len(key[1]) <= len(above[1]):
@@ -169,7 +169,7 @@ def _under_value(source: SourceText, line: str, mark: Mark) -> Diagnostic | None
 
 
 def _open_quote(source: SourceText, number: int) -> Mark | None:
-    """Find a quote that the nearest line above opens and does not close, so that the next one in the file closes it."""
+    """Find a quote above that is not closed on its line, so that the next quote in the file closes it."""
     for at in range(number, 0, -1):
         quote = re.match(r" *(?:- +)*(?:[^\s:\"'][^:\"']*: +)?(\"(?:[^\"\\]|\\.)*|'[^']*)(\"|')?", source.line(at))
         if quote is not None and quote[2] is None:
@@ -178,7 +178,7 @@ def _open_quote(source: SourceText, number: int) -> Mark | None:
 
 
 def _open_expression(line: str) -> re.Match[str] | None:
-    """Find a ``${...}`` without quotes inside brackets or braces of its own line."""
+    """Find a ``${...}`` without quotes inside brackets or braces of its line."""
     for hole in re.finditer(r"\$\{[^{}]*\}", line):
         before = line[: hole.start()]
         if before.count('"') % 2 == 0 and before.count("'") % 2 == 0 and re.search(r"(?:^|[\s:,\[{-])[\[{]", before):
@@ -187,7 +187,7 @@ def _open_expression(line: str) -> re.Match[str] | None:
 
 
 def _dash_without_space(source: SourceText, number: int) -> Diagnostic | None:
-    """Find the first of the lines in one column, down to this one, that begins with a dash and a letter: ``-nod``."""
+    """Find the first line of the column, up to this one, that begins with a dash and a letter: ``-nod``."""
     line = source.line(number)
     column, found = len(line) - len(line.lstrip()), None
     while number > 0 and (not line.strip() or len(line) - len(line.lstrip()) == column):
@@ -204,7 +204,7 @@ def _dash_without_space(source: SourceText, number: int) -> Diagnostic | None:
 
 
 def _bare_word_above(source: SourceText, number: int) -> tuple[str, Mark] | None:
-    """Find the commonest slip: ``- find_face`` with ``timeout: 5 s`` under it, where ``- find_face:`` is meant."""
+    """Find the most frequent error: ``- find_face`` with ``timeout: 5 s`` under it, instead of ``- find_face:``."""
     key = re.match(r"\s*(?=\w+:(\s|$))", source.line(number))
     if key is None:
         return None
@@ -226,7 +226,7 @@ def _mark(mark: yaml.Mark | None) -> Mark | None:
 # Reading on behind a mistake of syntax: its line is mended as it was meant, or left out, and the rest is read.
 
 MAX_REPAIR_LENGTH = 20_000
-"""Characters of a text that is mended: each try reads all of it."""
+"""Maximum length of a text to repair, since each try parses all of it."""
 
 ODD_SPACES = "\u00a0\u2007\u202f\u3000"
 _LEADING = re.compile(rf"^[ {ODD_SPACES}-]*[{ODD_SPACES}]|^[ -]*\w+:[{ODD_SPACES}]+")
@@ -239,9 +239,9 @@ _BLOCK = re.compile(r" *(?:- +)*")
 
 @dataclass(frozen=True, slots=True)
 class RepairedText:
-    """A text that can be read further. ``lines`` (from 1) are not as they were written.
+    """Text that the parser can read further; ``lines`` (from 1) were changed.
 
-    ``torn`` is whether something was left out or put where it may not belong: then little is sure of the rest.
+    ``torn`` is true if something was left out or may be in the wrong place, so that later errors are doubtful.
     """
 
     text: str
@@ -250,7 +250,7 @@ class RepairedText:
 
 
 def replace_odd_spaces(source: SourceText) -> tuple[str, list[Diagnostic]]:
-    """Return the text with plain blanks where lines and values begin, and a fault for each line with others."""
+    """Return the text with plain spaces at the beginning of lines and values, and an error for each line changed."""
     faults, lines = [], source.text.splitlines(keepends=True)
     for at, line in enumerate(lines):
         found = _LEADING.match(line)
@@ -264,9 +264,9 @@ def replace_odd_spaces(source: SourceText) -> tuple[str, list[Diagnostic]]:
 
 
 def repair(text: str, fault: Diagnostic, line: int) -> RepairedText | None:
-    """Return the text mended so that it can be read furthest; None where nothing helps.
+    """Return the repair after which the text can be read furthest, or None.
 
-    ``fault`` is what was made of a mistake that the parser found in ``line``.
+    ``fault`` is the diagnostic of the error that the parser found in ``line``.
     """
     if len(text) > MAX_REPAIR_LENGTH:
         return None
@@ -284,7 +284,7 @@ def repair(text: str, fault: Diagnostic, line: int) -> RepairedText | None:
 
 
 def _first_error_line(text: str) -> int | None:
-    """Return the line (from 1) of the first mistake of syntax; None where there is none."""
+    """Return the line (from 1) of the first syntax error, or None."""
     try:
         for _ in events(text):
             pass
@@ -294,9 +294,9 @@ def _first_error_line(text: str) -> int | None:
 
 
 def _repair_candidates(lines: list[str], begin: int, found: int) -> Iterator[tuple[int, list[str], bool]]:
-    """Yield ways of mending: the first line that is written anew, the new lines, and whether the text is torn then.
+    """Yield possible repairs: first changed line, new lines, and whether the text is then torn.
 
-    ``begin`` is the line of the mistake, ``found`` the one in which the parser found it (from 0).
+    ``begin`` is the line of the error, ``found`` the line in which the parser found it (from 0).
     """
     places = list(dict.fromkeys(place for place in (begin, found, _above(lines, found)) if 0 <= place < len(lines)))
     for place in places:
@@ -315,7 +315,7 @@ def _repair_candidates(lines: list[str], begin: int, found: int) -> Iterator[tup
 
 
 def _with_colon(line: str) -> Iterator[str]:
-    """Yield a line with the colon that it lacks."""
+    """Yield the line with a missing colon added."""
     if (alone := _WORD_ALONE.fullmatch(line)) is not None:
         yield f"{alone[1]}:"
     if (words := _WORDS.fullmatch(line)) is not None:
@@ -323,12 +323,12 @@ def _with_colon(line: str) -> Iterator[str]:
 
 
 def _above(lines: list[str], place: int) -> int:
-    """Return the last line before ``place`` with something in it; -1 where there is none."""
+    """Return the last non-empty line before ``place``, or -1."""
     return next((at for at in range(place - 1, -1, -1) if lines[at].strip()), -1)
 
 
 def _end(lines: list[str], place: int) -> int:
-    """Return the line behind the block that begins at ``place``: of lines that are indented further."""
+    """Return the line after the block of deeper indented lines that begins at ``place``."""
     for at in range(place + 1, len(lines)):
         if lines[at].strip() and _indent(lines[at]) <= _indent(lines[place]):
             return at
@@ -340,7 +340,7 @@ def _indent(line: str) -> int:
 
 
 def _indents(lines: list[str], place: int) -> list[int]:
-    """Return the columns in which something begins in the lines above, those of the nearest first."""
+    """Return the columns at which text begins in the lines above, nearest lines first."""
     columns: dict[int, None] = {}
     for at in range(place - 1, max(-1, place - 10), -1):
         found = _BLOCK.match(lines[at])

@@ -1,8 +1,8 @@
-"""Quantities: a number with its unit as people write it, SI inside; and the dimensions that they measure.
+"""Quantities: numbers with units in SI, and arithmetic of their dimensions.
 
-No length is added to an angle. A dimension goes by its name ("length", "turn rate"), or where it has none by its unit
-("m^2", "rad m"). An angle is a dimension of its own: an arc divided by its radius is a number, and ``* 1 rad`` makes an
-angle of it.
+Lengths cannot be added to angles. A dimension is called by its name ("length", "turn rate"), or by its unit if it has
+none ("m^2", "rad m"). An angle is a dimension of its own: an arc divided by its radius is a number, and ``* 1 rad``
+makes an angle of it.
 """
 
 import math
@@ -24,10 +24,10 @@ UNITS: dict[str, dict[str, float]] = {
     "temperature": {"degC": 1.0},
     "mass": {"kg": 1.0, "g": 0.001},
 }
-"""The units of each dimension, and how many SI units one of them is. A share is 0..1 inside, a temperature in degC."""
+"""Units of each dimension with their factor to SI. A share is 0..1 internally, a temperature in degC."""
 
 MAX_SHOWN_LENGTH = 60
-"""As many characters of a value are shown in a message."""
+"""Maximum length of a value in a message."""
 
 EXAMPLES = {
     "angle": "30 deg",
@@ -43,21 +43,21 @@ EXAMPLES = {
     "temperature": "60 degC",
     "mass": "1.2 kg",
 }
-"""A quantity of each dimension, for messages."""
+"""Example of each dimension, for messages."""
 _DIMENSION_OF = {unit: dimension for dimension, units in UNITS.items() for unit in units}
 _NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _WRITTEN = re.compile(rf"({_NUMBER})\s*([A-Za-z%°][A-Za-z/^2²°%]*)")
 
 
 class Quantity(float):
-    """A number in SI units that remembers its dimension, and how it was written where somebody has."""
+    """Number in SI units with its dimension, and the text that it was written as, if any."""
 
     __slots__ = ("_text", "dimension")
     dimension: str
     _text: str
 
     def __new__(cls, value: float, dimension: str, text: str = "") -> Self:
-        """Make a quantity of ``value`` SI units."""
+        """Create a quantity of ``value`` SI units."""
         quantity = super().__new__(cls, value)
         quantity.dimension = dimension
         quantity._text = text
@@ -65,7 +65,7 @@ class Quantity(float):
 
     @property
     def text(self) -> str:
-        """How it was written, or how it would be."""
+        """Quantity as written, or formatted with its unit."""
         return self._text or quantity_text(self, self.dimension)
 
     def __str__(self) -> str:
@@ -98,11 +98,11 @@ _UNIT_SYNONYMS = {
     }.items()
     for word in words.split()
 }
-"""Other spellings of units, and ours."""
+"""Other spellings of units."""
 
 
 def parse_quantity(text: str) -> Quantity | None:
-    """Read ``text`` as a finite number with a unit that we know; None when it is something else."""
+    """Return ``text`` as a quantity, or None if it is not a finite number with a known unit."""
     found = _WRITTEN.fullmatch(text.strip())
     if found is None or found[2] not in _DIMENSION_OF:
         return None
@@ -112,14 +112,14 @@ def parse_quantity(text: str) -> Quantity | None:
 
 
 def is_unit(word: str) -> bool:
-    """True for a unit, and for what people write for one."""
+    """Return True for a unit and for its other spellings."""
     return word in _DIMENSION_OF or word.lower() in _UNIT_SYNONYMS
 
 
 def si_value(value: object, dimension: str) -> float:
     """Return ``value`` (a text such as "30 deg", or a Quantity) in SI units of ``dimension``.
 
-    Raises ValueError that names what was expected: for a bare number, another dimension, an unknown unit, infinity.
+    Raises ValueError that names the expected form: for a bare number, another dimension, an unknown unit, infinity.
     """
     example = f"{with_article(dimension)} such as '{EXAMPLES[dimension]}'"
     found = value if isinstance(value, Quantity) else parse_quantity(value) if isinstance(value, str) else None
@@ -155,7 +155,7 @@ def _dimension_error(value: object, dimension: str) -> str:
 
 
 def quantity_text(value: float, dimension: str) -> str:
-    """Write an SI value as people do: angles in degrees, the rest in its first unit ("0.5 m").
+    """Return an SI value with its usual unit: angles in degrees, others in the dimension's first unit ("0.5 m").
 
     A dimension without a name is its own unit ("2 m^2").
     """
@@ -169,7 +169,7 @@ def with_article(dimension: str) -> str:
 
 
 def quoted_value(value: object) -> str:
-    """Write a value into a message, as the file has it: in quotes, and cut where it is long."""
+    """Return a value for a message, as in the file: quoted, and shortened if it is long."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -181,13 +181,13 @@ def quoted_value(value: object) -> str:
 
 
 NUMBER = "number"
-"""The dimension of a plain number: none. A share has none either."""
+"""Dimension of a plain number. A share has no dimension either."""
 
 BASE_UNITS = ("m", "rad", "s", "V", "degC", "kg")
-"""The units of which all others are made."""
+"""Base units."""
 
 MAX_POWER = 9
-"""The highest power of a base: what a mission multiplies at every tick must end somewhere."""
+"""Highest power of a base unit, which bounds products that a mission repeats at every tick."""
 
 Powers = tuple[int, ...]
 
@@ -205,7 +205,7 @@ DIMENSION_NAMES: dict[Powers, str] = {
     (0, 0, 0, 0, 1, 0): "temperature",
     (0, 0, 0, 0, 0, 1): "mass",
 }
-"""The names of dimensions, by the powers of BASES."""
+"""Names of dimensions, by the powers of BASE_UNITS."""
 
 _POWERS = {name: powers for powers, name in DIMENSION_NAMES.items()} | dict.fromkeys(
     ("share", "percent"), (0, 0, 0, 0, 0, 0)
@@ -213,7 +213,7 @@ _POWERS = {name: powers for powers, name in DIMENSION_NAMES.items()} | dict.from
 
 
 class DimensionError(ValueError):
-    """Two dimensions that do not go together."""
+    """Incompatible dimensions."""
 
 
 def product(one: str, other: str) -> str:
@@ -227,9 +227,9 @@ def quotient(one: str, other: str) -> str:
 
 
 def common_dimension(one: str, other: str) -> str:
-    """Return the dimension of a sum of both. Raises DimensionError where there is none.
+    """Return the dimension of a sum. Raises DimensionError if the dimensions differ.
 
-    What counts to 100 is a number, but does not go together with a share.
+    A percentage (0 to 100) and a share are both numbers, but cannot be added.
     """
     if one == other:
         return one
@@ -240,7 +240,7 @@ def common_dimension(one: str, other: str) -> str:
 
 @cache
 def powers(dimension: str) -> Powers:
-    """Return the powers of BASES that a dimension has."""
+    """Return the powers of BASE_UNITS of a dimension."""
     known = _POWERS.get(dimension)
     if known is not None:
         return known
@@ -258,17 +258,17 @@ def dimension_text(dimension: str) -> str:
 
 
 def unit_of(dimension: str) -> str:
-    """Return the unit in which people are told of a dimension; none for a plain number."""
+    """Return the unit in which a dimension is shown; empty for a plain number."""
     return "" if dimension == NUMBER else next(iter(UNITS[dimension])) if dimension in UNITS else dimension
 
 
 def factor_of(dimension: str) -> float:
-    """Return how many SI units that unit is."""
+    """Return the factor of that unit to SI."""
     return next(iter(UNITS[dimension].values())) if dimension in UNITS else 1.0
 
 
 def example(dimension: str) -> str:
-    """Return a quantity as a mission would write it."""
+    """Return an example of a dimension, as in a mission."""
     return EXAMPLES.get(dimension, "2" if dimension == NUMBER else f"2 {dimension}")
 
 

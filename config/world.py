@@ -1,4 +1,4 @@
-"""World files: the room that a simulated robot stands in, what is in it, and who. SI units and radians."""
+"""World files: the room of a simulated robot, with its items and people. SI units and radians."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -24,120 +24,114 @@ from config.yaml_nodes import read_source
 from drivers.api.keys import KeyDiagnostic, key, keys
 
 MAX_LOSS = 0.9
-"""The greatest share of reports or pictures that a world may lose: with all of them nothing would ever end."""
+"""Maximum share of reports or pictures that a world may lose; with all lost, no mission would end."""
 
 MAX_DRAIN = 1000.0
-"""The greatest pace at which a battery empties: a full one in twenty seconds."""
+"""Maximum factor of the battery's discharge: full to empty in twenty seconds."""
 
 DEFAULT_NOISE = 3.0
-"""The camera's noise in grey levels where a file does not say."""
+"""Default camera noise in grey levels."""
 
 
 @keys
 class RoomConfig:
-    """A room around ``centre``: ``length`` along x, ``width`` along y."""
+    """Room around ``centre``: ``length`` along x, ``width`` along y."""
 
-    length: float = key("length", default=8.0, low=2.0, high=50.0, help="Its length, along x.")
-    width: float = key("length", default=6.0, low=2.0, high=50.0, help="Its width, along y.")
-    height: float = key("length", default=2.6, low=2.2, high=20.0, help="Its height.")
-    centre: FloorPoint = key("length", default=(1.0, 0.0), wrong=PLACE_ERROR, help="Where its middle is: [x, y].")
+    length: float = key("length", default=8.0, low=2.0, high=50.0, help="Length along x.")
+    width: float = key("length", default=6.0, low=2.0, high=50.0, help="Width along y.")
+    height: float = key("length", default=2.6, low=2.2, high=20.0, help="Height.")
+    centre: FloorPoint = key("length", default=(1.0, 0.0), wrong=PLACE_ERROR, help="Position of its middle: [x, y].")
 
 
 @keys
 class LightConfig:
-    """From ``at`` seconds on the light goes to ``light`` (1 is daylight), evenly within ``over`` seconds."""
+    """Change of light: from ``at`` seconds to ``light`` (1 is daylight), linearly within ``over`` seconds."""
 
-    at: float = key("duration", low=0.0, help="When, from the beginning.")
-    light: float = key("share", low=0.0, high=2.0, help="How bright it is then; `100 %` is daylight.")
-    over: float = key("duration", default=0.0, low=0.0, help="How long the change takes.")
+    at: float = key("duration", low=0.0, help="Time from the beginning.")
+    light: float = key("share", low=0.0, high=2.0, help="New brightness; `100 %` is daylight.")
+    over: float = key("duration", default=0.0, low=0.0, help="Duration of the change.")
 
 
 @keys
 class StartConfig(PlacedItem):
-    """Where the robot stands at first, and which way it looks."""
+    """Start pose of the robot."""
 
-    at: FloorPoint = key("length", default=(0.0, 0.0), wrong=PLACE_ERROR, help="Where: [x, y].")
-    heading: float = key("angle", default=0.0, help="Which way it looks.")
+    at: FloorPoint = key("length", default=(0.0, 0.0), wrong=PLACE_ERROR, help="Position: [x, y].")
+    heading: float = key("angle", default=0.0, help="Heading.")
 
 
 @keys
 class BatteryConfig:
-    """What is left in the base's battery at the start (0..1), and how many times as fast as a real one it empties."""
+    """Initial charge of the base's battery (0..1), and its discharge rate as a multiple of a real one's."""
 
-    level: float = key("share", default=1.0, low=0.0, high=1.0, help="What is left in it at first.")
-    drain: float = key(default=1.0, low=0.0, high=MAX_DRAIN, help="How many times as fast as a real one it empties.")
+    level: float = key("share", default=1.0, low=0.0, high=1.0, help="Initial charge.")
+    drain: float = key(default=1.0, low=0.0, high=MAX_DRAIN, help="Discharge rate, as a multiple of a real battery's.")
 
 
 @keys
 class PushConfig:
-    """A push at the trunk of a robot that has a body: it alone would make the robot go at ``speed``."""
+    """Push at the trunk of a robot with physics, with the impulse that gives the robot ``speed``."""
 
-    at: float = key("duration", low=0.0, help="When, from the beginning.")
-    speed: float = key("speed", low=0.0, high=5.0, help="How hard: the speed that the robot gets by it.")
-    towards: float = key("angle", default=0.0, help="Which way: `90 deg` is along y.")
-    over: float = key("duration", default=0.1, low=0.002, high=10.0, help="How long it takes.")
+    at: float = key("duration", low=0.0, help="Time from the beginning.")
+    speed: float = key("speed", low=0.0, high=5.0, help="Strength: the speed that the push gives the robot.")
+    towards: float = key("angle", default=0.0, help="Direction: `90 deg` is along y.")
+    over: float = key("duration", default=0.1, low=0.002, high=10.0, help="Duration.")
 
 
 @keys
 class PhysicsConfig:
-    """How the base errs: the share of its wheels' travel that slips, the seconds from a command to its effect.
+    """Errors of the base and disturbances: wheel slip, command lag, noise, lost reports, pushes."""
 
-    ``gyro_noise`` in rad/s is a standard deviation; ``dropouts`` is the share 0..1 of its reports that are lost.
-    Where ``battery`` is None it is full, and stays so. ``mishearing`` is the share of phrases that the robot takes for
-    another one, or for nothing. The rest is for robots in physics (`--physics`): Coulomb's ``friction``, how far the
-    floor rises ahead and to the left (``slope``, rad), by which share ``masses`` are off at most, the seconds from a
-    goal to its servo, and ``pushes``.
-    """
-
-    slip: float = key("share", default=0.0, low=0.0, high=0.9, help="How much of its wheels' travel slips.")
-    lag: float = key("duration", default=0.0, low=0.0, high=2.0, help="From a command to its effect.")
+    slip: float = key("share", default=0.0, low=0.0, high=0.9, help="Share of the wheels' travel that slips.")
+    lag: float = key("duration", default=0.0, low=0.0, high=2.0, help="Time from a command to its effect.")
     gyro_noise: float = key(
-        "turn rate", default=0.0, low=0.0, high=1.0, help="How far its gyro errs: a standard deviation."
+        "turn rate", default=0.0, low=0.0, high=1.0, help="Noise of the gyro, a standard deviation."
     )
-    dropouts: float = key("share", default=0.0, low=0.0, high=MAX_LOSS, help="How many of its reports are lost.")
-    battery: BatteryConfig | None = key(default=None, help="Its battery, which is full for ever where not given.")
+    dropouts: float = key("share", default=0.0, low=0.0, high=MAX_LOSS, help="Share of its reports that are lost.")
+    battery: BatteryConfig | None = key(default=None, help="Battery; by default it is always full.")
     mishearing: float = key(
-        "share", default=0.0, low=0.0, high=MAX_LOSS, help="How many phrases the robot takes for others, or for none."
+        "share", default=0.0, low=0.0, high=MAX_LOSS, help="Share of phrases that the robot mishears or misses."
     )
-    friction: float = key(default=1.0, low=0.05, high=3.0, help="How much friction the floor has (Coulomb's number).")
+    friction: float = key(default=1.0, low=0.05, high=3.0, help="Friction of the floor (Coulomb coefficient).")
     slope: tuple[float, float] = key(
         "angle",
         default=(0.0, 0.0),
         low=-0.35,
         high=0.35,
         wrong="'{}' needs two angles, such as [2 deg, 0 deg]",
-        help="How far the floor rises: [along x, along y].",
+        help="Slope of the floor: [along x, along y].",
     )
-    masses: float = key("share", default=0.0, low=0.0, high=0.5, help="How far each mass of the robot is off at most.")
-    servo_delay: float = key("duration", default=0.0, low=0.0, high=1.0, help="From a goal to the servo that hears it.")
+    masses: float = key("share", default=0.0, low=0.0, high=0.5, help="Maximum error of each mass of the robot.")
+    servo_delay: float = key(
+        "duration", default=0.0, low=0.0, high=1.0, help="Time from a goal to the servo's reaction."
+    )
     pushes: tuple[PushConfig, ...] = key(default=(), each="a push", help="Pushes at the robot.")
 
 
 @keys
 class CameraConfig:
-    """How the robot's camera errs."""
+    """Errors of the robot's camera."""
 
     noise: float | None = key(
         default=None, low=0.0, high=80.0, help=f"In grey levels of 255; {DEFAULT_NOISE:g} if not given."
     )
     dropouts: float | None = key(
-        "share", default=None, low=0.0, high=MAX_LOSS, help="How many pictures are lost; as the base's reports."
+        "share",
+        default=None,
+        low=0.0,
+        high=MAX_LOSS,
+        help="Share of pictures that are lost; by default that of the base's reports.",
     )
 
 
 @keys
 class WorldConfig:
-    """A room of ``length`` (x) by ``width`` (y) by ``height`` metres around ``centre``, and all that is in it.
+    """Room of ``length`` (x) by ``width`` (y) by ``height`` metres around ``centre``, with its items and people."""
 
-    ``light`` is 1 in daylight, until the first of the ``light_changes``. ``noise`` is the standard deviation of the
-    camera's noise in grey levels of 255, ``dropouts`` the share 0..1 of its pictures that are lost. ``file`` is where
-    it comes from.
-    """
-
-    name: str = key(word="world", help="What it is called.")
-    summary: str = key(default="", help="What it is, in a line.")
-    room: RoomConfig = key(default=RoomConfig(), help="The room.")
-    start: StartConfig = key(default=StartConfig(), help="Where the robot stands at first.")
+    name: str = key(word="world", help="Name.")
+    summary: str = key(default="", help="Description in a line.")
+    room: RoomConfig = key(default=RoomConfig(), help="Room.")
+    start: StartConfig = key(default=StartConfig(), help="Start pose of the robot.")
     lights: float | tuple[LightConfig, ...] = key(
         "share",
         default=1.0,
@@ -146,62 +140,62 @@ class WorldConfig:
         word="light",
         each="a change of light",
         wrong="'{}' needs a share such as '50 %', or a list of changes",
-        help="How bright it is; or how that changes, from daylight on.",
+        help="Brightness; or a list of changes, starting from daylight.",
     )
-    grain: float | None = key(default=None, low=0.0, high=80.0, word="noise", help="As `camera.noise`.")
-    camera: CameraConfig = key(default=CameraConfig(), help="How the robot's camera errs.")
-    physics: PhysicsConfig = key(default=PhysicsConfig(), help="How the robot's base errs.")
+    grain: float | None = key(default=None, low=0.0, high=80.0, word="noise", help="Same as `camera.noise`.")
+    camera: CameraConfig = key(default=CameraConfig(), help="Errors of the robot's camera.")
+    physics: PhysicsConfig = key(default=PhysicsConfig(), help="Errors of the robot's base.")
     walls: tuple[WallConfig, ...] = key(default=(), each="a wall", help="Inner walls.")
-    furniture: tuple[BoxConfig, ...] = key(default=(), each="a piece of furniture", help="What stands about.")
-    edges: tuple[EdgeConfig, ...] = key(default=(), each="an edge", help="Where the floor ends.")
-    objects: tuple[ThingConfig, ...] = key(default=(), each="an object", help="Coloured things, to be looked for.")
-    dock: DockConfig | None = key(default=None, help="The dock of the base.")
+    furniture: tuple[BoxConfig, ...] = key(default=(), each="a piece of furniture", help="Furniture.")
+    edges: tuple[EdgeConfig, ...] = key(default=(), each="an edge", help="Edges: holes in the floor.")
+    objects: tuple[ThingConfig, ...] = key(default=(), each="an object", help="Coloured objects to look for.")
+    dock: DockConfig | None = key(default=None, help="Dock of the base.")
     robots: tuple[RoverConfig, ...] = key(default=(), each="a robot", help="Other robots.")
-    people: tuple[PersonConfig, ...] = key(default=(), each="a person", help="Who is there.")
+    people: tuple[PersonConfig, ...] = key(default=(), each="a person", help="People.")
     file: str = ""
 
     @property
     def length(self) -> float:
-        """Metres of the room along x."""
+        """Size of the room along x in metres."""
         return self.room.length
 
     @property
     def width(self) -> float:
-        """Metres of the room along y."""
+        """Size of the room along y in metres."""
         return self.room.width
 
     @property
     def height(self) -> float:
-        """Metres from the floor to the ceiling."""
+        """Height of the room in metres."""
         return self.room.height
 
     @property
     def centre(self) -> FloorPoint:
-        """The middle of the room."""
+        """Middle of the room."""
         return self.room.centre
 
     @property
     def light(self) -> float:
-        """How bright it is at first."""
+        """Initial brightness."""
         return 1.0 if isinstance(self.lights, tuple) else self.lights
 
     @property
     def light_changes(self) -> tuple[LightConfig, ...]:
-        """How the light changes, in the order of time."""
+        """Changes of light in the order of time."""
         return self.lights if isinstance(self.lights, tuple) else ()
 
     @property
     def noise(self) -> float:
-        """The camera's noise in grey levels."""
+        """Camera noise in grey levels."""
         return next((each for each in (self.camera.noise, self.grain) if each is not None), DEFAULT_NOISE)
 
     @property
     def dropouts(self) -> float:
-        """The share of the camera's pictures that are lost: as of the base's reports, unless told else."""
+        """Share of lost pictures; by default that of the base's lost reports."""
         return self.physics.dropouts if self.camera.dropouts is None else self.camera.dropouts
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield what cannot stand where it is, what goes by one name, and what is told twice or in no order."""
+        """Yield items that do not fit, duplicate names and keys, and changes of light out of order."""
         if self.camera.noise is not None and self.grain is not None:
             yield KeyDiagnostic("'noise' stands twice: here and at the top of the file", ("camera", "noise"))
         before = 0.0
@@ -223,12 +217,12 @@ class WorldConfig:
 
 
 def load_world(path: Path) -> WorldConfig:
-    """Read a world file. Raises InvalidFileError with every mistake in it."""
+    """Read a world file. Raises InvalidFileError with all errors."""
     return parse_world(read_source(path))
 
 
 def parse_world(source: SourceText) -> WorldConfig:
-    """Read the text of a world file. Raises InvalidFileError with every mistake in it."""
+    """Return the world in a text. Raises InvalidFileError with all errors."""
     fields = fields_of(source, subject="a world file")
     world = read_keys(fields, WorldConfig)
     if fields.diagnostics:

@@ -1,4 +1,4 @@
-"""What stands about in a world file: inner walls, furniture, edges, coloured objects, the dock, other robots."""
+"""Items of a world file: inner walls, furniture, edges, coloured objects, dock, other robots and people."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -14,112 +14,114 @@ if TYPE_CHECKING:
 
 
 FloorPoint = tuple[float, float]
-"""A place (x, y) on the floor, in metres."""
+"""Point (x, y) on the floor in metres."""
 
 Vector3D = tuple[float, float, float]
-"""A place with its height above the floor; or the length, width and height of a box."""
+"""Point with its height above the floor, or length, width and height of a box, in metres."""
 
 PLACE_ERROR = "'{}' needs a place, such as [1.5 m, 0.2 m]"
-"""What is said of a place that is none."""
+"""Error message for an invalid point."""
 
 SIZE_ERROR = "'{}' needs three lengths, such as [1.2 m, 0.8 m, 0.75 m]"
-"""The same of the size of a box."""
+"""Error message for an invalid size of a box."""
 
 WALL_THICKNESS = 0.1
-"""Metres from one side of an inner wall to the other."""
+"""Thickness of an inner wall in metres."""
 
 MARKER_COUNT = 50
-"""How many markers there are: those of ArUco's dictionary DICT_4X4_50."""
+"""Number of markers: those of ArUco's dictionary DICT_4X4_50."""
 
 DOCK_SIZE = (0.1, 0.25)
-"""Metres that a dock takes of the floor: along the way it faces, and across."""
+"""Floor size of a dock in metres: along its direction, and across."""
 
 SHAPES = ("ball", "box")
-"""The shapes of coloured objects."""
+"""Shapes of coloured objects."""
 
 _MARKER_SPACE = 0.21  # metres that the side of a robot must have for its marker
 
 
 class PlacedItem:
-    """What has a place ``at``, whose first two numbers are metres along x and y."""
+    """Base of items with a position ``at``, whose first two numbers are metres along x and y."""
 
     at: tuple[float, ...]
 
     @property
     def x(self) -> float:
-        """Its place along x, in metres."""
+        """Position along x in metres."""
         return self.at[0]
 
     @property
     def y(self) -> float:
-        """Its place along y, in metres."""
+        """Position along y in metres."""
         return self.at[1]
 
 
 @keys
 class FloorItem(PlacedItem):
-    """What has a place on the floor."""
+    """Base of items with a position on the floor."""
 
-    at: FloorPoint = key("length", wrong=PLACE_ERROR, help="Where its middle is: [x, y].")
+    at: FloorPoint = key("length", wrong=PLACE_ERROR, help="Position of its middle: [x, y].")
 
 
 @keys
 class StandingItem(PlacedItem):
-    """What stands on the floor, or on something else."""
+    """Base of items that stand on the floor or on another item."""
 
-    name: str = key(help="What it is called.")
+    name: str = key(help="Name.")
     at: FloorPoint | Vector3D = key(
-        "length", wrong=PLACE_ERROR, help="Where its middle is: [x, y], or [x, y, z] for z over the floor."
+        "length",
+        wrong=PLACE_ERROR,
+        help="Position of its middle: [x, y], or [x, y, z] with the height z above the floor.",
     )
 
     @property
     def bottom(self) -> float:
-        """The height above the floor of what it stands on, in metres."""
+        """Height of the item's bottom above the floor in metres."""
         return sum(self.at[2:])
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield what would be below the floor."""
+        """Yield a bottom below the floor."""
         if self.bottom < 0.0:
             yield KeyDiagnostic("'at' must be at least 0 m", ("at", 2), about=(("at",),))
 
 
 @keys
 class WallConfig:
-    """An inner wall; as high as the room where ``height`` is None."""
+    """Inner wall; as high as the room if ``height`` is None."""
 
     start: FloorPoint = key("length", word="from", wrong=PLACE_ERROR, help="One end: [x, y].")
-    end: FloorPoint = key("length", word="to", wrong=PLACE_ERROR, help="The other end: [x, y].")
-    height: float | None = key("length", default=None, low=0.1, help="Its height; that of the room where not given.")
+    end: FloorPoint = key("length", word="to", wrong=PLACE_ERROR, help="Other end: [x, y].")
+    height: float | None = key("length", default=None, low=0.1, help="Height; by default that of the room.")
 
 
 @keys
 class BoxConfig(StandingItem):
-    """A piece of furniture: a box whose ``size`` is its length along ``heading``, its width and its height."""
+    """Piece of furniture: a box whose ``size`` is its length along ``heading``, its width and its height."""
 
-    size: Vector3D = key("length", low=0.01, high=20.0, wrong=SIZE_ERROR, help="Its length, width and height.")
-    heading: float = key("angle", default=0.0, help="Which way its length goes.")
-    colour: str = key(default="brown", among=COLOURS, help="Its colour.")
+    size: Vector3D = key("length", low=0.01, high=20.0, wrong=SIZE_ERROR, help="Length, width and height.")
+    heading: float = key("angle", default=0.0, help="Direction of its length.")
+    colour: str = key(default="brown", among=COLOURS, help="Colour.")
 
 
 @keys
 class ThingConfig(StandingItem):
-    """A coloured object: a ball of the diameter ``size``, or a box."""
+    """Coloured object: a ball with the diameter ``size``, or a box."""
 
-    shape: str = key(among=SHAPES, help="Its shape.")
+    shape: str = key(among=SHAPES, help="Shape.")
     size: (
         Annotated[float, inside("length", low=0.02, high=2.0)]
         | Annotated[Vector3D, inside("length", low=0.01, high=20.0, wrong=SIZE_ERROR)]
-    ) = key(help="Across, of a ball; length, width and height, of a box.")
-    turned: float | None = key("angle", default=None, word="heading", help="Which way the length of a box goes.")
-    colour: str = key(among=COLOURS, help="Its colour.")
+    ) = key(help="Diameter of a ball; length, width and height of a box.")
+    turned: float | None = key("angle", default=None, word="heading", help="Direction of the length of a box.")
+    colour: str = key(among=COLOURS, help="Colour.")
 
     @property
     def heading(self) -> float:
-        """Which way its length goes, in radians."""
+        """Direction of its length in radians."""
         return self.turned or 0.0
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a size or a heading that belong to the other shape, too."""
+        """Yield a size or a heading that does not fit the shape."""
         yield from super().diagnostics()
         about = (("shape",), ("size",))
         if self.shape == "box" and isinstance(self.size, float):
@@ -132,66 +134,66 @@ class ThingConfig(StandingItem):
 
 @keys
 class EdgeConfig(FloorItem):
-    """Where the floor ends: a rectangle, its ``size`` along x and along y."""
+    """Edge of the floor: a rectangular hole with its ``size`` along x and along y."""
 
     size: FloorPoint = key(
         "length",
         low=0.05,
         high=50.0,
         wrong="'{}' needs a length and a width, such as [1 m, 0.8 m]",
-        help="Its length along x, and its width along y.",
+        help="Length along x, and width along y.",
     )
 
     @property
     def length(self) -> float:
-        """Metres along x."""
+        """Size along x in metres."""
         return self.size[0]
 
     @property
     def width(self) -> float:
-        """Metres along y."""
+        """Size along y in metres."""
         return self.size[1]
 
 
 @keys
 class DockConfig(FloorItem):
-    """The dock of the base."""
+    """Dock of the base."""
 
-    heading: float = key("angle", help="The way that it faces.")
+    heading: float = key("angle", help="Direction that it faces.")
 
 
 @keys
 class WalkerConfig(FloorItem):
-    """Who stands at a place, and may go about."""
+    """Base of people and robots that may move along a path."""
 
-    name: str = key(help="What they are called.")
+    name: str = key(help="Name.")
     path: tuple[Annotated[FloorPoint, inside("length", wrong=PLACE_ERROR)], ...] = key(
-        default=(), word="walk", help="The places that they go to, one after another."
+        default=(), word="walk", help="Path: places to go to, in order."
     )
-    speed: float = key("speed", default=0.5, low=0.01, high=5.0, help="How fast they go.")
-    start: float = key("duration", default=0.0, low=0.0, word="after", help="How long they wait before they go.")
-    loop: bool = key(default=True, help="Whether they go back to the first place, and on again.")
+    speed: float = key("speed", default=0.5, low=0.01, high=5.0, help="Speed.")
+    start: float = key("duration", default=0.0, low=0.0, word="after", help="Time before they start.")
+    loop: bool = key(default=True, help="Return to the first place and repeat.")
 
 
 @keys
 class RoverConfig(WalkerConfig):
-    """Another robot, with a marker on its sides, that stands or drives as people walk."""
+    """Other robot with a marker on its sides, which stands or drives along a path."""
 
-    marker: int = key(low=0, high=MARKER_COUNT - 1, help="The number of the marker on its sides.")
-    heading: float = key("angle", default=0.0, help="Which way it looks at first.")
+    marker: int = key(low=0, high=MARKER_COUNT - 1, help="Number of the marker on its sides.")
+    heading: float = key("angle", default=0.0, help="Initial heading.")
     size: Vector3D = key(
         "length",
         default=(0.35, 0.35, 0.42),
         low=0.01,
         high=20.0,
         wrong=SIZE_ERROR,
-        help="Its length, width and height.",
+        help="Length, width and height.",
     )
-    colour: str = key(default="grey", among=COLOURS, help="Its colour.")
-    speed: float = key("speed", default=0.2, low=0.01, high=5.0, help="How fast it goes.")
+    colour: str = key(default="grey", among=COLOURS, help="Colour.")
+    speed: float = key("speed", default=0.2, low=0.01, high=5.0, help="Speed.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a size that has no room for the marker."""
+        """Yield a size that is too small for the marker."""
         if min(self.size) < _MARKER_SPACE:
             least = quantity_text(_MARKER_SPACE, "length")
             message = f"'size': no side has room for its marker, which needs {least}"
@@ -201,33 +203,29 @@ class RoverConfig(WalkerConfig):
 # The people of a world file: who they are, where they stand and walk, what they do and answer.
 
 LOOKS = ("anna", "ben", "chidi", "dora", "emil", "farah")
-"""The people that can be drawn."""
+"""Appearances of people."""
 
 PERSON_RADIUS = 0.25
-"""Metres from somebody's middle to where a robot touches them."""
+"""Distance in metres from a person's middle at which a robot touches them."""
 
 ANY_PHRASE = "anything"
-"""What ``hears`` says for whatever the robot says."""
+"""Value of ``hears`` that matches any phrase of the robot."""
 
 REACTION_TIME = 0.6
-"""Seconds from hearing something to doing something about it."""
+"""Default seconds from a phrase to the person's reaction."""
 
 EARSHOT = 4.0
-"""Metres within which people hear what the robot says, unless the file says otherwise."""
+"""Default distance in metres at which people hear the robot."""
 
 Facing = float | Literal["camera", "away"]
-"""An angle about z; or towards whoever looks, or away from them."""
+"""Angle about z, or towards the observer, or away."""
 
 
 @keys
 class ActConfig:
-    """What somebody does at a time, or ``after`` seconds from hearing something that contains ``hears``.
+    """Act of a person at a time, or ``after`` seconds from a phrase that contains ``hears``."""
 
-    One of ``at`` and ``hears`` is None; the empty ``hears`` is contained in everything. What somebody hears makes them
-    do it so many ``times`` at most, 0 for always.
-    """
-
-    at: float | None = key("duration", default=None, low=0.0, help="When it is done, from the beginning.")
+    at: float | None = key("duration", default=None, low=0.0, help="Time from the beginning.")
     phrase: str | None = key(
         default=None, word="hears", help=f"What of the robot's words sets it off; `{ANY_PHRASE}` is whatever it says."
     )
@@ -239,31 +237,29 @@ class ActConfig:
         high=60.0,
         help=f"How long after it: {REACTION_TIME} s if not given.",
     )
-    say: str = key(default="", help="What they say then.")
-    nod: bool = key(default=False, help="Whether they nod.")
-    turn: Facing | None = key("angle", default=None, help="Which way they turn.")
-    leave: bool = key(default=False, help="Whether they leave.")
-    often: int | None = key(
-        default=None, word="times", low=1, help="How often it can be set off; always where not given."
-    )
+    say: str = key(default="", help="Text that they say.")
+    nod: bool = key(default=False, help="Nod.")
+    turn: Facing | None = key("angle", default=None, help="Direction to turn to.")
+    leave: bool = key(default=False, help="Leave the room.")
+    often: int | None = key(default=None, word="times", low=1, help="Maximum number of times; no limit by default.")
 
     @property
     def hears(self) -> str | None:
-        """What of the robot's words sets it off."""
+        """Text in the robot's speech that triggers the act, or None."""
         return "" if self.phrase == ANY_PHRASE else self.phrase
 
     @property
     def after(self) -> float:
-        """Seconds from hearing it."""
+        """Delay in seconds after the phrase."""
         return REACTION_TIME if self.delay is None else self.delay
 
     @property
     def times(self) -> int:
-        """How often it can be set off; 0 for always."""
+        """Maximum number of times; 0 for no limit."""
         return self.often or 0
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield what has no time, or two, or does nothing."""
+        """Yield an act with no trigger or two, or without an action."""
         if (self.at is None) == (self.phrase is None):
             hint = "such as {at: 5 s, ...} or {hears: hello, ...}"
             yield KeyDiagnostic("an act needs either 'at' or 'hears'", hint=hint)
@@ -277,32 +273,30 @@ class ActConfig:
 
 @keys
 class PersonConfig(WalkerConfig):
-    """Somebody who stands at (x, y) and, after ``start`` seconds, walks along ``path`` at ``speed`` m/s.
+    """Person at (x, y) who, after ``start`` seconds, walks along ``path`` at ``speed`` m/s."""
 
-    ``height`` is that of the eyes. Somebody who is not ``known`` is a stranger to a robot that recognises people.
-    ``hears_within`` is how far away from the robot they hear it, in metres.
-    """
-
-    look: str = key(default="anna", among=LOOKS, help="How they look.")
-    height: float = key("length", default=1.6, low=0.8, high=2.1, help="How high their eyes are.")
-    facing: Facing = key("angle", default="camera", help="Which way they look: an angle, or to the robot, or away.")
-    acts: tuple[ActConfig, ...] = key(default=(), each="an act", help="What they do, and answer.")
-    known: bool = key(default=True, help="Whether the robot knows their face.")
-    hears_within: float = key("length", default=EARSHOT, low=0.0, high=50.0, help="How far away they hear the robot.")
+    look: str = key(default="anna", among=LOOKS, help="Appearance.")
+    height: float = key("length", default=1.6, low=0.8, high=2.1, help="Height of the eyes.")
+    facing: Facing = key("angle", default="camera", help="Direction: an angle, to the robot, or away.")
+    acts: tuple[ActConfig, ...] = key(default=(), each="an act", help="Acts and answers.")
+    known: bool = key(default=True, help="The robot knows their face.")
+    hears_within: float = key(
+        "length", default=EARSHOT, low=0.0, high=50.0, help="Distance within which they hear the robot."
+    )
 
 
 # Where things stand in a world file, and whether they can stand there: in the room, and not in each other's way.
 
 ROBOT_RADIUS = 0.18
-"""Metres from the middle of the robot to its rim: that of a TurtleBot 2."""
+"""Radius of the robot in metres: that of a TurtleBot 2."""
 
 ItemPath = tuple[str | int, ...]
-"""Where something stands in the file."""
+"""Path of an item in the file."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rectangle:
-    """What something takes of the floor: its middle, its ``length`` along ``heading``, its ``width``."""
+    """Rectangle on the floor: its middle, its ``length`` along ``heading``, its ``width``."""
 
     x: float
     y: float
@@ -311,13 +305,13 @@ class Rectangle:
     heading: float = 0.0
 
     def corners(self) -> list[FloorPoint]:
-        """Return its corners (x, y)."""
+        """Return the corners (x, y)."""
         c, s = cos(self.heading), sin(self.heading)
         halves = [(u * self.length / 2, v * self.width / 2) for u, v in ((1, -1), (1, 1), (-1, 1), (-1, -1))]
         return [(self.x + u * c - v * s, self.y + u * s + v * c) for u, v in halves]
 
     def gap(self, x: float, y: float) -> float:
-        """Return the metres from (x, y) to it; 0 within."""
+        """Return the distance in metres from (x, y) to the rectangle; 0 inside."""
         dx, dy, c, s = x - self.x, y - self.y, cos(self.heading), sin(self.heading)
         u, v = abs(dx * c + dy * s), abs(dy * c - dx * s)
         return hypot(max(0.0, u - self.length / 2), max(0.0, v - self.width / 2))
@@ -325,7 +319,7 @@ class Rectangle:
 
 @dataclass(frozen=True, slots=True)
 class FloorSubject:
-    """What is to stand somewhere: ``label`` messages call it, the ``mark`` where they point, and ``subject_path`` what."""
+    """Item to place: its ``label`` in messages, the ``mark`` of its errors, and its ``subject_path`` in the file."""
 
     label: str
     mark: ItemPath
@@ -334,13 +328,13 @@ class FloorSubject:
 
 @dataclass(slots=True)
 class FloorPlan:
-    """The floor of a world's room, and what has been put on it so far; what cannot be there is yielded."""
+    """Floor of a world's room with the items placed so far; yields errors for items that do not fit."""
 
     world: "WorldConfig"
     occupied: list[tuple[FloorSubject, Rectangle]] = field(default_factory=list)
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield everything that cannot stand where it is."""
+        """Yield an error for each item that cannot be where it is."""
         world = self.world
         start = FloorSubject("the robot", ("start", "at"), ("start",))
         if not self._inside(world.start.at, ROBOT_RADIUS):
@@ -390,7 +384,7 @@ class FloorPlan:
             yield from self._contains(thing, ground.corners())
 
     def _dock(self) -> Iterator[KeyDiagnostic]:
-        """Put the dock, before which there must be room for the robot."""
+        """Place the dock, with room for the robot in front of it."""
         dock = self.world.dock
         if dock is None:
             return
@@ -406,7 +400,7 @@ class FloorPlan:
             yield from self._put(thing, Rectangle(dock.x, dock.y, *DOCK_SIZE, dock.heading))
 
     def _walk(self, walker: WalkerConfig, kind: str, at: ItemPath, radius: float) -> Iterator[KeyDiagnostic]:
-        """Yield where somebody of a ``radius`` cannot stand, or walk to."""
+        """Yield stops that a person or robot of ``radius`` metres cannot reach."""
         stops: list[tuple[ItemPath, FloorPoint]] = [((*at, "at"), walker.at)]
         stops += [((*at, "walk", number), stop) for number, stop in enumerate(walker.path)]
         for number, (mark, point) in enumerate(stops):
@@ -421,7 +415,7 @@ class FloorPlan:
                 yield self._at_start(thing)
 
     def _put(self, thing: FloorSubject, ground: Rectangle, *, solid: bool = True) -> Iterator[KeyDiagnostic]:
-        """Put something on the floor, ``solid`` or a hole in it: in the room, and not where the robot starts."""
+        """Place an item on the floor, ``solid`` or a hole: inside the room, and not at the robot's start."""
         outside = list(self._contains(thing, ground.corners()))
         if outside:
             yield from outside
@@ -432,7 +426,7 @@ class FloorPlan:
             self.occupied.append((thing, ground))
 
     def _contains(self, thing: FloorSubject, points: Iterable[FloorPoint]) -> Iterator[KeyDiagnostic]:
-        """Yield the first of some points that is not in the room."""
+        """Yield an error for the first point outside the room."""
         for point in points:
             if not self._inside(point):
                 yield self._outside(thing, f"{thing.label} is outside the room at {_point_text(point)}")
@@ -465,7 +459,7 @@ class FloorPlan:
         about: ItemPath = ("room",),
         otherwise: ItemPath = (),
     ) -> KeyDiagnostic:
-        """Return a mistake about a thing, the room, and more."""
+        """Return an error that involves an item, the room, and possibly another item."""
         return KeyDiagnostic(message, thing.mark, otherwise, hint=hint, about=(("room",), thing.subject_path, about))
 
 

@@ -1,4 +1,4 @@
-"""Changing one value in a file that people write: all else in it, comments and layout too, stays as it is."""
+"""Edits single values in YAML files written by people; comments and layout are kept."""
 
 import re
 from collections.abc import Mapping as PyMapping
@@ -13,18 +13,18 @@ from config.yaml_nodes import Listing, Mapping, Node, Scalar, compose
 
 _BOM = b"\xef\xbb\xbf"
 _FLOW = re.compile(r"\[[^\[\]{}\"'#]*\]")
-"""A list of plain values on one line, such as [-90 deg, 90 deg]."""
+"""List of plain values on one line, such as [-90 deg, 90 deg]."""
 
 
 class NotEditableError(ValueError):
-    """A file that is not to be changed, or in which the place is not found; the message says what to do instead."""
+    """File that must not be edited, or lacks the position; the message says what to do instead."""
 
 
 def with_value(source: SourceText, keys: Sequence[str], value: str) -> str:
-    """Return the text of a YAML file in which ``value`` stands at ``keys``: changed where it is, else added.
+    """Return the text of a YAML file with ``value`` at ``keys``, replaced or added.
 
-    Raises NotEditableError where one of the mappings on the way is not there, or is written elsewhere (an alias),
-    InvalidFileError for what is no YAML.
+    Raises NotEditableError if an outer mapping is missing or written elsewhere (an alias), InvalidFileError for invalid
+    YAML.
     """
     node: Node = compose(source)
     for key in keys[:-1]:
@@ -47,7 +47,7 @@ def with_value(source: SourceText, keys: Sequence[str], value: str) -> str:
 def without_key(source: SourceText, key: str) -> str:
     """Return the text of a YAML file without a top-level ``key`` and its value; unchanged if it has none.
 
-    Raises NotEditableError for a value that shares its line, or has several; InvalidFileError for what is no YAML.
+    Raises NotEditableError if the value shares its line or spans several, InvalidFileError for invalid YAML.
     """
     node = compose(source)
     found = [(name, value) for name, value in node.entries if name.text == key] if isinstance(node, Mapping) else []
@@ -62,9 +62,10 @@ def without_key(source: SourceText, key: str) -> str:
 
 
 def with_values(source: SourceText, values: PyMapping[tuple[str, ...], str]) -> str:
-    """Return the text in which each of ``values`` stands at its keys, and all else means what it meant.
+    """Return the text with each of ``values`` at its keys, and all other values unchanged.
 
-    Raises NotEditableError and InvalidFileError as ``with_value``, and where an anchor stands for more than one value.
+    Raises NotEditableError and InvalidFileError as ``with_value``, and NotEditableError if an anchor is used more than
+    once.
     """
     wanted, text = _plain_value(compose(source)), source.text
     for keys, value in values.items():
@@ -84,14 +85,14 @@ def with_values(source: SourceText, values: PyMapping[tuple[str, ...], str]) -> 
 
 
 def _plain_value(node: Node) -> Any:
-    """Return what a node means, wherever it stands."""
+    """Return the value of a node as plain Python data."""
     if isinstance(node, Mapping):
         return {name.text: _plain_value(value) for name, value in node.entries}
     return [_plain_value(each) for each in node.items] if isinstance(node, Listing) else node.value
 
 
 def _replace_at(text: str, mark: Mark, new: str, *, length: int = 0) -> str:
-    """Put ``new`` in the place of the ``length`` characters at ``mark``."""
+    """Return the text with ``length`` characters at ``mark`` replaced by ``new``."""
     lines = text.splitlines(keepends=True)
     line, at = lines[mark.line - 1], mark.column - 1
     lines[mark.line - 1] = line[:at] + new + line[at + length :]
@@ -99,7 +100,7 @@ def _replace_at(text: str, mark: Mark, new: str, *, length: int = 0) -> str:
 
 
 def _add(text: str, mapping: Mapping, entry: str) -> str:
-    """Add an entry in front of the others: behind the brace of ``{...}``, else on a line of its own."""
+    """Return the text with a new first entry of a mapping: after the brace of ``{...}``, else on its own line."""
     line = text.splitlines()[mapping.mark.line - 1]
     if line[mapping.mark.column - 1 :].startswith("{"):
         behind = Mark(mapping.mark.line, mapping.mark.column + 1)
@@ -110,9 +111,9 @@ def _add(text: str, mapping: Mapping, entry: str) -> str:
 
 
 def require_own(path: Path, command: str) -> None:
-    """Raise NotEditableError for a file that ships with MissionTree: an update would take the change away again.
+    """Raise NotEditableError for a file that ships with MissionTree, since an update would overwrite it.
 
-    ``command`` is what to type with a copy of it, in which ``FILE`` stands for the copy.
+    ``command`` is the command to suggest; ``FILE`` in it stands for the copy.
     """
     if path.resolve().is_relative_to(HERE.resolve()):
         copy = f"my_{path.name}"
@@ -123,6 +124,6 @@ def require_own(path: Path, command: str) -> None:
 
 
 def rewrite(path: Path, text: str) -> None:
-    """Replace the text of a file, as ``save_file``, with the rights and the byte order mark it had. Raises OSError."""
+    """Replace the text of a file with ``save_file``, keeping mode and byte order mark. Raises OSError."""
     mark = _BOM if path.read_bytes().startswith(_BOM) else b""
     save_file(path, mark + text.encode())

@@ -1,8 +1,8 @@
-"""YAML with positions: a small tree of nodes that know where in the file they stand.
+"""YAML with positions: a small tree of nodes that know their line and column.
 
-Built from the parser's events with a stack of our own, so that depth, aliases and duplicate keys are under control,
-and plain words stay words: only ``true``, ``false``, ``null`` and numbers are anything but text (YAML 1.2's core, not
-1.1, where ``on`` and ``yes`` are booleans and ``12:30`` is a number in base 60).
+The tree is built from the parser's events with a stack of our own, which bounds depth, aliases and duplicate keys. Only
+``true``, ``false``, ``null`` and numbers are anything but text (the core of YAML 1.2; in 1.1, ``on`` and ``yes`` are
+booleans and ``12:30`` is a number in base 60).
 """
 
 import math
@@ -24,14 +24,14 @@ MAX_BYTES = 1_000_000
 MAX_DEPTH = 60
 MAX_NODES = 50_000
 MAX_REPAIRED_ERRORS = 8
-"""Mistakes of syntax in one file after which it is still read on."""
+"""Number of syntax errors in one file after which parsing stops."""
 
 Plain = str | int | float | bool | None
 
 
 @dataclass(slots=True)
 class Scalar:
-    """A word, number or text; ``text`` as it was written, ``value`` as it is meant."""
+    """Word, number or text: ``text`` as written, ``value`` as parsed."""
 
     mark: Mark
     text: str
@@ -41,7 +41,7 @@ class Scalar:
 
 @dataclass(slots=True)
 class Listing:
-    """A YAML sequence."""
+    """YAML sequence."""
 
     mark: Mark
     items: "list[Node]" = field(default_factory=list)
@@ -49,9 +49,9 @@ class Listing:
 
 @dataclass(slots=True)
 class Mapping:
-    """A YAML mapping, in the order of the file; keys are scalars and unique.
+    """YAML mapping in the order of the file; keys are scalars and unique.
 
-    ``torn`` is whether a line of the file could not be read: what is missing here may have stood there.
+    ``torn`` is true if a line of the file could not be read, so that keys may be missing.
     """
 
     mark: Mark
@@ -59,11 +59,11 @@ class Mapping:
     torn: bool = False
 
     def get(self, key: str) -> "Node | None":
-        """Return the value of ``key``, None where it is missing."""
+        """Return the value of ``key``, or None."""
         return next((value for name, value in self.entries if name.text == key), None)
 
     def keys(self) -> Iterator[str]:
-        """The keys as written."""
+        """Return the keys as written."""
         return (name.text for name, _ in self.entries)
 
 
@@ -94,10 +94,10 @@ def read_source(path: Path, name: str | None = None) -> SourceText:
 
 
 def compose(source: SourceText, faults: list[Diagnostic] | None = None) -> Node:
-    """Parse ``source`` into nodes. Raises InvalidFileError for anything that is not one plain YAML document.
+    """Parse ``source`` into nodes. Raises InvalidFileError for anything but one plain YAML document.
 
-    With ``faults`` given, mistakes after which the rest can still be read (a key that stands twice, a colon that lacks)
-    are added to it instead of raised.
+    With ``faults``, errors after which the rest can still be read (a duplicate key, a missing colon) are added to it
+    instead.
     """
     if (forbidden := forbidden_character(source)) is not None:
         raise InvalidFileError([forbidden])
@@ -118,9 +118,9 @@ def compose(source: SourceText, faults: list[Diagnostic] | None = None) -> Node:
 
 
 def _compose_text(source: SourceText, text: str, found: list[Diagnostic], *, mending: bool) -> "_Composer":
-    """Compose ``text``, and mend what the parser stumbles on where that is asked for; ``found`` takes what it was.
+    """Compose ``text``, and with ``mending`` repair syntax errors; the errors are added to ``found``.
 
-    Raises InvalidFileError for what cannot be read at all.
+    Raises InvalidFileError if that fails.
     """
     torn = False
     for _ in range(MAX_REPAIRED_ERRORS + 1):
@@ -153,12 +153,12 @@ _WORDS: dict[str, Plain] = {"true": True, "false": False, "null": None, "~": Non
 
 
 class _FatalFaultError(Exception):
-    """Raised to leave the parser's loop."""
+    """Leaves the parser's loop."""
 
 
 @dataclass(slots=True)
 class _OpenCollection:
-    """A collection that is being read. ``key`` waits for its value; ``before`` is how many nodes came before it."""
+    """Collection that is being read. ``key`` is waiting for its value; ``before`` is the number of nodes before it."""
 
     node: Mapping | Listing
     before: int
@@ -166,12 +166,12 @@ class _OpenCollection:
     key: Scalar | None = None
     height: int = 1
     keys: dict[str, int] = field(default_factory=dict)
-    """The line of each key."""
+    """Line of each key."""
 
 
 @dataclass(slots=True)
 class _AnchoredNode:
-    """A node with a name: how many nodes it holds, itself counted, and how deep they are nested."""
+    """Node with an anchor: number of nodes including itself, and nesting depth."""
 
     node: Node
     size: int = 1
@@ -179,7 +179,7 @@ class _AnchoredNode:
 
 
 class _Composer:
-    """Turns parser events into nodes. ``faults`` gathers what is wrong; the fatal ones end the parse."""
+    """Builds nodes from parser events. Errors are collected in ``faults``; fatal errors end the parse."""
 
     def __init__(self, source: SourceText, *, torn: bool = False) -> None:
         self.source = source
@@ -282,7 +282,7 @@ class _Composer:
 
 
 def plain_value(text: str) -> Plain:
-    """Return what an unquoted word means: a number, true, false, null, or the text itself."""
+    """Return the value of an unquoted word: a number, true, false, null, or the text itself."""
     if text in _WORDS:
         return _WORDS[text]
     if not _NUMBER.fullmatch(text):

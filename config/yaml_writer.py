@@ -1,6 +1,6 @@
-"""Files that MissionTree itself writes, such as gestures that were recorded.
+"""Writer of YAML files, such as recorded gestures.
 
-Each is read back before it is handed out, so that nothing is written that its own loader refuses.
+Each text is parsed before it is returned, so nothing is written that the loader refuses.
 """
 
 import json
@@ -16,10 +16,10 @@ from config.yaml_nodes import plain_value
 
 
 def gesture_text(gesture: GestureConfig, file: str = "gesture") -> str:
-    """Return the text of a file that says what ``gesture`` is; a keyframe names the joints that have moved since.
+    """Return the text of a gesture file; keyframes name only the joints that have moved since the last one.
 
-    Angles are written to a millionth of a radian, times to a tenth of a millisecond. Raises InvalidFileError, with
-    ``file`` as its name, where that is no gesture file: no keyframe, times that do not rise, more than fits.
+    Angles are rounded to a microradian, times to a tenth of a millisecond. Raises InvalidFileError, with ``file`` as
+    its name, for an invalid gesture: no keyframe, times that do not rise, too large.
     """
     lines = [f"gesture: {yaml_word(gesture.name)}"]
     if gesture.summary.strip():
@@ -39,7 +39,7 @@ def gesture_text(gesture: GestureConfig, file: str = "gesture") -> str:
 def write_new(path: Path, text: str) -> None:
     """Write a new file, and wait until it is on the disk.
 
-    Raises FileExistsError, in words, where there is one already, and other OSErrors.
+    Raises FileExistsError with a message if the file exists, and other OSErrors.
     """
     try:
         with path.open("x", encoding="utf-8") as file:
@@ -56,17 +56,17 @@ def write_new(path: Path, text: str) -> None:
 
 
 def flow_mapping(*parts: Mapping[str, str]) -> str:
-    """Write mappings as one, on one line."""
+    """Return several mappings as one YAML flow mapping."""
     return "{" + ", ".join(f"{key}: {value}" for part in parts for key, value in part.items()) + "}"
 
 
 def number_text(value: float, digits: int) -> str:
-    """Write a number with so many digits behind the point, as far as they are needed."""
+    """Return a number with at most ``digits`` decimals."""
     return f"{round(value, digits) + 0.0:.12g}"
 
 
 def yaml_word(text: str) -> str:
-    """Write a name plainly where YAML takes it for a text, else in quotes."""
+    """Return a name as a YAML text, quoted if necessary."""
     return (
         text
         if re.fullmatch(r"[A-Za-z_]\w*", text) and plain_value(text) == text
