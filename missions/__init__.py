@@ -46,7 +46,7 @@ _HOME = {"InvalidFileError": "config.diagnostics", "UnknownNameError": "config.l
 
 
 def __getattr__(name: str) -> object:
-    """Import what is public when it is first asked for, so that `mission --help` need not wait for it."""
+    """Import public names on first access, so that `mission --help` starts fast."""
     if name not in __all__:
         raise AttributeError(f"module 'missions' has no attribute '{name}'")
     return getattr(import_module(_HOME.get(name, "missions.api")), name)

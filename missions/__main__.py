@@ -1,7 +1,7 @@
-"""The entry of the ``mission`` command.
+"""Entry point of the ``mission`` command.
 
-Our packages have plain names (``config``, ``drivers``...), which something else may shadow: a ``config.py`` in the
-working directory, a ROS ``PYTHONPATH``, another distribution. So before anything of ours is used, each is looked at.
+Our packages have plain names (``config``, ``drivers``...) that other modules may shadow: a ``config.py`` in the working
+directory, a ROS ``PYTHONPATH``, another distribution. So each package is checked before it is used.
 """
 
 import gc
@@ -25,11 +25,11 @@ PACKAGES = ("missions", "behaviours", "drivers", "perception", "config")
 
 
 DISTRIBUTION = "missiontree"
-"""The name of our distribution."""
+"""Name of our distribution."""
 
 
 def shadowed_packages() -> dict[str, str]:
-    """Return what is found in the place of each of our packages, by their names, where that is another."""
+    """Return our packages that another module shadows, each with a description of that module."""
     found = {}
     for name in PACKAGES:
         try:
@@ -43,7 +43,7 @@ def shadowed_packages() -> dict[str, str]:
 
 
 def shadowing_fixes(hidden: Iterable[str]) -> list[str]:
-    """Return what helps where other modules are found in the place of our packages, a command or an advice each."""
+    """Return commands or advice that make our packages importable again."""
     from importlib import metadata  # noqa: PLC0415 - only where something is wrong
 
     others: dict[str, None] = {}
@@ -64,7 +64,7 @@ def shadowing_fixes(hidden: Iterable[str]) -> list[str]:
 
 
 def _file(name: str) -> Path:
-    """Return the file, or the folder, that Python takes for a module of this name."""
+    """Return the file or folder that Python imports under this name."""
     try:
         spec = find_spec(name)
     except (ImportError, ValueError):
@@ -75,12 +75,12 @@ def _file(name: str) -> Path:
 
 
 def _contains_file(distribution: "Distribution", file: Path) -> bool:
-    """Say whether a distribution lies where ``file`` is."""
+    """Return True if ``file`` is in the folder of a distribution."""
     return Path(str(distribution.locate_file(""))) in file.parents
 
 
 def _origin() -> str:
-    """Return what our distribution was installed from: a folder or a file where that is known, else its name."""
+    """Return the folder or file that our distribution was installed from, or its name."""
     from importlib import metadata  # noqa: PLC0415 - see ``shadowing_fixes``
 
     told = metadata.distribution(DISTRIBUTION).read_text("direct_url.json")
@@ -89,7 +89,7 @@ def _origin() -> str:
 
 
 def _stray_module_fix(file: Path) -> str:
-    """Say what helps against a module that belongs to no distribution."""
+    """Return the fix for a module that belongs to no distribution."""
     entries = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     if any(entry and Path(entry).resolve() in file.parents for entry in entries):
         return "unset PYTHONPATH"

@@ -1,6 +1,6 @@
-"""MissionTree from Python: a mission that you tick yourself, and a run from beginning to end.
+"""Python API: a mission that you tick yourself, and a complete run.
 
-What is public here is at hand as ``missions.load``, ``missions.run`` and so on; see there for examples.
+The public names are also in ``missions``: ``missions.load``, ``missions.run``...; see there for examples.
 """
 
 import math
@@ -37,20 +37,18 @@ from missions.request import RunRequest, Simulate, contradictions
 from missions.runner import SIMULATED_LIMITS, Runner, load_plan, parts_with_ports
 
 Params = Mapping[str, object]
-"""A mission's params by name: texts as a mission would write them ("5 s"), or plain numbers and flags."""
+"""Params of a mission by name: texts as in a mission ("5 s"), or plain numbers and flags."""
 
 
 class Mission:
-    """A mission to be ticked by hand: ``missions.load`` and ``missions.wrap`` make them.
+    """Mission that you tick yourself; create one with ``missions.load`` or ``missions.wrap``.
 
-    ``root`` is the tree, of py_trees behaviours, for its displays and visitors. ``events`` is the stream of what
-    happens: append functions to ``events.listeners``. A mission with a robot is a context manager: it opens the robot
-    and waits for its parts; in the end it halts, brings every actuator to rest and closes every port. Without a robot
-    the context only halts.
+    ``root`` is the tree of py_trees behaviours, for displays and visitors. ``events`` is the event stream: append
+    functions to ``events.listeners``. A mission with a robot is a context manager. It opens the robot and waits for its
+    parts; at the end it halts, stops every actuator and closes every port. Without a robot the context only halts.
 
-    While ticks are made by hand no watchdog looks after them and no signal is taken; ``missions.run`` does that. With a
-    robot that is open, ``mission stop`` stops it from any terminal: paused so, it does nothing when it is ticked, and
-    ended so, it is halted.
+    No watchdog and no signal handler is active; use ``missions.run`` for those. While the robot is open, ``mission
+    stop`` works from any terminal: after a pause, ticks do nothing; after a stop, the mission is halted.
     """
 
     def __init__(
@@ -72,28 +70,28 @@ class Mission:
 
     @property
     def name(self) -> str:
-        """What it calls itself."""
+        """Name of the mission."""
         return self._executive.mission
 
     @property
     def status(self) -> Status:
-        """The status of the tree: INVALID before the first tick and after a halt."""
+        """Status of the tree: INVALID before the first tick and after a halt."""
         return self.root.status
 
     @property
     def reason(self) -> str:
-        """Why it failed, or what it waits for, in a few words."""
+        """Reason of a failure or a wait."""
         return self.root.reason
 
     @property
     def variables(self) -> Mapping[str, object]:
-        """The params, and what behaviours have stored."""
+        """Params, and outputs of behaviours."""
         return self._executive.run.variables
 
     def tick(self) -> Status:
-        """Tick once, at once, and return the new status; a mission that has ended begins anew.
+        """Tick once, immediately, and return the new status; a mission that has ended restarts.
 
-        Raises drivers.errors.BadRequest when it needs a robot and has none, or one that is not open.
+        Raises drivers.errors.BadRequest if it needs a robot and has none, or if the robot is not open.
         """
         if self._missing_parts:
             parts = ", ".join(sorted(self._missing_parts))
@@ -112,12 +110,12 @@ class Mission:
         return self.status if self._still else self._executive.tick()
 
     def halt(self) -> bool:
-        """Stop what runs; True once all is at rest. A leaf may need several ticks: call it again while it is False."""
+        """Stop all running leaves. Returns False while a leaf needs more ticks to stop; then call it again."""
         self._executive.run.tick += 1
         return self._executive.halt()
 
     def __enter__(self) -> Self:
-        """Open the robot and wait for its parts. Raises drivers.errors.NotConnected with all that do not appear."""
+        """Open the robot and wait for its parts. Raises drivers.errors.NotConnected that lists all missing parts."""
         if self._opening is not None:
             self._opened.enter_context(self._opening())
             self._open = True
@@ -126,7 +124,7 @@ class Mission:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Halt, and close the robot; what takes more time to halt is brought to rest."""
+        """Halt, and close the robot; leaves that need more time to halt are stopped at once."""
         try:
             self.root.stop()
         finally:
@@ -148,11 +146,10 @@ def load(
     """Read, check and build a mission: a name in the library, or a file. Opens nothing.
 
     ``robot`` is the name or file of a robot, which moves unless ``simulate``; or a ``behaviours.robot.Robot`` of parts
-    that the caller has opened, and closes. Without one, what needs none can be ticked. With ``simulate="fast"`` time is
-    simulated, and goes on with the ticks. ``behaviours`` are files of Python with leaves of your own.
+    that the caller opens and closes. Without a robot you can tick missions that need none. With ``simulate="fast"``
+    time is simulated, and advances with the ticks. ``behaviours`` are Python files with your own leaves.
 
-    Raises InvalidFileError, whose ``faults`` hold every mistake; UnknownNameError for a mission or robot that is not
-    there.
+    Raises InvalidFileError, whose ``diagnostics`` are all errors; UnknownNameError for an unknown mission or robot.
     """
     files = [Path(file) for file in behaviours]
     given = _param_texts(params)
@@ -181,9 +178,9 @@ def load(
 
 
 def wrap(tree: Behaviour) -> Mission:
-    """Return a mission around a tree of plain py_trees behaviours, which are ticked by py_trees' own rules.
+    """Return a mission around a tree of plain py_trees behaviours, ticked by py_trees' own rules.
 
-    ``behaviours.py_trees_leaf.PyTreesLeaf`` tells the few differences to ``tree.tick_once()``.
+    ``behaviours.py_trees_leaf.PyTreesLeaf`` lists the few differences to ``tree.tick_once()``.
     """
     run = RunState(SystemClock())
     leaf = WrappedInstance(tree)
@@ -210,18 +207,17 @@ def run(
     listeners: Sequence[Listener] = (),
     without_stop: bool = False,
 ) -> Result:
-    """Run a mission to its end and return how that was, as ``mission run`` does, with the same options.
+    """Run a mission to its end and return the result, as ``mission run`` does with the same options.
 
     ``missions.request.RunRequest`` declares the options, with their bounds; ``until`` is in s.
 
-    Simulated unless ``robot`` is named; ``simulate="fast"`` is simulated time, without waiting. ``mission stop`` stops
-    it from any terminal. On the main thread, Ctrl-C and its like end it safely, and a signal that a hanging leaf keeps
-    from being heard ends the process, with the robot at rest. A leaf that hangs without a signal is waited for, with
-    the robot kept still. A robot does not move where ``mission stop`` cannot reach the run, unless ``without_stop``.
+    The robot is simulated unless ``robot`` is given; ``simulate="fast"`` is simulated time, without waiting. ``mission
+    stop`` works from any terminal. On the main thread, Ctrl-C and other signals end the run safely; if a leaf hangs,
+    the process ends with the robot at rest. Without a signal, a hanging leaf is waited for while the robot stands
+    still. A robot does not move if ``mission stop`` cannot reach the run, unless ``without_stop``.
 
-    Raises ValueError for arguments that are out of bounds, or that contradict each other, such as a camera in
-    simulated time; InvalidFileError,
-    UnknownNameError, or a drivers.errors.DriverError such as NotConnected.
+    Raises ValueError for arguments that are out of bounds or contradict each other, such as a camera in simulated time;
+    InvalidFileError, UnknownNameError, or a drivers.errors.DriverError such as NotConnected.
     """
     order = RunRequest(
         str(mission),
@@ -250,7 +246,7 @@ def run(
 
 @contextmanager
 def _control_socket(runner: Runner) -> Iterator[None]:
-    """Have the control socket of a run, by which ``mission stop`` stops it. Raises NoStop, as its ``require_stop``."""
+    """Serve the control socket of a run for ``mission stop``. Raises NoStop, as its ``require_stop``."""
     with ControlSocket(runner) as control:
         control.require_stop(f"without_stop=True, or {WITHOUT_STOP}=yes")
         if control.trouble:
@@ -259,17 +255,17 @@ def _control_socket(runner: Runner) -> Iterator[None]:
 
 
 def _argument(name: str, value: str = "") -> str:
-    """Return how an argument of ``run`` is written."""
+    """Return an argument of ``run`` as the user writes it."""
     return f'{name}="{value}"' if value else {"port": "ports"}.get(name, name.replace("-", "_"))
 
 
 def _level(simulate: bool | Simulate) -> Simulate | None:
-    """Return how to simulate: down to the wires where nothing else is said."""
+    """Return the level of simulation: "wire" by default."""
     return ("wire" if simulate else None) if isinstance(simulate, bool) else simulate
 
 
 def _param_texts(params: Params | None) -> dict[str, str]:
-    """Return params as they would stand in a file."""
+    """Return params as texts, as in a file."""
     return {
         name: str(value).lower() if isinstance(value, bool) else str(value) for name, value in (params or {}).items()
     }

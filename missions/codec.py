@@ -1,12 +1,12 @@
-"""JSON of dataclasses and back, strictly: the codec of records, of the control socket and the studio, and of fleets.
+"""Strict JSON codec of dataclasses, for records, the control socket, the studio and fleets.
 
-A message is an object of its fields. The type of a field says how its JSON looks: a dataclass is an object, a tuple or
-list an array, an enumeration its value. ``Annotated`` adds a description and a ``Bound``, or the declaration of an
-option, which has both; the JSON Schema shows them. ``Rules`` are the limits of one kind of reader. Data that is not
-exactly as declared raises CodecError.
+A message is an object of its fields. The type of a field decides its JSON: a dataclass is an object, a tuple or list an
+array, an enumeration its value. ``Annotated`` adds a description and a ``Bound``, or the declaration of an option,
+which has both; the JSON Schema includes them. ``Rules`` are the limits of one kind of reader. Data that differs from
+the declaration raises CodecError.
 
-Pure Python, since the control socket of every run reads its commands by it: no compiled package is needed to stop a
-robot. Coders are made once a type and cached.
+Pure Python, since the control socket of every run uses it: stopping a robot must not need a compiled package. Coders
+are created once per type and cached.
 """
 
 import inspect
@@ -28,14 +28,14 @@ from missions.options import Option
 T = TypeVar("T")
 
 MAX_INTEGER = 2**53
-"""Largest whole number that a float holds exactly."""
+"""Largest integer that a float represents exactly."""
 
 _shown = Repr()
 _shown.maxstring = _shown.maxlong = _shown.maxother = 60
 
 
 class CodecError(ValueError):
-    """Data that is not as declared. ``path`` names the member, ``hint`` says what may be meant."""
+    """Data that does not match its declaration. ``path`` names the member, ``hint`` is a suggestion."""
 
     def __init__(self, problem: str, path: str = "", hint: str = "") -> None:
         super().__init__(problem)
@@ -45,13 +45,13 @@ class CodecError(ValueError):
         return f"'{self.path[:60]}' {self.problem}" if self.path else self.problem
 
     def inside(self, name: str) -> "CodecError":
-        """Return the same error as seen from the object around the member ``name``, which may be any text."""
+        """Return the error with the member ``name`` (any text) before its path."""
         name = short_text(name)[1:-1]
         return CodecError(self.problem, f"{name}.{self.path}" if self.path else name, self.hint)
 
 
 class Coder(NamedTuple):
-    """Writes and reads values of one type. ``decode`` raises CodecError."""
+    """Encoder and decoder of one type. ``decode`` raises CodecError."""
 
     encode: Callable[[Any], Any]
     decode: Callable[[Any], Any]
@@ -66,10 +66,10 @@ def identity(value: Any) -> Any:
 class Rules:
     """Limits of a reader.
 
-    Texts have at most ``max_text`` characters and satisfy ``is_text``, which ``text`` describes for errors; lists and
-    objects have at most ``max_members``; no number is larger than ``max_number``. With ``finite``, numbers are finite,
-    else those that JSON lacks are "nan", "inf" and "-inf". ``omit_none`` leaves members out that are None. ``other``
-    returns the coder of a type that has none here, such as Any.
+    Texts have at most ``max_text`` characters and satisfy ``is_text``, which ``text`` describes in errors; lists and
+    objects have at most ``max_members``; numbers are at most ``max_number``. With ``finite``, numbers are finite;
+    otherwise "nan", "inf" and "-inf" stand for the others. ``omit_none`` omits members that are None. ``other`` returns
+    the coder of a type without one here, such as Any.
     """
 
     max_text: float = inf
@@ -84,7 +84,7 @@ class Rules:
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """Range of a number; or, for a text, ``high`` is its greatest length."""
+    """Range of a number; for a text, ``high`` is the maximum length."""
 
     low: float = -inf
     high: float = inf
@@ -95,14 +95,14 @@ UNBOUNDED = Bound()
 
 @dataclass(frozen=True, slots=True)
 class JsonName:
-    """Name of a member where that cannot be the field's."""
+    """Name of a member that differs from the field's name."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
 class MessageField:
-    """A declared field: its ``word`` in JSON, type without marks, description, bounds, and whether it must be there."""
+    """Declared field: its name in JSON, type without annotations, description, bounds, and whether it is required."""
 
     name: str
     json_name: str
@@ -115,7 +115,7 @@ class MessageField:
 
 @cache
 def message_fields(kind: Any) -> tuple[MessageField, ...]:
-    """Return the fields of a message's class."""
+    """Return the fields of a message class."""
     hints = get_type_hints(kind, include_extras=True)
     return tuple(_message_field(each, hints[each.name]) for each in fields(kind))
 
@@ -135,29 +135,29 @@ def _message_field(field: "Field[Any]", hint: Any) -> MessageField:
 
 
 def short_text(value: object) -> str:
-    """Return the beginning of a value, for an error: however deep it is, and however long."""
+    """Return the beginning of a value for an error message, however deep or long the value is."""
     return _shown.repr(value)[:60]
 
 
 def encode(message: object, rules: Rules) -> Any:
-    """Return a message as JSON has it."""
+    """Return a message as JSON data."""
     kind: Any = type(message)
     return coder(kind, rules).encode(message)
 
 
 def decode(kind: type[T], data: object, rules: Rules) -> T:
-    """Return the value of type ``kind`` that ``data`` is. Raises CodecError."""
+    """Return ``data`` as a value of type ``kind``. Raises CodecError."""
     wanted: Any = kind
     return cast("T", coder(wanted, rules).decode(data))
 
 
 def encode_tagged(message: Any, key: str, rules: Rules) -> dict[str, Any]:
-    """Return a message as JSON has it, its word first, under ``key``."""
+    """Return a message as JSON data with its tag first, under ``key``."""
     return {key: message.word, **encode(message, rules)}
 
 
 def parse(data: str | bytes, max_bytes: int) -> Any:
-    """Return the value of a JSON text of at most ``max_bytes``, no member twice. Raises CodecError."""
+    """Return the value of a JSON text of at most ``max_bytes`` without duplicate members. Raises CodecError."""
     if len(data) > max_bytes:
         raise CodecError(f"{len(data)} bytes; at most {max_bytes} are read")
     try:
@@ -167,7 +167,7 @@ def parse(data: str | bytes, max_bytes: int) -> Any:
 
 
 def decode_tagged(data: object, key: str, kinds: Mapping[str, type[T]], rules: Rules) -> T:
-    """Return the message that has its word under ``key``, as the class of that word. Raises CodecError."""
+    """Return the message whose tag is under ``key``, as an instance of the tag's class. Raises CodecError."""
     if not isinstance(data, dict):
         raise CodecError(f'not an object, such as {{"{key}": "{next(iter(kinds))}"}}')
     word = data.get(key)
@@ -178,12 +178,12 @@ def decode_tagged(data: object, key: str, kinds: Mapping[str, type[T]], rules: R
 
 
 class UnknownTagError(CodecError):
-    """A message of no known class."""
+    """Message with an unknown tag."""
 
 
 @cache
 def coder(kind: Any, rules: Rules, bound: Bound = UNBOUNDED) -> Coder:
-    """Return the coder of a type; one of a dataclass may hold itself."""
+    """Return the coder of a type; a dataclass may contain itself."""
     origin, inner = get_origin(kind), get_args(kind)
     made = kind if origin is None else origin
     if isinstance(made, type) and is_dataclass(made):
@@ -211,7 +211,7 @@ def _type_error(expected: str, value: object) -> CodecError:
 
 
 def _check(expected: str, holds: Callable[[Any], bool]) -> Callable[[Any], Any]:
-    """Return a reader of data for which a condition holds."""
+    """Return a decoder for data that satisfies ``holds``."""
 
     def decode(data: Any) -> Any:
         if not holds(data):
@@ -258,15 +258,12 @@ def _plain(kind: type, rules: Rules, bound: Bound) -> Coder:
 
 
 def number(value: Any) -> Any:
-    """Return a number as JSON can have it: "nan", "inf" and "-inf" for those that it lacks."""
+    """Return a number as JSON data: "nan", "inf" and "-inf" stand for the values that JSON lacks."""
     return value if isfinite(value) else str(float(value))
 
 
 def _object(kind: Any, rules: Rules) -> Coder:
-    """Return the coder of a dataclass. Its members are looked up at first use, since one may be of the class itself.
-
-    The properties that the class names in ``derived`` are written, too, and not read.
-    """
+    """Return the coder of a dataclass. Its members are resolved at first use, since the class may contain itself."""
     derived: Collection[str] = getattr(kind, "derived", ())
     writers: list[tuple[str, str, Callable[[Any], Any]]] = []  # not a cached call, which each message would pay for
 
@@ -374,14 +371,11 @@ def _mapping(held: Coder, rules: Rules) -> Coder:
 
 
 Schema = dict[str, Any]
-"""A JSON Schema (draft 2020-12)."""
+"""JSON Schema (draft 2020-12)."""
 
 
 def object_schema(kind: Any, rules: Rules, **first: Schema) -> Schema:
-    """Return the JSON Schema of a class; ``first`` are members before its own. Other classes are references.
-
-    ``definitions`` has what those lead to.
-    """
+    """Return the JSON Schema of a class; ``first`` are members before its own. Other classes are references."""
     properties = dict(first)
     for each in message_fields(kind):
         found = _schema_of(each.kind, each.bound, rules)
@@ -401,7 +395,7 @@ def object_schema(kind: Any, rules: Rules, **first: Schema) -> Schema:
 
 
 def definitions(kind: Any, rules: Rules) -> dict[str, Schema]:
-    """Return the JSON Schemas of the classes within a class, by their names."""
+    """Return the JSON Schemas of the classes used by a class, by name."""
     found: dict[str, Schema] = {}
     waiting = [each.kind for each in message_fields(kind)]
     while waiting:

@@ -1,13 +1,13 @@
-"""Options of commands, declared once: the fields of a dataclass, each with its type, bounds, default and help.
+"""Declarations of command options: the fields of a dataclass, each with type, bounds, default and help.
 
 ::
 
     @dataclass(frozen=True, kw_only=True)
     class WalkOptions(RunOptions):
-        steps: int = option("How many steps to take.", default=10, low=1, group="Walking")
+        steps: int = option("Number of steps.", default=10, low=1, group="Walking")
 
-The command line, the studio's form, the Python API and the tables of the docs are made of these declarations. Nothing
-here imports click.
+The command line, the studio's form, the Python API and the tables of the docs are generated from these declarations.
+This module does not import click.
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -35,18 +35,20 @@ Kind = Literal[
     "robot",
     "world",
 ]
-"""The type of an option's value. ``mission``, ``robot`` and ``world`` are names or files; ``params`` and ``ports``
-are NAME=VALUE; a ``duration`` is in s, a ``frequency`` in Hz, a ``size`` in bytes; a ``file`` is a path of no
-folder."""
+"""Type of an option's value.
+
+``mission``, ``robot`` and ``world`` are names or files; ``params`` and ``ports`` are NAME=VALUE; a ``duration`` is in
+s, a ``frequency`` in Hz, a ``size`` in bytes; a ``file`` is a path that is not a folder.
+"""
 
 
 ROS2 = "ROS 2"
-"""The heading of what several features declare."""
+"""Heading of the ROS 2 options of several features."""
 
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """An option of a command. ``low`` and ``high`` bound its value, ``among`` are the possible words.
+    """Option of a command. ``low`` and ``high`` bound its value, ``among`` are the possible words.
 
     ``alone`` is the value if the option is given without one. ``group`` is its heading in the help, which shows it
     without ``--help-all`` if ``newcomer``. ``several`` options make a tuple.
@@ -68,7 +70,7 @@ class Option:
     hidden: bool = False
 
     def fault(self, value: object) -> str:
-        """Return the fault of a value that does not come from a command line; empty for a good one."""
+        """Return the error of a value that does not come from a command line, or an empty text."""
         if value is None or value == self.default:
             return ""
         if self.among and value not in self.among:
@@ -82,7 +84,7 @@ class Option:
 
     @property
     def bounds(self) -> str:
-        """The bounds as text; empty without any."""
+        """Bounds as text; empty without any."""
         if self.low is not None and self.high is not None:
             return f"from {self.low:g} to {self.high:g}"
         return "" if self.low is None else f"at least {self.low:g}"
@@ -99,7 +101,7 @@ def option(
 ) -> Any:
     """Declare a field as an option. ``flag`` is its name on the command line, if not that of the field.
 
-    Without a ``kind``, a default of False makes a flag, and ``among`` a choice. ``more`` is as in ``Option``.
+    Without a ``kind``, a default of False makes a flag, and ``among`` a choice. ``more`` are fields of ``Option``.
     """
     if default is False:
         kind = "flag"
@@ -127,7 +129,7 @@ def _options_of(cls: Any) -> tuple[Option, ...]:
 
 
 def faults(values: object) -> Iterator[tuple[Option, str]]:
-    """Yield the options of a dataclass whose values are out of bounds, each with its fault."""
+    """Yield the options of a dataclass whose values are out of bounds, each with its error."""
     for each in options_of(type(values)):
         if fault := each.fault(getattr(values, each.name)):
             yield each, fault
@@ -137,6 +139,6 @@ T = TypeVar("T")
 
 
 def make_options(cls: type[T], values: Mapping[str, object], **more: object) -> T:
-    """Return an instance with those of ``values`` that its options name; None stands for the default."""
+    """Return an instance of ``cls`` with the ``values`` of its options; None stands for the default."""
     given = {each.name: values[each.name] for each in options_of(cls) if values.get(each.name) is not None}
     return cls(**given, **more)

@@ -1,4 +1,4 @@
-"""The request to run a mission, on a robot, in a world, by their names."""
+"""Request to run a mission: mission, robot, world and options by name."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from config.world import WorldConfig
 
 Simulate = Literal["wire", "fast"]
-"""How a robot is simulated: real drivers over virtual devices in real time, or twins in simulated time."""
+"""Level of simulation: real drivers on virtual devices in real time, or twins in simulated time."""
 
 
 WHERE, CLOCK, MISSION = "Where it runs", "In simulated time", "The mission"
@@ -27,9 +27,9 @@ WHERE, CLOCK, MISSION = "Where it runs", "In simulated time", "The mission"
 
 @dataclass(frozen=True, slots=True)
 class RunRequest:
-    """A mission to run, and a robot to run it on: names as the user gives them.
+    """Mission to run and robot to run it on, by the names that the user gives.
 
-    Without a ``robot`` the default one is simulated.
+    Without a ``robot`` the default robot is simulated.
     """
 
     mission: str
@@ -122,32 +122,32 @@ class RunRequest:
 
     @property
     def simulation(self) -> Simulate | None:
-        """How the robot is simulated, None when the real one moves."""
+        """Level of simulation, None if the real robot moves."""
         return "wire" if self.simulate is None and self.robot is None else self.simulate
 
     @property
     def is_batch(self) -> bool:
-        """True for simulated time at full speed with known truth: nothing moves, and nobody can watch or stop it.
+        """True for simulated time at full speed with known truth: nothing moves, and nobody can watch or stop the run.
 
-        Such a run starts no thread, socket or process, unless code that is not ours takes part.
+        Such a run starts no thread, socket or process, unless code of others takes part.
         """
         return self.simulation == "fast" and self.eyes == "truth" and self.speed == inf
 
     @property
     def world_name(self) -> str:
-        """The name of what a simulated robot stands in; empty for a robot that moves."""
+        """Name of the world of a simulated robot; empty for a real robot."""
         if self.simulation is None:
             return ""
         return (self.world if self.world is None or isinstance(self.world, str) else self.world.name) or DEFAULT_WORLD
 
     @property
     def with_default_simulation(self) -> "RunRequest":
-        """The request in simulated time, if an option needs that and neither robot nor simulation is named."""
+        """Request with simulated time, if an option needs it and neither robot nor simulation is given."""
         timed = self.speed != inf or self.eyes == "truth" or self.until is not None or self.physics
         return replace(self, simulate="fast") if timed and self.simulate is None and self.robot is None else self
 
     def world_file(self) -> "WorldConfig":
-        """Read the world's file, unless it was handed over as it is. Raises InvalidFileError or UnknownNameError."""
+        """Return the world, read from its file if it is a name. Raises InvalidFileError or UnknownNameError."""
         from config.world import load_world  # noqa: PLC0415 - the metal has no other world than this one
 
         if self.world is None or isinstance(self.world, str):
@@ -157,18 +157,18 @@ class RunRequest:
 
 @dataclass(frozen=True, kw_only=True)
 class RunOptions:
-    """Options that a feature adds to `mission run`; a subclass declares them as its fields."""
+    """Base of the options that a feature adds to `mission run`; subclasses declare them as fields."""
 
     needs_control: ClassVar[bool] = False
-    """Whether the feature uses the control socket of the run, which a batch lacks otherwise."""
+    """True if the feature needs the control socket of the run, which a batch does not have otherwise."""
 
     def is_wanted(self, request: RunRequest) -> bool:
-        """Whether the feature takes part in a run: if any of its options was given, unless a subclass says more."""
+        """Return True if the feature takes part in a run; by default, if any of its options is given."""
         del request
         return any(getattr(self, each.name) != each.default for each in options_of(type(self)))
 
     def adapt(self, request: RunRequest) -> RunRequest:
-        """Return the request as these options change it."""
+        """Return the request with the changes that these options need."""
         return request
 
     def check(self, request: RunRequest) -> None:
@@ -178,10 +178,10 @@ class RunOptions:
 def contradictions(
     request: RunRequest, named: Callable[..., str], ports_of: Callable[[RunRequest], Sequence[str]]
 ) -> Iterator[str]:
-    """Yield what of a request contradicts the rest of it, or could only be ignored.
+    """Yield errors for options of a request that contradict each other or would have no effect.
 
-    ``named(name, value)`` returns how the user writes a wish: ``--simulate fast``, or ``simulate="fast"``.
-    ``ports_of(order)`` returns the parts with ports that its robot has under names of their own.
+    ``named(name, value)`` returns an option as the user writes it: ``--simulate fast``, or ``simulate="fast"``.
+    ``ports_of(request)`` returns the additional parts of its robot that have ports.
     """
     for each, fault in faults(request):
         yield f"{named(each.flag.removeprefix('--'))}: {fault}"
@@ -200,7 +200,7 @@ def contradictions(
 
 
 def _clock_contradictions(request: RunRequest, named: Callable[..., str]) -> Iterator[str]:
-    """Yield the wishes for simulated time in real time, and the other way round."""
+    """Yield options for simulated time in a run in real time, and the other way round."""
     if request.simulation != "fast":
         if request.eyes == "truth" or request.speed != inf or request.physics or request.until is not None:
             which = f"{named('eyes', 'truth')}, {named('speed')}, {named('physics')} and {named('until')}"
@@ -211,6 +211,6 @@ def _clock_contradictions(request: RunRequest, named: Callable[..., str]) -> Ite
 
 
 def _may_be_camera(source: str) -> bool:
-    """Whether there can be a camera: a file that is not there will not be plugged in, as a device may be."""
+    """Return True if a source can be a camera: a device may still be plugged in, a file must exist."""
     kind = source_kind(source) if source.strip() else None
     return kind is not None and (kind not in (SourceKind.VIDEO, SourceKind.PICTURE) or Path(source).is_file())

@@ -1,4 +1,4 @@
-"""A run from beginning to end: read the mission, put the robot together, tick, and leave everything at rest."""
+"""One run of a mission: read the files, assemble the robot, tick, and leave the robot at rest."""
 
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -48,29 +48,28 @@ if TYPE_CHECKING:
     from missions.executive.pace import PausedPacer
 
 CLOSE_TIMEOUT = 3.0
-"""Seconds that devices have to close when a run is given up while its main thread hangs."""
+"""Seconds that devices have to close when the main thread hangs and the run is abandoned."""
 
 SIMULATED_LIMITS = WatchdogLimits(slow=inf, stall=inf, fail=10.0)
-"""The limits in simulated time, by the clock on the wall: there is nothing to keep still, and a machine that was busy
-for half a second must not make two runs differ."""
+"""Watchdog limits in simulated time, on the wall clock: a busy machine must not make two runs differ."""
 
 
 OWN_PACKAGES = frozenset({"behaviours", "config", "drivers", "missions", "perception"})
-"""Packages whose leaves and devices never hold up a tick in simulated time."""
+"""Packages whose leaves and devices never block a tick in simulated time."""
 
 
 def end_process(result: Result) -> None:
-    """End this process here and now, whatever its other threads do, with the exit code that belongs to ``result``."""
+    """End this process immediately, whatever other threads do, with the exit code of ``result``."""
     os._exit(130 if result.result == "interrupted" else 1)
 
 
 class Runner:
-    """One run of one mission. Make it (which reads and checks everything), then ``run`` it, once.
+    """One run of one mission. The constructor reads and checks everything; then call ``run`` once.
 
-    ``give_up`` is called, from the watchdog's thread, once the robot is closed because the main thread hangs for good.
-    ``substitute`` may put another leaf in the place of each: a mock. ``twins`` are the robot in simulated time.
-    ``plan`` is the order's mission where that was loaded before: a plan can be run any number of times.
-    Raises InvalidFileError or UnknownNameError for what is wrong with the files; nothing has been opened then.
+    ``give_up`` is called from the watchdog's thread after the robot was closed because the main thread hangs for good.
+    ``substitute`` may replace each leaf, by a mock for example. ``twins`` are the robot in simulated time. ``plan`` is
+    the mission if it was loaded before; a plan can be run any number of times. Raises InvalidFileError or
+    UnknownNameError for invalid files, before anything is opened.
     """
 
     def __init__(
@@ -118,7 +117,7 @@ class Runner:
         self._lifeline = Lifeline(self._signals)
 
     def _end(self, time: float) -> None:
-        """Stop a run that still goes on at ``time`` (s), and name the leaves that are running."""
+        """Stop a run that still runs at ``time`` (s), with the running leaves in the reason."""
         leaves = [
             f"{node.name} (line {node.line})"
             for node in self.root.iterate()
@@ -128,7 +127,7 @@ class Runner:
         self.executive.stop(reason)
 
     def _watchdog(self, limits: WatchdogLimits | None) -> Watchdog:
-        """Return who keeps the robot still while a tick hangs."""
+        """Return the watchdog that stops the robot while a tick hangs."""
         return Watchdog(
             self._context,
             self.stream,
@@ -139,7 +138,7 @@ class Runner:
         )
 
     def _executive(self, substitute: Substitute) -> tuple[Node, Executive]:
-        """Return the tree of the plan, whose leaves ask and command the robot through proxies, and what ticks it."""
+        """Return the tree of the plan, whose leaves use the robot through proxies, and its executive."""
         answers = TickCache()
         robot = with_proxies(self._robot.robot, answers, StaleCommandGuard(self._context, self.latch.permit))
         guard = self._guard(self.config, robot)
@@ -167,7 +166,7 @@ class Runner:
         return root, executive
 
     def _assemble_real(self, request: RunRequest) -> tuple[RunState, AssembledRobot]:
-        """Return the run and the robot in real time: on the metal, or on virtual devices."""
+        """Return run state and robot in real time, on the hardware or on virtual devices."""
         from missions.assembly.assemble import assemble  # noqa: PLC0415 - simulated time opens no port
 
         world = None if request.simulation is None else request.world_file()
@@ -178,7 +177,7 @@ class Runner:
         return run, assemble(self.config, self.plan.tree.parts, run.clock, overrides, self._hooks(run))
 
     def _assemble_simulated(self, request: RunRequest) -> tuple[RunState, AssembledRobot]:
-        """Return the run and the robot in simulated time."""
+        """Return run state and robot in simulated time."""
         from drivers.sim.timeline import Timeline  # noqa: PLC0415 - the metal imports no simulation
         from missions.assembly.twin_assembly import twin_robot  # noqa: PLC0415
         from missions.executive.pace import PausedPacer, SimulationPacer  # noqa: PLC0415
@@ -202,7 +201,7 @@ class Runner:
         return run, robot
 
     def _guard(self, config: RobotConfig, robot: Robot) -> BaseGuard | None:
-        """Return who looks at the base, where the mission uses one."""
+        """Return the guard of the base, or None without a base."""
         if robot.base_part is None or config.base is None:
             return None
         return BaseGuard(robot.base_part, config.base.reflexes, self._context, self.stream, self.latch.enable)
@@ -237,11 +236,11 @@ class Runner:
         on_view: Callable[[View], None] = ignore,
         on_frame: Callable[[Frame, Gaze | None], None] = ignore,
     ) -> None:
-        """Have a run observed that has not begun.
+        """Add observers before the run starts.
 
-        ``on_moment`` gets the record of each tick, with all input from outside; ``on_view`` what perception finds, and
-        ``on_frame`` each picture that it has searched, on the threads of the eyes.
-        One that raises is logged once; the run goes on.
+        ``on_tick`` gets the record of each tick, with all input from outside; ``on_view`` the percepts, and
+        ``on_frame`` each searched picture, on the threads of the eyes. An exception is logged once per observer; the
+        run goes on.
         """
         self._observers += (on_tick, on_view, on_frame)
         if on_tick is not None:
@@ -250,23 +249,23 @@ class Runner:
         self._on_frame.append(guard_callback(on_frame))
 
     def report(self, notice: DeviceStatus) -> None:
-        """Take notice of a device, as of one of the robot's own."""
+        """Report the status of a device as if it were one of the robot's own."""
         self._tell.on_notice(notice)
 
     @property
     def assembled_robot(self) -> AssembledRobot:
-        """The robot that it runs on, put together."""
+        """Robot of the run."""
         return self._robot
 
     @property
     def clock(self) -> Clock:
-        """The run's clock: it counts the seconds of all that a run tells."""
+        """Clock of the run, which the times of all events refer to."""
         return self._context.clock
 
     def run(self) -> Result:
-        """Run the mission until it ends, or a signal ends it; whatever happens, the robot is left at rest.
+        """Run the mission until it ends, or until a signal ends it, and always leave the robot at rest.
 
-        Raises NotConnected when a part of the robot does not appear; its message names all that are missing.
+        Raises NotConnected that lists all parts that do not appear.
         """
         if self.twins is None:  # in simulated time all is told at once, in the one order that there is
             self.stream.open()
@@ -295,13 +294,13 @@ class Runner:
         return result
 
     def _is_ours(self) -> bool:
-        """Return True if all leaves and devices are MissionTree's own: they never hold up a tick in simulated time."""
+        """Return True if all leaves and devices are MissionTree's own: they never block a tick in simulated time."""
         parts = [*(node for node in self.root.iterate() if isinstance(node, Leaf)), *self._robot.devices.values()]
         return all(map(_is_ours, parts))
 
     @contextmanager
     def _watchdog_running(self) -> Iterator[None]:
-        """Have the watchdog look while this is entered; where nothing can hang, from the first signal on."""
+        """Run the watchdog within the context; if nothing can hang, only from the first signal on."""
         self._is_watching = True
         try:
             if self._is_watched:
@@ -319,9 +318,9 @@ class Runner:
 
     @contextmanager
     def ready(self) -> Iterator[None]:
-        """Open the robot and wait for its parts; in the end bring it to rest and close it, whatever happened.
+        """Open the robot and wait for its parts; at the end stop and close it in any case.
 
-        Raises NotConnected with all parts that do not appear, and BadRequest for hardware that no stop can reach.
+        Raises NotConnected that lists all parts that do not appear, and BadRequest for hardware that no stop can reach.
         """
         if self.request.simulation is None and not (self.is_reachable or self.request.without_stop):
             what = f"mission '{self.plan.mission}': `mission stop` cannot reach this run, and the robot would move"
@@ -337,14 +336,14 @@ class Runner:
             self._close()
 
     def _undo_process_changes(self) -> None:
-        """Undo what a behaviour has done to the process: a fork ends, and the signals that end a run are taken back."""
+        """Undo changes of the process by a behaviour: end a forked process, and restore the signal handlers."""
         self._leave_if_forked()
         if taken := self._signals.reinstall():
             detail = f"a behaviour had taken {', '.join(taken)}, by which a run is ended: taken back"
             self.stream.emit(FaultRaised(self.executive.time(), "executive", "fault", detail))
 
     def _leave_if_forked(self) -> None:
-        """End a process that a behaviour has forked, here and now: it has the robot's ports, and its parent drives."""
+        """End a process that a behaviour has forked: it has the robot's ports, while its parent drives."""
         if os.getpid() != self._process:
             os._exit(1)
 
@@ -353,7 +352,7 @@ class Runner:
         return self._signals.first_signal()
 
     def _abandon(self, outcome: str, reason: str) -> None:
-        """Close the robot for a main thread that hangs. No device waits for another, nor anything for ever."""
+        """Close the robot for a hanging main thread. Devices close in parallel, with a timeout."""
         result = Result(self.plan.mission, outcome, reason, self.executive.time(), self._context.tick)
         robot = self._robot
         closing = {name: device.close for name, device in robot.devices.items()}
@@ -373,7 +372,7 @@ class Runner:
 
 
 def _is_ours(part: object) -> bool:
-    """Return True if a leaf, a device or a listener is MissionTree's own, or built into Python."""
+    """Return True if a leaf, device or listener is MissionTree's own, or built into Python."""
     while isinstance(part, partial):
         part = part.func
     module = getattr(part, "__module__", None)
@@ -381,18 +380,18 @@ def _is_ours(part: object) -> bool:
 
 
 def requested_robot(request: RunRequest) -> RobotConfig:
-    """Read the file of the order's robot. Raises InvalidFileError or UnknownNameError."""
+    """Return the robot of a request. Raises InvalidFileError or UnknownNameError."""
     return load_named_robot(request.robot, request.ros2_domain)
 
 
 def parts_with_ports(request: RunRequest) -> Sequence[str]:
-    """Return the parts of the order's robot under names of their own that have a port. Raises as ``requested_robot`` does."""
+    """Return the additional parts of the request's robot that have a port. Raises as ``requested_robot``."""
     robot = requested_robot(request)
     return [name for name in robot.extra_parts if isinstance(robot.sections[name].keys, SerialKeys)]
 
 
 def load_plan(request: RunRequest, robot: RobotConfig | Robot | None) -> Plan:
-    """Read and check the mission of ``request``, for a robot of a file, one that is there, or any.
+    """Read and check the mission of a request, for the robot of a file, an existing robot, or any robot.
 
     Raises InvalidFileError or UnknownNameError.
     """

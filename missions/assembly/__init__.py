@@ -1,1 +1,1 @@
-"""From a robot file to a robot: real drivers on real or virtual wires, and eyes to go with them."""
+"""Assembly of a robot from its robot file: on hardware, on virtual devices, or from twins."""

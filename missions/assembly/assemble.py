@@ -1,4 +1,4 @@
-"""From a robot file to a robot: real drivers, on the robot's own ports or on virtual devices."""
+"""Assembly of a robot in real time: real drivers on the robot's own ports or on virtual devices."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def real_voice(factory: "RealPartFactory", section: Section, made: Mapping[str, Any]) -> tuple[Voice, Voice]:
-    """Return the voice of a robot; in a simulation it prints its words, and the people there hear them."""
+    """Return the voice as device and part; in a simulation it prints its text, and people in the world hear it."""
     simulation = factory.simulation
     if simulation is None:
         voice: Voice = factory.device(section, made)
@@ -34,7 +34,7 @@ def real_voice(factory: "RealPartFactory", section: Section, made: Mapping[str, 
 
 
 def _say_aloud(out: Callable[[str], None], hear: Callable[[str], None], text: str) -> None:
-    """Say ``text``, where people hear it."""
+    """Print ``text`` and let people hear it."""
     out(text)
     hear(text)
 
@@ -45,11 +45,11 @@ PART_MAKERS: Mapping[str, str] = {
     "screen": "missions.assembly.face:real_face",
     "camera": "missions.assembly.eyes:real_eyes",
 }
-"""Parts that are more than a driver: what makes each, called with the ``RealPartFactory``, the section and the devices."""
+"""Functions that make the parts that need more than a driver; called with factory, section and devices."""
 
 
 class RealPartFactory:
-    """Where a robot is put together in real time: on the metal, or on virtual devices in a world."""
+    """Factory of parts in real time: on the hardware, or on virtual devices in a world."""
 
     def __init__(self, config: RobotConfig, clock: Clock, overrides: Overrides, hooks: Hooks) -> None:
         self.config = config
@@ -64,9 +64,9 @@ class RealPartFactory:
         self._ports: dict[str, str] = dict(overrides.ports)
 
     def simulate(self, chosen: frozenset[str]) -> None:
-        """Have virtual devices for the ``chosen`` parts, where there is a world for them.
+        """Create virtual devices for the ``chosen`` parts if there is a world.
 
-        Raises BadRequest for a driver that has none: its real device must not move while all is taken for simulated.
+        Raises BadRequest for a driver without a virtual device: its real device must not move in a simulation.
         """
         wishes = self.overrides
         if wishes.world is not None:
@@ -79,13 +79,13 @@ class RealPartFactory:
             self._ports = {**found.ports, **wishes.ports}
 
     def refuse_other_ports(self, chosen: frozenset[str]) -> None:
-        """Raise NotConnected where something stands at the port of a ``chosen`` part that is none."""
+        """Raise NotConnected if the port of a ``chosen`` part is not a serial port."""
         sections = {kind: section for kind, section in self.config.sections.items() if kind in chosen}
         ports = {kind: self._port(section) for kind, section in sections.items()}
         require_serial_ports({kind: port for kind, port in ports.items() if port})
 
     def make(self, kind: str, section: Section, made: Mapping[str, Any]) -> tuple[Device, object]:
-        """Return the device of a part, and what leaves see of it."""
+        """Return the device of a part, and the object that leaves use."""
         if kind in PART_MAKERS:
             found: tuple[Device, object] = resolve_name(PART_MAKERS[kind])(self, section, made)
             return found
@@ -93,14 +93,14 @@ class RealPartFactory:
         return device, device
 
     def device(self, section: Section, made: Mapping[str, Any] | None = None, keys: object = None) -> Any:
-        """Return what the driver of a section makes, of its ``keys`` or of others."""
+        """Return the device that the section's driver makes from its keys, or from ``keys``."""
         make = resolve_maker(section.driver.make, section, "make")
         return make(section.keys if keys is None else keys, self.site(section, made or {}))
 
     def site(
         self, section: Section, made: Mapping[str, Any], out: Callable[[str], None] | None = None
     ) -> DriverContext:
-        """Return where a device of a section is made; ``out`` prints what people are to read."""
+        """Return the driver context of a section; ``out`` replaces the function that prints text for people."""
         audience = self.hooks
         return DriverContext(
             self.clock,
@@ -121,9 +121,9 @@ class RealPartFactory:
 def assemble(
     config: RobotConfig, chosen: frozenset[str], clock: Clock, overrides: Overrides, hooks: Hooks
 ) -> AssembledRobot:
-    """Put together the ``chosen`` parts of a robot, and those that carry them; opens nothing.
+    """Assemble the ``chosen`` parts of a robot, and the parts that carry them; opens nothing.
 
-    Raises BadRequest for a part that cannot be simulated, NotConnected where something stands at a port that is none.
+    Raises BadRequest for a part that cannot be simulated, NotConnected for a port that is not a serial port.
     """
     chosen = with_carriers(config, chosen)
     place = RealPartFactory(config, clock, overrides, hooks)

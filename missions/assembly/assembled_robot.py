@@ -1,4 +1,4 @@
-"""A robot, put together: its parts, its eyes, and, where simulated, the virtual devices behind them."""
+"""Assembled robot: its parts, its eyes, and its virtual devices if it is simulated."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
@@ -15,41 +15,41 @@ if TYPE_CHECKING:
     from missions.assembly.simulation import Simulation
 
 CONNECT_TIMEOUT = 6.0
-"""Seconds that the parts of a robot have to appear: a board that boots needs two, a servo bus a second."""
+"""Seconds within which all parts must appear: a board needs two to boot, a servo bus one."""
 
 POLL_INTERVAL = 0.05
-"""Seconds from one look at the parts to the next while a run waits for them; a picture ends it early."""
+"""Seconds between two polls of the parts while a run waits for them; a new picture ends the wait early."""
 
 REMARK_DELAY = 1.0
-"""Seconds after which a part that is still missing is mentioned."""
+"""Seconds after which a missing part is reported."""
 
 
 class RunEyes(Protocol):
-    """Eyes, as far as a run opens and closes them: ``perception.eyes.Eyes``, or those of simulated time."""
+    """Eyes as far as a run opens and closes them: ``perception.eyes.Eyes``, or those of simulated time."""
 
     may_rest: bool
-    """Whether they look at nothing while nobody asks; those of simulated time never do."""
+    """True if the eyes may pause while nobody asks for percepts; always False in simulated time."""
 
     @property
     def looked(self) -> Callable[[], float | None]:
-        """Tells the stamp of the newest frame that was searched, None before the first."""
+        """Function that returns the stamp of the newest searched frame, None before the first."""
         ...
 
     def open(self) -> None:
-        """Begin to look."""
+        """Start."""
         ...
 
     def close(self) -> None:
-        """Look no more. Safe more than once."""
+        """Stop. Idempotent."""
         ...
 
 
 @dataclass(slots=True)
 class AssembledRobot:
-    """Everything that a run opens and must close.
+    """Robot with all that a run opens and must close.
 
-    ``devices`` are the parts by name, in the order in which they open; more can be added before that. ``safe_stop`` and
-    ``close`` do their work on every part, whatever goes wrong with another. ``lags`` are its delays, as far as learnt.
+    ``devices`` are the parts by name, in the order in which they open; more can be added before ``open``. ``safe_stop``
+    and ``close`` continue with the other parts after an exception. ``lags`` are the learnt delays.
     """
 
     name: str
@@ -61,17 +61,17 @@ class AssembledRobot:
 
     @property
     def stoppable_parts(self) -> tuple[str, ...]:
-        """The parts that a stop reaches: those that move, and a voice, which is silenced."""
+        """Parts that a stop reaches: those that move, and a voice, which is silenced."""
         others = (name for name, other in self.robot.extra_parts.items() if other.kind in STOPPABLE_KINDS)
         return tuple(part for part in (*STOPPABLE_KINDS, *others) if part in self.devices)
 
     @property
     def moving_parts(self) -> tuple[str, ...]:
-        """The parts with actuators."""
+        """Parts with actuators."""
         return tuple(part for part in self.stoppable_parts if part not in SOUND_KINDS)
 
     def open(self) -> None:
-        """Start everything; returns at once, hardware or not."""
+        """Open everything; returns at once, even if hardware is missing."""
         if self.simulation is not None:
             self.simulation.open()
         for device in self.devices.values():
@@ -80,20 +80,20 @@ class AssembledRobot:
             self.eyes.open()
 
     def health(self) -> dict[str, Health]:
-        """Say of each part whether it is there, with the figures of its wire. From any thread."""
+        """Return the health of each part, with the statistics of its connection. Thread-safe."""
         return {name: device.health() for name, device in self.devices.items()}
 
     def missing(self) -> dict[str, tuple[str, str]]:
-        """Return the parts that are not there yet: what is the matter with each, and what to try."""
+        """Return the parts that are not connected, each with detail and hint."""
         missing = {name: (each.detail, each.hint) for name, each in self.health().items() if not each.online}
         if self.eyes is not None and self.eyes.looked() is None:
             missing.setdefault("camera", ("camera: no picture has been searched yet", ""))
         return missing
 
     def wait_until_complete(self, run: RunState, report: StatusCallback, stopping: Callable[[], bool]) -> None:
-        """Wait until every part is there; those that let wait for them are told.
+        """Wait until every part is connected; missing parts are reported after REMARK_DELAY.
 
-        Raises NotConnected with all that are not there after ``CONNECT_TIMEOUT``.
+        Raises NotConnected that lists all missing parts after ``CONNECT_TIMEOUT``.
         """
         begun = run.now()
         mentioned: set[str] = set()
@@ -113,14 +113,14 @@ class AssembledRobot:
             run.record_heartbeat()
 
     def safe_stop(self, claims: frozenset[str]) -> None:
-        """Make the named actuators hold still: base and head stopped, arm stiff where it is, voice silent.
+        """Make the named actuators hold still: base and head stop, the arm keeps its position, the voice is silent.
 
-        Each for itself, whatever goes wrong with another; that is told in the log.
+        An exception of one part is logged and does not prevent the others from stopping.
         """
         hold_still(self.robot, claims)
 
     def close(self) -> list[str]:
-        """Bring every actuator to rest, then release every port. Returns what went wrong; safe more than once."""
+        """Stop every actuator, then release every port. Returns the errors. Idempotent."""
         problems: list[str] = []
         steps: list[tuple[str, Callable[[], None]]] = [
             *((name, device.rest) for name, device in self.devices.items()),

@@ -1,4 +1,4 @@
-"""Whom a simulated robot knows: the people of its world, each as they are drawn."""
+"""Recogniser for the people of a simulated world, from drawn portraits."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -22,22 +22,19 @@ from perception.identity import FaceRecogniser, NullRecogniser
 from perception.people import NotOneFaceError, PatchRecogniser, enrol
 
 PORTRAIT_COUNT = 5
-"""Pictures that are drawn of each person."""
+"""Number of portraits of each person."""
 
 PORTRAIT_DISTANCES = (1.0, 1.5)
-"""Metres from the camera at which they are drawn."""
+"""Distances in metres from the camera at which portraits are drawn."""
 
 EYE_HEIGHT, CAMERA_DROP = 1.6, 0.5
-"""Metres from the floor up to their eyes, and from these down to the camera."""
+"""Height of their eyes above the floor, and of the eyes above the camera, in metres."""
 
 LENS = Lens(640, 480, 1.0471975512)
 
 
 def drawn_gallery(people: Sequence[PersonConfig], report: StatusCallback) -> FaceRecogniser:
-    """Return what knows the people of a world, each as they are drawn: all but those who are not ``known``.
-
-    All looks that none of them has are strangers for sure.
-    """
+    """Return a recogniser for the people of a world, except those who are not ``known``."""
     known = [person for person in people if person.known]
     alike = defaultdict[str, list[str]](list)
     for person in known:
@@ -56,7 +53,7 @@ def drawn_gallery(people: Sequence[PersonConfig], report: StatusCallback) -> Fac
 
 @cache
 def _portraits(look: str) -> Sequence[Image]:
-    """Return portraits of somebody who is drawn alone in an empty room, the same each time; it takes a second."""
+    """Return portraits of a person alone in an empty room; always the same. This takes a second."""
     random, found, detector = np.random.default_rng(0), list[Image](), HaarFaceDetector()
     for number in range(PORTRAIT_COUNT):
         away = PORTRAIT_DISTANCES[0] + (PORTRAIT_DISTANCES[1] - PORTRAIT_DISTANCES[0]) * number / (PORTRAIT_COUNT - 1)

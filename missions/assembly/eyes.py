@@ -1,4 +1,4 @@
-"""The robot's eyes: a camera, and what searches its pictures for what a mission is interested in."""
+"""Eyes of a robot: a camera, and the detectors that a mission needs."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 
 
 class OnDemandSight:
-    """A ``Sight`` that says with each question that somebody ``asks``, who says back whether the answer is of now.
+    """Sight that wakes the detectors on access, and raises while its percepts are stale.
 
-    While it is not, as the eyes have rested, each question raises NotConnected: whoever asks waits for a picture or
-    three, and nobody is told that a face is not there because nobody has looked. ``passive_view`` answers as the eyes are,
-    for who only keeps a record: by its questions, which wake nobody, ``awake`` is told.
+    ``asks`` requests detection and returns True if the percepts are current; ``awake`` only returns that. While the
+    eyes rest, each access raises NotConnected, so that a leaf waits for the next pictures instead of seeing no face.
+    ``passive_view`` never wakes the detectors, for recorders.
     """
 
     def __init__(self, sight: Sight, asks: Callable[[], bool], awake: Callable[[], bool]) -> None:
@@ -47,27 +47,22 @@ class OnDemandSight:
 
     @property
     def passive_view(self) -> "OnDemandSight":
-        """The view of the eyes, for a reader that does not count as somebody who asks."""
+        """View of the eyes that does not wake the detectors."""
         return OnDemandSight(self._sight, self._is_awake, self._is_awake)
 
     def faces(self) -> Sequence[Face]:
-        """See perception.api.Sight."""
         return self._fresh_sight().faces()
 
     def things(self) -> Sequence[Thing]:
-        """See perception.api.Sight."""
         return self._fresh_sight().things()
 
     def markers(self) -> Sequence[Marker]:
-        """See perception.api.Sight."""
         return self._fresh_sight().markers()
 
     def looked(self) -> float | None:
-        """See perception.api.Sight."""
         return self._fresh_sight().looked()
 
     def scene(self) -> Scene | None:
-        """See perception.api.Sight."""
         return self._fresh_sight().scene()
 
     def _fresh_sight(self) -> Sight:
@@ -77,7 +72,7 @@ class OnDemandSight:
 
 
 def real_eyes(factory: "RealPartFactory", section: Section, made: Mapping[str, Any]) -> tuple[Camera, OnDemandSight]:
-    """Return the camera of a robot, or what renders the world for it, and what tells of its pictures."""
+    """Return the camera of a robot (or a rendered one), and its sight."""
     wishes, audience = factory.overrides, factory.hooks
     keys = _keys(factory, section)
     camera = _camera(factory, section, keys, made)
@@ -106,7 +101,7 @@ def real_eyes(factory: "RealPartFactory", section: Section, made: Mapping[str, A
 
 
 def _recogniser(place: "RealPartFactory", keys: CameraKeys) -> FaceRecogniser | None:
-    """Return what knows the people whom the robot sees, for a mission that asks for names."""
+    """Return the recogniser of people, or None if the mission does not use names."""
     wishes, world = place.overrides, place.overrides.world
     if not wishes.interests.names:
         return None
@@ -121,7 +116,7 @@ def _recogniser(place: "RealPartFactory", keys: CameraKeys) -> FaceRecogniser | 
 
 
 def _keys(place: "RealPartFactory", section: Section) -> CameraKeys:
-    """Return the keys of the camera; a film in its place is upright."""
+    """Return the keys of the camera; a video that replaces it is upright."""
     keys: CameraKeys = section.keys
     source = place.overrides.camera
     if source is None:
@@ -155,11 +150,10 @@ def vision(
     recogniser: FaceRecogniser | None = None,
     delay: CameraDelay | None = None,
 ) -> Vision:
-    """Return what searches the pictures of a camera for what somebody is interested in; ``detector`` finds faces.
+    """Return the detection for a mission's ``interests`` in the pictures of a camera; ``detector`` finds faces.
 
-    ``field_of_view`` may depend on the width and height of a picture. ``lens`` is what calibration found of it, None
-    for an ideal one. ``recogniser`` puts names on the faces. ``delay``
-    is how late it stamps its pictures, to be learnt.
+    ``field_of_view`` may depend on the width and height of a picture. ``lens`` is the lens calibration, None for an
+    ideal lens. ``recogniser`` names the faces. ``delay`` estimates the delay of the camera's time stamps.
     """
     finder = FaceFinder(detector)
     faces: Sense[Face] = FaceSense(finder, Tracker())

@@ -1,4 +1,4 @@
-"""The robot's face: its screen, and a mouth that moves with the voice."""
+"""Face of a robot: its screen, with a mouth that moves with the voice."""
 
 from collections.abc import Callable, Mapping
 from math import cos, pi
@@ -32,28 +32,28 @@ MOUTH_OPENINGS = {
     Mouth.ROUND: 0.55,
     Mouth.OPEN: 1.0,
 }
-"""How far the mouth is open, for each of its shapes."""
+"""Opening of the mouth (0..1) for each shape."""
 
 SYLLABLE_RATE = 4.0
-"""Times a second that the mouth opens where nobody knows its shapes."""
+"""Mouth openings per second if the mouth shapes are unknown."""
 
 FRAME_INTERVAL, IDLE_INTERVAL = 1 / 30, 0.1
-"""Seconds from one look of the mouth to the next, while something is to be said and while nothing is."""
+"""Seconds between two updates of the mouth during speech and without speech."""
 
 
 def real_face(factory: "RealPartFactory", section: Section, made: Mapping[str, Any]) -> tuple[Device, Screen]:
-    """Return the screen of a robot, whose mouth moves with its voice."""
+    """Return the screen of a robot, as device and part, with a mouth that moves with its voice."""
     face = TalkingScreen(factory.device(section), made.get("voice"), factory.clock, factory.hooks.report)
     return face, face
 
 
 @runtime_checkable
 class ScreenPage(Protocol):
-    """A screen that is a page somewhere."""
+    """Screen that is a web page."""
 
     @property
     def address(self) -> str:
-        """Where it is to be seen; empty while it is not."""
+        """Address of the page; empty while it is not served."""
         ...
 
 
@@ -67,7 +67,7 @@ class MouthAnimation:
         self._moving = False
 
     def step(self) -> float:
-        """Look at what is said now; return the seconds until the next look."""
+        """Update the mouth, and return the seconds until the next update."""
         said = self._voice.speaking()
         opening = self._opening(said)
         if opening or self._moving:
@@ -88,10 +88,7 @@ class MouthAnimation:
 
 
 class TalkingScreen:
-    """A ``screen`` whose mouth moves with the ``voice``, on a thread of its own: a ``drivers.api.Screen``.
-
-    A robot without a voice has no such thread. Where it is a page, its address is told to ``report``.
-    """
+    """Screen whose mouth moves with the ``voice``, on a thread of its own: a ``drivers.api.Screen``."""
 
     def __init__(self, screen: Screen, voice: Voice | None, clock: Clock, report: StatusCallback = ignore) -> None:
         self.name = screen.name
@@ -109,7 +106,7 @@ class TalkingScreen:
         self._thread: Thread | None = None
 
     def open(self) -> None:
-        """Open the screen, and begin to move its mouth. Safe more than once."""
+        """Open the screen and start to move its mouth. Idempotent."""
         if self._open:
             return
         self._open = True
@@ -122,7 +119,7 @@ class TalkingScreen:
             self._thread.start()
 
     def close(self) -> None:
-        """End it. Safe from any state, more than once."""
+        """Stop and close the screen, in any state. Idempotent."""
         self._open = False
         self._ending.set()
         thread, self._thread = self._thread, None

@@ -1,4 +1,4 @@
-"""Whom the robot knows: the user's people for a real camera, the drawn ones for a simulated one."""
+"""Recognisers of people: the user's people for a real camera, drawn people for a simulated one."""
 
 import json
 import os
@@ -38,18 +38,18 @@ from perception.yunet import YuNetFaceDetector
 # person removes it too; what was of a picture that has gone goes with the next that is kept.
 
 MAX_CACHE_BYTES = 4_000_000
-"""Bytes of a file that is read: a picture's numbers are 2600."""
+"""Maximum size of a cache file in bytes; a portrait's features take 2600."""
 
 
 class FeatureCache:
-    """Makes features of portraits, those alone that are not kept: a ``perception.dlib_people.Learner``."""
+    """Computes features of portraits, and caches them in the person's folder: a ``perception.dlib_people.Learner``."""
 
     def __init__(self, people: People, describe: DlibDescriber) -> None:
         self._people = people
         self._describe = describe
 
     def __call__(self, name: str, portraits: Sequence[Image]) -> list[Feature]:
-        """Return the features of the portraits of somebody; raises what ``describe`` does."""
+        """Return the features of a person's portraits. Raises as ``describe``."""
         home, model = self._people.folder / name, self._describe.model
         kept = _read_cache(home / FEATURES_FILE, model)
         found = {
@@ -63,7 +63,7 @@ class FeatureCache:
         return [found[picture_digest(each).hex()] for each in portraits]
 
     def _write_cache(self, home: Path, model: str, found: Mapping[str, Feature]) -> None:
-        """Write those of pictures that are still there."""
+        """Write the features of the pictures that still exist."""
         with self._people.exclusive_access():
             there = {
                 picture_digest(picture).hex()
@@ -81,7 +81,7 @@ class FeatureCache:
 
 
 def _read_cache(path: Path, model: str) -> dict[str, Feature]:
-    """Return what is kept of ``model``, by digest: nothing where the file is damaged, a link, or another model's."""
+    """Return the cached features of ``model`` by digest; empty for a damaged file, a link, or another model."""
     try:
         with open(path, encoding="utf-8", opener=_open_no_link) as file:
             told = json.loads(file.read(MAX_CACHE_BYTES))
@@ -94,12 +94,12 @@ def _read_cache(path: Path, model: str) -> dict[str, Feature]:
 
 
 def _open_no_link(path: str, flags: int) -> int:
-    """Open what is no link, and wait for nobody."""
+    """Open a file that is not a symbolic link, without blocking."""
     return os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK)
 
 
 def _is_feature(values: object) -> bool:
-    """Whether these are the numbers of one feature."""
+    """Return True if the values are the numbers of one feature."""
     return (
         isinstance(values, list)
         and len(values) == FEATURE_LENGTH
@@ -114,10 +114,9 @@ def recogniser(
     camera: CameraKeys | None = None,
     drawn: Sequence[PersonConfig] = (),
 ) -> FaceRecogniser | None:
-    """Return what knows the people whom a robot sees: the user's, for a real ``camera``, else those ``drawn``.
+    """Return a recogniser of the user's people for a real ``camera``, else of the ``drawn`` people.
 
-    None where the mission does not ask for names. What is the matter with the pictures is told to ``report`` at the
-    first look at somebody.
+    Returns None if the mission does not use names. Problems with the pictures are reported at the first recognition.
     """
     if not interests.names:
         return None
@@ -132,7 +131,7 @@ def recogniser(
 
 
 class _ReportingRecogniser:
-    """A recogniser that tells, at the first look at somebody, what is the matter with its pictures."""
+    """Recogniser that reports the problems with its pictures at its first use."""
 
     def __init__(self, recogniser: FaceRecogniser, notices: Sequence[DeviceStatus], report: StatusCallback) -> None:
         self._recogniser = recogniser
@@ -146,9 +145,9 @@ class _ReportingRecogniser:
 
 
 def gallery(camera: CameraKeys, report: StatusCallback) -> FaceRecogniser:
-    """Return what knows the user's people; with nobody there, or where they cannot be read, all are strangers.
+    """Return the recogniser of the user's people; without usable pictures, all people are strangers.
 
-    ``report`` hears of pictures that cannot be read, which are left out.
+    Unreadable pictures are reported and left out.
     """
 
     def told(error: PeopleError) -> None:

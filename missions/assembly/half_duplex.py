@@ -1,4 +1,4 @@
-"""Ears that do not hear their own robot: when it speaks, as the ears ask."""
+"""Half duplex for ears: sound during the robot's own speech is ignored."""
 
 from math import inf
 
@@ -6,14 +6,11 @@ from drivers.api import Voice
 from drivers.clock import Clock
 
 ECHO_TIME = 0.25
-"""Seconds after its end in which what was said may still sound: in the loudspeaker's buffer, and in the room."""
+"""Seconds after its end for which speech may still sound, in the loudspeaker's buffer and in the room."""
 
 
 class HalfDuplex:
-    """Tells whether the robot was speaking at a time. For one thread, which asks at least ten times a second.
-
-    The voice says only what sounds now: so what it is asked about must be the newest sound.
-    """
+    """Tells whether the robot was speaking at a time. For one thread that calls it at least ten times a second."""
 
     def __init__(self, voice: Voice | None, clock: Clock) -> None:
         self._voice = voice
@@ -22,7 +19,7 @@ class HalfDuplex:
         self._from = self._until = -inf  # what sounded last, without pauses shorter than an echo
 
     def may_be_own_speech(self, start: float, end: float) -> bool:
-        """Say whether sound from ``start`` to ``end`` (s) may be the robot's own."""
+        """Return True if sound from ``start`` to ``end`` (s) may be the robot's own speech."""
         self._look()
         return start < self._until and end > self._from
 

@@ -1,4 +1,4 @@
-"""The robot's ears: a microphone, and what understands the phrases that a mission listens for."""
+"""Ears of a robot: a microphone, and a recogniser for the phrases of a mission."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class MicrophoneEars:
-    """A microphone with ears behind it: the device ``microphone``, and a ``perception.api.Hearing``."""
+    """Microphone with a recogniser: the device ``microphone``, and a ``perception.api.Hearing``."""
 
     def __init__(
         self, microphone: Microphone, worker: WorkerProcess, listener: SpeechListener, report: StatusCallback
@@ -43,20 +43,20 @@ class MicrophoneEars:
         )
 
     def open(self) -> None:
-        """Begin to listen; returns at once."""
+        """Start to listen; returns at once."""
         self._microphone.open()
         self._ears.open()
 
     def rest(self) -> None:
-        """Do nothing: ears move nothing."""
+        """Do nothing: ears do not move anything."""
 
     def close(self) -> None:
-        """End it. Safe from any state, more than once."""
+        """Stop, in any state. Idempotent."""
         self._ears.close()
         self._microphone.close()
 
     def health(self) -> Health:
-        """Say whether sound arrives, and is understood."""
+        """Return whether sound arrives and is processed."""
         sound, recogniser = self._microphone.health(), self._worker.health()
         if not sound.online:
             return sound
@@ -66,24 +66,20 @@ class MicrophoneEars:
         return sound
 
     def words(self) -> Sequence[Words]:
-        """See perception.api.Hearing."""
         return self.listener.words()
 
     def refused(self) -> Sequence[Words]:
-        """See perception.api.Hearing."""
         return self.listener.refused()
 
     def listened(self) -> float | None:
-        """See perception.api.Hearing."""
         return self.listener.listened()
 
     def level(self) -> float:
-        """See perception.api.Hearing."""
         return self.listener.level()
 
 
 def real_ears(factory: "RealPartFactory", section: Section, made: Mapping[str, Any]) -> tuple[Device, Heard]:
-    """Return ears that understand the phrases of a mission, and do not hear the robot itself speak."""
+    """Return ears for the phrases of a mission, as device and part, which ignore the robot's own speech."""
     keys: MicrophoneKeys = section.keys
     voice: Voice | None = made.get("voice")
     wishes, audience, simulation = factory.overrides, factory.hooks, factory.simulation
@@ -118,10 +114,7 @@ def make_ears(
     deaf: Callable[[float, float], bool] = never_deaf,
     changed: Callable[[], None] = ignore,
 ) -> MicrophoneEars:
-    """Return ears that understand ``phrases`` of what comes from ``source``.
-
-    Raises NotConnected without a recogniser, and BadRequest for words of which nobody knows how they are pronounced.
-    """
+    """Return ears that recognise ``phrases`` in the sound of ``source``."""
     engine = _engine(config, PhraseGrammar.from_texts(phrases), clock)
     worker = WorkerProcess("microphone", engine.program, clock, hint=engine.hint, report=report)
     return MicrophoneEars(

@@ -1,6 +1,6 @@
-"""The learnt delays of a robot, kept for its next run: a small file of JSON a robot.
+"""Learnt delays of a robot, stored for its next run in a small JSON file.
 
-It holds for the robot file from which it was learnt: with another port, lens or ramp, it is learnt anew.
+A file is valid for the robot file with which it was learnt: with another port, lens or ramp, learning starts again.
 """
 
 import hashlib
@@ -24,33 +24,33 @@ if TYPE_CHECKING:
     from perception.delay import CameraDelay
 
 MAX_LAG_SIGMA = 0.015
-"""Seconds, one sigma, within which the lag of a base must be known to be kept; see ``Delay.known`` for the camera."""
+"""Maximum standard deviation in seconds of a stored base lag; for the camera see ``Delay.known``."""
 
 MIN_SAMPLES = 30
-"""Pairs of pictures, or reports of the base, from which it must have been learnt."""
+"""Minimum number of picture pairs, or of base reports, behind a stored delay."""
 
 MAX_FILE_SIZE = 1000
-"""Bytes that such a file has at most."""
+"""Maximum size of a file in bytes."""
 
 CAMERA, BASE = "camera", "base"
-"""The keys of the two delays, in seconds."""
+"""Keys of the two delays, in seconds."""
 
 MIN_LAGS = {CAMERA: MIN_DELAY, BASE: lag.LAG_GRID[0]}
 MAX_LAGS = {CAMERA: MAX_DELAY, BASE: lag.LAG_GRID[-1]}
-"""Seconds that each can be."""
+"""Upper bounds of the delays in seconds."""
 
 
 def delays_file(robot: str) -> Path:
-    """Return where the delays of a robot are kept."""
+    """Return the file with the delays of a robot."""
     return state_folder() / "lags" / f"{quote(robot, safe='')}.json"
 
 
 class LearntDelays:
-    """The delays of a robot: ``delay`` of its camera, with the lag of its head, and ``lag`` of its base.
+    """Delays of a robot: ``delay`` of its camera, including the lag of its head, and ``lag`` of its base.
 
-    Both begin with what earlier runs have kept, where its file is still the same, and learn on. A ``simulated`` robot
-    neither takes from earlier runs nor keeps: its delays are those of its world. With ``other_camera``, a source other
-    than that of the robot file, only the lag of the base is taken and kept.
+    Both start from the stored values if the robot file is unchanged, and keep learning. A ``simulated`` robot neither
+    loads nor stores delays. With ``other_camera``, a source other than that of the robot file, only the lag of the base
+    is loaded and stored.
     """
 
     def __init__(self, config: RobotConfig, *, simulated: bool, other_camera: bool = False) -> None:
@@ -65,15 +65,15 @@ class LearntDelays:
 
     @cached_property
     def delay(self) -> "CameraDelay":
-        """The delay of the camera. A robot whose pictures are not searched never asks, and loads no numpy for it."""
+        """Delay of the camera. Created on first access, so that a run without detection does not load numpy."""
         from perception.delay import CameraDelay  # noqa: PLC0415
 
         return CameraDelay(0.0 if self._other_camera else self._stored.get(CAMERA, self._told))
 
     def save(self) -> None:
-        """Write down what is known well by now, and drop what has proved wrong.
+        """Store the delays that are known well, and remove those that have proved wrong.
 
-        Raises OSError where nothing can be written.
+        Raises OSError if the file cannot be written.
         """
         if self._simulated:
             return
@@ -91,7 +91,7 @@ class LearntDelays:
 
 
 def _fingerprint(config: RobotConfig) -> str:
-    """Return what tells a robot file from any other; nothing for one that is no file, or no longer there."""
+    """Return the hash of a robot file, or an empty text without a readable file."""
     try:
         return "" if config.path is None else hashlib.sha256(config.path.read_bytes()).hexdigest()
     except OSError:
@@ -99,9 +99,9 @@ def _fingerprint(config: RobotConfig) -> str:
 
 
 def load_delays(config: RobotConfig) -> dict[str, float]:
-    """Return the delays in seconds that earlier runs have kept of a robot, by ``CAMERA`` and ``BASE``.
+    """Return the stored delays of a robot in seconds, by ``CAMERA`` and ``BASE``.
 
-    What is not sound, or was learnt from another robot file, counts as none.
+    Invalid values, and those learnt with another robot file, are ignored.
     """
     try:
         found = json.loads(read_regular(delays_file(config.name), MAX_FILE_SIZE))

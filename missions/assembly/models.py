@@ -1,4 +1,4 @@
-"""Trained models that are not shipped: where they come from, by what sum they are known, and where they are kept."""
+"""Trained models that are downloaded on request: their sources, checksums and folder."""
 
 import hashlib
 import os
@@ -15,13 +15,13 @@ from perception.face_finder import FaceDetector
 from perception.haar_faces import HaarFaceDetector
 
 SERVER_TIMEOUT = 30.0
-"""Seconds for which a server may be silent."""
+"""Seconds without data from the server before a download fails."""
 
 CHUNK_BYTES = 1 << 16
 
 
 class FetchError(RuntimeError):
-    """A model that could not be fetched: the message says why, ``hint`` what to type next."""
+    """Failed download of a model; ``hint`` is the command to try next."""
 
     def __init__(self, message: str, *, hint: str = "") -> None:
         super().__init__(message)
@@ -30,7 +30,7 @@ class FetchError(RuntimeError):
 
 @dataclass(frozen=True, slots=True)
 class ModelFile:
-    """A model's file: its name, where it is published, its SHA-256 in hexadecimal and its size in bytes."""
+    """File of a model: its name, URL, SHA-256 in hexadecimal and size in bytes."""
 
     name: str
     summary: str
@@ -54,12 +54,12 @@ MODELS: Mapping[str, ModelFile] = {model.name: model for model in (YUNET,)}
 
 
 def models_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Return where models are kept: among the user's data."""
+    """Return the folder of models, in the user's data folder."""
     return data_folder(environment) / "models"
 
 
 def is_fetched(model: ModelFile, where: Path) -> bool:
-    """Say whether the very file is there already."""
+    """Return True if the file exists with the right checksum."""
     path = where / model.file
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest() == model.sha256
@@ -70,11 +70,7 @@ def is_fetched(model: ModelFile, where: Path) -> bool:
 def fetch(
     model: ModelFile, where: Path, *, url: str | None = None, on_progress: Callable[[int], None] = lambda _: None
 ) -> Path:
-    """Download a model into the folder ``where``, and return the file's path; ``told`` hears how many bytes came.
-
-    ``url`` is another place to fetch it from. The file appears whole and checked, or not at all.
-    Raises FetchError for what cannot be reached, is not that file, or cannot be written.
-    """
+    """Download a model into the folder ``where`` and return its path; ``on_progress`` gets the number of bytes."""
     source = url or model.url
     if not source.startswith(("https://", "http://")):
         raise FetchError(f"{model.name}: '{source}' is no address of a web server", hint="https://...")
@@ -98,7 +94,7 @@ def fetch(
 
 
 def _download(model: ModelFile, source: str, file: BinaryIO, on_progress: Callable[[int], None]) -> None:
-    """Write what the server sends into ``file``, as long as it can be the model; raise FetchError if it is not."""
+    """Write the server's data into ``file``. Raises FetchError if it cannot be the model."""
     # What speaks to servers takes a while to import, and a run only asks where models are kept.
     from http.client import HTTPException  # noqa: PLC0415
     from urllib.error import HTTPError, URLError  # noqa: PLC0415
@@ -132,7 +128,7 @@ def _download(model: ModelFile, source: str, file: BinaryIO, on_progress: Callab
 
 
 def face_detector(camera: CameraKeys | None) -> FaceDetector:
-    """Return the detector of ``camera``, Haar where nothing is said; it reads its file when the first picture comes."""
+    """Return the face detector of ``camera``, Haar by default; its file is read with the first picture."""
     if camera is None or camera.detector == "haar":
         return HaarFaceDetector()
     from perception.yunet import YuNetFaceDetector  # noqa: PLC0415 - most robots have no such file
@@ -141,6 +137,6 @@ def face_detector(camera: CameraKeys | None) -> FaceDetector:
 
 
 def yunet_file(camera: CameraKeys) -> Path:
-    """Return where YuNet's file is: as the robot file says, else where `mission robot models fetch` puts it."""
+    """Return the path of YuNet's file: from the robot file, or in the folder of `mission robot models fetch`."""
     named = camera.model if camera.detector == "yunet" else ""
     return Path(named).expanduser() if named else models_folder() / YUNET.file

@@ -1,6 +1,6 @@
-"""Putting a robot together by the table of drivers: one loop, for the metal, for virtual devices and for twins.
+"""Assembly loop for the parts of a robot, shared by hardware, virtual devices and twins.
 
-The table also says in which order parts are made, and which of them bring others along.
+The table of drivers also decides the order in which parts are made, and the parts that they require.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -37,11 +37,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Overrides:
-    """Settings of the caller beyond the robot file.
+    """Settings of the caller that override the robot file.
 
-    ``world`` is what a simulated robot stands in, None for the metal. ``camera`` is a source instead of the robot's
-    camera, or of the rendered one. ``ports`` are ports by part instead of the robot file's. ``interests`` are
-    what the mission looks for.
+    ``world`` is the world of a simulated robot, None on hardware. ``camera`` is a source that replaces the robot's
+    camera, or the rendered one. ``ports`` are ports by part. ``interests`` are the percepts that the mission uses.
     """
 
     world: "WorldConfig | None" = None
@@ -51,7 +50,7 @@ class Overrides:
     interests: Interests = field(default_factory=Interests)
 
     def clock(self) -> Clock:
-        """Return a new clock in real time; one that waits for virtual devices, where there are only such."""
+        """Return a new clock in real time; with a world, one that waits for virtual devices."""
         if self.world is None:
             return SystemClock()
         from drivers.virtual.patient_clock import PatientClock  # noqa: PLC0415 - the metal imports no simulation
@@ -61,10 +60,12 @@ class Overrides:
 
 @dataclass(frozen=True, slots=True)
 class Hooks:
-    """Callbacks, told of a device's notices, of anything worth a tick, of what is said aloud, and of each percept.
+    """Callbacks of a robot's devices.
 
-    ``on_answer`` is told who in a simulated world has said which words, ``on_steering`` who commands the base, as that
-    changes. ``on_frame`` gets each frame that was searched, and where the camera looked then.
+    ``report`` gets device statuses; ``on_change`` is called when a tick is worthwhile; ``print_line`` prints speech;
+    ``on_view`` gets percepts; ``on_answer`` gets name and text of people who speak in a simulated world;
+    ``on_steering`` gets changes of control of the base; ``on_frame`` gets each searched frame with the camera's
+    direction.
     """
 
     report: StatusCallback
@@ -77,15 +78,15 @@ class Hooks:
 
 
 class PartFactory(Protocol):
-    """Where a robot is put together: on the metal or virtual devices, or in simulated time."""
+    """Factory of a robot's parts: on hardware or virtual devices, or in simulated time."""
 
     def make(self, part: str, section: Section, made: Mapping[str, Any]) -> tuple[Device, object]:
-        """Return the device of a part, and what leaves see of it, which is mostly the same."""
+        """Return the device of a part, and the object that leaves use, which is usually the same."""
         ...
 
 
 def make_parts(config: RobotConfig, chosen: frozenset[str], factory: PartFactory) -> tuple[Robot, dict[str, Device]]:
-    """Return the robot of the ``chosen`` parts as leaves see it, and its devices, in the order in which they open."""
+    """Return the robot of the ``chosen`` parts as leaves see it, and its devices in the order in which they open."""
     made: dict[str, Device] = {}
     seen: dict[str, object] = {}
     for part in order_parts(config, chosen):
@@ -101,7 +102,7 @@ def make_parts(config: RobotConfig, chosen: frozenset[str], factory: PartFactory
 
 
 def robot_of_parts(config: RobotConfig, parts: Mapping[str, object]) -> Robot:
-    """Return the robot that leaves see, of parts by name; the others it lacks."""
+    """Return the robot that leaves see, from its parts by name."""
     fields: dict[str, Any] = {f"{KINDS[kind].field}_part": part for kind, part in parts.items() if kind in KINDS}
     others = {
         name: ExtraPart(kind, parts[name], joint_groups(config, name))
@@ -118,7 +119,7 @@ def robot_of_parts(config: RobotConfig, parts: Mapping[str, object]) -> Robot:
 
 
 def _map_places(config: RobotConfig) -> Mapping[str, tuple[float, float, float, str]]:
-    """Return the places of a robot's map: x and y (m), heading (rad), and the frame; none for one that has no map."""
+    """Return the places of a robot's map: x and y (m), heading (rad), and frame; empty without ROS 2."""
     if "ros2" not in config.sections:
         return {}
     from missions.library.folders import places_of  # noqa: PLC0415 - a robot without ROS 2 knows no map
@@ -127,20 +128,20 @@ def _map_places(config: RobotConfig) -> Mapping[str, tuple[float, float, float, 
 
 
 def joint_groups(config: RobotConfig, part: str = "arm") -> Mapping[str, tuple[str, ...]]:
-    """Return the groups of an arm's joints; none for what is no arm of the robot."""
+    """Return the joint groups of an arm; empty for a part that is not an arm."""
     section = config.sections.get(part)
     return section.keys.groups if section is not None and isinstance(section.keys, ArmKeys) else {}
 
 
 def camera_position(config: RobotConfig) -> tuple[float, float, float]:
-    """Return where the camera sits (m, robot's frame), or would, on a robot that has none."""
+    """Return the position of the camera (m, robot's frame), or a default one without a camera."""
     return (0.0, 0.0, 1.0) if config.camera is None else config.camera.position
 
 
 def resolve_maker(name: str, section: Section, what: str) -> Callable[..., Any]:
-    """Return what makes a device, a twin or a virtual device, by its dotted name.
+    """Return the function for a device, twin or virtual device by its dotted name.
 
-    Raises BadRequest where a driver has no such thing, or a wrong name for it.
+    Raises BadRequest if the driver does not declare one, or if the name is wrong.
     """
     driver = section.driver
     part = f"{section.part}: the driver '{driver.name}'"
@@ -157,7 +158,7 @@ def resolve_maker(name: str, section: Section, what: str) -> Callable[..., Any]:
 
 
 def gaze(stamp: float, base: Base | None, head: Head | None) -> Gaze:
-    """Return which way the camera looked at ``stamp``, in the odometry frame; straight ahead as far as unknown."""
+    """Return the direction of the camera at ``stamp`` in the odometry frame; straight ahead if unknown."""
     heading = base.heading_at(stamp) if base is not None else None
     pose = head.pose_at(stamp) if head is not None else None
     yaw = (heading or 0.0) + (pose.pan if pose is not None else 0.0)
@@ -166,7 +167,7 @@ def gaze(stamp: float, base: Base | None, head: Head | None) -> Gaze:
 
 
 def with_carriers(config: RobotConfig, chosen: frozenset[str]) -> frozenset[str]:
-    """Return the parts that a robot has of the ``chosen``, those that carry them, and what a base keeps away by."""
+    """Return the robot's ``chosen`` parts, the parts that carry them, and the range finder of a guarded base."""
     if "camera" in chosen:
         chosen |= {"head"}
     if "base" in chosen and config.has_range_guard:
@@ -176,7 +177,7 @@ def with_carriers(config: RobotConfig, chosen: frozenset[str]) -> frozenset[str]
 
 
 def order_parts(config: RobotConfig, chosen: frozenset[str]) -> Iterator[str]:
-    """Yield the ``chosen`` parts, each after those that its driver needs and those that its kind comes after."""
+    """Yield the ``chosen`` parts, each after the parts that its driver or its kind needs first."""
     made: set[str] = set()
 
     def make(part: str) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""From a robot file to a body in physics: links and servos of the file, or a model of the user's own."""
+"""Physical body of a robot: from the links and servos of its file, or from the user's own model."""
 
 from pathlib import Path
 
@@ -16,10 +16,7 @@ from drivers.sim.rigid.scene import PhysicsScene
 
 
 def scene_of(config: RobotConfig, world: WorldConfig, start: Pose2D, seed: int) -> PhysicsScene:
-    """Return a robot's body on the floor of a world.
-
-    Raises BadRequest for a robot without one, without MuJoCo, and for a model that is none.
-    """
+    """Return the scene of a robot's body on the floor of a world."""
     legs, arm = config.keys(LegsKeys), config.keys(DynamixelKeys)
     if legs is None or arm is None:
         raise BadRequest(
@@ -34,7 +31,7 @@ def scene_of(config: RobotConfig, world: WorldConfig, start: Pose2D, seed: int) 
 
 
 def model_file(legs: LegsKeys, config: RobotConfig) -> Path | None:
-    """Return the model that a robot file names, from its own folder; None where it names none. Raises BadRequest."""
+    """Return the path of the model that a robot file names, or None. Raises BadRequest."""
     if not legs.model:
         return None
     path = (Path() if config.path is None else config.path.parent) / legs.model
@@ -44,7 +41,7 @@ def model_file(legs: LegsKeys, config: RobotConfig) -> Path | None:
 
 
 def floor_of(world: WorldConfig) -> Floor:
-    """Return the floor of a world, and what disturbs who stands on it."""
+    """Return the floor of a world, with its disturbances."""
     physics = world.physics
     return Floor(
         friction=physics.friction,

@@ -1,4 +1,4 @@
-"""Eyes in simulated time: a picture is taken when it is due, and what it shows is known a little later."""
+"""Eyes in simulated time: pictures are taken at intervals, and their percepts arrive after a delay."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -22,13 +22,13 @@ __all__ = ["Glimpse", "SensorNoise", "SteppedEyes", "TrueSight"]
 T = TypeVar("T")
 
 MIN_LIGHT = 0.08
-"""The share of daylight below which it sees nothing."""
+"""Share of daylight below which nothing is seen."""
 
 
 class SteppedEyes(Generic[T]):
-    """Takes something every ``period`` seconds of a timeline, and has it seen ``delay`` seconds later.
+    """Takes a picture every ``period`` seconds of a timeline, and processes it ``delay`` seconds later.
 
-    ``take`` returns None where there is no picture. ``looked`` tells the stamp of the newest that was seen.
+    ``take`` returns None if there is no picture. ``looked`` returns the stamp of the newest processed picture.
     """
 
     def __init__(
@@ -51,14 +51,14 @@ class SteppedEyes(Generic[T]):
         self._opened = self._open = False
 
     def open(self) -> None:
-        """Begin to look. Safe more than once."""
+        """Start. Idempotent."""
         self._open = True
         if not self._opened:
             self._opened = True
             self._timeline.call_every(self._period, self._look)
 
     def close(self) -> None:
-        """Look no more. Safe more than once."""
+        """Stop. Idempotent."""
         self._open = False
 
     def _look(self) -> None:
@@ -71,7 +71,7 @@ class SteppedEyes(Generic[T]):
 
 @dataclass(frozen=True, slots=True)
 class Glimpse:
-    """The percepts of a perfect detector in the picture taken at ``stamp``."""
+    """Percepts of a perfect detector in the picture taken at ``stamp``."""
 
     stamp: float
     scene: Scene
@@ -81,10 +81,10 @@ class Glimpse:
 
 
 class TrueSight(NewestView):
-    """A ``Sight`` that knows the world and needs no pictures; tracks and ids are those of real perception.
+    """Sight that takes percepts from the world instead of pictures; tracks and ids are those of real perception.
 
-    ``viewpoint`` tells where the camera is now, ``gaze`` where the robot believes that it looked at a past time.
-    ``names`` knows whose faces they are; without it none gets a name.
+    ``viewpoint`` returns the camera's pose, ``gaze`` the direction that the robot assumes for a past time. ``names``
+    names the faces; without it they have no names.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class TrueSight(NewestView):
         self._last_glimpse: float | None = None
 
     def glimpse(self, now: float, *, dark: bool = False) -> Glimpse:
-        """Return what a picture taken at ``now`` would show; nothing through a covered lens, which is ``dark``."""
+        """Return the percepts of a picture taken at ``now``; none through a covered lens (``dark``)."""
         light = 0.0 if dark else self._world.light_at(now)
         scene = Scene(now, brightness=min(255.0, 150.0 * light), contrast=40.0 * min(1.0, light))
         interests, before = self._interests, self._last_glimpse
@@ -133,7 +133,7 @@ class TrueSight(NewestView):
         )
 
     def see(self, glimpse: Glimpse) -> None:
-        """Take in what was glimpsed."""
+        """Update the percepts with a glimpse."""
         camera, gaze, stamp, names = self._lens, self._gaze(glimpse.stamp), glimpse.stamp, self._names
         faces = self._faces.update(glimpse.faces, camera=camera, gaze=gaze, stamp=stamp)
         if names is not None:

@@ -1,4 +1,4 @@
-"""Ears in a simulated world that runs in real time: through sound where all that needs is installed, else as text."""
+"""Ears in a simulated world in real time: through sound if all packages are installed, else as text."""
 
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
@@ -20,7 +20,7 @@ from perception.api import Words
 from perception.hearing.grammar import PhraseGrammar
 
 NEEDED_MODULES = ("espeakng_loader", "pocketsphinx")
-"""The modules that are imported to speak and to understand."""
+"""Modules for speech and recognition."""
 
 PERSON_VOICES = {
     "anna": "en-us+f2",
@@ -30,14 +30,14 @@ PERSON_VOICES = {
     "emil": "en+m3",
     "farah": "en+linda",
 }
-"""The voices of people, by their looks."""
+"""Voice of each person, by look."""
 
 WORDS_PER_MINUTE = 150.0
-"""Words a minute that people speak."""
+"""Speech rate of people in words per minute."""
 
 
 class TextEars:
-    """A ``HearingTwin`` that is stepped in real time; its answers may be asked for from any thread."""
+    """``HearingTwin`` that is stepped in real time. Its queries are thread-safe."""
 
     def __init__(self, twin: HearingTwin[Words]) -> None:
         self.name = twin.name
@@ -47,7 +47,7 @@ class TextEars:
         self._thread: Thread | None = None
 
     def open(self) -> None:
-        """Begin to listen. Safe more than once."""
+        """Start to listen. Idempotent."""
         if self._thread is None:
             self._twin.open()
             self._ending.clear()
@@ -55,10 +55,10 @@ class TextEars:
             self._thread.start()
 
     def rest(self) -> None:
-        """Do nothing: ears move nothing."""
+        """Do nothing: ears do not move anything."""
 
     def close(self) -> None:
-        """End it. Safe from any state, more than once."""
+        """Stop, in any state. Idempotent."""
         self._ending.set()
         thread, self._thread = self._thread, None
         if thread is not None:
@@ -66,30 +66,26 @@ class TextEars:
         self._twin.close()
 
     def health(self) -> Health:
-        """Say whether it listens."""
+        """Return whether the ears listen."""
         return self._twin.health()
 
     def hear(self, reply: PersonReply) -> None:
-        """Take note of what somebody says now."""
+        """Process a phrase that a person says now."""
         with self._lock:
             self._twin.on_reply(reply)
 
     def words(self) -> Sequence[Words]:
-        """See perception.api.Hearing."""
         with self._lock:
             return self._twin.words()
 
     def refused(self) -> Sequence[Words]:
-        """See perception.api.Hearing."""
         with self._lock:
             return self._twin.refused()
 
     def listened(self) -> float | None:
-        """See perception.api.Hearing."""
         return self._twin.listened()
 
     def level(self) -> float:
-        """See perception.api.Hearing."""
         with self._lock:
             return self._twin.level()
 
@@ -110,7 +106,7 @@ def make_simulated_ears(
     report: StatusCallback,
     changed: Callable[[], None],
 ) -> tuple[MicrophoneEars | TextEars, Callable[[PersonReply], None]]:
-    """Return ears, and whom to tell what somebody says within earshot. Raises BadRequest as ``hearing`` does."""
+    """Return ears, and the function to call with phrases within earshot. Raises BadRequest as ``make_ears``."""
     if config.recogniser == "pocketsphinx" and all(find_spec(name) for name in NEEDED_MODULES):
         people = {person.name: _manner(person) for person in world.people}
         engine = EspeakEngine(

@@ -1,4 +1,4 @@
-"""The simulated rest of a robot: virtual devices behind its ports, and what its camera would see from there."""
+"""Virtual devices on the ports of a robot, and the view of its camera in a simulated world."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -31,11 +31,7 @@ def ignore_reply(reply: PersonReply) -> None:
 
 
 class Simulation:
-    """Virtual devices for some parts of a robot, each on a pseudo-terminal of its own, in one world.
-
-    Without a ``world`` there is open floor, and nobody. ``answered`` is told who says what, and ``on_reply`` what
-    of that is said within earshot of the robot. ``parts`` are the devices by kind.
-    """
+    """Virtual devices for some parts of a robot in one world, each on its own pseudo-terminal."""
 
     def __init__(
         self,
@@ -83,22 +79,22 @@ class Simulation:
 
     @property
     def ports(self) -> dict[str, str]:
-        """Where each part is to be found."""
+        """Port of each part."""
         return {part: terminal.path for part, terminal in self.terminals.items()}
 
     def device(self, cls: type[D]) -> D | None:
-        """Return the virtual device of a class; None where there is none."""
+        """Return the virtual device of a class, or None."""
         return next((each.device for each in self.parts.values() if isinstance(each.device, cls)), None)
 
     def open(self) -> None:
-        """Plug everything in."""
+        """Connect all virtual devices."""
         for terminal in self.terminals.values():
             terminal.open()
         if self._world is not None:
             self._expect(self._world.replies_between(-1.0, math.inf))
 
     def close(self) -> None:
-        """Unplug everything and remove the ports. Safe more than once."""
+        """Disconnect all virtual devices and remove their ports. Idempotent."""
         for timer in self._answers:
             timer.cancel()
             timer.join()
@@ -107,7 +103,7 @@ class Simulation:
             terminal.close()
 
     def pose(self, time: float) -> Pose2D:
-        """Return where the base truly is; where it starts, for one that is not there."""
+        """Return the true pose of the base; the start pose without a base."""
         base = self.parts.get("base")
         if base is None or base.pose is None:
             return ORIGIN if self._world is None else self._world.start
@@ -115,7 +111,7 @@ class Simulation:
         return self._terminal("base").call_paused(lambda: pose(time))
 
     def viewpoint(self, time: float) -> Viewpoint:
-        """Return where the camera truly is and looks: on the head, on the base."""
+        """Return the true pose of the camera: on the head, on the base."""
         looks = self._head_pose(time)
         camera = None if self._robot.camera is None else self._robot.camera.upright()
         return camera_viewpoint(
@@ -123,7 +119,7 @@ class Simulation:
         )
 
     def _head_pose(self, time: float) -> HeadPose:
-        """Return where the head truly looks, from the base; ahead, for one that is not there."""
+        """Return the true pose of the head relative to the base; straight ahead without a head."""
         head = self.parts.get("head")
         if head is None or head.head_pose is None:
             return HeadPose(0.0, 0.0)
@@ -131,12 +127,12 @@ class Simulation:
         return self._terminal("head").call_paused(lambda: looks(time))
 
     def _terminal(self, kind: str) -> VirtualPort:
-        """Return the terminal of a part, or of the part on whose wire it sits."""
+        """Return the pseudo-terminal of a part, or of the part whose connection it shares."""
         owner = next(each for each in (kind, *self._robot.sections[kind].driver.needs) if each in self.terminals)
         return self.terminals[owner]
 
     def state(self) -> dict[str, object]:
-        """Return what the devices truly do: the base in SI units, servos of the head in degrees, joints in radians."""
+        """Return the true state of the devices: base in SI units, servos of the head in degrees, joints in radians."""
         now = self._clock.now()
         found = {}
         for kind, plugged in self.parts.items():
@@ -145,7 +141,7 @@ class Simulation:
         return found
 
     def hear(self, text: str) -> None:
-        """Let the people hear what the robot says; what they answer is told in their own time."""
+        """Let people hear the robot's speech; their answers follow in their own time."""
         if self._world is not None:
             now = self._clock.now()
             self._expect(self._world.deliver_speech(text, now, self._robot_position(now)))
@@ -168,7 +164,7 @@ class Simulation:
         return pose.x, pose.y
 
     def rendered_camera(self, *, seed: int = 0, rate: float = 25.0) -> Camera:
-        """Return a camera that sees the world from the head, ``rate`` times a second."""
+        """Return a camera that renders the view from the head, ``rate`` times a second."""
         camera = self._robot.camera
         size = (640, 480) if camera is None else (camera.width, camera.height)
         view = math.radians(60) if camera is None else camera.field_of_view
@@ -184,5 +180,5 @@ class Simulation:
         )
 
     def panned_camera(self, camera: Camera) -> Camera:
-        """Return ``camera``, which looks ahead, as if it sat on the simulated head."""
+        """Return ``camera``, which looks straight ahead, as if it were on the simulated head."""
         return PannedCamera(camera, self.viewpoint)

@@ -1,4 +1,4 @@
-"""The percepts of perfect detectors in the simulated world: the truth behind the eyes of simulated time."""
+"""Perfect detectors in the simulated world, with the noise of real ones."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -31,11 +31,11 @@ from perception.tracks import (
 # Names for eyes that know the world: what a recogniser would say of each face, mistakes now and then included.
 
 LOOK_MARGIN = 1.0
-"""The margin of each look, either way."""
+"""Margin of each recognition result, either way."""
 
 
 class TrueNames:
-    """Says of each face whose it is, as far as that person is known; of a share ``mistaken`` of looks, the contrary."""
+    """Names each face if its person is known; a share ``mistaken`` of the results is wrong."""
 
     def __init__(self, people: Iterable[PersonConfig], mistaken: float, random: Random) -> None:
         self._known = frozenset(person.name for person in people if person.known)
@@ -43,7 +43,7 @@ class TrueNames:
         self._random = random
 
     def look(self, face: Box, sightings: Sequence[FaceSighting]) -> FaceMatch | None:
-        """Return what one look at the face in a box says; None where none of the ``sightings`` is there."""
+        """Return the recognition result for the face in a box, or None if no sighting is there."""
         who = next((sighting.person for sighting in sightings if sighting.box == face), "")
         if not who:
             return None
@@ -52,24 +52,21 @@ class TrueNames:
 
 
 FACE_DROP = 0.03
-"""Metres from the eyes down to the middle of a Haar box, which reaches from the hairline to the chin."""
+"""Distance in metres from the eyes down to the middle of a Haar box, which reaches from hairline to chin."""
 
 MIN_FACE_WIDTH = 28.0
-"""Pixels of a face's width below which the detector does not see it either (``perception.haar_faces``)."""
+"""Width of a face in pixels below which a detector does not find it (``perception.faces``)."""
 
 MIN_MARKER_SIDE = 24.0
-"""Pixels of a marker's side below which its number cannot be read: 4 for each of its cells."""
+"""Side of a marker in pixels below which its number is unreadable: 4 for each of its cells."""
 
 MARKER_HEIGHT = MARKER_SIZE * 4 / 3
-"""Metres of a marker with its white rim, which hangs below the upper edge of a robot (``drivers.sim.render``)."""
+"""Height in metres of a marker with its white rim, which hangs below a robot's upper edge (``drivers.sim.render``)."""
 
 
 @dataclass(frozen=True, slots=True)
 class SensorNoise:
-    """The noise of true eyes: the share of things missed in each picture, and pixels of noise (one sigma) in each box.
-
-    ``mistaken`` is the share of looks at a face that take somebody known for a stranger, or the other way round.
-    """
+    """Noise of true eyes: share of missed items per picture, pixel noise (one sigma) of boxes, share of wrong names."""
 
     missed: float = 0.02
     noise: float = 1.0
@@ -77,10 +74,7 @@ class SensorNoise:
 
 
 class GroundTruth:
-    """Knows what is to be seen of a world through ``lens`` from somewhere at a time, with the ``flaws`` of detectors.
-
-    ``random`` decides what is missed and how far off a box is.
-    """
+    """Perfect detectors of a world through ``lens``, with the ``noise`` of real ones."""
 
     def __init__(self, world: SimulatedWorld, lens: Pinhole, noise: SensorNoise, random: Random) -> None:
         self._world = world
@@ -97,7 +91,7 @@ class GroundTruth:
     def things(
         self, view: Viewpoint, now: float, wanted: Sequence[ThingSpec], colours: Mapping[str, Colour]
     ) -> tuple[ThingSighting, ...]:
-        """Return the things ``wanted`` that are in view, furniture of that colour and shape among them."""
+        """Return the ``wanted`` things in view, including furniture of the same colour and shape."""
         found = []
         for thing in chain(self._world.objects, self._world.furniture):
             shape = BALL if isinstance(thing, WorldBall) else BOX
@@ -111,15 +105,12 @@ class GroundTruth:
         return tuple(found)
 
     def markers(self, view: Viewpoint, now: float, kind: MarkerSet) -> tuple[MarkerSighting, ...]:
-        """Return the markers in view, of each robot the one that looks largest."""
+        """Return the markers in view, of each robot the largest."""
         seen = (self._marker(rover, view, now, kind) for rover in self._world.robots)
         return tuple(one for one in seen if one is not None)
 
     def motion(self, view: Viewpoint, before: float, now: float) -> float:
-        """Return the share 0..1 of the picture that people and robots change who moved since ``before``.
-
-        Somebody who goes aside uncovers as much on one side as is covered on the other: no more than all of them.
-        """
+        """Return the share 0..1 of the picture that people and robots change who moved since ``before``."""
         then, changed = dict(self._moving(before)), 0.0
         for name, solid in self._moving(now):
             was = then.get(name)
@@ -142,7 +133,7 @@ class GroundTruth:
             yield rover.name, rover.solid(time)
 
     def _face(self, presence: Presence, view: Viewpoint, now: float) -> Box | None:
-        """Return where a face is in the picture; None where it is not to be seen, or is missed this time."""
+        """Return the box of a face in the picture, or None if it is hidden or missed."""
         if not presence.shows_face(view.x, view.y):
             return None
         middle = (presence.x, presence.y, presence.eye_height - FACE_DROP)
@@ -157,7 +148,7 @@ class GroundTruth:
         return self._detected_box(Box(seen[0] - width / 2, seen[1] - width / 2, width, width), view, middle, now)
 
     def _thing(self, thing: WorldBall | Crate, view: Viewpoint, now: float) -> tuple[Box, float] | None:
-        """Return where a thing is in the picture, and its width as ``Spot`` has it."""
+        """Return the box of a thing in the picture and its width as in ``Spot``, or None."""
         solid = thing.solid()
         middle = (thing.x, thing.y, (solid.bottom + solid.top) / 2)
         _, _, ahead = view.to_camera_axes(*middle)
@@ -175,7 +166,7 @@ class GroundTruth:
         return None if box is None else (box, width)
 
     def _marker(self, rover: Rover, view: Viewpoint, now: float, kind: MarkerSet) -> MarkerSighting | None:
-        """Return the marker that a robot turns to the camera most; None where none can be read."""
+        """Return the marker of a robot that faces the camera most, or None if none is readable."""
         solid = rover.solid(now)
         x, y, facing = max(_sides(solid), key=lambda side: cos(_side_angle(side, view)))
         turned = _side_angle((x, y, facing), view)
@@ -194,7 +185,7 @@ class GroundTruth:
         return MarkerSighting(rover.marker, kind.robots.get(rover.marker, ""), box, away, turned)
 
     def _pixel_of(self, view: Viewpoint, point: Point3) -> tuple[float, float] | None:
-        """Return the pixel (x, y) of a point; None where it is behind the camera."""
+        """Return the pixel (x, y) of a point, or None behind the camera."""
         right, down, ahead = view.to_camera_axes(*point)
         if ahead <= 0.01:
             return None
@@ -202,7 +193,7 @@ class GroundTruth:
         return lens.width / 2 + lens.focal * right / ahead, lens.height / 2 + lens.focal * down / ahead
 
     def _bounding_box(self, view: Viewpoint, points: Iterator[Point3]) -> Box | None:
-        """Return the box around some points; None where one is behind the camera."""
+        """Return the box around some points, or None if one is behind the camera."""
         places = [self._pixel_of(view, point) for point in points]
         inside = [place for place in places if place is not None]
         if len(inside) < len(places):
@@ -211,7 +202,7 @@ class GroundTruth:
         return Box(min(xs), min(ys), max(xs) - min(xs), max(ys) - min(ys))
 
     def _detected_box(self, box: Box, view: Viewpoint, middle: Point3, now: float) -> Box | None:
-        """Return a box as a detector gives it; None where the picture cuts it off, it is hidden, or it is missed."""
+        """Return a box with detector noise, or None if it is cut off, hidden or missed."""
         random, noise, lens = self._random, self._noise.noise, self._lens
         x, y = box.x + random.gauss(0.0, noise), box.y + random.gauss(0.0, noise)
         inside = 0 <= x <= lens.width - box.width and 0 <= y <= lens.height - box.height
@@ -229,7 +220,7 @@ def _corners(block: UprightBox) -> Iterator[Point3]:
 
 
 def _sides(block: UprightBox) -> Iterator[tuple[float, float, float]]:
-    """Yield the middle (x, y) of each side of a box, and which way it faces (radians about z)."""
+    """Yield the middle (x, y) and direction (radians about z) of each side of a box."""
     for quarter in range(4):
         facing = block.heading + quarter * pi / 2
         half = (block.width if quarter % 2 else block.length) / 2
@@ -237,6 +228,6 @@ def _sides(block: UprightBox) -> Iterator[tuple[float, float, float]]:
 
 
 def _side_angle(side: tuple[float, float, float], view: Viewpoint) -> float:
-    """Return by how much a side is turned from the camera, in radians, positive to its own left."""
+    """Return the angle between a side's direction and the camera in radians, positive to the side's left."""
     x, y, facing = side
     return remainder(facing - atan2(view.y - y, view.x - x), tau)

@@ -1,4 +1,4 @@
-"""From a robot file to twins: in one world, on one timeline, all in one thread."""
+"""Assembly of a robot from twins in one world, on one timeline and one thread."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
@@ -42,9 +42,9 @@ if TYPE_CHECKING:
 
 
 class Conversation:
-    """Gives ``twins`` a voice, ears and a face, and lets the people in the ``world`` answer in their own time.
+    """Conversation in simulated time: gives ``twins`` a voice, ears and a face, and lets people answer.
 
-    People and robot hear each other where they are near enough, with no inner wall between. ``phrases`` are what the
+    People and robot hear each other within earshot, unless an inner wall is in between. ``phrases`` are those that the
     robot listens for.
     """
 
@@ -56,7 +56,7 @@ class Conversation:
         self._seed = seed
 
     def twin(self, kind: str, keys: Any) -> Device | None:
-        """Return the twin of a part that takes part in it; None for others."""
+        """Return the twin of a voice, microphone or screen; None for other parts."""
         match kind:
             case "voice":
                 return self._voice(keys)
@@ -67,7 +67,7 @@ class Conversation:
         return None
 
     def begin(self) -> None:
-        """Let the people say what they say unasked."""
+        """Schedule the phrases that people say without being addressed."""
         self._expect(self._twins.world.replies_between(-1.0, inf))
 
     def _voice(self, keys: VoiceKeys) -> VoiceTwin:
@@ -95,13 +95,13 @@ class Conversation:
         return screen
 
     def _say(self, text: str) -> None:
-        """Say something aloud."""
+        """Print a text, and schedule the answers of people."""
         twins = self._twins
         self._hooks.print_line(text)
         self._expect(twins.world.deliver_speech(text, twins.timeline.clock.now(), self._robot_position()))
 
     def _expect(self, replies: Iterable[PersonReply]) -> None:
-        """Have what people say told, and heard, when they say it."""
+        """Schedule the replies of people."""
         for reply in replies:
             self._twins.timeline.call_at(reply.time, partial(self._on_spoken, reply))
 
@@ -114,20 +114,22 @@ class Conversation:
             twins.microphone.on_reply(reply)
 
     def _robot_position(self) -> tuple[float, float]:
-        """Return where the robot truly is."""
+        """Return the true position of the robot."""
         pose = self._twins.pose()
         return pose.x, pose.y
 
 
 PICTURE_INTERVAL = 0.08
-"""Seconds from one searched picture to the next, for eyes of either kind: what a small computer manages with this
-detector. A camera that is quicker has its other pictures dropped by the real eyes too."""
+"""Seconds between two searched pictures for both kinds of eyes: the rate of a small computer.
+
+Real eyes also drop the other pictures of a faster camera.
+"""
 
 DETECTION_DELAY = 0.03
-"""Seconds from a picture to what it shows."""
+"""Seconds from a picture to its percepts."""
 
 WHITE, BLACK = cast(Image, Array()), cast(Image, Array())
-"""Stand-ins for the pictures of a camera, open and covered, that nothing searches. They have no pixels."""
+"""Placeholders without pixels for pictures that nothing searches: of an open and of a covered camera."""
 
 
 def twin_robot(
@@ -142,10 +144,10 @@ def twin_robot(
     truth: bool,
     physics: bool = False,
 ) -> tuple[Twins, AssembledRobot]:
-    """Put together twins for the ``chosen`` parts of a robot, stepped by ``timeline``, and the robot that they make.
+    """Assemble twins for the ``chosen`` parts of a robot, stepped by ``timeline``, and return them with the robot.
 
-    With ``truth``, faces are known from the world instead of being searched for in pictures. With ``physics`` the
-    robot is a body with masses. Raises BadRequest for a part whose driver has no twin, and where there is no physics.
+    With ``truth``, faces come from the world instead of pictures. With ``physics`` the robot is a body with masses.
+    Raises BadRequest for a driver without a twin, and if physics is not available.
     """
     chosen = with_carriers(config, chosen)
     twins = Twins(timeline, build_world(world))
@@ -165,7 +167,7 @@ def twin_robot(
 
 
 class _TwinPartFactory:
-    """Where the twins of one robot are put together."""
+    """Factory of the twins of one robot."""
 
     def __init__(
         self,
@@ -202,7 +204,7 @@ class _TwinPartFactory:
         )
 
     def make(self, kind: str, section: Section, made: Mapping[str, Any]) -> tuple[Device, object]:  # noqa: ARG002
-        """Return the twin of a part, and what leaves see of it."""
+        """Return the twin of a part, and the object that leaves use."""
         parts = self._twins.parts
         if kind == "camera":
             seen = self._eyes(section.keys)
@@ -235,7 +237,7 @@ class _TwinPartFactory:
         return found
 
     def eyes(self, keys: CameraKeys) -> "tuple[Vision, SteppedEyes[CameraFrame]]":
-        """Return eyes that search pictures of the world."""
+        """Return eyes that search rendered pictures of the world."""
         from drivers.sim.render import Renderer  # noqa: PLC0415 - numpy and OpenCV load for pictures alone
         from missions.assembly.eyes import vision  # noqa: PLC0415
         from missions.assembly.gallery import recogniser  # noqa: PLC0415
@@ -265,7 +267,7 @@ class _TwinPartFactory:
         )
 
     def true_eyes(self) -> tuple[TrueSight, SteppedEyes[Glimpse]]:
-        """Return eyes that know who is in view."""
+        """Return eyes that take percepts from the world."""
         twins = self._twins
         lens = Pinhole(twins.lens.width, twins.lens.height, twins.lens.field_of_view)
         sight = TrueSight(
@@ -302,7 +304,7 @@ class _TwinPartFactory:
         )
 
     def _true_names(self) -> TrueNames | None:
-        """Return what knows whose faces they are; None where the mission does not ask for names."""
+        """Return the namer of faces, or None if the mission does not use names."""
         if not self._interests.names:
             return None
         own = Random(f"names {self._seed}")  # noqa: S311 - which looks are mistaken is no secret

@@ -1,4 +1,4 @@
-"""A robot in simulated time: a twin for each of its parts, in one world, on one timeline."""
+"""Robot in simulated time: a twin per part, in one world, on one timeline."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -27,11 +27,10 @@ T = TypeVar("T")
 
 @dataclass(slots=True)
 class Twins:
-    """The twins of a robot's parts, by kind, in their world; those that it lacks or the mission does not use are not.
+    """Twins of a robot's parts by kind, in their world; only the parts that the mission uses.
 
-    ``place`` is where the camera sits on the base, ``lens`` what it sees through. ``scene`` is the robot's body in
-    physics, where these were asked for. The properties are the twins to
-    which more can be done than a driver is told, None where a robot has others.
+    ``place`` is the position of the camera on the base, ``lens`` its lens. ``scene`` is the robot's body with physics,
+    else None. The typed properties are None if the robot has no such twin.
     """
 
     timeline: Timeline
@@ -43,17 +42,17 @@ class Twins:
 
     @property
     def devices(self) -> Mapping[str, Device]:
-        """The twins by the names of their parts."""
+        """Twins by the names of their parts."""
         return self.parts
 
     @property
     def base(self) -> BaseTwin | None:
-        """The base."""
+        """Base."""
         return self._of("base", BaseTwin)
 
     @property
     def legs(self) -> "LegsTwin | None":
-        """The base, where it walks."""
+        """Base with legs."""
         if self.base is not None or "base" not in self.parts:
             return None
         from drivers.legs.twin import LegsTwin  # noqa: PLC0415 - see above
@@ -62,38 +61,38 @@ class Twins:
 
     @property
     def arms(self) -> "Mapping[str, JointsTwin]":
-        """All arms, by the names of their parts."""
+        """All arms by the names of their parts."""
         from drivers.servos.twin import JointsTwin  # noqa: PLC0415 - see above
 
         return {part: twin for part, twin in self.parts.items() if isinstance(twin, JointsTwin)}
 
     @property
     def microphone(self) -> HearingTwin[Words] | None:
-        """The ears."""
+        """Ears."""
         return self._of("microphone", HearingTwin)
 
     @property
     def voice(self) -> VoiceTwin | None:
-        """The voice."""
+        """Voice."""
         return self._of("voice", VoiceTwin)
 
     @property
     def screen(self) -> ScreenTwin | None:
-        """The face."""
+        """Face."""
         return self._of("screen", ScreenTwin)
 
     @property
     def camera(self) -> CameraTwin | None:
-        """The camera."""
+        """Camera."""
         return self._of("camera", CameraTwin)
 
     @property
     def head(self) -> TrueHead | None:
-        """The head."""
+        """Head."""
         return self.parts.get("head")
 
     def pose(self) -> Pose2D:
-        """Return where the base truly is now, in the world's frame; in physics, the trunk."""
+        """Return the true pose of the base in the world's frame; with physics, that of the trunk."""
         if self.scene is not None:
             self.scene.advance(self.timeline.clock.now())
             return self.scene.pose()
@@ -101,7 +100,7 @@ class Twins:
         return self.world.start if base is None else base.true_pose(self.timeline.clock.now())
 
     def viewpoint(self) -> Viewpoint:
-        """Return where the camera truly is and looks now."""
+        """Return the true pose of the camera."""
         pan = tilt = 0.0
         if self.head is not None:
             looks = self.head.true_pose(self.timeline.clock.now())

@@ -1,1 +1,1 @@
-"""Trees of missions as text: for terminals, documents, and whoever draws them."""
+"""Trees of missions as data and as text."""

@@ -1,4 +1,4 @@
-"""A mission's tree as pictures show it: plain values, which every form of picture is made from."""
+"""Drawing of a mission's tree: plain values from which all pictures and texts are made."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import field
@@ -8,10 +8,10 @@ from drivers.api.fast_dataclass import dataclass
 from missions.codec import Bound, CodecError, JsonName, Rules, decode, definitions, encode, object_schema
 
 Status = Literal["idle", "running", "suspended", "success", "skipped", "failure"]
-"""What a node is doing, in the words of events."""
+"""Status of a node, in the words of events."""
 
 ACTIVE: frozenset[str] = frozenset({"running", "suspended"})
-"""The statuses of a node that has started and not ended."""
+"""Statuses of a node that has started and not ended."""
 
 SIGNS: Mapping[Status, str] = {
     "idle": "○",
@@ -21,7 +21,7 @@ SIGNS: Mapping[Status, str] = {
     "skipped": "»",
     "failure": "✗",
 }
-"""A sign for each status: no picture tells them apart by colour alone."""
+"""Sign of each status, so that pictures do not depend on colour alone."""
 
 ASCII_SIGNS: Mapping[Status, str] = {
     "idle": "o",
@@ -31,12 +31,12 @@ ASCII_SIGNS: Mapping[Status, str] = {
     "skipped": "/",
     "failure": "x",
 }
-"""The same where there is no Unicode."""
+"""Signs without Unicode."""
 
 
 @dataclass(frozen=True, slots=True)
 class NodeState:
-    """What a node is doing, why, and since when (seconds of the run)."""
+    """Status of a node, its reason, and its start time (seconds of the run)."""
 
     status: Status = "idle"
     reason: str = ""
@@ -51,7 +51,7 @@ Reason = Annotated[str, "Why it failed, or what it waits for; empty where there 
 
 @dataclass(frozen=True, slots=True)
 class Badge:
-    """A modifier, drawn on the node that it modifies."""
+    """Modifier, drawn on the node that it modifies."""
 
     key: Key
     kind: Annotated[str, "The word of the modifier, such as timeout."]
@@ -63,7 +63,7 @@ class Badge:
 
 @dataclass(frozen=True, slots=True)
 class TreeBox:
-    """A node that is no modifier."""
+    """Node that is not a modifier."""
 
     derived: ClassVar[Mapping[str, str]] = {"title": "What a person reads first."}
 
@@ -90,26 +90,26 @@ class TreeBox:
     folded: Annotated[int, "How many nodes below it are left out.", Bound(low=0)] = 0
 
     def walk(self) -> Iterator["TreeBox"]:
-        """Yield it and all below it, in the order of the file."""
+        """Yield this box and all boxes below it, in the order of the file."""
         yield self
         for child in self.children:
             yield from child.walk()
 
     @property
     def nodes(self) -> int:
-        """How many nodes there are from it on, as the checker counts: modifiers too, and what is folded."""
+        """Number of nodes from this box on, including modifiers and folded nodes."""
         return 1 + len(self.badges) + self.folded + sum(child.nodes for child in self.children)
 
     @property
     def title(self) -> str:
-        """What a person reads first: the name it was given, else what the file says ("gesture: hello")."""
+        """Name of the node, or its step as in the file ("gesture: hello")."""
         return (
             f"{self.kind}: {self.name}" if self._has_name else f"{self.kind}: {self.mission or self.said}".rstrip(": ")
         )
 
     @property
     def untitled_arguments(self) -> Mapping[str, str]:
-        """The arguments that the title does not say."""
+        """Arguments that are not in the title."""
         return {} if self.said and not self._has_name else self.arguments
 
     @property
@@ -118,13 +118,13 @@ class TreeBox:
 
     @property
     def outer_status(self) -> Status:
-        """What its parent sees: the status of the outermost modifier, else its own."""
+        """Status that the parent sees: that of the outermost modifier, else the node's own."""
         return self.badges[0].status if self.badges else self.status
 
 
 @dataclass(frozen=True, slots=True)
 class TreeDrawing:
-    """A whole tree, and what it is of."""
+    """Drawing of a whole tree."""
 
     mission: Annotated[str, "The name of the mission."]
     summary: Annotated[str, "What the mission does, in a line."]
@@ -137,7 +137,7 @@ class TreeDrawing:
 
 
 class NodeLabels:
-    """The words for the nodes of a drawing. Where it shows a moment of a run, statuses come first, as ``signs``."""
+    """Texts for the nodes of a drawing. In a drawing of a run, statuses come first, as ``signs``."""
 
     def __init__(self, drawing: TreeDrawing, signs: Mapping[Status, str] = SIGNS) -> None:
         self._file = drawing.file
@@ -145,7 +145,7 @@ class NodeLabels:
         self._signs = signs
 
     def box(self, box: TreeBox) -> tuple[str, ...]:
-        """Return title, arguments, the variable that keeps the result, the line of the file, and how it stands."""
+        """Return title, arguments, output variable, line of the file, and state of a box."""
         arguments = ", ".join(f"{name}: {text}" for name, text in box.untitled_arguments.items())
         texts = (
             self.sign(box.status) + box.title,
@@ -158,7 +158,7 @@ class NodeLabels:
         return tuple(filter(None, texts))
 
     def badge(self, box: TreeBox, badge: Badge) -> tuple[str, ...]:
-        """Return the same of a modifier of ``box``."""
+        """Return title, line and state of a modifier of ``box``."""
         texts = (
             f"{self.sign(badge.status)}{badge.kind}: {badge.text}",
             self._place(box.file, badge.line),
@@ -167,7 +167,7 @@ class NodeLabels:
         return tuple(filter(None, texts))
 
     def sign(self, status: Status) -> str:
-        """Return what a label begins with: the sign of the status, with a blank, or nothing in a mission at rest."""
+        """Return the sign of a status with a space, or an empty text in a mission at rest."""
         return f"{self._signs[status]} " if self._live else ""
 
     def _place(self, file: str, line: int) -> str:
@@ -184,13 +184,13 @@ class NodeLabels:
 
 
 def outline(drawing: TreeDrawing) -> str:
-    """Return a line for each node and modifier; at a moment of a run, below a line that says of what and when."""
+    """Return a line per node and modifier; in a drawing of a run, after a line with mission and time."""
     head = [] if drawing.time is None else [f"{drawing.mission} at {drawing.time:.2f} s"]
     return "\n".join([*head, *_lines(drawing.root, NodeLabels(drawing), "", "")]) + "\n"
 
 
 def _lines(box: TreeBox, labels: NodeLabels, first: str, rest: str) -> Iterator[str]:
-    """Yield the lines of a node and all below it; what branches lead to it stands before the ``first`` and the rest."""
+    """Yield the lines of a node and all nodes below it, with the branches ``first`` and ``rest`` as prefixes."""
     said = [_badge(*labels.badge(box, badge)) for badge in box.badges]
     title, *more = labels.box(box)
     said.append(" ".join((box.symbol, title, *more)))
@@ -210,18 +210,18 @@ def _badge(title: str, *more: str) -> str:
 # Drawings as JSON, and back: for other programs, for pages and records, and for a view of a running mission.
 
 FORMAT = "missiontree-tree/1"
-"""The format of such a file; its number grows with each change that a reader has to know."""
+"""Format name of tree dumps; its number grows with each incompatible change."""
 
 RULES = Rules()
 
 
 def to_json(drawing: TreeDrawing) -> dict[str, object]:
-    """Return a drawing as plain JSON, as ``schema`` describes it."""
+    """Return a drawing as JSON data, as in ``schema``."""
     return {"format": FORMAT, **encode(drawing, RULES)}
 
 
 def from_json(data: Mapping[str, object]) -> TreeDrawing:
-    """Return the drawing that ``to_json`` wrote. Raises ValueError that says what is wrong with other data."""
+    """Return the drawing that ``to_json`` wrote. Raises ValueError for other data."""
     found = data.get("format")
     if found != FORMAT:
         raise ValueError(f"no tree dump that can be read here: its format is {found!r}, not {FORMAT!r}")
@@ -232,7 +232,7 @@ def from_json(data: Mapping[str, object]) -> TreeDrawing:
 
 
 def schema() -> dict[str, Any]:
-    """Return the JSON Schema of tree dumps, which says what each member means."""
+    """Return the JSON Schema of tree dumps, with the meaning of each member."""
     form = {"const": FORMAT, "description": "The format of this file."}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

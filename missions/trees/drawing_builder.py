@@ -1,7 +1,4 @@
-"""From a checked mission to the drawing of its tree; the drawing with statuses; the drawing with parts folded away.
-
-Kinds of nodes have signs in the notation of behaviour trees.
-"""
+"""Builder of tree drawings: from a checked mission, with statuses, and with folded sub-missions."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -14,11 +11,11 @@ from missions.language.plan import Plan, Step
 from missions.trees.drawing import Badge, NodeState, TreeBox, TreeDrawing
 
 CONDITION_SYMBOL, ACTION_SYMBOL = "◇", "■"
-"""The signs of leaves: one that only asks a part of the robot, within a tick, and one that does something."""
+"""Symbols of leaves: conditions, which only read a part within a tick, and actions."""
 
 
 def symbol_of(step: Step) -> str:
-    """Return the sign of a step that is no modifier."""
+    """Return the symbol of a step that is not a modifier."""
     leaf = step.leaf
     if leaf is None:
         return BRANCHES[step.kind].symbol
@@ -26,7 +23,7 @@ def symbol_of(step: Step) -> str:
 
 
 def legend() -> tuple[tuple[str, str, str], ...]:
-    """Return each sign with the kind of node that it stands for, and what such a node does."""
+    """Return each symbol with its kind of node and a description."""
     return (
         *((kind.symbol, word, kind.help) for word, kind in BRANCHES.items()),
         (CONDITION_SYMBOL, "condition", "asks a part of the robot, and answers at once"),
@@ -35,23 +32,19 @@ def legend() -> tuple[tuple[str, str, str], ...]:
 
 
 HERE = Path(__file__).parents[1]
-"""Where the shipped missions are; a picture names their files without it."""
+"""Folder of the shipped missions; drawings name their files relative to it."""
 
 JOINERS = "\N{ZERO WIDTH NON-JOINER}\N{ZERO WIDTH JOINER}"
-"""Signs without a width that some scripts and some emoji are written with."""
+"""Zero-width joiners that some scripts and emoji need."""
 
 
 def drawing_of(plan: Plan) -> TreeDrawing:
-    """Return the drawing of a mission at rest. Keys are those that its nodes have when it runs."""
+    """Return the drawing of a mission at rest, with the keys of its nodes in a run."""
     return TreeDrawing(plan.mission, one_line(plan.summary), _file(plan.tree), _box(plan.tree, "1", ""))
 
 
 def first_values(plan: Plan) -> Mapping[str, object]:
-    """Return the values that variables have before a run: of its params, and of those of its sub-missions.
-
-    Variables of a sub-mission go by the key of its node and their name ("1.2 greeting"). A value that is calculated
-    when the sub-mission begins is left out.
-    """
+    """Return the initial values of variables: those of the params, and of the params of sub-missions."""
     found: dict[str, object] = dict(plan.params)
     waiting = [(plan.tree, "1")]
     while waiting:
@@ -64,23 +57,23 @@ def first_values(plan: Plan) -> Mapping[str, object]:
 
 
 def with_states(drawing: TreeDrawing, states: Mapping[str, NodeState], time: float) -> TreeDrawing:
-    """Return the drawing as it stands ``time`` seconds into a run; nodes without a status then are idle."""
+    """Return the drawing with the states at ``time`` seconds into a run; nodes without a state are idle."""
     return replace(drawing, root=_box_at(drawing.root, states), time=time)
 
 
 def fold_missions(drawing: TreeDrawing, depth: int) -> TreeDrawing:
-    """Return the drawing with each sub-mission that lies in ``depth`` others, or more, as one box; 0 folds them all."""
+    """Return the drawing with each sub-mission at ``depth`` or deeper folded into one box; 0 folds all."""
     return replace(drawing, root=_fold(drawing.root, depth))
 
 
 def one_line(text: str) -> str:
-    """Return ``text`` on one line, without what would break a picture or a terminal: control codes become a sign."""
+    """Return ``text`` on one line, with control codes replaced."""
     shown = (c if c.isprintable() or c.isspace() or c in JOINERS else "\N{REPLACEMENT CHARACTER}" for c in text)
     return " ".join("".join(shown).split())
 
 
 def _box(step: Step, key: str, case: str) -> TreeBox:
-    """Return the box of ``step``, or of what the modifier that it is stands beside."""
+    """Return the box of ``step``, or of the step that the modifier ``step`` modifies."""
     badges: list[Badge] = []
     while step.kind in MODIFIERS:
         badges.append(Badge(key, step.kind, one_line(step.text), step.mark.line))
@@ -104,7 +97,7 @@ def _box(step: Step, key: str, case: str) -> TreeBox:
 
 
 def _cases(step: Step) -> Iterator[str]:
-    """Yield the label of each child: of a switch, its case as YAML writes it."""
+    """Yield the label of each child; for a switch, its case as in YAML."""
     labels = (json.dumps(case) if case is None or isinstance(case, bool) else str(case) for case in step.cases)
     return chain(map(one_line, labels), repeat("else" if step.kind in SWITCHES else ""))
 

@@ -1,9 +1,4 @@
-"""The run's side of a view: gathers what happens into few messages, and does what a person asks for.
-
-A message is a JSON object. The first is ``{"drawing": ..., "robot": name}``, see ``missions.trees.drawing``;
-the others say what is new: ``changed`` statuses and reasons by the key of their node, ``variables``, ``parts``, lines
-of the ``log``. In return comes ``{"do": ...}``, with one of ``VIEW_COMMANDS``.
-"""
+"""Run's side of a view: collects events into few messages, and executes the commands of a person."""
 
 import os
 import signal
@@ -25,29 +20,29 @@ from missions.trees.value_text import value_text
 Json = dict[str, object]
 
 VIEW_COMMANDS = ("pause", "resume", "step", "stop", "interrupt")
-"""What a view may ask for; ``interrupt`` is a Ctrl-C, which even a run that hangs comes to hear."""
+"""Commands of a view; ``interrupt`` is a Ctrl-C, which reaches even a run that hangs."""
 
 STOPPED_REASON = "stopped from the view"
-"""The reason of a run that was stopped so."""
+"""Reason of a run that was stopped from a view."""
 
 ABANDONED_REASON = "the view ended while the mission was paused"
-"""The reason of a run that nobody could have resumed."""
+"""Reason of a paused run whose view has ended, so that nobody can resume it."""
 
 POLL_INTERVAL = 0.5
-"""Seconds from one look at the parts of the robot to the next."""
+"""Seconds between two polls of the robot's parts."""
 
 MAX_LOG_LINES = 1000
-"""Lines of the log that wait for a view that does not read; older ones are lost to it."""
+"""Maximum number of log lines that wait for a slow view; older lines are dropped."""
 
 MAX_SHOWN_LENGTH = 200
-"""Characters of a value or a reason that are passed on."""
+"""Maximum length of a value or reason in a message."""
 
 
 class ViewFeed:
-    """A listener that keeps what is the case, at hardly any cost; ``take_changes`` says what is new of it, to one view.
+    """Event listener that stores the present state at low cost; ``take_changes`` returns the changes for one view.
 
-    ``poll_parts`` tells how the parts of the robot are, ``lines`` what there is to say of an event. With ``in_tick``, as
-    simulated time wants it, parts are looked at by the thread that tells of ticks, else by the one that fetches news.
+    ``look`` returns the states of the robot's parts, ``lines`` the log lines of an event. With ``in_tick``, for
+    simulated time, the ticking thread polls the parts, otherwise the thread that takes the changes.
     """
 
     def __init__(
@@ -79,7 +74,7 @@ class ViewFeed:
     # --- told by the run ----------------------------------------------------------------------------------------------
 
     def __call__(self, event: Event) -> None:
-        """Keep an event."""
+        """Store an event."""
         match event:
             case NodeChanged():
                 with self._lock:
@@ -104,7 +99,7 @@ class ViewFeed:
             self.poll_parts()
 
     def poll_parts(self) -> None:
-        """Look at the parts of the robot, if that is due."""
+        """Poll the robot's parts if POLL_INTERVAL is over."""
         now = self._wall.now()
         if self._over or self._executive.stopping or now - self._looked < POLL_INTERVAL:
             return
@@ -117,7 +112,7 @@ class ViewFeed:
     # --- asked by the view's thread -----------------------------------------------------------------------------------
 
     def take_changes(self) -> Json:
-        """Return all that is new since it was asked last."""
+        """Return all changes since the last call."""
         if not self._in_tick:
             self.poll_parts()
         executive = self._executive
@@ -143,12 +138,12 @@ class ViewFeed:
         return told
 
     def visited_keys(self) -> list[str]:
-        """Return the keys of the nodes that the last tick has visited, and the one that goes on, so far."""
+        """Return the keys of the nodes visited in the last tick, and in the present one so far."""
         last = self._tick
         return [key for key, node in self._nodes.items() if node.visited_tick >= last]
 
     def _renew_reasons(self, changed: dict[str, tuple[str, str, float]]) -> None:
-        """Add to what has ``changed`` the nodes that run on and have a new reason: of that there is no event."""
+        """Add running nodes with a new reason to ``changed``; there is no event for a new reason."""
         for key, now in changed.items():
             self._running.pop(key, None)
             if now[0] in ACTIVE:
@@ -161,7 +156,7 @@ class ViewFeed:
                     changed[key] = self._running[key] = now
 
     def execute(self, message: Mapping[str, object]) -> None:
-        """Do what a view asks for; what is none of ``VIEW_COMMANDS`` is ignored."""
+        """Execute a command of a view; unknown commands are ignored."""
         executive = self._executive
         match message.get("do"):
             case "pause":
@@ -180,7 +175,7 @@ class ViewFeed:
                 pass
 
     def on_view_lost(self) -> None:
-        """The view has died. What a person has paused moves no more unless a person wants it, so that is stopped."""
+        """Stop the run if a person had paused it from the lost view: nobody could resume it."""
         if self._paused:
             self._executive.stop(ABANDONED_REASON)
 

@@ -1,8 +1,4 @@
-"""The tree as py_trees dumps it: as text for terminals, and in the language of Graphviz.
-
-py_trees chooses its signs for statuses by the terminal that it finds at its import. So statuses are written into the
-names of the nodes that it dumps, in our own signs, and the same mission is the same text everywhere.
-"""
+"""Tree as text: for terminals by py_trees, as Mermaid flowchart, and as DOT graph."""
 
 from collections.abc import Iterator, Mapping
 
@@ -27,14 +23,14 @@ STYLES: Mapping[Status, str] = {
     "skipped": "fill:#f4f5f7,stroke:#56616d,color:#1d2530,stroke-dasharray:1 3",
     "failure": "fill:#fdf0e9,stroke:#b3400a,color:#1d2530,stroke-width:2px",
 }
-"""Colours that go with the signs of statuses, and a border of its own for each."""
+"""Mermaid style of each status, with its own border."""
 
 _ENTITIES = str.maketrans({mark: f"#{ord(mark)};" for mark in '#"<>&`|\\'})
-"""What means something else within a label of Mermaid, as it is written there: by its number."""
+"""Characters that need escaping in Mermaid labels, with their character codes."""
 
 
 def mermaid(drawing: TreeDrawing) -> str:
-    """Return the flowchart, from left to right; modifiers stand above what they modify, in the same box."""
+    """Return the tree as a Mermaid flowchart from left to right, with modifiers in the boxes of their nodes."""
     labels = NodeLabels(drawing)
     live = drawing.time is not None
     lines = ["flowchart LR"]
@@ -49,12 +45,12 @@ def mermaid(drawing: TreeDrawing) -> str:
 
 
 def identifier(key: str) -> str:
-    """Return the key of a node as a word that is an identifier in Mermaid and in DOT: "1.2" as "n1_2"."""
+    """Return the key of a node as an identifier for Mermaid and DOT: "1.2" as "n1_2"."""
     return f"n{key.replace('.', '_')}"
 
 
 def _lines(labels: NodeLabels, box: TreeBox) -> Iterator[str]:
-    """Yield the lines of a box: each modifier, then the node itself with its symbol."""
+    """Yield the lines of a box: its modifiers, then the node with its symbol."""
     for badge in box.badges:
         yield " ".join(labels.badge(box, badge))
     title, *more = labels.box(box)
@@ -75,11 +71,7 @@ def text_tree(
     *,
     ascii: bool = False,  # noqa: A002 - the name of the format
 ) -> str:
-    """Return the tree as indented text, a line for each node and modifier.
-
-    ``now`` has the statuses to show, by key; a drawing may have them already. With ``ascii`` there is nothing else in
-    it: letters that are none become "?".
-    """
+    """Return the tree as indented text with a line per node and modifier; ``states`` are the states to show."""
     drawing = _at(mission, states)
     labels = NodeLabels(drawing, ASCII_SIGNS if ascii else SIGNS)
     root = _tree(drawing.root, {key: " ".join(texts) for key, texts in _texts(drawing, labels)})
@@ -89,7 +81,7 @@ def text_tree(
 
 
 def dot(mission: Plan | TreeDrawing, states: Mapping[str, NodeState] | None = None) -> str:
-    """Return the tree as a graph in DOT, whose nodes are named by their keys; ``now`` has the statuses to show."""
+    """Return the tree as a DOT graph with the keys as node names; ``states`` are the states to show."""
     drawing = _at(mission, states)
     texts = dict(_texts(drawing, NodeLabels(drawing)))
     names = {key: identifier(key) for key in texts}
@@ -107,7 +99,7 @@ def _at(mission: Plan | TreeDrawing, now: Mapping[str, NodeState] | None) -> Tre
 
 
 def _texts(drawing: TreeDrawing, labels: NodeLabels) -> Iterator[tuple[str, list[str]]]:
-    """Yield the key of each node and modifier with what is said of it; the outermost begins with the case it is for."""
+    """Yield the key and text lines of each node and modifier; the outermost begins with its case."""
     for box in drawing.root.walk():
         said = [(badge.key, [*labels.badge(box, badge)]) for badge in box.badges]
         said.append((box.key, [*labels.box(box)]))
@@ -118,7 +110,7 @@ def _texts(drawing: TreeDrawing, labels: NodeLabels) -> Iterator[tuple[str, list
 
 
 def _tree(box: TreeBox, names: Mapping[str, str]) -> Behaviour:
-    """Return nodes of py_trees that stand for a box, its modifiers and all below it: for dumps, never to be ticked."""
+    """Return py_trees nodes that represent a box and all boxes below it; for dumps, never ticked."""
     name, children = names[box.key], [_tree(child, names) for child in box.children]
     node: Behaviour
     if box.kind in COMPOSITES:
@@ -136,12 +128,12 @@ def _tree(box: TreeBox, names: Mapping[str, str]) -> Behaviour:
 
 
 class _Leaf(Behaviour):
-    """What stands in a dump for a leaf, and for a sub-mission that is folded."""
+    """Placeholder in a dump for a leaf or a folded sub-mission."""
 
     def update(self) -> Result:
         return Result.INVALID
 
 
 def _quoted(text: str) -> str:
-    r"""Return a label in DOT, where a backslash and a quote need one before them, and the end of a line is ``\n``."""
+    r"""Return a DOT label: backslashes and quotes are escaped, line ends are ``\n``."""
     return '"' + text.replace("\\", r"\\").replace('"', r"\"").replace("\n", r"\n") + '"'

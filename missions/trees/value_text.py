@@ -1,4 +1,4 @@
-"""How values are put into words wherever a run is shown: times, what was seen, and what a variable holds."""
+"""Texts for values in all views of a run: times, percepts, and variables."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
@@ -14,11 +14,11 @@ from missions.trees.drawing_builder import one_line
 from perception.api import UNKNOWN, Face, Marker, Percept, Thing
 
 MAX_SHOWN_LENGTH = 120
-"""Characters of a value that are shown."""
+"""Maximum length of a value."""
 
 
 def seconds_text(time: float) -> str:
-    """Return a time or a duration: "12.50 s"."""
+    """Return a time or duration as text: "12.50 s"."""
     return f"{time:.2f} s"
 
 
@@ -28,7 +28,7 @@ def count_text(number: int, noun: str) -> str:
 
 
 def percept_name(percept: Percept) -> str:
-    """Return what something seen is called: by its name where that is known, else by its number."""
+    """Return the name of a percept, or its number."""
     match percept:
         case Face(name=name) if name not in ("", UNKNOWN):
             return name
@@ -41,25 +41,25 @@ def percept_name(percept: Percept) -> str:
 
 
 def percept_text(percept: Percept) -> str:
-    """Return what is seen, how far away, and how far beside the camera's axis: "face 1, 1.4 m, 19° left"."""
+    """Return a percept with its distance and bearing: "face 1, 1.4 m, 19° left"."""
     distance = f", {percept.distance:.1f} m" if isfinite(percept.distance) else ""
     return f"{percept_name(percept)}{distance}, {_bearing_text(degrees(percept.bearing))}"
 
 
 def percepts_text(percepts: Iterable[Percept]) -> str:
-    """Return what is seen together; that it is nothing, where it is."""
+    """Return several percepts as text, or that there are none."""
     return "; ".join(percept_text(percept) for percept in percepts) or "nothing found"
 
 
 class NodeName(NamedTuple):
-    """A node or modifier as people find it: what it is, and where it stands ("greet.yaml, line 12")."""
+    """Title and place of a node or modifier ("greet.yaml, line 12")."""
 
     title: str
     place: str
 
 
 def node_names(drawing: TreeDrawing) -> Mapping[str, NodeName]:
-    """Return what every node and modifier is called, by its key."""
+    """Return the names of all nodes and modifiers by key."""
     found = {}
     for box in drawing.root.walk():
         found[box.key] = NodeName(box.title, f"{box.file}, line {box.line}")
@@ -69,7 +69,7 @@ def node_names(drawing: TreeDrawing) -> Mapping[str, NodeName]:
 
 
 def value_text(value: object) -> str:
-    """Return the value of a variable on one line, cut where it is long: no object as Python writes it."""
+    """Return the value of a variable on one line, shortened if it is long, without Python syntax."""
     match value:
         case Percept():
             text = percept_text(value)
@@ -81,7 +81,7 @@ def value_text(value: object) -> str:
 
 
 def variable_text(event: VariableSet) -> str:
-    """Return what a variable holds; a quantity of a record, which is in SI units there, with its unit."""
+    """Return the value of a variable event as text; quantities of records (in SI units) get their unit."""
     value = event.value
     if event.dimension and isinstance(value, int | float) and not isinstance(value, Quantity) and isfinite(value):
         return quantity_text(value, event.dimension)
@@ -89,7 +89,7 @@ def variable_text(event: VariableSet) -> str:
 
 
 def _plain(value: object) -> str:
-    """Return a value as people write it; an object by its fields that are numbers and texts: "Touch: side left"."""
+    """Return a value as text; for an object, its fields that are numbers and texts: "Touch: side left"."""
     if isinstance(value, Mapping):
         return ", ".join(f"{name}: {value_text(each)}" for name, each in value.items()) or "nothing"
     if isinstance(value, type) or not is_dataclass(value):
